@@ -1,0 +1,5 @@
+"""``python -m lookdev``: the command line."""
+
+from lookdev.cli import main
+
+main()

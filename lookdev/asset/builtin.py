@@ -1,0 +1,56 @@
+"""The assets that come with lookdev."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from importlib import resources
+
+import numpy as np
+
+from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
+from lookdev.asset.normals import area_vectors, smooth_normals
+from lookdev.asset.revolve import Profile, revolve
+from lookdev.asset.shaderball import make_shaderball
+from lookdev.asset.store import make_asset
+from lookdev.asset.tangents import corner_tangents
+
+
+def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
+    """Return the unit sphere about the origin: exact normals and tangents, u around z, v from -z to +z."""
+    theta = np.pi * np.arange(rings + 1) / rings
+    points = np.stack([np.sin(theta), -np.cos(theta)], axis=-1)
+    mesh = revolve("/sphere", Profile(points, points, theta / np.pi), segments)
+    return make_asset("sphere", [mesh], [Instance(0, np.eye(4))], [Slot("/sphere")], convex=True)
+
+
+def make_suzanne() -> Asset:
+    """Return Blender's monkey after two levels of Catmull-Clark, z up, looking along -y.
+
+    The arrays are `lookdev.cycles.export_suzanne`'s: points (n, 3), faces (f, 4), uvs (f, 4, 2).
+    """
+    data = resources.files("lookdev.asset").joinpath("data", "suzanne.npz").read_bytes()
+    with np.load(io.BytesIO(data)) as arrays:
+        points, faces, uvs = arrays["points"], arrays["faces"], arrays["uvs"].reshape(-1, 2)
+    corner_points = faces.ravel().astype(np.int32)
+    face_sizes = np.full(len(faces), faces.shape[1], np.int32)
+    areas = area_vectors(points[corner_points].astype(np.float64), face_sizes)
+    normals = smooth_normals(areas, corner_points, face_sizes, len(points)).astype(np.float32)
+    mesh = Mesh(
+        name="/suzanne",
+        points=points,
+        corner_points=corner_points,
+        face_sizes=face_sizes,
+        face_slots=np.zeros_like(face_sizes),
+        normals=normals,
+        tangents=corner_tangents(points, corner_points, face_sizes, normals, uvs),
+        uvs={"st": uvs},
+    )
+    return make_asset("suzanne", [mesh], [Instance(0, np.eye(4))], [Slot("/suzanne")])
+
+
+BUILTINS: dict[str, Callable[[], Asset]] = {
+    "shaderball": make_shaderball,
+    "sphere": make_sphere,
+    "suzanne": make_suzanne,
+}

@@ -1,0 +1,72 @@
+"""Surfaces of revolution, from a profile in the half plane of radius and height."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lookdev.asset.mesh import Mesh
+from lookdev.asset.normals import Doubles
+
+
+@dataclass(frozen=True, eq=False)
+class Profile:
+    """A curve from the axis below to the axis above, the outside on its right.
+
+    points (k, 2): radius and height in metres, the first and last on the axis, no other; normals (k, 2):
+    unit, outward; v (k,): texture coordinate, from 0 to 1.
+    """
+
+    points: Doubles
+    normals: Doubles
+    v: Doubles
+
+
+def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:
+    """Turn a profile about the z axis into a closed mesh with one UV set, ``st``.
+
+    u runs once around, counter-clockwise seen from above, from +x; the tangent is the exact direction around
+    the axis. Quads, and triangles at the two poles, whose corners have the u of their triangle's middle.
+    """
+    rings = len(profile.points) - 2
+    angles = 2.0 * np.pi * np.arange(segments) / segments
+    ring = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    body = profile.points[1:-1]
+    points = np.empty((rings, segments, 3))
+    points[..., :2] = body[:, None, :1] * ring
+    points[..., 2] = body[:, 1:]
+    poles = np.array([[0.0, 0.0, profile.points[0, 1]], [0.0, 0.0, profile.points[-1, 1]]])
+
+    # Corners by row of the profile and by column around; column `segments` is column 0 with u = 1.
+    j, i = np.arange(segments), np.arange(1, rings)
+    rows = np.concatenate(
+        [
+            np.tile([0, 1, 1], segments),
+            np.repeat(np.stack([i, i, i + 1, i + 1], axis=-1), segments, axis=0).ravel(),
+            np.tile([rings, rings, rings + 1], segments),
+        ]
+    )
+    columns = np.concatenate(
+        [
+            np.stack([j + 0.5, j + 1, j], axis=-1).ravel(),
+            np.tile(np.stack([j, j + 1, j + 1, j], axis=-1).ravel(), rings - 1),
+            np.stack([j, j + 1, j + 0.5], axis=-1).ravel(),
+        ]
+    )
+    index = (rows - 1) * segments + columns.astype(np.intp) % segments
+    index[rows == 0] = rings * segments
+    index[rows == rings + 1] = rings * segments + 1
+    face_sizes = np.repeat([3, 4, 3], [segments, (rings - 1) * segments, segments])
+    phi = 2.0 * np.pi * columns / segments
+    radial, axial = profile.normals[rows].T
+    return Mesh(
+        name=name,
+        points=np.vstack([points.reshape(-1, 3), poles]).astype(np.float32),
+        corner_points=index.astype(np.int32),
+        face_sizes=face_sizes.astype(np.int32),
+        face_slots=np.full(len(face_sizes), slot, np.int32),
+        normals=np.stack([radial * np.cos(phi), radial * np.sin(phi), axial], axis=-1).astype(np.float32),
+        tangents=np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)], axis=-1).astype(np.float32),
+        uvs={"st": np.stack([columns / segments, profile.v[rows]], axis=-1).astype(np.float32)},
+    )

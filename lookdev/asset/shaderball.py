@@ -1,0 +1,157 @@
+"""The built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a turned base.
+
+Two surfaces of revolution, the ball's axis tilted towards the viewer of pose 0. Profiles are drawn as arcs
+and lines in metres; every corner gets a fillet, so that it catches a highlight as a real edge does, and
+normals are smooth all over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lookdev.asset.mesh import Asset, Instance, Slot
+from lookdev.asset.normals import Doubles
+from lookdev.asset.revolve import Profile, revolve
+from lookdev.asset.store import make_asset
+
+Point = tuple[float, float]
+
+_BALL_HEIGHT = 1.2
+_OPENING_AZIMUTH = -60.0
+_OPENING_ELEVATION = 30.0
+_STEP = 0.021
+_FILLET_STEPS = 8
+
+
+def make_shaderball(segments: int = 256) -> Asset:
+    """Return the shader ball, standing on z = 0, about 2.2 m high; u runs around each part's axis."""
+    ball = revolve("/shaderball/body", _ball_profile(), segments, slot=0)
+    base = revolve("/shaderball/base", _base_profile(), segments, slot=1)
+    azimuth, tilt = np.radians(_OPENING_AZIMUTH), np.radians(90.0 - _OPENING_ELEVATION)
+    placed = _rotation(2, azimuth) @ _rotation(1, tilt)
+    placed[2, 3] = _BALL_HEIGHT
+    instances = [Instance(0, placed), Instance(1, np.eye(4))]
+    return make_asset("shaderball", [ball, base], instances, [Slot("/shaderball/body"), Slot("/shaderball/base")])
+
+
+def _ball_profile() -> Profile:
+    """Return the ball: unit sphere, groove, rim, recess and core, from the back to the middle of the core."""
+
+    def at(latitude: float, radius: float = 1.0) -> Point:
+        return radius * np.cos(np.radians(latitude)), radius * np.sin(np.radians(latitude))
+
+    core_radius, core_height = 0.34, 0.46
+    floor = 0.38
+    seam = float(np.sqrt(core_radius**2 - (floor - core_height) ** 2))
+    seam_latitude = float(np.degrees(np.arctan2(floor - core_height, seam)))
+    core = _arc((0.0, core_height), core_radius, seam_latitude, 90.0)
+    return _profile(
+        [
+            (_arc((0.0, 0.0), 1.0, -90.0, 10.0), 0.012),
+            (np.array([at(10.0), at(10.4, 0.95)]), 0.012),
+            (_arc((0.0, 0.0), 0.95, 10.4, 13.6), 0.012),
+            (np.array([at(13.6, 0.95), at(14.0)]), 0.012),
+            (_arc((0.0, 0.0), 1.0, 14.0, 51.0), 0.02),
+            (np.array([at(51.0), at(51.5, 1.04)]), 0.012),
+            (_arc((0.0, 0.0), 1.04, 51.5, 54.5), 0.012),
+            (np.array([at(54.5, 1.04), (0.52, floor)]), 0.07),
+            (np.array([(0.52, floor), (seam, floor)]), 0.02),
+            (core, 0.0),
+        ]
+    )
+
+
+def _base_profile() -> Profile:
+    """Return the base: a foot with a step, a hollow neck and a collar, closed inside the ball."""
+    cove = _arc((0.63, 0.235), 0.12, -100.0, -255.0)
+    foot, neck = cove[0].tolist(), cove[-1].tolist()
+    return _profile(
+        [
+            (np.array([(0.0, 0.0), (0.84, 0.0)]), 0.012),
+            (np.array([(0.84, 0.0), (0.84, 0.06)]), 0.02),
+            (np.array([(0.84, 0.06), (0.76, 0.075)]), 0.012),
+            (np.array([(0.76, 0.075), (0.76, 0.115)]), 0.02),
+            (np.array([(0.76, 0.115), foot]), 0.015),
+            (cove, 0.008),
+            (np.array([neck, (neck[0], 0.385)]), 0.008),
+            (np.array([(neck[0], 0.385), (0.0, 0.385)]), 0.0),
+        ]
+    )
+
+
+def _arc(center: Point, radius: float, start: float, stop: float) -> Doubles:
+    """Return points (k, 2) along a circle, from angle to angle in degrees, fine enough to be trimmed."""
+    angles = np.radians(np.linspace(start, stop, 512))
+    return np.asarray(center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1), np.float64)
+
+
+def _profile(pieces: Sequence[tuple[Doubles, float]]) -> Profile:
+    """Join pieces end to end, each with the radius of the fillet at its end, and sample them."""
+    rounded: list[Doubles] = []
+    trimmed = 0.0
+    for (piece, radius), following in zip(pieces, [*pieces[1:], None], strict=True):
+        if following is None:
+            rounded.append(_between(piece, trimmed, 0.0))
+            break
+        fillet, cut = _fillet(piece, following[0], radius)
+        rounded += [_between(piece, trimmed, cut), fillet]
+        trimmed = cut
+    points = np.vstack([piece[:-1] for piece in rounded] + [rounded[-1][-1:]])
+    points[[0, -1], 0] = 0.0
+    return Profile(points, _curve_normals(points), _lengths(points) / _lengths(points)[-1])
+
+
+def _lengths(points: Doubles) -> Doubles:
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+
+
+def _walk(piece: Doubles, distances: Doubles) -> Doubles:
+    lengths = _lengths(piece)
+    return np.stack([np.interp(distances, lengths, piece[:, i]) for i in range(2)], axis=-1)
+
+
+def _between(piece: Doubles, head: float, tail: float) -> Doubles:
+    """Return what is left of a piece after `head` and `tail` metres are cut off, in even steps."""
+    length = _lengths(piece)[-1] - head - tail
+    assert length > 0.0, "fillets must fit on their piece"
+    steps = max(2, int(np.ceil(length / _STEP)))
+    return _walk(piece, head + length * np.arange(steps + 1) / steps)
+
+
+def _fillet(before: Doubles, after: Doubles, radius: float) -> tuple[Doubles, float]:
+    """Return a fillet between two pieces and how much of each it replaces.
+
+    A rational quadratic Bézier curve with its control point in the corner: a circular arc between lines,
+    and so close to one between arcs of much larger radius that the tangents agree to a fraction of a degree.
+    """
+    corner = after[0]
+    incoming, outgoing = before[-1] - before[-2], after[1] - after[0]
+    turn = np.arccos(np.clip(incoming @ outgoing / np.linalg.norm(incoming) / np.linalg.norm(outgoing), -1.0, 1.0))
+    cut = float(radius * np.tan(turn / 2.0))
+    first = _walk(before, _lengths(before)[-1:] - cut)
+    last = _walk(after, np.array([cut]))
+    t = np.linspace(0.0, 1.0, _FILLET_STEPS + 1)[:, None]
+    weights = np.hstack([(1.0 - t) ** 2, 2.0 * np.cos(turn / 2.0) * t * (1.0 - t), t**2])
+    return weights @ np.vstack([first, corner, last]) / weights.sum(axis=1, keepdims=True), cut
+
+
+def _curve_normals(points: Doubles) -> Doubles:
+    """Return unit normals (k, 2) on the right of a smooth curve, of second order on uneven steps."""
+    legs = np.diff(points, axis=0)
+    steps = np.linalg.norm(legs, axis=1, keepdims=True)
+    slopes = legs / steps
+    inner = (slopes[:-1] * steps[1:] + slopes[1:] * steps[:-1]) / (steps[:-1] + steps[1:])
+    tangents = np.vstack([[1.0, 0.0], inner, [-1.0, 0.0]])  # a smooth surface is level at its poles
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    return np.stack([tangents[:, 1], -tangents[:, 0]], axis=-1)
+
+
+def _rotation(axis: int, angle: float) -> Doubles:
+    """Return the matrix (4, 4) of a rotation about a coordinate axis, in radians."""
+    i, j = (axis + 1) % 3, (axis + 2) % 3
+    matrix = np.eye(4)
+    matrix[[i, j], [i, j]] = np.cos(angle)
+    matrix[i, j], matrix[j, i] = -np.sin(angle), np.sin(angle)
+    return matrix

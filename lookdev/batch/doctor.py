@@ -1,0 +1,188 @@
+"""Whether this machine can render: what is missing, and how to get it."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module, metadata
+
+from lookdev.cache import atomic_path, cache_dir
+
+BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
+"""A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""
+
+MODULES = {
+    "numpy": "numpy",
+    "OpenColorIO": "PyOpenColorIO",
+    "OpenEXR": "OpenEXR",
+    "OpenImageIO": "OpenImageIO",
+    "pydantic": "pydantic",
+    "rich": "rich",
+    "scipy": "scipy",
+    "typer": "typer",
+    "usd-core": "pxr.Usd",
+}
+"""Distribution name to the module that proves it whole. bpy is tried in a process of its own."""
+
+SYSTEM_LIBRARIES = {
+    "libGL.so.1": "libgl1",
+    "libICE.so.6": "libice6",
+    "libSM.so.6": "libsm6",
+    "libX11.so.6": "libx11-6",
+    "libXext.so.6": "libxext6",
+    "libXfixes.so.3": "libxfixes3",
+    "libXi.so.6": "libxi6",
+    "libXrender.so.1": "libxrender1",
+    "libstdc++.so.6": "libstdc++6",
+    "libxkbcommon.so.0": "libxkbcommon0",
+}
+"""What importing bpy 4.5 and 5.2 loads from the system (ldd) and a bare Debian may lack, with the
+Debian package that has it."""
+
+FREE_DISK = 2.0
+"""GB that a batch wants free: cached geometry, textures and lights, and a few hundred frames."""
+
+SELF_TEST = (sys.executable, "-m", "lookdev.cycles", "--self-test")
+IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing looked at: what was found, whether it is good enough, and else how to get it."""
+
+    subject: str
+    found: str
+    good: bool
+    remedy: str = ""
+
+
+def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST) -> Iterator[Finding]:
+    """Look at everything a render needs, cheapest first; the commands that load Blender can be replaced."""
+    yield _python()
+    for distribution, module in MODULES.items():
+        yield _module(distribution, module)
+    if sys.platform == "linux":
+        yield _system_libraries(SYSTEM_LIBRARIES)
+    blender = _blender(import_bpy)
+    yield blender
+    if blender.good:
+        yield _osl(self_test)
+    yield _cache()
+    yield Finding("processor cores", str(os.cpu_count()), good=True)
+
+
+def describe(findings: Sequence[Finding]) -> str:
+    """Write findings as aligned lines, each remedy on a line of its own so that it can be copied."""
+    width = max(len(finding.subject) for finding in findings)
+    lines = []
+    for finding in findings:
+        mark = "ok     " if finding.good else "MISSING"
+        lines.append(f"{mark}  {finding.subject:<{width}}  {finding.found}")
+        if finding.remedy:
+            lines.append(f"         {'':<{width}}  to get it: {finding.remedy}")
+    return "\n".join(lines)
+
+
+def _python() -> Finding:
+    version = sys.version_info[:2]
+    known = ", ".join(f"{major}.{minor}" for major, minor in BLENDER_PYTHONS)
+    return Finding(
+        "Python",
+        f"{version[0]}.{version[1]}",
+        version in BLENDER_PYTHONS,
+        "" if version in BLENDER_PYTHONS else f"Blender's wheels exist for Python {known}: make a venv with one",
+    )
+
+
+def _module(distribution: str, module: str) -> Finding:
+    try:
+        import_module(module)
+        return Finding(distribution, metadata.version(distribution), good=True)
+    except (ImportError, metadata.PackageNotFoundError) as error:
+        return Finding(distribution, str(error), good=False, remedy=f"python -m pip install {distribution}")
+
+
+def _system_libraries(libraries: Mapping[str, str]) -> Finding:
+    missing = [name for name in libraries if not _loads(name)]
+    if not missing:
+        return Finding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
+    packages = " ".join(sorted({libraries[name] for name in missing}))
+    return Finding(
+        "system libraries",
+        f"lacks {', '.join(missing)}",
+        good=False,
+        remedy=f"sudo apt-get install {packages}",
+    )
+
+
+def _loads(library: str) -> bool:
+    try:
+        ctypes.CDLL(library)
+    except OSError:
+        return False
+    return True
+
+
+def _blender(command: Sequence[str]) -> Finding:
+    """Import bpy in a process of its own: it may crash, and it must not come into this one."""
+    wanted = BLENDER_PYTHONS.get(sys.version_info[:2])
+    install = f"python -m pip install 'bpy=={wanted}.*'" if wanted else "another Python, see above"
+    code, output, errors = _run(command)
+    if code == 0:
+        version = _last_line(output)
+        good = wanted is not None and version.startswith(wanted)
+        return Finding("bpy (Blender)", version, good, "" if good else install)
+    packages = [package for library, package in SYSTEM_LIBRARIES.items() if library in errors]
+    remedy = f"sudo apt-get install {' '.join(packages)}" if packages else install
+    return Finding("bpy (Blender)", _last_line(errors) or f"exit code {code}", good=False, remedy=remedy)
+
+
+def _osl(command: Sequence[str]) -> Finding:
+    code, output, errors = _run(command)
+    line = _last_line(output)
+    if code == 0 and _is_json(line):
+        return Finding("OSL in Cycles", "renders", good=True)
+    found = f"answered {line!r}" if code == 0 else _last_line(errors) or f"exit code {code}"
+    remedy = "reinstall bpy, or see: python -m lookdev.cycles --self-test"
+    return Finding("OSL in Cycles", found, good=False, remedy=remedy)
+
+
+def _is_json(line: str) -> bool:
+    try:
+        json.loads(line)
+    except json.JSONDecodeError:
+        return False
+    return True
+
+
+def _cache() -> Finding:
+    try:
+        folder = cache_dir()
+        with atomic_path(folder / "doctor.txt") as path:
+            path.write_text("can be written")
+        (folder / "doctor.txt").unlink()
+        free = shutil.disk_usage(folder).free / 1e9
+    except OSError as error:
+        return Finding("cache folder", str(error), good=False, remedy="set LOOKDEV_CACHE to a folder of yours")
+    good = free >= FREE_DISK
+    remedy = "" if good else f"free {FREE_DISK:g} GB, or set LOOKDEV_CACHE to a folder on another disk"
+    return Finding("cache folder", f"{folder}, {free:.1f} GB free", good, remedy)
+
+
+def _run(command: Sequence[str]) -> tuple[int, str, str]:
+    try:
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    except subprocess.TimeoutExpired:
+        return 1, "", "no answer in 120 s"
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+def _last_line(text: str) -> str:
+    lines = text.strip().splitlines()
+    return lines[-1].strip() if lines else ""

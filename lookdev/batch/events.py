@@ -1,0 +1,78 @@
+"""What happens during a run, told as it happens to whoever shows it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class Noted:
+    """Something about the input that the user should know, such as repaired texels of a light."""
+
+    text: str
+
+
+@dataclass(frozen=True)
+class RunStarted:
+    """`total` frames are asked for, of which `pending` have to be rendered."""
+
+    total: int
+    pending: int
+
+
+@dataclass(frozen=True)
+class FrameStarted:
+    """A frame, named ``look/ibl/turntable.0001``, goes to the worker."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class FrameProgressed:
+    """`samples` of at most `of` per pixel are rendered; `relmse` is known once both halves have some."""
+
+    name: str
+    samples: int
+    of: int
+    relmse: float | None
+
+
+@dataclass(frozen=True)
+class FrameDone:
+    """A frame is on disk. `seconds` of wall time, all its tries included."""
+
+    name: str
+    seconds: float
+    samples: int
+    relmse: float
+
+
+@dataclass(frozen=True)
+class FrameRetried:
+    """A try of a frame came to nothing; try number `attempt` (from 2) of at most `attempts` begins."""
+
+    name: str
+    reason: str
+    attempt: int
+    attempts: int
+
+
+@dataclass(frozen=True)
+class FrameFailed:
+    """A frame is given up; the rest of the batch goes on."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class SheetWritten:
+    """A contact sheet was made."""
+
+    path: Path
+
+
+Event = Noted | RunStarted | FrameStarted | FrameProgressed | FrameDone | FrameRetried | FrameFailed | SheetWritten
+Report = Callable[[Event], None]

@@ -1,0 +1,83 @@
+"""What a plan says to a person, and to a program."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import groupby
+from pathlib import Path
+
+from lookdev.plan import Plan, PlannedFile
+
+LINKED = "shown by another frame that is done: linked, not rendered"
+
+
+@dataclass(frozen=True)
+class Range:
+    """Consecutive frames of a turntable that are in the same state for the same reason."""
+
+    turntable: str  # look/ibl/turntable
+    first: str
+    last: str
+    count: int
+    state: str
+    reason: str
+
+
+def plan_ranges(plan: Plan, output: Path) -> Iterator[Range]:
+    """Group the files of a plan, turntable by turntable in the plan's order."""
+    linked = {copy.target for copy in plan.copies()}
+    turntables: dict[str, list[PlannedFile]] = {}
+    for frame in plan.frames:
+        for file in frame.files:
+            turntable, _, _ = file.path.relative_to(output).with_suffix("").as_posix().rpartition(".")
+            turntables.setdefault(turntable, []).append(file)
+
+    def told(file: PlannedFile) -> tuple[str, str]:
+        return file.state, LINKED if file.path in linked else file.reason
+
+    for turntable, files in turntables.items():
+        for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=told):
+            numbers = [file.path.stem.rpartition(".")[2] for file in group]
+            yield Range(turntable, numbers[0], numbers[-1], len(numbers), state, reason)
+
+
+def plan_text(plan: Plan, output: Path) -> str:
+    """Write a plan as an aligned table with a line of sums below."""
+    rows = [("turntable", "frames", "state", "reason")]
+    for part in plan_ranges(plan, output):
+        numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
+        rows.append((part.turntable, numbers, part.state, part.reason))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
+    lines.append(f"{len(plan.pending())} of {len(plan.frames)} frames to render (files: {counts})")
+    if plan.pictures:
+        lines.append(f"{len(plan.pictures)} pictures to make from frames that are done")
+    return "\n".join(lines)
+
+
+def plan_data(plan: Plan, output: Path) -> dict[str, object]:
+    """Return a plan as plain data for JSON: a record a file, paths relative to `output`, and the sums."""
+
+    def name(path: Path) -> str:
+        return path.relative_to(output).as_posix()
+
+    return {
+        "output": str(output),
+        "files": [
+            {
+                "path": name(file.path),
+                "state": file.state,
+                "reason": file.reason,
+                "digest": frame.task.digest,
+                "element": frame.task.pose.element,
+                "lighting": frame.task.pose.lighting,
+            }
+            for frame in plan.frames
+            for file in frame.files
+        ],
+        "links": [{"source": name(copy.source), "target": name(copy.target)} for copy in plan.copies()],
+        "pictures": [name(path.with_suffix(".png")) for path in plan.pictures],
+        "render": len(plan.pending()),
+    }

@@ -1,0 +1,68 @@
+"""One run at a time in an output folder, and nothing left of a run that was killed."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import shutil
+import socket
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from lookdev.errors import OutputError
+
+STATE_FOLDER = ".lookdev"
+"""Folder inside the output for what a run needs and a user does not: lock, log, ledger, scratch."""
+
+SCRATCH_PREFIX = "scratch-"
+
+# The names that lookdev.cache.atomic_path gives.
+_TEMPORARY = re.compile(r"\..+\.\d+-[0-9a-f]{8}\.(exr|png|json)")
+
+
+@contextmanager
+def output_lock(output: Path) -> Iterator[Path]:
+    """Hold an output folder, made if need be, and give its state folder.
+
+    The lock is the kernel's: it goes with the process, however that ends.
+
+    Raises
+    ------
+    OutputError
+        Another run holds it (the message says who), or the folder cannot be written.
+    """
+    folder = output / STATE_FOLDER
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        stream = (folder / "lock").open("a+")
+    except OSError as error:
+        raise OutputError(f"{output}: the output folder cannot be written: {error.strerror}") from error
+    with stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            stream.seek(0)
+            holder = stream.read().strip() or "another run"
+            raise OutputError(f"{output}: {holder} renders to it; wait for its end, or choose another output") from None
+        except OSError as error:
+            raise OutputError(f"{output}: its file system gives no locks: {error.strerror}") from error
+        stream.truncate(0)
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        stream.write(f"process {os.getpid()} on {socket.gethostname()} (since {now})\n")
+        stream.flush()
+        yield folder
+
+
+def remove_leftovers(state_folder: Path, folders: Iterable[Path]) -> None:
+    """Remove temporary files of a killed run from `folders`, and its scratch. Call with the lock held."""
+    for folder in {state_folder, *folders}:
+        if folder.is_dir():
+            for path in folder.iterdir():
+                if _TEMPORARY.fullmatch(path.name):
+                    path.unlink(missing_ok=True)
+    for scratch in state_folder.glob(SCRATCH_PREFIX + "*"):
+        # The killed run's worker may still be dying in it; what it leaves goes next time.
+        shutil.rmtree(scratch, ignore_errors=True)

@@ -1,0 +1,161 @@
+"""From a job to what is rendered: reads the asset, the looks and the lights, and generates the shaders."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from lookdev.asset import Asset, load_asset, save_asset
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.surface import generate_surface
+from lookdev.errors import Fault, FaultsError
+from lookdev.ibl import LightTables, load_environment, prepare_light
+from lookdev.job import Job, JobLook, load_job
+from lookdev.material import Layer, Look
+from lookdev.material.textures import linear_texture
+from lookdev.material.usd import has_look, read_look
+from lookdev.output.exr import read_header
+from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
+from lookdev.plan.task import SceneTask
+
+# What stands where a job gives a part no look: the grey of a photographer's card, without gloss.
+_NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A job, its plan, and what the user should know of its files (repaired texels, parts left neutral)."""
+
+    job: Job
+    plan: Plan
+    notes: tuple[str, ...]
+
+
+def prepare_job(path: Path) -> Prepared:
+    """Read everything a job names and plan its frames.
+
+    Raises
+    ------
+    JobError, AssetError, EnvironmentMapError, TextureError, ModelError
+        The first that is wrong.
+    FaultsError
+        All faults of all looks.
+    """
+    job = load_job(path)
+    notes: list[str] = []
+    asset = load_asset(job.asset.usd, job.asset.builtin, job.asset.prim)
+    asset_file = save_asset(asset)
+    lights = dict(_lights(job, notes))
+    looks = _looks(job, asset, notes)
+    camera = frame_camera(job.camera, asset.center, asset.radius, job.render.resolution)
+    sampling = frame_sampling(job.render)
+    # Light that leaves a convex asset never meets it again.
+    bounces = 0 if asset.convex else sampling.bounces
+
+    def surface(look: Look, light: LightTables) -> ShaderSource:
+        return generate_surface(
+            look,
+            linear_texture,
+            brdf_samples=sampling.brdf_samples,
+            ibl_samples=sampling.ibl_samples,
+            bounces=bounces,
+            light_size=(light.width, light.height),
+            light_entries=light.sample_count,
+            resolution=job.render.resolution,
+        )
+
+    scenes: dict[tuple[str, str], SceneTask] = {}
+    for look, slots in looks.items():
+        for ibl, light in lights.items():
+            # Slots that share a look share its shader.
+            sources = {id(slot): surface(slot, light) for slot in slots}
+            shaders = tuple(sources[id(slot)] for slot in slots)
+            scenes[look, ibl] = SceneTask(
+                asset_file, shaders, light, job.render.resolution, sampling, camera, job.render.device
+            )
+    _raise_all(fault for scene in scenes.values() for fault in _attribute_faults(asset, scene.shaders))
+    return Prepared(job, build_plan(job, scenes, read_header), tuple(notes))
+
+
+def _lights(job: Job, notes: list[str]) -> Iterator[tuple[str, LightTables]]:
+    for ibl in job.ibl:
+        environment = load_environment(ibl.file, ibl.builtin)
+        if environment.repairs:
+            notes.append(f"ibl '{ibl.name}': {environment.repairs}")
+        yield ibl.name, prepare_light(environment)
+
+
+def _looks(job: Job, asset: Asset, notes: list[str]) -> dict[str, tuple[Look, ...]]:
+    """Return for each look of the job what each slot of the asset wears; every fault of every look at once."""
+    looks: dict[str, tuple[Look, ...]] = {}
+    faults: list[Fault] = []
+    bound: dict[str, Look] = {}
+    for slot in asset.slots:
+        material = slot.material
+        if job.asset.usd is None or material is None or material in bound:
+            continue
+        if has_look(job.asset.usd, material):
+            try:
+                bound[material] = read_look(job.asset.usd, material)
+            except FaultsError as error:
+                faults += error.faults
+    for wanted in job.look:
+        try:
+            look = read_look(wanted.material, wanted.prim, wanted.variants, wanted.name)
+        except FaultsError as error:
+            faults += error.faults
+        else:
+            looks[wanted.name] = tuple(_wear(job, asset, wanted, look, bound, notes))
+    _raise_all(faults)
+    return looks
+
+
+def _wear(
+    job: Job, asset: Asset, wanted: JobLook, look: Look, bound: dict[str, Look], notes: list[str]
+) -> Iterator[Look]:
+    if wanted.parts is not None:
+        for pattern in wanted.parts:
+            if not any(fnmatchcase(slot.path, pattern) for slot in asset.slots):
+                known = ", ".join(slot.path for slot in asset.slots)
+                raise FaultsError(
+                    [Fault(str(job.file), f"look '{wanted.name}'.parts", f"'{pattern}' fits no part", known)]
+                )
+    for slot in asset.slots:
+        own = bound.get(slot.material or "")
+        if wanted.parts is not None and any(fnmatchcase(slot.path, pattern) for pattern in wanted.parts):
+            yield look
+        elif own is not None:
+            yield own
+        elif wanted.parts is None:
+            yield look
+        else:
+            notes.append(f"look '{wanted.name}': nothing covers {slot.path}; it is rendered neutral grey")
+            yield _NEUTRAL
+
+
+def _attribute_faults(asset: Asset, shaders: Iterable[ShaderSource]) -> Iterator[Fault]:
+    """Find shaders that read what a mesh does not carry; only USD primvars have a fallback."""
+    for slot, shader in enumerate(shaders):
+        for mesh in asset.meshes:
+            if not (mesh.face_slots == slot).any():
+                continue
+            for binding in shader.attributes:
+                place = f"{asset.slots[slot].path}, look '{shader.name}'"
+                if binding.kind == "uv":
+                    if binding.attribute not in mesh.uvs:
+                        known = ", ".join(mesh.uvs)
+                        yield Fault(asset.name, place, f"no UV set '{binding.attribute}'", f"it has: {known}")
+                elif binding.attribute in mesh.primvars:
+                    is_color = mesh.primvars[binding.attribute].ndim == 2
+                    if is_color != (binding.kind == "color"):
+                        found = "colour" if is_color else "float"
+                        what = f"primvar '{binding.attribute}' is a {found}, the look reads a {binding.kind}"
+                        yield Fault(asset.name, place, what)
+
+
+def _raise_all(faults: Iterable[Fault]) -> None:
+    unique = tuple(dict.fromkeys(faults))
+    if unique:
+        raise FaultsError(unique)

@@ -1,0 +1,132 @@
+"""How a person sees a run: one live display in a terminal, plain lines in a log file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import TextIO
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from lookdev.batch.events import (
+    Event,
+    FrameDone,
+    FrameFailed,
+    FrameProgressed,
+    FrameRetried,
+    FrameStarted,
+    Noted,
+    Report,
+    RunStarted,
+    SheetWritten,
+)
+
+
+@contextmanager
+def show_progress(stream: TextIO) -> Iterator[Report]:
+    """Give a report that writes to `stream`: live in a terminal, else a line for each thing done."""
+    if stream.isatty():
+        with _columns(Console(file=stream)) as display:
+            yield _LiveReport(display)
+    else:
+        yield _PlainReport(stream)
+
+
+class Tally:
+    """What has been told so far, in numbers and as text."""
+
+    def __init__(self) -> None:
+        self.total = 0
+        self.pending = 0
+        self.settled = 0  # rendered or given up, by this run
+        self._seconds = 0.0
+        self._rendered = 0
+
+    def take(self, event: Event) -> str | None:
+        """Count an event; return the line that tells it, or None for what only a live display shows."""
+        match event:
+            case Noted():
+                return f"note: {event.text}"
+            case RunStarted():
+                self.total, self.pending = event.total, event.pending
+                return f"{event.total} frames, {event.pending} to render"
+            case FrameDone():
+                self.settled += 1
+                self._rendered += 1
+                self._seconds += event.seconds
+                told = [
+                    f"{self._place()} {event.name}",
+                    f"{event.seconds:.1f} s",
+                    f"{event.samples} samples",
+                    f"relMSE {event.relmse:.1e}",
+                ]
+                return "  ".join([*told, f"left {left}"] if (left := self.time_left()) else told)
+            case FrameRetried():
+                return f"retry {event.attempt}/{event.attempts} {event.name}: {event.reason}"
+            case FrameFailed():
+                self.settled += 1
+                return f"{self._place()} {event.name}  FAILED: {event.reason}"
+            case SheetWritten():
+                return f"sheet {event.path}"
+            case FrameStarted() | FrameProgressed():
+                return None
+
+    def time_left(self) -> str:
+        """Guess from the mean of the frames rendered; empty before the first and after the last."""
+        waiting = self.pending - self.settled
+        if not (self._rendered and waiting):
+            return ""
+        return str(timedelta(seconds=round(waiting * self._seconds / self._rendered)))
+
+    def _place(self) -> str:
+        return f"[{self.total - self.pending + self.settled}/{self.total}]"
+
+
+class _PlainReport:
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._tally = Tally()
+
+    def __call__(self, event: Event) -> None:
+        if (line := self._tally.take(event)) is not None:
+            self._stream.write(line + "\n")
+            self._stream.flush()  # a log file is followed while the run goes on
+
+
+class _LiveReport:
+    """A bar over all frames, one over the current frame's samples, below the lines of what is done."""
+
+    def __init__(self, display: Progress) -> None:
+        self._display = display
+        self._tally = Tally()
+        self._frames = display.add_task("frames", total=None, note="")
+        self._frame = display.add_task("", total=None, note="", visible=False)
+
+    def __call__(self, event: Event) -> None:
+        tally = self._tally
+        if (line := tally.take(event)) is not None:
+            self._display.console.print(line, markup=False, highlight=False, soft_wrap=True)
+        match event:
+            case FrameStarted():
+                self._display.reset(self._frame, total=None, description=event.name, visible=True, note="starting")
+            case FrameProgressed():
+                error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"
+                note = f"{event.samples}/{event.of} samples{error}"
+                self._display.update(self._frame, completed=event.samples, total=event.of, note=note)
+            case RunStarted() | FrameDone() | FrameFailed():
+                ended = tally.total - tally.pending + tally.settled
+                left = tally.time_left()
+                note = f"{ended}/{tally.total}" + (f"  left {left}" if left else "")
+                self._display.update(self._frames, completed=ended, total=tally.total, note=note)
+                self._display.update(self._frame, visible=False)
+
+
+def _columns(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}", markup=False),
+        BarColumn(bar_width=30),
+        TextColumn("{task.fields[note]}", markup=False),
+        console=console,
+    )

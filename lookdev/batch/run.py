@@ -1,0 +1,291 @@
+"""A plan becomes frames on disk: made by a worker that may fail, written whole, resumed where it stopped."""
+
+from __future__ import annotations
+
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import lookdev
+from lookdev.batch.events import (
+    FrameDone,
+    FrameFailed,
+    FrameProgressed,
+    FrameRetried,
+    FrameStarted,
+    Noted,
+    Report,
+    RunStarted,
+    SheetWritten,
+)
+from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
+from lookdev.batch.pictures import Background, Pictures, share, write_shared
+from lookdev.batch.worker import PATIENCE, WORKER_COMMAND, Progress, Rendered, Worker, last_words
+from lookdev.errors import OutputError, RenderError, WorkerError
+from lookdev.job import Job, load_job
+from lookdev.output.exr import write_frame
+from lookdev.plan import Plan
+from lookdev.plan.task import FrameTask
+
+if TYPE_CHECKING:
+    from lookdev.batch.prepare import Prepared
+
+CRASH_TRIES = 3
+"""Tries of a frame whose worker dies, hangs or talks nonsense: another frame's leftovers may be the cause."""
+
+CLEAN_TRIES = 2
+"""Tries of a frame that the worker itself gives up: most such errors come again."""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """A frame that was given up, the reason of the last try, and the log that says more."""
+
+    name: str
+    reason: str
+    log: Path
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """How a run ended: of `total` frames, `done` are on disk, `rendered` of them by this run."""
+
+    total: int
+    done: int
+    rendered: int
+    failures: tuple[Failure, ...]
+    interrupted: bool
+
+    @property
+    def exit_code(self) -> int:
+        """0 when all is done, 1 when frames failed, 130 after Ctrl-C."""
+        if self.interrupted:
+            return 130
+        return 1 if self.failures else 0
+
+    def summary(self) -> str:
+        """Say how the run ended, each failed frame on a line of its own."""
+        lines = [f"{failure.name}: {failure.reason} (log: {failure.log})" for failure in self.failures]
+        if lines:
+            lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
+        lines.append(f"{self.done} of {self.total} frames are done, {self.rendered} of them rendered now.")
+        if self.interrupted:
+            lines.append("Interrupted; run the same command again to continue.")
+        return "\n".join(lines)
+
+
+def render_job(
+    path: Path,
+    prepare: Callable[[Path], Prepared],
+    *,
+    force: bool = False,
+    report: Report = lambda event: None,
+) -> RunResult:
+    """Render a job file: hold its output, prepare it, run its plan.
+
+    The plan is made under the lock, so that it cannot be of frames which another run is just finishing.
+
+    Parameters
+    ----------
+    path
+        The job file.
+    prepare
+        `lookdev.batch.prepare.prepare_job`.
+    force, report
+        As for `run_plan`.
+
+    Raises
+    ------
+    LookdevError
+        What the user gave is wrong, another run holds the output, or as for `run_plan`.
+    """
+    with output_lock(load_job(path).output):
+        prepared = prepare(path)
+        for note in prepared.notes:
+            report(Noted(note))
+        return run_plan(prepared.job, prepared.plan, force=force, report=report)
+
+
+def run_plan(
+    job: Job,
+    plan: Plan,
+    *,
+    force: bool = False,
+    background: Background | None = None,
+    worker_command: Sequence[str] = WORKER_COMMAND,
+    patience: float = PATIENCE,
+    report: Report = lambda event: None,
+) -> RunResult:
+    """Render what is pending, and make the pictures and sheets that are missing or out of date.
+
+    Call with the output's lock held, and `plan` made under it: `render_job` does.
+
+    Parameters
+    ----------
+    job, plan
+        The job, and its plan.
+    force
+        Render every frame, done or not.
+    background
+        What stands behind frames in pictures; by default what the job says.
+    worker_command, patience
+        The render worker, and the seconds of silence after which it counts as hung.
+    report
+        Is told what happens.
+
+    Returns
+    -------
+    RunResult
+        With failed frames, and whether Ctrl-C ended the run. Frames finished before are kept in any case.
+
+    Raises
+    ------
+    OutputError
+        A file cannot be written.
+    WorkerError
+        The worker does not even start.
+    """
+    run = _Run(job, plan, background or job_background(job), report)
+    try:
+        run.render(run.bring_up_to_date(force), worker_command, patience)
+    except KeyboardInterrupt:
+        return run.result(interrupted=True)
+    except OSError as error:
+        raise OutputError(f"{job.output}: the output cannot be written: {error}") from error
+    return run.result(interrupted=False)
+
+
+def job_background(job: Job) -> Background:
+    """Return what the job wants behind its frames."""
+    background = job.render.background
+    if background == "ibl":
+        from lookdev.output.background import environment_background
+
+        return environment_background
+    color = np.zeros(3) if isinstance(background, str) else np.array(background)
+    return lambda task: color
+
+
+class _Run:
+    def __init__(self, job: Job, plan: Plan, background: Background, report: Report) -> None:
+        self._root = job.output
+        self._plan = plan
+        self._folder = job.output / STATE_FOLDER
+        self._folder.mkdir(parents=True, exist_ok=True)
+        self._report = report
+        self._pictures = Pictures(job, plan, self._folder, background)
+        self._done: set[Path] = set()
+        self._rendered = 0
+        self._failures: list[Failure] = []
+
+    def result(self, interrupted: bool) -> RunResult:
+        done = sum(self._done.issuperset(frame.task.files) for frame in self._plan.frames)
+        return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted)
+
+    def bring_up_to_date(self, force: bool) -> list[FrameTask]:
+        """Make all that needs no rendering; return the frames that do."""
+        tasks = [frame.task for frame in self._plan.frames]
+        remove_leftovers(self._folder, {path.parent for task in tasks for path in task.files})
+        pending = tasks if force else list(self._plan.pending())
+        waiting = {task.digest for task in pending}
+        for copy in () if force else self._plan.copies():
+            share(copy.source, copy.target)
+        for task in tasks:
+            if task.digest in waiting:
+                continue
+            try:
+                self._pictures.refresh(task)
+            except OutputError:  # its header is fine, its pixels are not: a machine went down while writing
+                pending.append(task)
+            else:
+                self._done.update(task.files)
+        self._report_sheets(self._pictures.refresh_sheets(self._done))
+        self._report(RunStarted(len(tasks), len(pending)))
+        return pending
+
+    def render(self, tasks: Sequence[FrameTask], command: Sequence[str], patience: float) -> None:
+        """Render frames; none of them can end the batch but by a worker that never starts."""
+        if not tasks:
+            return
+        with ExitStack() as stack:
+            scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=self._folder))
+            log = self._folder / "worker.log"
+            worker = stack.enter_context(Worker(command, log, Path(scratch), patience))
+            for task in tasks:
+                started = time.monotonic()
+                self._report(FrameStarted(self._name(task)))
+                if (rendered := self._rendered_in_tries(worker, task)) is None:
+                    continue
+                self._write(task, rendered)
+                seconds = time.monotonic() - started
+                self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse))
+                self._report_sheets(self._pictures.refresh_sheets(self._done, task))
+
+    def _rendered_in_tries(self, worker: Worker, task: FrameTask) -> Rendered | None:
+        name = self._name(task)
+
+        def tell(progress: Progress) -> None:
+            self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse))
+
+        attempt = 1
+        while True:
+            _start(worker)
+            try:
+                return worker.render(task, tell)
+            except (WorkerError, RenderError) as error:
+                tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
+                attempt += 1
+                if attempt > tries:
+                    self._failures.append(Failure(name, str(error), self._folder / "worker.log"))
+                    self._report(FrameFailed(name, str(error)))
+                    return None
+                self._report(FrameRetried(name, str(error), attempt, tries))
+
+    def _write(self, task: FrameTask, rendered: Rendered) -> None:
+        beauty = (rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure)
+        header = task.labels | {
+            "digest": task.digest,
+            "samples": str(rendered.samples),
+            "seconds": repr(rendered.seconds),
+            "relmse": repr(rendered.relmse),
+            "version.blender": rendered.blender,
+            "version.lookdev": lookdev.__version__,
+            "version.python": platform.python_version(),
+            "version.numpy": np.__version__,
+            "time": datetime.now(UTC).isoformat(timespec="seconds"),
+        }
+        write_shared(task.files, lambda path: write_frame(path, beauty, rendered.alpha, header))
+        self._pictures.write(task, beauty, rendered.alpha)
+        self._done.update(task.files)
+        self._rendered += 1
+
+    def _report_sheets(self, paths: Sequence[Path]) -> None:
+        for path in paths:
+            self._report(SheetWritten(path))
+
+    def _name(self, task: FrameTask) -> str:
+        return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+
+
+def _start(worker: Worker) -> None:
+    """Start the worker, or say why no frame can be rendered here at all."""
+    for attempt in range(CRASH_TRIES):
+        try:
+            worker.start()
+        except WorkerError as error:
+            if attempt == CRASH_TRIES - 1:
+                raise WorkerError(
+                    f"{error}; it did so {CRASH_TRIES} times before any frame. "
+                    f"Its last words: {last_words(worker.log) or 'none'} (log: {worker.log}). "
+                    "'lookdev doctor' says what this machine lacks"
+                ) from error
+        else:
+            return

@@ -1,0 +1,129 @@
+"""Disney's principled BRDF, 2012 and 2014.
+
+- Burley, B. 2012. Physically Based Shading at Disney. SIGGRAPH course notes, version 3 (2014), sections 5.1 to 5.6,
+  addenda.
+- Hanrahan, P. and Krueger, W. 1993. Reflection from Layered Surfaces due to Subsurface Scattering. SIGGRAPH.
+
+Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
+``specular = 0`` is not the absence of a specular lobe: Schlick's term still rises to 1 at grazing angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from lookdev.brdf import microfacet as mf
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.vectors import Array, mean, mix, mix_color, reflect, scale
+
+PI = np.pi
+
+
+def _tint(base_color: Array) -> Array:
+    """Hue and saturation of the base colour: divided by its luminance, white where that is 0 (section 5.1)."""
+    luminance = 0.3 * base_color[..., 0] + 0.6 * base_color[..., 1] + 0.1 * base_color[..., 2]
+    positive = np.expand_dims(luminance > 0.0, -1)
+    return np.where(positive, base_color / np.where(positive, np.expand_dims(luminance, -1), 1.0), np.ones(3))
+
+
+def _diffuse(p: Mapping[str, Array]) -> Lobe:
+    base_color, roughness = p["baseColor"], p["roughness"]
+    dielectric = 1.0 - p["metallic"]
+    sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
+
+    def selection(wo: Array) -> Array:
+        # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
+        return dielectric * (mean(base_color) + 0.1 * mean(sheen_color))
+
+    def evaluate(d: Directions) -> Array:
+        fi, fo = schlick_weight(d.cos_theta_i), schlick_weight(d.cos_theta_o)
+        # Burley 2012, section 5.3.
+        retro = roughness * d.cos_theta_d * d.cos_theta_d
+        fd90 = 0.5 + 2.0 * retro
+        diffuse = mix(1.0, fd90, fi) * mix(1.0, fd90, fo)
+        # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection by roughness,
+        # 1.25 keeps the albedo.
+        fss = mix(1.0, retro, fi) * mix(1.0, retro, fo)
+        subsurface = 1.25 * (fss * (1.0 / (d.cos_theta_i + d.cos_theta_o) - 0.5) + 0.5)
+        # Burley 2012, addenda, "Sheen details".
+        sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))
+        return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / PI)) + sheen, dielectric)
+
+    return Lobe(
+        "diffuse",
+        selection,
+        evaluate,
+        pdf=lambda d: d.cos_theta_i * (1.0 / PI),
+        sample=lambda wo, u1, u2: mf.sample_cosine(u1, u2),
+    )
+
+
+def _specular(p: Mapping[str, Array]) -> Lobe:
+    base_color, roughness = p["baseColor"], p["roughness"]
+    # Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
+    aspect = np.sqrt(1.0 - 0.9 * p["anisotropic"])
+    alpha_x = np.maximum(0.001, roughness * roughness / aspect)
+    alpha_y = np.maximum(0.001, roughness * roughness * aspect)
+    # Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals take the base colour.
+    dielectric = scale(mix_color(np.ones(3), _tint(base_color), p["specularTint"]), 0.08 * p["specular"])
+    f0 = mix_color(dielectric, base_color, p["metallic"])
+
+    def fresnel(cos_theta: Array) -> Array:
+        return mix_color(f0, np.ones(3), schlick_weight(cos_theta))
+
+    def shadowing(cos_theta: Array, w: Array) -> Array:
+        if p["variant"] == "2012":
+            # Section 5.6: roughness remapped to [0.5, 1] before squaring.
+            alpha_g = 0.5 + 0.5 * roughness
+            return mf.smith_ggx(cos_theta, alpha_g * alpha_g)
+        return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
+
+    def evaluate(d: Directions) -> Array:
+        # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
+        g = shadowing(d.cos_theta_i, d.wi) * shadowing(d.cos_theta_o, d.wo)
+        return scale(fresnel(d.cos_theta_d), mf.gtr2_aniso(d.wm, alpha_x, alpha_y) * g)
+
+    return Lobe(
+        "specular",
+        selection=lambda wo: mean(fresnel(wo[..., 2])),
+        evaluate=evaluate,
+        pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
+        sample=lambda wo, u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
+    )
+
+
+def _clearcoat(p: Mapping[str, Array]) -> Lobe:
+    # Sections 5.4 to 5.6: GTR1, index 1.5, GGX shadowing with a fixed alpha of 0.25, scaled to [0, 0.25].
+    weight = 0.25 * p["clearcoat"]
+    alpha = mix(0.1, 0.001, p["clearcoatGloss"])
+
+    def fresnel(cos_theta: Array) -> Array:
+        return mix(0.04, 1.0, schlick_weight(cos_theta))
+
+    def evaluate(d: Directions) -> Array:
+        g = mf.smith_ggx(d.cos_theta_i, 0.25) * mf.smith_ggx(d.cos_theta_o, 0.25)
+        f = weight * mf.gtr1(d.wm, alpha) * fresnel(d.cos_theta_d) * g
+        return np.expand_dims(f, -1) * np.ones(3)
+
+    return Lobe(
+        "clearcoat",
+        selection=lambda wo: weight * fresnel(wo[..., 2]),
+        evaluate=evaluate,
+        # Burley 2012, appendix B.1.
+        pdf=lambda d: mf.gtr1(d.wm, alpha) * d.wm[..., 2] / (4.0 * d.cos_theta_d),
+        sample=lambda wo, u1, u2: reflect(wo, mf.sample_gtr1(alpha, u1, u2)),
+    )
+
+
+def disney_lobes(parameters: Mapping[str, Array]) -> tuple[Lobe, ...]:
+    """Build the lobes of Disney's principled BRDF.
+
+    Parameters
+    ----------
+    parameters
+        Every input of `DISNEY_PARAMETERS`: floats (...), colours (..., 3), `variant` a string.
+    """
+    return _diffuse(parameters), _specular(parameters), _clearcoat(parameters)

@@ -1,0 +1,29 @@
+"""What a model's inputs are: type, default, ranges and help.
+
+The one source of truth: `shaders/shaderDefs.usda`, the generated OSL and every error message agree with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Value = float | tuple[float, float, float] | str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One input of a reflectance model.
+
+    `hard` is the range outside which the model has no meaning: a value outside it is an error at load time.
+    `soft` is what a slider offers. A ``"token"`` chooses between forms of the model at code-generation time, so
+    it must be constant; `choices` lists its values. Colours are linear Rec.709 and the ranges hold per channel.
+    """
+
+    name: str
+    kind: Literal["float", "color", "token"]
+    default: Value
+    hard: tuple[float, float] = (0.0, 1.0)
+    soft: tuple[float, float] = (0.0, 1.0)
+    choices: tuple[str, ...] = ()
+    help: str = ""

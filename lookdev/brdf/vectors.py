@@ -1,0 +1,49 @@
+"""Small vector algebra over the last axis, and the array type every model works on.
+
+Functions use only ufuncs, `where`, `stack`, `expand_dims` and sums over the last axis, so that symbolic arrays
+(`lookdev.codegen`) run through the same code.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+Array: TypeAlias = Any
+"""A float64 array or number, or a symbolic array standing for one."""
+
+
+def scale(vector: Array, factor: Array) -> Array:
+    """Multiply vectors (..., 3) by scalars (...)."""
+    return vector * np.expand_dims(factor, -1)
+
+
+def mix(a: Array, b: Array, t: Array) -> Array:
+    """Interpolate linearly: `a` at t = 0, `b` at t = 1."""
+    return a + (b - a) * t
+
+
+def mix_color(a: Array, b: Array, t: Array) -> Array:
+    """Interpolate colours (..., 3) by scalars (...)."""
+    return a + scale(b - a, t)
+
+
+def dot(a: Array, b: Array) -> Array:
+    """Dot product over the last axis."""
+    return np.sum(a * b, axis=-1)
+
+
+def normalize(v: Array) -> Array:
+    """Scale vectors (..., 3) to unit length; the length must not be zero."""
+    return scale(v, 1.0 / np.sqrt(dot(v, v)))
+
+
+def reflect(w: Array, wm: Array) -> Array:
+    """Mirror `w` about the unit microfacet normal `wm` (Burley 2012, appendix B.1)."""
+    return scale(wm, 2.0 * dot(w, wm)) - w
+
+
+def mean(color: Array) -> Array:
+    """Mean of the three channels, (...)."""
+    return np.sum(color, axis=-1) * (1.0 / 3.0)

@@ -1,0 +1,1 @@
+"""Does it agree: error measures, and models evaluated at points."""

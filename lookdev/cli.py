@@ -1,0 +1,144 @@
+"""The command line: verbs and their options, no logic.
+
+What a verb needs is imported when it runs, so that ``lookdev --help`` answers at once.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+import lookdev
+from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError
+
+app = typer.Typer(
+    help="Batch look-dev turntables: film reflectance models, rendered exactly as published, on Cycles.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML.", show_default=False)]
+
+
+class Backend(StrEnum):
+    """Who evaluates the models."""
+
+    numpy = "numpy"
+    cycles = "cycles"
+
+
+def main() -> None:
+    """Run the command line; errors raised on purpose become a message and an exit code.
+
+    1: frames failed, or output or renderer did; 2: the input is wrong; 130: interrupted.
+    """
+    try:
+        app()
+    except (OutputError, RenderError, WorkerError) as error:
+        _leave(str(error), 1)
+    except LookdevError as error:
+        _leave(str(error), 2)
+    except KeyboardInterrupt:
+        _leave("interrupted", 130)
+
+
+def _leave(message: str, code: int) -> None:
+    typer.echo(f"lookdev: {message}", err=True)
+    sys.exit(code)
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"lookdev {lookdev.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Show the version and leave.", callback=_show_version, is_eager=True),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def render(
+    job: JobFile,
+    force: Annotated[bool, typer.Option("--force", help="Render every frame again, done or not.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be rendered, as 'lookdev plan' does.")
+    ] = False,
+) -> None:
+    """Render every frame of a job that is new or stale, then pictures and contact sheets."""
+    if dry_run:
+        plan(job)
+        return
+    from lookdev.batch.prepare import prepare_job
+    from lookdev.batch.progress import show_progress
+    from lookdev.batch.run import render_job
+
+    with show_progress(sys.stdout) as report:
+        result = render_job(job, prepare_job, force=force, report=report)
+    typer.echo(result.summary(), err=result.exit_code != 0)
+    raise typer.Exit(result.exit_code)
+
+
+@app.command()
+def plan(
+    job: JobFile,
+    as_json: Annotated[bool, typer.Option("--json", help="Write one JSON document instead of a table.")] = False,
+) -> None:
+    """Say what would be rendered and why: new, stale or done."""
+    from lookdev.batch.listing import plan_data, plan_text
+    from lookdev.batch.prepare import prepare_job
+
+    prepared = prepare_job(job)
+    for note in prepared.notes:
+        typer.echo(f"note: {note}", err=True)
+    if as_json:
+        typer.echo(json.dumps(plan_data(prepared.plan, prepared.job.output), indent=2))
+    else:
+        typer.echo(plan_text(prepared.plan, prepared.job.output))
+
+
+@app.command()
+def schema(
+    out: Annotated[
+        typer.FileTextWrite | None, typer.Option("--out", help="Write to this file instead of stdout.")
+    ] = None,
+) -> None:
+    """Write the JSON Schema of job files, for editors."""
+    from lookdev.job import json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2), file=out)
+
+
+@app.command("eval")
+def evaluate(
+    backend: Annotated[
+        Backend, typer.Option("--backend", help="numpy: the float64 models; cycles: the generated OSL.")
+    ] = Backend.numpy,
+) -> None:
+    """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout."""
+    from lookdev.checks.evaluate import evaluate_lines
+
+    for line in evaluate_lines(sys.stdin, backend.value):
+        sys.stdout.write(line.rstrip("\n") + "\n")
+
+
+@app.command()
+def doctor() -> None:
+    """Say what this machine lacks to render, and how to get it."""
+    from lookdev.batch.doctor import describe, examine
+
+    findings = list(examine())
+    typer.echo(describe(findings))
+    raise typer.Exit(0 if all(finding.good for finding in findings) else 1)

@@ -1,0 +1,40 @@
+"""What code generation hands on: a shader's text and what it must be given to run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class TextureBinding:
+    """A texture of a shader: the shader parameter that takes the path, and the linear EXR file."""
+
+    parameter: str
+    file: Path
+
+
+@dataclass(frozen=True)
+class AttributeBinding:
+    """A mesh attribute of a shader.
+
+    `parameter` is the shader's, `attribute` the mesh's name for it. A mesh without it gets `fallback` everywhere;
+    None means that every mesh must have it (a UV set).
+    """
+
+    parameter: str
+    attribute: str
+    kind: Literal["uv", "float", "color"]
+    fallback: tuple[float, ...] | None = None
+
+
+@dataclass(frozen=True)
+class ShaderSource:
+    """One generated OSL shader: its text, what it reads, and the digest of text and texture contents."""
+
+    name: str
+    osl: str
+    textures: tuple[TextureBinding, ...]
+    attributes: tuple[AttributeBinding, ...]
+    digest: str

@@ -1,0 +1,102 @@
+"""The worker: frame tasks in on standard input, results out on standard output, one JSON object a line.
+
+Blender prints to standard output whenever it likes, so the real one is put away before Blender is loaded and
+everything else goes to standard error. End of input, also a parent that died, ends the process at once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import queue
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from typing import Any
+
+
+def _take_stdout() -> int:
+    channel = os.dup(1)
+    os.dup2(2, 1)
+    return channel
+
+
+def _read_requests(requests: queue.Queue[str]) -> None:
+    for line in sys.stdin:
+        requests.put(line)
+    # Nobody is left to want the result: a render in progress is dropped. Blender's own exit can hang.
+    os._exit(0)
+
+
+def _serve(channel: int) -> None:
+    def tell(**message: Any) -> None:
+        os.write(channel, (json.dumps(message) + "\n").encode())
+
+    import numpy as np
+
+    from lookdev.cycles import version
+    from lookdev.cycles.render import render_frame
+    from lookdev.cycles.scene import Scene
+    from lookdev.errors import LookdevError
+    from lookdev.plan.wire import decode
+
+    requests: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    tell(type="ready", blender=version.VERSION)
+    scene: Scene | None = None
+    while True:
+        task = decode(requests.get())
+
+        def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
+            tell(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
+
+        try:
+            if scene is None or scene.task != task.scene:
+                scene = Scene(task.scene)
+            frame = render_frame(scene, task, progress)
+        except (LookdevError, RuntimeError, OSError, MemoryError) as error:
+            scene = None
+            tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
+            continue
+        handle, arrays = tempfile.mkstemp(prefix="lookdev-", suffix=".npz")
+        with os.fdopen(handle, "wb") as stream:
+            np.savez(stream, a=frame.a, b=frame.b, alpha=frame.alpha)
+        tell(
+            type="done",
+            digest=task.digest,
+            arrays=arrays,
+            samples=frame.samples,
+            seconds=frame.seconds,
+            relmse=frame.relmse,
+        )
+
+
+def main() -> None:
+    """Serve frame tasks, or with ``--self-test`` or ``--points FILE`` do one thing and leave."""
+    channel = _take_stdout()
+    try:
+        match sys.argv[1:]:
+            case []:
+                _serve(channel)
+            case ["--self-test"]:
+                from lookdev.cycles.points import self_test
+
+                os.write(channel, (json.dumps(self_test()) + "\n").encode())
+            case ["--points", request]:
+                from lookdev.cycles.points import evaluate_file
+
+                evaluate_file(Path(request))
+            case other:
+                raise SystemExit(f"lookdev.cycles: unknown arguments {other}")
+    except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
+        import traceback
+
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,117 @@
+"""Cycles with every setting said, and its pixels in memory."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cycles import version
+from lookdev.errors import RenderError
+
+sys.path.append(str(Path(bpy.utils.resource_path("LOCAL")) / "scripts" / "addons_core"))
+import cycles
+
+_ENGINE = "LOOKDEV_CYCLES"
+
+
+class Capture(cycles.CyclesRender):  # type: ignore[misc]
+    """Cycles under another name: renders as it does, and keeps the passes instead of writing files."""
+
+    bl_idname = _ENGINE
+    bl_label = "lookdev"
+
+    passes: dict[str, NDArray[np.float32]] = {}  # noqa: RUF012  (Blender makes the instances; results meet here)
+
+    def update_script_node(self, node: Any) -> None:
+        """Do nothing: `lookdev.cycles.shaders` makes the sockets, Blender would parse the shader to find them."""
+
+    def render(self, depsgraph: Any) -> None:
+        """Render, then copy every pass: rows bottom-up, (height, width, channels)."""
+        super().render(depsgraph)
+        result = self.get_result()
+        width, height = result.resolution_x, result.resolution_y
+        for render_pass in result.layers[0].passes:
+            pixels = np.empty(width * height * render_pass.channels, dtype=np.float32)
+            render_pass.rect.foreach_get(pixels)
+            Capture.passes[render_pass.name] = pixels.reshape(height, width, render_pass.channels)
+
+
+bpy.utils.register_class(Capture)
+
+
+def render_passes(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
+    """Render the scene with `samples` a pixel and return its passes by Blender's names, rows bottom-up."""
+    scene.cycles.samples = samples
+    Capture.passes = {}
+    bpy.ops.render.render(scene=scene.name)
+    if not Capture.passes:
+        # Exceptions inside the engine are printed by Blender and swallowed.
+        raise RenderError("Blender rendered nothing; its own message is above in the log")
+    return Capture.passes
+
+
+def empty_scene() -> Any:
+    """Throw all data away and return a scene with nothing in it."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    return bpy.data.scenes[0]
+
+
+def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
+    """Set everything that a picture depends on; Blender's defaults change between versions."""
+    render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
+    render.engine = _ENGINE
+    render.resolution_x, render.resolution_y = resolution
+    render.resolution_percentage = 100
+    render.pixel_aspect_x = render.pixel_aspect_y = 1.0
+    render.use_border = render.use_compositing = render.use_sequencer = False
+    render.film_transparent = False
+    render.use_persistent_data = True
+    render.use_simplify = False
+    render.threads_mode = "AUTO"
+    # With motion blur on and nothing moving, OSL's `time` is the stratified number of a pixel's sample.
+    render.use_motion_blur = True
+    render.motion_blur_shutter = 1.0
+    version.center_motion_blur_on_frame(scene)
+    settings.rolling_shutter_type = "NONE"
+
+    settings.device = "CPU"
+    settings.shading_system = True
+    settings.use_adaptive_sampling = settings.use_denoising = False
+    settings.use_sample_subset = False
+    settings.sample_offset = 0
+    settings.time_limit = 0.0
+    settings.seed = 0
+    settings.use_animated_seed = False
+    settings.auto_scrambling_distance = False
+    settings.scrambling_distance = 1.0
+    settings.use_light_tree = False
+    settings.use_auto_tile = False
+    settings.use_guiding = False
+    settings.sample_clamp_direct = settings.sample_clamp_indirect = 0.0
+    settings.film_exposure = 1.0
+    settings.pixel_filter_type = "BOX"
+    settings.filter_width = 1.0
+    # Portals count as transparent bounces; nothing else bounces.
+    settings.transparent_max_bounces = bounces + 1
+    settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = 0
+    settings.transmission_bounces = settings.volume_bounces = 0
+    settings.min_light_bounces = settings.min_transparent_bounces = 0
+
+    for name in dir(layer):
+        if name.startswith("use_pass_") and not layer.is_property_readonly(name):
+            setattr(layer, name, False)
+    # The third channel of the UV pass is 1 on every hit, averaged over a pixel's samples: coverage, whatever the
+    # shader does. A ray portal would make the surface look transparent to alpha.
+    layer.use_pass_combined = layer.use_pass_uv = True
+    layer.pass_alpha_threshold = 0.0
+    layer.samples = 0
+
+    world = bpy.data.worlds.new("black")
+    version.empty_node_tree(world)
+    world.cycles.sampling_method = "NONE"
+    scene.world = world

@@ -1,0 +1,53 @@
+"""Make the data of the built-in asset ``suzanne``: ``python -m lookdev.cycles.export_suzanne OUT.npz``.
+
+Blender's monkey, two levels of Catmull-Clark subdivision at their limit positions as the modifier gives them.
+Only the geometry is kept: points (n, 3) float32 in metres, faces (f, 4) uint16 counter-clockwise seen from
+outside, uvs (f, 4, 2) float32. Normals and tangents are made by `lookdev.asset.builtin`.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import bpy  # isort: split
+
+import bmesh  # can be imported only after bpy
+import numpy as np
+
+from lookdev.cache import atomic_path
+
+LEVELS = 2
+
+
+def export_suzanne(out: Path) -> None:
+    """Write the subdivided monkey to an ``.npz`` file."""
+    mesh = bpy.data.meshes.new("suzanne")
+    monkey = bmesh.new()
+    monkey.loops.layers.uv.new("st")
+    bmesh.ops.create_monkey(monkey, calc_uvs=True)
+    monkey.to_mesh(mesh)
+    monkey.free()
+    thing = bpy.data.objects.new("suzanne", mesh)
+    bpy.context.scene.collection.objects.link(thing)
+    modifier = thing.modifiers.new("subdivision", "SUBSURF")
+    modifier.levels = LEVELS
+    result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
+
+    points = np.empty(3 * len(result.vertices), np.float32)
+    result.vertices.foreach_get("co", points)
+    faces = np.empty(len(result.loops), np.int32)
+    result.loops.foreach_get("vertex_index", faces)
+    uvs = np.empty(2 * len(result.loops), np.float32)
+    result.uv_layers[0].uv.foreach_get("vector", uvs)
+    with atomic_path(out) as temporary:
+        np.savez_compressed(
+            temporary,
+            points=points.reshape(-1, 3),
+            faces=faces.reshape(-1, 4).astype(np.uint16),
+            uvs=uvs.reshape(-1, 4, 2),
+        )
+
+
+if __name__ == "__main__":
+    export_suzanne(Path(sys.argv[1]))

@@ -1,0 +1,113 @@
+"""A model at listed points: the generated OSL, evaluated inside Cycles, its float32 values read back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from lookdev.cache import atomic_path, cache_dir
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.surface import generate_points, point_columns
+from lookdev.cycles import engine, version
+from lookdev.cycles.shaders import script_node
+from lookdev.errors import RenderError
+
+# Powers of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+_COLUMNS = 128
+_CELLS = 8
+# Blender renders no fewer rows than this, whatever it is told.
+_MIN_ROWS = 4
+
+
+def evaluate_points(
+    model: str, tokens: dict[str, str], table: NDArray[np.float32], lobes: tuple[str, ...] | None = None
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Evaluate a model in Cycles.
+
+    Parameters
+    ----------
+    model, tokens, lobes
+        As for `lookdev.codegen.surface.generate_points`.
+    table : (n, columns)
+        A row a point, columns as `point_columns` says.
+
+    Returns
+    -------
+    f : (n, 3) in 1/sr
+    pdf : (n,) in 1/sr
+    """
+    count, used = table.shape
+    rows = max(_MIN_ROWS, 1 << (-(-count // _COLUMNS) - 1).bit_length())
+    padded = np.zeros((rows * _COLUMNS, _CELLS * 3), dtype=np.float32)
+    padded[:count, :used] = table
+    image = padded.reshape(rows, _COLUMNS * _CELLS, 3)
+    source = generate_points(model, tokens, lobes, cells=_CELLS)
+    with atomic_path(cache_dir("points") / "points.exr") as path:
+        header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"RGB": image}).write(str(path))
+        f = _render(source, path, rows, what=0)[:count]
+        pdf = _render(source, path, rows, what=1)[:count, 0]
+    return f, pdf
+
+
+def _render(source: ShaderSource, table: Path, rows: int, what: int) -> NDArray[np.float32]:
+    """Render a plane that fills the picture; sample 0 is at the pixel's centre."""
+    scene = engine.empty_scene()
+    engine.configure(scene, (_COLUMNS, rows), bounces=0)
+    width, height = 1.0, rows / _COLUMNS
+    mesh = bpy.data.meshes.new("points")
+    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    mesh.from_pydata([(x * width, y * height, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
+    mesh.uv_layers.new(name="st")
+    material = bpy.data.materials.new("points")
+    material.cycles.emission_sampling = "NONE"
+    values: dict[str, str | int | float] = {"points_file": str(table), "columns": _COLUMNS, "rows": rows, "what": what}
+    script_node(version.empty_node_tree(material), source, values)
+    mesh.materials.append(material)
+    _add(scene, "points", mesh)
+    lens = bpy.data.cameras.new("camera")
+    lens.type = "ORTHO"
+    lens.sensor_fit = "HORIZONTAL"
+    lens.ortho_scale = 2.0 * width
+    scene.camera = _add(scene, "camera", lens)
+    scene.camera.location = (0.0, 0.0, 1.0)
+    return engine.render_passes(scene, 1)["Combined"][..., :3].reshape(-1, 3)
+
+
+def _add(scene: Any, name: str, data: Any) -> Any:
+    item = bpy.data.objects.new(name, data)
+    scene.collection.objects.link(item)
+    return item
+
+
+def evaluate_file(request: Path) -> None:
+    """Answer a request of `lookdev.checks.evaluate`: an .npz in, its f and pdf beside it."""
+    with np.load(request, allow_pickle=False) as stored:
+        tokens = dict(zip(stored["token_names"].tolist(), stored["token_values"].tolist(), strict=True))
+        lobes = tuple(stored["lobes"].tolist()) or None
+        f, pdf = evaluate_points(str(stored["model"]), tokens, stored["table"], lobes)
+    with atomic_path(request.with_suffix(".result.npz")) as path:
+        np.savez(path, f=f, pdf=pdf)
+
+
+def self_test() -> dict[str, object]:
+    """Evaluate one Lambertian-like point in Cycles to show that OSL compiles, runs and is read back right.
+
+    Raises
+    ------
+    RenderError
+        The value is wrong.
+    """
+    columns = point_columns("disney")
+    row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "p_roughness": 1.0}
+    row |= {f"p_baseColor_{c}": 0.5 for c in "rgb"}
+    table = np.array([[row[name] for name in columns]], dtype=np.float32)
+    f, _ = evaluate_points("disney", {"variant": "2014"}, table, ("diffuse",))
+    if not np.allclose(f, 0.5 / np.pi, rtol=1e-5):
+        raise RenderError(f"OSL answers {f.tolist()} for a diffuse surface, {0.5 / np.pi} would be right")
+    return {"blender": version.VERSION, "osl": True}

@@ -1,0 +1,84 @@
+"""A frame: two independent halves, in rounds until it is good enough."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.checks.error import relmse_of_halves
+from lookdev.cycles import engine
+from lookdev.cycles.scene import Scene
+from lookdev.plan.task import FrameTask, Sampling
+
+Image = NDArray[np.float32]
+
+# Seeds of one render setting, so that rounds and halves of neighbouring `seed` values never coincide.
+_SEEDS_PER_FRAME = 64
+# Halves of the first round when a target error is asked for.
+_FIRST_ROUND = 8
+
+
+@dataclass(frozen=True)
+class RenderedFrame:
+    """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves."""
+
+    a: Image
+    b: Image
+    alpha: Image
+    samples: int
+    seconds: float
+    relmse: float
+
+
+Progress = Callable[[int, int, float | None], None]
+"""Told samples done, samples planned, and the relMSE so far."""
+
+
+def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedFrame:
+    """Render one frame of a scene.
+
+    Each half has scrambles of its own, so that their difference measures the error of their mean.
+    """
+    started = time.perf_counter()
+    sampling = task.scene.sampling
+    width, height = task.scene.resolution
+    gain = 2.0**task.exposure
+    scene.pose(task)
+    # Sums over samples; the halves keep their own scrambles and seeds in every round.
+    sums = np.zeros((2, height, width, 3))
+    coverage = np.zeros((height, width))
+    done = 0
+    error = math.nan
+    for number, size in enumerate(_rounds(sampling)):
+        for half in (0, 1):
+            scene.control(task.pose, sampling.seed * _SEEDS_PER_FRAME + 2 * number + half, size)
+            passes = engine.render_passes(scene.scene, size)
+            sums[half] += size * passes["Combined"][::-1, :, :3]
+            coverage += size * passes["UV"][::-1, :, 2]
+            done += size
+            progress(done, sampling.samples, None if math.isnan(error) else error)
+        a, b = (2.0 / done) * sums
+        error = relmse_of_halves(a * gain, b * gain, coverage)
+        progress(done, sampling.samples, error)
+        if sampling.error is not None and error <= sampling.error:
+            break
+    a, b, alpha = (array.astype(np.float32) for array in (a, b, coverage / done))
+    return RenderedFrame(a, b, alpha, done, time.perf_counter() - started, error)
+
+
+def _rounds(sampling: Sampling) -> Iterator[int]:
+    """Give the samples a pixel of each half: all at once, or doubling the total until the cap."""
+    per_half = sampling.samples // 2
+    if sampling.error is None:
+        yield per_half
+        return
+    total = 0
+    while total < per_half:
+        size = min(total or _FIRST_ROUND, per_half - total)
+        total += size
+        yield size

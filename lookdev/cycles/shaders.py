@@ -1,0 +1,78 @@
+"""Generated OSL, compiled once and put into materials."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import _cycles
+import bpy
+
+from lookdev.cache import atomic_path, cache_dir
+from lookdev.codegen import ShaderSource
+from lookdev.cycles import version
+from lookdev.errors import RenderError
+from lookdev.ibl import LightTables
+
+_SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
+_ATTRIBUTE_SOCKETS = {"uv": "NodeSocketVector", "float": "NodeSocketFloat", "color": "NodeSocketColor"}
+
+
+def compile_osl(osl: str) -> Path:
+    """Compile shader text into the cache, or find it there, and return the .oso file.
+
+    Blender compiles a script next to itself, where two processes can meet; here every text has a file of its own.
+    """
+    text = "\n".join((*version.OSL_DEFINES, osl))
+    name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
+    final = cache_dir("osl") / f"{name}.oso"
+    if not final.exists():
+        with atomic_path(final.with_suffix(".osl")) as source, atomic_path(final) as compiled:
+            source.write_text(text, encoding="utf-8")
+            if not _cycles.osl_compile(os.fspath(source), os.fspath(compiled)):
+                raise RenderError(f"the generated shader does not compile; see {source} and the log above")
+    return final
+
+
+def surface_material(source: ShaderSource, light: LightTables) -> Any:
+    """Make a material of a look's light integral."""
+    values = {"light_radiance": str(light.radiance), "light_samples": str(light.samples)}
+    values |= {binding.parameter: str(binding.file) for binding in source.textures}
+    material = bpy.data.materials.new(source.name)
+    # Not a light: Cycles would otherwise put every triangle of it into its light tree.
+    material.cycles.emission_sampling = "NONE"
+    tree = version.empty_node_tree(material)
+    script = script_node(tree, source, values)
+    _link_attribute(tree, script, "shading_normal", "lookdev_normal", "uv")
+    _link_attribute(tree, script, "shading_tangent", "lookdev_tangent", "uv")
+    for attribute in source.attributes:
+        _link_attribute(tree, script, attribute.parameter, attribute.attribute, attribute.kind)
+    return material
+
+
+def script_node(tree: Any, source: ShaderSource, values: Mapping[str, str | int | float]) -> Any:
+    """Add a script node with its sockets and connect it to the surface output.
+
+    Blender would find the sockets by asking `oslquery`, which loads its own OpenImageIO beside the one installed.
+    """
+    script = tree.nodes.new("ShaderNodeScript")
+    script.mode = "EXTERNAL"
+    script.filepath = str(compile_osl(source.osl))
+    for name, value in values.items():
+        script.inputs.new(type=_SOCKETS[type(value)], name=name, identifier=name).default_value = value
+    surface = script.outputs.new(type="NodeSocketShader", name="surface", identifier="surface")
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    output.target = "CYCLES"
+    tree.links.new(surface, output.inputs["Surface"])
+    return script
+
+
+def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str) -> None:
+    node = tree.nodes.new("ShaderNodeAttribute")
+    node.attribute_type = "GEOMETRY"
+    node.attribute_name = attribute
+    socket = script.inputs.new(type=_ATTRIBUTE_SOCKETS[kind], name=parameter, identifier=parameter)
+    tree.links.new(node.outputs["Fac" if kind == "float" else "Vector"], socket)

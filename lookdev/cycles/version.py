@@ -1,0 +1,31 @@
+"""Every difference between the supported Blenders (4.5 LTS and 5.2 LTS) that this package meets."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import bpy
+
+BLENDER_5 = bpy.app.version >= (5, 0, 0)
+
+VERSION: str = ".".join(str(number) for number in bpy.app.version)
+
+# 4.5 hands OSL texture() to OpenImageIO, whose t = 0 is the top row; 5.x answers itself, t = 0 at the bottom.
+OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}",)
+
+# The name of the pass that carries emission() weights.
+EMISSION_PASS = "Emission" if BLENDER_5 else "Emit"
+
+
+def empty_node_tree(datablock: Any) -> Any:
+    """Return the shader node tree of a material or world, without nodes."""
+    if not BLENDER_5:  # 5.x always has one, and warns when told to use it
+        datablock.use_nodes = True
+    datablock.node_tree.nodes.clear()
+    return datablock.node_tree
+
+
+def center_motion_blur_on_frame(scene: Any) -> None:
+    """Open the shutter symmetrically about the frame; the setting moved to the render settings in 5.x."""
+    owner = scene.render if hasattr(scene.render, "motion_blur_position") else scene.cycles
+    owner.motion_blur_position = "CENTER"

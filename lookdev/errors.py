@@ -1,0 +1,99 @@
+"""Every error that `lookdev` raises on purpose.
+
+    LookdevError
+    ├── JobError            a job file is wrong: carries every Fault found in it
+    ├── LookError           a look (USD material) is wrong: carries every Fault found in it
+    ├── AssetError          an asset cannot be read or has no surface to render
+    ├── EnvironmentMapError an image-based light cannot be read
+    ├── TextureError        a texture cannot be read or has no such channel
+    ├── ModelError          reflectance model parameters are unknown or outside their hard range
+    ├── CodegenError        a model uses an operation that the symbolic arrays do not know
+    ├── OutputError         a frame, sheet or picture cannot be written or read back
+    ├── WorkerError         the render worker died, hung or answered something else than a result
+    └── RenderError         Blender refused or failed to render a frame
+
+Messages say what is wrong, where, and what would be right. The command line prints them without a traceback;
+anything else that escapes is a defect of the program.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+
+class LookdevError(Exception):
+    """Base of every error raised on purpose."""
+
+
+@dataclass(frozen=True, order=True)
+class Fault:
+    """One thing wrong with a file.
+
+    `where` is the place inside `file`: a dotted key with indices for TOML (``ibl[1].exposure``), a prim path and
+    input for USD (``/Paint/Base.inputs:roughness``). `hint` says what would be right; it may be empty.
+    """
+
+    file: str
+    where: str
+    what: str
+    hint: str = ""
+
+    def __str__(self) -> str:
+        place = f"{self.file}: {self.where}" if self.where else self.file
+        return f"{place}: {self.what}" + (f" ({self.hint})" if self.hint else "")
+
+
+class FaultsError(LookdevError):
+    """An error that tells all faults of its input at once."""
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self.faults: tuple[Fault, ...] = tuple(faults)
+        super().__init__("\n".join(str(fault) for fault in self.faults))
+
+
+class JobError(FaultsError):
+    """A job file is wrong."""
+
+
+class LookError(FaultsError):
+    """A look is wrong."""
+
+
+class AssetError(LookdevError):
+    """An asset cannot be read or has no surface to render."""
+
+
+class EnvironmentMapError(LookdevError):
+    """An image-based light cannot be read."""
+
+
+class TextureError(LookdevError):
+    """A texture cannot be read or has no such channel."""
+
+
+class ModelError(LookdevError):
+    """Reflectance model parameters are unknown or outside their hard range."""
+
+
+class CodegenError(LookdevError):
+    """A model uses an operation that the symbolic arrays do not know."""
+
+
+class OutputError(LookdevError):
+    """A frame, sheet or picture cannot be written or read back."""
+
+
+class WorkerError(LookdevError):
+    """The render worker died, hung or answered something else than a result."""
+
+
+class RenderError(LookdevError):
+    """Blender refused or failed to render a frame."""
+
+
+def nearest_hint(name: str, known: Sequence[str]) -> str:
+    """Say which known name is meant by a misspelt one, or list what is known."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"

@@ -1,0 +1,56 @@
+"""Directions and the equirectangular (lat-long) square, by Blender's convention.
+
+World space has z up. ``u`` grows clockwise seen from above and is periodic; ``v`` grows upward from the nadir
+(0) to the zenith (1), so row 0 of an image, its top, lies at ``v = 1``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Floats = NDArray[np.float64]
+
+
+def direction_to_uv(direction: ArrayLike) -> Floats:
+    """Map directions to the lat-long square.
+
+    Parameters
+    ----------
+    direction : (..., 3), of any length but 0, z up.
+
+    Returns
+    -------
+    (..., 2) u in [0, 1], v in [0, 1]. At the poles, where u has no meaning, it is 0, 0.5 or 1.
+    """
+    x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
+    u = 0.5 - np.arctan2(y, x) / (2.0 * np.pi)
+    v = 0.5 + np.arctan2(z, np.hypot(x, y)) / np.pi
+    return np.stack([u, v], axis=-1)
+
+
+def uv_to_direction(uv: ArrayLike) -> Floats:
+    """Map points of the lat-long square to unit directions: the inverse of `direction_to_uv`.
+
+    Parameters
+    ----------
+    uv : (..., 2), u of any value (periodic), v in [0, 1].
+
+    Returns
+    -------
+    (..., 3) unit directions, z up.
+    """
+    u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
+    azimuth = np.pi * (1.0 - 2.0 * u)
+    # The cosine of the latitude, measured from the nearer pole so that it vanishes there exactly.
+    horizontal = np.sin(np.pi * np.minimum(v, 1.0 - v))
+    return np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), -np.cos(np.pi * v)], axis=-1)
+
+
+def rotate_z(direction: ArrayLike, degrees: ArrayLike) -> Floats:
+    """Turn directions (..., 3) about world z, counter-clockwise from above, by `degrees` (broadcasts)."""
+    x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
+    angle = np.radians(np.asarray(degrees, dtype=np.float64))
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turned = np.broadcast_arrays(cosine * x - sine * y, sine * x + cosine * y, z)
+    return np.stack(turned, axis=-1)

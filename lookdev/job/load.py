@@ -1,0 +1,164 @@
+"""Job file to `Job`, or every fault in it with its place."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from lookdev.errors import Fault, JobError, nearest_hint
+from lookdev.job.schema import LISTS, PATTERNS, Job
+
+Place = tuple[str | int, ...]
+
+
+def load_job(path: Path) -> Job:
+    """Read a job file.
+
+    Parameters
+    ----------
+    path : Path
+        A TOML file; the paths in it are relative to its folder.
+
+    Returns
+    -------
+    Job
+        Valid in itself, with absolute paths of files that exist.
+
+    Raises
+    ------
+    JobError
+        With every fault of the file: its key, what is wrong, and the nearest known key of an unknown one.
+    """
+    try:
+        text = path.read_bytes().decode()
+    except OSError as error:
+        raise JobError([Fault(str(path), "", f"cannot be read: {error.strerror}")]) from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise JobError([Fault(str(path), f"line {line}", "not UTF-8 text", "save it as UTF-8")]) from None
+    return parse_job(text, path)
+
+
+def parse_job(text: str, path: Path) -> Job:
+    """Read a job from `text`, as if it stood in the file `path`. Errors are those of `load_job`."""
+    try:
+        data = _frozen(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        what, _, where = str(error).removesuffix(")").partition(" (at ")
+        raise JobError([Fault(str(path), where, f"not TOML: {what}")]) from None
+    faults = list(_duplicate_names(data, str(path)))
+    try:
+        job = Job.model_validate(data, context={"file": path.absolute()})
+    except ValidationError as error:
+        faults += [
+            _fault(detail, data, str(path)) for detail in error.errors(include_url=False) if not _is_echo(detail)
+        ]
+    if faults:
+        raise JobError(faults)
+    return job
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a job file, for editors."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Job.model_json_schema()}
+
+
+def _frozen(value: Any) -> Any:
+    """Turn TOML arrays into tuples, the only sequence that a strict, frozen model takes."""
+    if isinstance(value, list):
+        return tuple(_frozen(item) for item in value)
+    if isinstance(value, dict):
+        return {key: _frozen(item) for key, item in value.items()}
+    return value
+
+
+def _duplicate_names(data: dict[str, Any], file: str) -> Iterator[Fault]:
+    for key in LISTS:
+        tables = data.get(key)
+        seen: dict[str, int] = {}
+        for index, table in enumerate(tables if isinstance(tables, tuple) else ()):
+            name = table.get("name", table.get("kind")) if isinstance(table, dict) else None
+            if not isinstance(name, str):
+                continue
+            # Names become files: "Gold" and "gold" are one folder on many file systems.
+            first = seen.setdefault(name.casefold(), index)
+            if first != index:
+                what = f"'{name}' is already the name of {key}[{first}]"
+                yield Fault(file, f"{key}[{index}].name", what, "give each its own name")
+
+
+def _is_echo(detail: ErrorDetails) -> bool:
+    """Tell whether a fault only follows from others in the list.
+
+    That is a default that depends on a faulty key, and a list that is too short without its faulty items.
+    """
+    return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
+
+
+def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
+    place = _place(detail["loc"], data)
+    key = str(place[-1]) if place else ""
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    hint = str(context.get("hint", ""))
+    match kind:
+        case "lookdev":
+            what = detail["msg"]
+        case "extra_forbidden":
+            what, hint = "unknown key", nearest_hint(key, list(_fields(place[:-1])))
+        case "missing" if key in _fields(place[:-1]):
+            what, hint = "is missing", _fields(place[:-1])[key].description or ""
+        case "model_type":
+            what, hint = "should be a table", f"write [{key}]" if len(place) == 1 else ""
+        case "tuple_type":
+            what = "should be a list"
+            hint = f"write [[{key}]]" if isinstance(value, dict) else ""
+        case "too_short" | "too_long":
+            bound = "at least" if kind == "too_short" else "at most"
+            count = context["min_length" if kind == "too_short" else "max_length"]
+            what = f"should have {bound} {count} entries, not {context['actual_length']}"
+        case "string_pattern_mismatch":
+            what, hint = f"'{value}' is not allowed here", PATTERNS[context["pattern"]]
+        case "literal_error" if isinstance(value, str):
+            what = f"unknown value '{value}'"
+            hint = nearest_hint(value, re.findall(r"'([^']*)'", context["expected"]))
+        case _:
+            message = detail["msg"].removeprefix("Input ")
+            what = f"{message[0].lower()}{message[1:]}, not {reprlib.repr(value)}"
+    return Fault(file, _dotted(place), what, hint)
+
+
+def _place(loc: Place, data: Any) -> Place:
+    """Drop from a pydantic location what is no key of the file: the tags of unions."""
+    place: list[str | int] = []
+    for part in loc:
+        if isinstance(data, dict) and isinstance(part, str):
+            data = data.get(part)
+        elif isinstance(data, tuple) and isinstance(part, int):
+            data = data[part] if part < len(data) else None
+        else:
+            continue
+        place.append(part)
+    return tuple(place)
+
+
+def _dotted(place: Place) -> str:
+    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).removeprefix(".")
+
+
+def _fields(place: Place) -> dict[str, FieldInfo]:
+    """Return the fields of the table at a place; a list of numbers has none."""
+    model: Any = Job
+    for part in place:
+        if isinstance(part, str):
+            annotation = model.model_fields[part].annotation
+            model = get_args(annotation)[0] if get_args(annotation) else annotation
+    fields: dict[str, FieldInfo] = getattr(model, "model_fields", {})
+    return fields

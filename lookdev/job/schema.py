@@ -1,0 +1,320 @@
+"""The shape of a job file: strict, frozen models with a hard range for every number.
+
+A rule that spans two keys is checked by the later key's validator, which sees earlier ones in `info.data`,
+so it is told with every other fault. Names are unique within a list of tables: `lookdev.job.load` checks that
+over the raw tables, for the same reason.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PrivateAttr,
+    Tag,
+    ValidationInfo,
+    field_validator,
+)
+from pydantic_core import PydanticCustomError
+
+BuiltinAsset = Literal["sphere", "suzanne", "shaderball"]
+BuiltinIbl = Literal["city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset", "white"]
+Device = Literal["cpu", "cuda", "optix", "hip", "metal", "oneapi"]
+View = Literal["ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw"]
+
+# Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
+NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
+PRIM_PATH = r"^(/[^/\s]+)+$"
+PATTERNS: dict[str, str] = {
+    NAME: "letters, digits, '_', '-' and '.', which is not the first",
+    PRIM_PATH: "an absolute prim path, like '/Paint'",
+}
+"""What a string that does not match a pattern should be."""
+
+DEFAULT_SAMPLES = 64
+DEFAULT_SAMPLE_CAP = 4096  # with a target error: where a frame that does not reach it stops
+DEFAULT_FOCAL_LENGTH = 50.0
+
+
+def _wrong(what: str, hint: str = "") -> PydanticCustomError:
+    return PydanticCustomError("lookdev", "{what}", {"what": what, "hint": hint})
+
+
+def _context_file(context: Any) -> Path:
+    file: Path = context["file"]
+    return file
+
+
+def _resolve(value: object, info: ValidationInfo) -> Path:
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise _wrong("should be a path in quotes")
+    return Path(os.path.normpath(_context_file(info.context).parent / value))
+
+
+def _readable(*suffixes: str) -> AfterValidator:
+    def check(path: Path) -> Path:
+        if path.suffix.lower() not in suffixes:
+            raise _wrong(f"'{path.name}' is of no known kind", f"known: {', '.join(suffixes)}")
+        if not (os.access(path, os.R_OK) and path.is_file()):
+            raise _wrong(f"no readable file {path}", "paths are relative to the job file")
+        return path
+
+    return AfterValidator(check)
+
+
+def _folder(path: Path) -> Path:
+    if path.exists() and not path.is_dir():
+        raise _wrong(f"{path} is not a folder", "name a folder; it is made if it does not exist")
+    return path
+
+
+JobPath = Annotated[Path, BeforeValidator(_resolve)]
+UsdFile = Annotated[JobPath, _readable(".usd", ".usda", ".usdc", ".usdz")]
+IblFile = Annotated[JobPath, _readable(".exr", ".hdr")]
+PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
+Name = Annotated[str, Field(pattern=NAME, max_length=100)]
+Text = Annotated[str, Field(min_length=1)]
+Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
+Channel = Annotated[float, Field(ge=0.0, le=1e6)]
+Background = Annotated[
+    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
+]
+
+
+class Table(BaseModel):
+    """A table of the job file."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def _exactly_one(name: str, value: object, other: str, info: ValidationInfo) -> None:
+    # A key that was given but is faulty is absent from info.data: it counts as given.
+    if (value is None) == (info.data.get(other, ...) is None):
+        raise _wrong(f"give exactly one of '{other}' and '{name}'")
+
+
+class JobAsset(Table):
+    """What is turned: a USD file or a built-in asset."""
+
+    usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
+    builtin: BuiltinAsset | None = Field(
+        default=None, validate_default=True, description="A built-in asset, instead of a file."
+    )
+    prim: PrimPath | None = Field(
+        default=None, description="Render only what is under this prim of the USD file; default: everything."
+    )
+
+    @field_validator("builtin")
+    @classmethod
+    def _one_source(cls, value: BuiltinAsset | None, info: ValidationInfo) -> BuiltinAsset | None:
+        _exactly_one("builtin", value, "usd", info)
+        return value
+
+    @field_validator("prim")
+    @classmethod
+    def _prim_of_a_file(cls, value: str, info: ValidationInfo) -> str:
+        if info.data.get("builtin") is not None:
+            raise _wrong("a built-in asset has no prims to choose from", "'prim' goes with 'usd'")
+        return value
+
+
+class JobLook(Table):
+    """One look: a material for the asset."""
+
+    name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
+    material: UsdFile = Field(description="A USD file with the look, a UsdShade material.")
+    prim: PrimPath | None = Field(
+        default=None,
+        description="The material's prim; default: the file's default prim, or its only material.",
+    )
+    variants: dict[Text, Text] = Field(
+        default_factory=dict, description="The variant chosen in each variant set: { wear = 'dirty' }."
+    )
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Globs over the asset's parts (paths of meshes and subsets) that the look covers, "
+        "whatever is bound to them; default: every part that has no look bound to it.",
+    )
+
+
+class JobIbl(Table):
+    """One image-based light: a lat-long file or a built-in environment."""
+
+    name: Name = Field(description="The light's name, unique; it becomes a folder of the output.")
+    file: IblFile | None = Field(default=None, description="A lat-long environment map, .exr or .hdr.")
+    builtin: BuiltinIbl | None = Field(
+        default=None, validate_default=True, description="A built-in environment, instead of a file."
+    )
+    exposure: Annotated[float, Field(ge=-30.0, le=30.0)] = Field(
+        default=0.0, description="Exposure in stops: radiance is multiplied by 2^exposure."
+    )
+    rotation: Degrees = Field(
+        default=0.0, description="Degrees about the up axis, added to the lighting angle of every pose."
+    )
+
+    @field_validator("builtin")
+    @classmethod
+    def _one_source(cls, value: BuiltinIbl | None, info: ValidationInfo) -> BuiltinIbl | None:
+        _exactly_one("builtin", value, "file", info)
+        return value
+
+
+class JobTurntable(Table):
+    """One turntable: the asset turns under a still light, or the light about a still asset."""
+
+    kind: Literal["element", "lighting"] = Field(description="What turns: the asset or the light.")
+    # The default is read only if `kind` is valid too: a job with a fault is never built.
+    name: Name = Field(
+        default_factory=lambda data: data.get("kind", ""),
+        description="The turntable's name, unique, the stem of its files; default: its kind.",
+    )
+    frames: Annotated[int, Field(ge=1, le=9999)] = Field(description="How many frames a turntable has.")
+    start: Degrees = Field(default=0.0, description="The first frame's angle, degrees.")
+    degrees: Degrees = Field(
+        default=360.0, description="The whole turn, degrees: frame i of N stands at start + degrees i / N."
+    )
+
+
+class JobCamera(Table):
+    """A camera that frames the asset's bounding sphere, so that it never pumps."""
+
+    fov: Annotated[float, Field(ge=0.1, le=170.0)] | None = Field(
+        default=None, description="Horizontal angle of view, degrees, instead of a focal length."
+    )
+    focal_length: Annotated[float, Field(ge=1.0, le=5000.0)] | None = Field(
+        default=None, description=f"Focal length, mm; default {DEFAULT_FOCAL_LENGTH:g}."
+    )
+    sensor_width: Annotated[float, Field(ge=1.0, le=200.0)] = Field(
+        default=36.0, description="Width of the sensor that the focal length belongs to, mm."
+    )
+    elevation: Annotated[float, Field(ge=-90.0, le=90.0)] = Field(
+        default=10.0, description="Degrees that the camera stands above the horizon."
+    )
+    azimuth: Degrees = Field(default=0.0, description="Degrees that the camera stands about the up axis.")
+    margin: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
+        default=1.1, description="The frame holds the bounding sphere times this."
+    )
+
+    @field_validator("focal_length", "sensor_width")
+    @classmethod
+    def _lens_or_angle(cls, value: float, info: ValidationInfo) -> float:
+        if info.data.get("fov", ...) is not None:
+            raise _wrong("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
+        return value
+
+    @property
+    def horizontal_fov(self) -> float:
+        """Horizontal angle of view, degrees."""
+        if self.fov is not None:
+            return self.fov
+        focal_length = DEFAULT_FOCAL_LENGTH if self.focal_length is None else self.focal_length
+        return math.degrees(2.0 * math.atan(self.sensor_width / (2.0 * focal_length)))
+
+
+class JobRender(Table):
+    """How frames are rendered."""
+
+    resolution: tuple[Annotated[int, Field(ge=1, le=16384)], Annotated[int, Field(ge=1, le=16384)]] = Field(
+        default=(512, 512), description="Width and height, pixels."
+    )
+    backend: Literal["exact"] = Field(
+        default="exact", description="exact: the models as published, through light integrals in OSL."
+    )
+    device: Device = Field(default="cpu", description="Cycles' device; the exact backend runs on cpu only.")
+    error: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
+        default=None,
+        description="Target relMSE of a frame: samples are added until its estimate is at most this.",
+    )
+    samples: Annotated[int, Field(ge=2, le=2**20, multiple_of=2)] = Field(
+        default_factory=lambda data: DEFAULT_SAMPLES if data.get("error") is None else DEFAULT_SAMPLE_CAP,
+        description="Samples a pixel, even, best a power of two; with 'error', the most that are taken. "
+        f"Default {DEFAULT_SAMPLES}, with 'error' {DEFAULT_SAMPLE_CAP}.",
+    )
+    bounces: Annotated[int, Field(ge=0, le=64)] = Field(
+        default=2, description="Indirect bounces; 0: only direct light."
+    )
+    brdf_samples: Annotated[int, Field(ge=0, le=64)] = Field(
+        default=2, description="Directions drawn from the BRDF at each shading point."
+    )
+    ibl_samples: Annotated[int, Field(ge=0, le=64)] = Field(
+        default=4, description="Directions drawn from the light at each shading point."
+    )
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = Field(default=0, description="Seed of all random choices.")
+    background: Background = Field(
+        default="black",
+        description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].",
+    )
+
+    @field_validator("device")
+    @classmethod
+    def _exact_needs_cpu(cls, value: Device, info: ValidationInfo) -> Device:
+        if value != "cpu" and info.data.get("backend") == "exact":
+            raise _wrong(
+                f"the exact backend cannot run on '{value}': its light integrals are OSL, "
+                "which traces rays on Cycles' CPU device only",
+                'device = "cpu"',
+            )
+        return value
+
+    @field_validator("ibl_samples")
+    @classmethod
+    def _some_samples(cls, value: int, info: ValidationInfo) -> int:
+        if value == 0 and info.data.get("brdf_samples") == 0:
+            raise _wrong("no light is sampled", "'brdf_samples' and 'ibl_samples' cannot both be 0")
+        return value
+
+
+class JobOutputs(Table):
+    """What is written."""
+
+    exr: bool = Field(default=True, description="Float EXR frames; always on, a run resumes by their headers.")
+    png: bool = Field(default=True, description="A display picture beside each EXR.")
+    sheet: bool = Field(default=True, description="A contact sheet for each turntable.")
+    view: View = Field(default="ACES 1.0 - SDR Video", description="The OCIO view of pictures and sheets.")
+
+    @field_validator("exr")
+    @classmethod
+    def _exr_is_kept(cls, value: bool) -> bool:
+        if not value:
+            raise _wrong("the EXR cannot be left out: its header tells which frames are done", "exr = true")
+        return value
+
+
+class Job(Table):
+    """A look-dev job: every look under every light, through every turntable."""
+
+    output: Annotated[JobPath, AfterValidator(_folder)] = Field(
+        description="The output folder; frames are <look>/<ibl>/<turntable>.####.exr in it."
+    )
+    asset: JobAsset = Field(description="What is turned.")
+    look: tuple[JobLook, ...] = Field(min_length=1, description="The looks.")
+    ibl: tuple[JobIbl, ...] = Field(min_length=1, description="The image-based lights.")
+    turntable: tuple[JobTurntable, ...] = Field(min_length=1, description="The turntables.")
+    camera: JobCamera = Field(default_factory=JobCamera, description="The camera.")
+    render: JobRender = Field(default_factory=JobRender, description="Resolution, samples, device, background.")
+    outputs: JobOutputs = Field(default_factory=JobOutputs, description="Which files are written.")
+
+    _file: Path = PrivateAttr()
+
+    def model_post_init(self, context: Any) -> None:
+        """Remember the job file, whose absolute path the validation context carries as ``file``."""
+        self._file = _context_file(context)
+
+    @property
+    def file(self) -> Path:
+        """The job file, absolute; every path in the job is resolved against its folder."""
+        return self._file
+
+
+LISTS: tuple[str, ...] = ("look", "ibl", "turntable")
+"""The keys of `Job` that are lists of named tables."""

@@ -1,0 +1,130 @@
+"""Node definitions for other USD tools, written from the models' own parameters.
+
+``python -m lookdev.material.definitions`` rewrites `DEFINITIONS`.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from lookdev.brdf import PARAMETERS, Parameter, Value
+from lookdev.cache import atomic_path
+
+DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
+"""The file that `shader_definitions` is the text of."""
+
+DEFINED_LAYERS = 8
+"""Layers over the base that LookdevLayers declares; a look may have more."""
+
+_USD_TYPES = {"float": "float", "color": "color3f", "token": "token"}
+
+
+def shader_definitions() -> str:
+    """Return the text of shaderDefs.usda: LookdevDisney and LookdevLayers, for `Sdr.Registry`.
+
+    Each input has its type, default, help and, for numbers, its hard and soft range.
+    """
+    disney = [_parameter(parameter) for parameter in PARAMETERS["disney"].values()]
+    layers = [_input("token", "base", None, {"help": "The layer beneath all others."})]
+    for number in range(1, DEFINED_LAYERS + 1):
+        name = f"layer{number}"
+        beneath = "the base" if number == 1 else f"layer{number - 1}"
+        mask = Parameter(f"{name}Mask", "float", 1.0, help=f"How much of {name} covers what is beneath.")
+        layers += [
+            _input("token", name, None, {"help": f"The layer over {beneath}."}),
+            _parameter(mask),
+            _input("bool", f"{name}Enabled", "1", {"help": f"Whether {name} is there at all."}, constant=True),
+            _input(
+                "token",
+                f"{name}Mode",
+                '"over"',
+                {"help": "over: parameters (Disney) are blended by the mask."},
+                choices=("over",),
+                constant=True,
+            ),
+        ]
+    return "\n".join(
+        [
+            "#usda 1.0",
+            "(",
+            '    doc = "Node definitions of lookdev. Written by lookdev.material.definitions; do not edit."',
+            ")",
+            "",
+            _shader(
+                "LookdevDisney",
+                "Disney's principled BRDF (Burley 2012, with the 2014 addenda).",
+                disney,
+                "layer",
+            ),
+            _shader("LookdevLayers", "A stack of layers, each over what is beneath it.", layers, "surface"),
+        ]
+    )
+
+
+def _shader(name: str, doc: str, inputs: list[str], output: str) -> str:
+    # Sdr drops a node without a source asset; the code is generated, so the definition names itself.
+    return "\n".join(
+        [
+            f'def Shader "{name}" (',
+            f"    doc = {json.dumps(doc)}",
+            "    sdrMetadata = {",
+            '        token role = "surface"',
+            "    }",
+            ")",
+            "{",
+            f'    uniform token info:id = "{name}"',
+            '    uniform token info:implementationSource = "sourceAsset"',
+            f"    uniform asset info:lookdev:sourceAsset = @./{DEFINITIONS.name}@",
+            "",
+            *inputs,
+            f"    token outputs:{output}",
+            "}",
+            "",
+        ]
+    )
+
+
+def _parameter(parameter: Parameter) -> str:
+    metadata = {"help": parameter.help}
+    constant = parameter.kind == "token"
+    if not constant:
+        (hard_min, hard_max), (soft_min, soft_max) = parameter.hard, parameter.soft
+        metadata |= {"hardMin": repr(hard_min), "hardMax": repr(hard_max)}
+        metadata |= {"softMin": repr(soft_min), "softMax": repr(soft_max)}
+    return _input(
+        _USD_TYPES[parameter.kind],
+        parameter.name,
+        _literal(parameter.default),
+        metadata,
+        parameter.choices,
+        constant,
+    )
+
+
+def _literal(value: Value) -> str:
+    return json.dumps(value) if isinstance(value, str) else repr(value)
+
+
+def _input(
+    usd_type: str,
+    name: str,
+    default: str | None,
+    metadata: dict[str, str],
+    choices: tuple[str, ...] = (),
+    constant: bool = False,
+) -> str:
+    lines = [f"    {usd_type} inputs:{name}" + (f" = {default}" if default is not None else "") + " ("]
+    if choices:
+        lines.append(f"        allowedTokens = {json.dumps(list(choices))}")
+    if constant:
+        lines.append('        connectability = "interfaceOnly"')
+    lines.append("        sdrMetadata = {")
+    lines += [f"            string {key} = {json.dumps(text)}" for key, text in metadata.items()]
+    lines += ["        }", "    )", ""]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    with atomic_path(DEFINITIONS) as temporary:
+        temporary.write_text(shader_definitions(), encoding="utf-8")

@@ -1,0 +1,69 @@
+"""A look as plain data: layers of a reflectance model, with masks, over named inputs.
+
+This is what `material/usd.py` reads from a file and what `codegen` turns into shader code. Nothing here knows
+USD, Blender or a renderer.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+Wrap = Literal["black", "clamp", "repeat", "mirror"]
+
+
+@dataclass(frozen=True)
+class Texture:
+    """A texture look-up, as UsdUVTexture means it.
+
+    `channel` is ``"r" "g" "b" "a"`` for a float or ``"rgb"`` for a colour. Values are linear Rec.709 when
+    `colorspace` is resolved (``"sRGB"`` is decoded before filtering, ``"raw"`` is left alone), then
+    ``value * scale + bias`` per channel. `st` names the UV set; `transform` is UsdTransform2d as a 2x3 matrix
+    (row major) applied to st: ``st' = M[:, :2] @ st + M[:, 2]``. `st` (0, 0) is the lower left corner.
+    """
+
+    file: Path
+    channel: Literal["r", "g", "b", "a", "rgb"]
+    colorspace: Literal["sRGB", "raw"]
+    wrap_s: Wrap = "repeat"
+    wrap_t: Wrap = "repeat"
+    st: str = "st"
+    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    bias: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Primvar:
+    """A value carried by the geometry: a float or a colour, `fallback` where the mesh has none."""
+
+    name: str
+    fallback: float | tuple[float, float, float]
+
+
+Color = tuple[float, float, float]
+Input = float | Color | str | Texture | Primvar
+"""A constant, a token (``variant = "2012"``), or something that varies over the surface."""
+
+
+@dataclass(frozen=True)
+class Layer:
+    """One layer: a model, its inputs (only those that are set; the rest have the model's defaults), its mask.
+
+    The mask of the base layer is 1. A disabled layer is not in a `Look` at all.
+    """
+
+    name: str
+    model: str
+    inputs: dict[str, Input] = field(default_factory=dict)
+    mask: float | Texture | Primvar = 1.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """A layer stack, base first. `source` is the file and prim path it came from, for messages and headers."""
+
+    name: str
+    layers: tuple[Layer, ...]
+    source: str = ""

@@ -1,0 +1,246 @@
+"""Looks from USD: a UsdShade.Material whose outputs:lookdev:surface is a stack of layers.
+
+Composition (references, variants, sublayers, inherits) is USD's own; the composed network is read here.
+A lookdev shader has one result, so the name of the output that is connected does not matter.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+from pxr import Sdf, Tf, Usd, UsdShade
+
+from lookdev.brdf import PARAMETERS, Parameter
+from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.material.look import Input, Layer, Look, Primvar, Texture
+from lookdev.material.usd_inputs import read_input
+from lookdev.material.usd_network import Network, Source, shader_id
+
+MODELS = {"LookdevDisney": "disney"}
+"""info:id of a layer's shader, and the reflectance model it means."""
+
+Mask = float | Texture | Primvar
+
+_TERMINAL = "outputs:lookdev:surface"
+_LAYER_INPUT = re.compile(r"layer([1-9]\d*)(Mask|Enabled|Mode)?")
+_MASK = Parameter("mask", "float", 1.0)
+
+
+def read_look(
+    file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None, name: str | None = None
+) -> Look:
+    """Read a look.
+
+    Parameters
+    ----------
+    file
+        Any file USD opens.
+    prim
+        Path of the material; None takes the default prim if it is one, else the only material of the file.
+    variants
+        Variant set to variant, for sets on the material or above it; otherwise the file's own selections.
+    name
+        What the look is called; the material's name by default.
+
+    Raises
+    ------
+    LookError
+        Carries every fault of the look, each with its place.
+    """
+    network = Network(file)
+    stage = _open(file)
+    path = _find_material(network, stage, prim, variants or {})
+    for error in stage.GetCompositionErrors():
+        site = error.rootSite.path
+        if path is None or path.HasPrefix(site) or site.HasPrefix(path):
+            network.fault(site, str(error))
+    layers = () if path is None else _read_surface(network, UsdShade.Material(stage.GetPrimAtPath(path)))
+    if path is None or network.faults:
+        raise LookError(network.faults)
+    return Look(name or path.name, layers, f"{file}<{path}>")
+
+
+def has_look(file: Path, prim: str) -> bool:
+    """Say whether `prim` is a material with a connected outputs:lookdev:surface.
+
+    Raises
+    ------
+    LookError
+        The file is missing or is not USD.
+    """
+    stage = _open(file)
+    material = UsdShade.Material(stage.GetPrimAtPath(prim))
+    return bool(material) and bool(material.GetPrim().GetAttribute(_TERMINAL).HasAuthoredConnections())
+
+
+def _open(file: Path) -> Usd.Stage:
+    if not file.is_file():
+        raise LookError([Fault(str(file), "", "no such file")])
+    try:
+        return Usd.Stage.Open(str(file))
+    except Tf.ErrorException as error:
+        said = "; ".join(part.commentary.strip() for part in error.args)
+        raise LookError([Fault(str(file), "", f"USD cannot open it: {said}")]) from error
+
+
+def _find_material(
+    network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]
+) -> Sdf.Path | None:
+    """Select the variants and return the material's path; None, and a fault, where there is none."""
+    if prim is None:
+        path = _only_material(network, stage)
+        if path is None:
+            return None
+    elif prim.startswith("/") and Sdf.Path.IsValidPathString(prim) and Sdf.Path(prim).IsPrimPath():
+        path = Sdf.Path(prim)
+    else:
+        network.fault(prim, "is not a prim path", "for instance '/Paint'")
+        return None
+    _select_variants(network, stage, path, variants)
+    found = stage.GetPrimAtPath(path)
+    if found and found.IsA(UsdShade.Material):
+        return path
+    known = [str(material) for material in _materials(stage)]
+    hint = nearest_hint(str(path), known) if known else "the file holds no material"
+    network.fault(path, "is not a material" if found else "no such prim", hint)
+    return None
+
+
+def _materials(stage: Usd.Stage) -> list[Sdf.Path]:
+    return [prim.GetPath() for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
+
+
+def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
+    default = stage.GetDefaultPrim()
+    if default and default.IsA(UsdShade.Material):
+        return default.GetPath()
+    materials = _materials(stage)
+    if len(materials) == 1:
+        return materials[0]
+    known = f"name one with prim: {', '.join(map(str, materials))}" if materials else ""
+    network.fault("", f"holds {len(materials)} materials and none is the default prim", known)
+    return None
+
+
+def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variants: Mapping[str, str]) -> None:
+    """Select variants on the session layer, for the nearest prim at or above `path` that has the set.
+
+    A variant may bring further sets into being, so what is not there yet is tried again after each selection.
+    """
+    pending = dict(variants)
+    known: dict[str, Usd.VariantSet] = {}
+    while pending:
+        known = {}
+        for prefix in path.GetPrefixes():  # outermost first: the nearest prim's set wins
+            if prim := stage.GetPrimAtPath(prefix):
+                known.update({name: prim.GetVariantSet(name) for name in prim.GetVariantSets().GetNames()})
+        if not (ready := pending.keys() & known.keys()):
+            break
+        name = min(ready)
+        choice, choices = pending.pop(name), known[name].GetVariantNames()
+        if choice not in choices:
+            network.fault(path, f"variant set '{name}' has no variant '{choice}'", nearest_hint(choice, choices))
+            continue
+        with Usd.EditContext(stage, stage.GetSessionLayer()):
+            known[name].SetVariantSelection(choice)
+    for name in pending:
+        hint = nearest_hint(name, sorted(known)) if known else "it has none"
+        network.fault(path, f"has no variant set '{name}'", hint)
+
+
+def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer, ...]:
+    place = material.GetPath().AppendProperty(_TERMINAL)
+    attribute = material.GetPrim().GetAttribute(_TERMINAL)
+    source = network.follow(attribute) if attribute else None
+    if isinstance(source, Source):
+        if shader_id(source.shader) == "LookdevLayers":
+            return _read_stack(network, source.shader)
+        layer = _read_layer(network, attribute, source, 1.0, ("LookdevLayers", *MODELS))
+        return (layer,) if layer else ()
+    if not attribute or source is not None:
+        network.fault(place, "is not connected", "connect it to a LookdevLayers or LookdevDisney shader")
+    return ()
+
+
+def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
+    """Read the layers of a LookdevLayers shader, base first, without those that are not enabled."""
+    given: dict[str, Usd.Attribute] = {}
+    for each in stack.GetInputs():
+        name, attribute = each.GetBaseName(), each.GetAttr()
+        if name != "base" and not _LAYER_INPUT.fullmatch(name):
+            network.fault(
+                attribute,
+                "unknown input",
+                nearest_hint(name, ["base", "layer1", "layer1Mask", "layer1Enabled", "layer1Mode"]),
+            )
+        elif attribute.HasAuthoredConnections() or attribute.HasAuthoredValue():
+            given[name] = attribute
+    layers = [_read_connected_layer(network, given["base"], 1.0)] if "base" in given else []
+    if not layers:
+        network.fault(f"{stack.GetPath()}.inputs:base", "the stack has no base", "connect it to a layer")
+    numbers = sorted({int(match[1]) for name in given if (match := _LAYER_INPUT.fullmatch(name))})
+    for number in numbers:
+        layer = f"layer{number}"
+        if layer not in given:
+            network.fault(f"{stack.GetPath()}.inputs:{layer}", "is not connected, but more is said of it")
+        elif number > 1 and number - 1 not in numbers:
+            network.fault(given[layer], f"there is no layer{number - 1}", "number the layers without gaps")
+        if _is_enabled(network, given.get(f"{layer}Enabled")):
+            _check_mode(network, given.get(f"{layer}Mode"))
+            mask = _read_mask(network, given.get(f"{layer}Mask"))
+            if layer in given:
+                layers.append(_read_connected_layer(network, given[layer], mask))
+    return tuple(layer for layer in layers if layer)
+
+
+def _is_enabled(network: Network, attribute: Usd.Attribute | None) -> bool:
+    return attribute is None or network.constant(attribute, Sdf.ValueTypeNames.Bool) is not False
+
+
+def _check_mode(network: Network, attribute: Usd.Attribute | None) -> None:
+    mode = None if attribute is None else network.constant(attribute, Sdf.ValueTypeNames.Token)
+    if mode == "transmit":
+        network.fault(attribute, "'transmit' is not supported in this version", "use 'over'")
+    elif mode not in (None, "over"):
+        network.fault(attribute, f"unknown value '{mode}'", "use 'over'")
+
+
+def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
+    mask = None if attribute is None else read_input(network, attribute, _MASK)
+    return mask if isinstance(mask, float | Texture | Primvar) else 1.0
+
+
+def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask) -> Layer | None:
+    source = network.follow(attribute)
+    if isinstance(source, Source):
+        return _read_layer(network, attribute, source, mask, tuple(MODELS))
+    if source is not None:
+        network.fault(attribute, "is not connected to a layer", f"connect it to a {' or '.join(MODELS)} shader")
+    return None
+
+
+def _read_layer(
+    network: Network,
+    place: Usd.Attribute,
+    source: Source,
+    mask: Mask,
+    known: tuple[str, ...],
+) -> Layer | None:
+    model = MODELS.get(given := shader_id(source.shader))
+    if model is None:
+        what = f"<{source.path}> has the unknown info:id '{given}'"
+        if given == "LookdevPixar":
+            what = f"<{source.path}> is a LookdevPixar layer, which is not supported in this version"
+        network.fault(place, what, nearest_hint(given, known))
+        return None
+    parameters = PARAMETERS[model]
+    network.check_inputs(source.shader, list(parameters))
+    inputs: dict[str, Input] = {}
+    for each in source.shader.GetInputs():
+        if parameter := parameters.get(each.GetBaseName()):
+            value = read_input(network, each.GetAttr(), parameter)
+            if value is not None:
+                inputs[parameter.name] = value
+    return Layer(source.shader.GetPrim().GetName(), model, inputs, mask)

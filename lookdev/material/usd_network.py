@@ -1,0 +1,147 @@
+"""Walking a UsdShade network: connections, typed constants, and every fault met on the way."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pxr import Gf, Sdf, Sdr, Usd, UsdShade
+
+from lookdev.errors import Fault, nearest_hint
+
+_VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
+
+
+@dataclass(frozen=True)
+class Source:
+    """The shader output that an input gets its value from."""
+
+    shader: UsdShade.Shader
+    output: str
+
+    @property
+    def path(self) -> Sdf.Path:
+        """Path of the shader prim."""
+        return self.shader.GetPath()
+
+
+class Network:
+    """One look's network. Reading goes on after a fault, so that `faults` holds all of them in the end."""
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self._faults: list[Fault] = []
+
+    @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Every fault met so far, in order; those of a node that several inputs share only once."""
+        return tuple(dict.fromkeys(self._faults))
+
+    def fault(self, where: object, what: str, hint: str = "") -> None:
+        """Note a fault. `where` is an attribute or a path."""
+        place = where.GetPath() if isinstance(where, Usd.Object) else where
+        self._faults.append(Fault(str(self.file), str(place), what, hint))
+
+    def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | Source | None:
+        """Follow connections through interface inputs and node graphs.
+
+        Returns the attribute that holds the value, or the shader output that computes it; None, and a fault,
+        where the way is broken.
+        """
+        seen: set[Sdf.Path] = set()
+        while paths := attribute.GetConnections():
+            path, target = attribute.GetPath(), paths[0]
+            prim = attribute.GetStage().GetPrimAtPath(target.GetPrimPath())
+            name, kind = UsdShade.Utils.GetBaseNameAndType(target.name)
+            if len(paths) > 1:
+                self.fault(path, f"has {len(paths)} connections", "an input takes one")
+                return None
+            if path in seen:
+                self.fault(path, "its connections run in a cycle")
+                return None
+            if prim and prim.IsA(UsdShade.Shader) and kind == UsdShade.AttributeType.Output:
+                return Source(UsdShade.Shader(prim), name)
+            attribute = prim.GetAttribute(target.name) if prim and not prim.IsA(UsdShade.Shader) else None
+            if not attribute:
+                self.fault(path, f"is connected to <{target}>, which is no output of a shader and no interface input")
+                return None
+            seen.add(path)
+        return attribute
+
+    def has_type(self, place: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> bool:
+        """Say whether `holder`, whose value goes into `place`, has the expected type, whatever its role."""
+        actual = holder.GetTypeName()
+        texts = (Sdf.ValueTypeNames.String, Sdf.ValueTypeNames.Token)  # varname has been either
+        if actual.type == expected.type or (expected == Sdf.ValueTypeNames.String and actual in texts):
+            return True
+        elsewhere = "" if holder == place else f" at <{holder.GetPath()}>"
+        self.fault(place, f"has type {actual}{elsewhere}", f"it must be {expected}")
+        return False
+
+    def value(self, place: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
+        """Return the constant that `holder` gives to `place`; None where unset, or wrong and noted."""
+        if not self.has_type(place, holder, expected):
+            return None
+        if holder.GetNumTimeSamples():
+            self.fault(place, "is animated", "a look holds still; author one default value")
+            return None
+        value = holder.Get()
+        numbers = (value,) if isinstance(value, float) else tuple(value) if isinstance(value, _VECTORS) else ()
+        if not all(map(math.isfinite, numbers)):
+            self.fault(place, f"{value} is not finite")
+            return None
+        return value
+
+    def constant(self, attribute: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
+        """Return the value of an input that must be constant; None where unset, or wrong and noted."""
+        if not self.has_type(attribute, attribute, expected):
+            return None
+        holder = self.follow(attribute)
+        if isinstance(holder, Source):
+            self.fault(attribute, f"is computed by <{holder.path}>", "it must be a constant")
+            return None
+        return None if holder is None else self.value(attribute, holder, expected)
+
+    def node_value(self, shader: UsdShade.Shader, name: str) -> Any:
+        """Return a constant input of one of USD's own nodes; None where it is wrong and noted.
+
+        USD's own definition of the node gives the type, the default and the options.
+        """
+        definition = _definition(shader).GetShaderInput(name)
+        attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
+        noted = len(self._faults)
+        value = None
+        if attribute:
+            value = self.constant(attribute, definition.GetTypeAsSdfType().GetSdfType())
+        if value is None:
+            return definition.GetDefaultValueAsSdfType() if len(self._faults) == noted else None
+        options = [option for option, _ in definition.GetOptions()]
+        if options and value not in options:
+            self.fault(attribute, f"unknown value '{value}'", nearest_hint(value, options))
+            return None
+        return value
+
+    def check_node(self, place: object, source: Source, outputs: Sequence[str] = ("result",)) -> None:
+        """Note inputs that one of USD's own nodes does not have, and an output that `place` cannot use."""
+        self.check_inputs(source.shader, _definition(source.shader).GetShaderInputNames())
+        if source.output not in outputs:
+            what = f"cannot use <{source.path}.outputs:{source.output}>"
+            self.fault(place, what, f"use outputs:{' or '.join(outputs)}")
+
+    def check_inputs(self, shader: UsdShade.Shader, known: Sequence[str]) -> None:
+        """Note every input of a shader that is not among `known`."""
+        for given in shader.GetInputs():
+            if given.GetBaseName() not in known:
+                self.fault(given.GetAttr(), "unknown input", nearest_hint(given.GetBaseName(), known))
+
+
+def shader_id(shader: UsdShade.Shader) -> str:
+    """Return a shader's info:id; '' where it has none."""
+    return shader.GetShaderId() or ""
+
+
+def _definition(shader: UsdShade.Shader) -> Any:
+    return Sdr.Registry().GetShaderNodeByIdentifier(shader_id(shader))

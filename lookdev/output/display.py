@@ -1,0 +1,119 @@
+"""From linear light to what a screen shows: OpenColorIO's views, as 8-bit PNG.
+
+The colour management is OpenColorIO's built-in ACES CG config, the same on every machine; ``$OCIO`` is not
+consulted.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import PyOpenColorIO as ocio
+from numpy.typing import ArrayLike, NDArray
+
+from lookdev.cache import atomic_path
+from lookdev.errors import OutputError, nearest_hint
+
+Floats = NDArray[np.float32]
+Pixels = NDArray[np.uint8]
+
+CONFIG = "cg-config-v2.2.0_aces-v1.3_ocio-v2.4"
+SOURCE = "Linear Rec.709 (sRGB)"
+DISPLAY = "sRGB - Display"
+VIEWS: tuple[str, ...] = ("ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw")
+
+
+@lru_cache(maxsize=len(VIEWS))
+def _processor(view: str) -> ocio.CPUProcessor:
+    config = ocio.Config.CreateFromBuiltinConfig(CONFIG)
+    return config.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor()
+
+
+def to_display(rgb: ArrayLike, view: str) -> Pixels:
+    """Show linear light on an sRGB screen.
+
+    Parameters
+    ----------
+    rgb : (H, W, 3) linear Rec.709, finite.
+    view : one of `VIEWS`; ``Raw`` quantises the numbers as they are.
+
+    Returns
+    -------
+    (H, W, 3) uint8, rounded to nearest.
+
+    Raises
+    ------
+    OutputError
+        The view is unknown, or a pixel is NaN or infinite.
+    """
+    if view not in VIEWS:
+        raise OutputError(f"no view '{view}' of {DISPLAY} ({nearest_hint(view, VIEWS)}; views: {', '.join(VIEWS)})")
+    shown = np.array(rgb, dtype=np.float32, order="C")  # a copy: OpenColorIO works in place
+    broken = np.argwhere(~np.isfinite(shown).all(axis=-1))
+    if broken.size:
+        row, column = broken[0]
+        raise OutputError(f"{len(broken)} pixels are NaN or infinite, the first in row {row}, column {column}")
+    _processor(view).applyRGB(shown)
+    return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Floats:
+    """Lay premultiplied beauty (H, W, 3) with alpha (H, W) over linear light (H, W, 3) or one colour (3,)."""
+    uncovered = 1.0 - np.asarray(alpha, dtype=np.float32)[..., None]
+    return np.asarray(beauty, dtype=np.float32) + uncovered * np.asarray(background, dtype=np.float32)
+
+
+def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: str) -> None:
+    """Write a display picture, whole or not at all.
+
+    With `alpha`, `rgb` is premultiplied; it is divided by alpha before the view transform, because PNG stores
+    unassociated alpha, and light where nothing covers the pixel is lost. Without, the picture is opaque.
+
+    Parameters
+    ----------
+    path : where to, ``.png``.
+    rgb : (H, W, 3) linear Rec.709, finite.
+    alpha : (H, W) in [0, 1], or None.
+    view : one of `VIEWS`.
+
+    Raises
+    ------
+    OutputError
+        As for `to_display`, or the file cannot be written.
+    """
+    if alpha is None:
+        write_pixels(path, to_display(rgb, view))
+        return
+    coverage = np.asarray(alpha, dtype=np.float32)[..., None]
+    # A sliver of coverage divides by almost nothing: float64, and bounded, so that the quotient stays finite.
+    straight = np.divide(np.asarray(rgb, np.float64), coverage, where=coverage > 0.0, out=np.zeros(np.shape(rgb)))
+    straight = np.minimum(straight, np.finfo(np.float32).max)
+    opacity = (np.clip(coverage, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    write_pixels(path, np.concatenate([to_display(straight, view), opacity], axis=-1))
+
+
+def write_pixels(path: Path, pixels: Pixels) -> None:
+    """Write (H, W, 3 or 4) sRGB-encoded pixels, alpha unassociated, as a PNG, whole or not at all.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec.attribute("oiio:ColorSpace", "sRGB")
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # the pixels are; without it the writer divides by alpha again
+    try:
+        with atomic_path(path) as temporary:
+            output = oiio.ImageOutput.create(str(temporary))
+            if output is None:
+                raise OutputError(f"{path}: cannot write this kind of file: {oiio.geterror().strip()}")
+            written = output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))
+            if not (output.close() and written):
+                raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
+    except OSError as error:
+        raise OutputError(f"{path}: cannot write the picture: {error}") from error

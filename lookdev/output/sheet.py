@@ -1,0 +1,95 @@
+"""Contact sheets: all frames of a turntable on one labelled page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lookdev.errors import OutputError
+from lookdev.output.display import Pixels, write_pixels
+
+PAGE = 46  # sRGB code values: a dark neutral grey that neither flatters nor dims the frames
+INK = 190
+TITLE_INK = 235
+FONT = "DroidSans"  # ships with OpenImageIO
+PAGE_ASPECT = 1.6
+SRGB_GAMMA = 2.2  # near enough to sRGB for averaging pixels
+
+
+def write_sheet(
+    path: Path,
+    frames: Sequence[Pixels],
+    labels: Sequence[str],
+    title: str,
+    columns: int | None = None,
+    cell: int = 256,
+) -> None:
+    """Write a contact sheet as PNG, whole or not at all.
+
+    Parameters
+    ----------
+    path : where to, ``.png``.
+    frames : (H, W, 3) uint8 display pixels each, of one size; at least one.
+    labels : one a frame, written under it.
+    title : written above.
+    columns : frames in a row; None chooses a page near 16:10.
+    cell : longer side of a thumbnail in pixels.
+
+    Raises
+    ------
+    OutputError
+        There is no frame, frames differ in size, labels do not match, or the file cannot be written.
+    """
+    if not frames or len(labels) != len(frames):
+        counts = f"{len(frames)} frames and {len(labels)} labels"
+        raise OutputError(f"{path}: a sheet needs at least one frame and a label for each, got {counts}")
+    sizes = {frame.shape for frame in frames}
+    if len(sizes) > 1:
+        raise OutputError(f"{path}: the frames of a sheet must be of one size, got {sorted(sizes)}")
+    height, width = frames[0].shape[:2]
+    scale = cell / max(height, width)
+    height, width = max(1, round(height * scale)), max(1, round(width * scale))
+
+    gap, text, heading = max(4, cell // 20), max(10, cell // 16), max(14, cell // 10)
+    step_x, step_y = width + gap, height + 2 * gap + text
+    if columns is None:
+        columns = math.ceil(math.sqrt(len(frames) * PAGE_ASPECT * step_y / step_x))
+        columns = math.ceil(len(frames) / math.ceil(len(frames) / columns))  # as many rows, evenly filled
+    columns = max(1, min(columns, len(frames)))
+    rows = math.ceil(len(frames) / columns)
+    margin, top = 2 * gap, 4 * gap + heading
+    page_width = 2 * margin + columns * step_x - gap
+    page = np.full((top + rows * step_y + gap, page_width, 3), PAGE, dtype=np.uint8)
+
+    corners = [(margin + i % columns * step_x, top + i // columns * step_y) for i in range(len(frames))]
+    for frame, (x, y) in zip(frames, corners, strict=True):
+        page[y : y + height, x : x + width] = _thumbnail(frame, width, height)
+    canvas = oiio.ImageBuf(page)
+    _write_text(canvas, title, margin, 2 * gap + heading, heading, page_width - 2 * margin, TITLE_INK)
+    for label, (x, y) in zip(labels, corners, strict=True):
+        _write_text(canvas, label, x, y + height + gap // 2 + text, text, width, INK)
+    write_pixels(path, np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8))
+
+
+def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
+    """Resize in near-linear light: averaging encoded values would dim highlights."""
+    light = (frame / np.float32(255.0)) ** np.float32(SRGB_GAMMA)
+    small = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(light)), roi=oiio.ROI(0, width, 0, height))
+    if small.has_error:
+        raise OutputError(f"cannot make a {width} x {height} thumbnail: {small.geterror().strip()}")
+    linear = np.clip(np.asarray(small.get_pixels(oiio.FLOAT), dtype=np.float64), 0.0, 1.0)
+    return np.asarray(linear ** (1.0 / SRGB_GAMMA) * 255.0 + 0.5).astype(np.uint8)
+
+
+def _write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
+    """Write one line of text, shortened with an ellipsis to `room` pixels."""
+    shown = text
+    while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
+        shown = shown.rstrip("…")[:-1] + "…" if len(shown) > 1 else ""
+    color = (ink / 255.0,) * 3
+    if shown and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, shown, size, FONT, color):
+        raise OutputError(f"cannot write '{text}' on the contact sheet: {canvas.geterror().strip()}")

@@ -1,0 +1,113 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lookdev.asset import BUILTINS, Slot, load_asset
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.normals import area_vectors, next_corners
+from lookdev.errors import AssetError
+
+
+@pytest.fixture(scope="module")
+def assets():
+    return {name: load_asset(builtin=name) for name in BUILTINS}
+
+
+def face_areas(mesh):
+    return area_vectors(mesh.points[mesh.corner_points].astype(np.float64), mesh.face_sizes)
+
+
+@pytest.mark.parametrize("name", BUILTINS)
+def test_it_is_what_a_mesh_must_be(assets, name, check_asset):
+    asset = assets[name]
+    check_asset(asset)
+    assert asset.name == name
+    assert all(slot.path.startswith(f"/{name}") and slot.material is None for slot in asset.slots)
+    assert asset.convex == (name == "sphere")
+    assert asset.digest == load_asset(builtin=name).digest
+
+
+@pytest.mark.parametrize("name", BUILTINS)
+def test_normals_agree_with_the_winding_and_the_winding_faces_outwards(assets, name):
+    for mesh in assets[name].meshes:
+        areas = face_areas(mesh)
+        along = (mesh.normals * np.repeat(areas, mesh.face_sizes, axis=0)).sum(axis=1)
+        assert (along > 0.0).mean() > 0.999
+        # The divergence theorem: positive where the faces look out of the volume.
+        first = mesh.points[mesh.corner_points][np.cumsum(mesh.face_sizes) - mesh.face_sizes]
+        assert (areas * first).sum() > 0.0
+
+
+@pytest.mark.parametrize("name", ["shaderball", "sphere"])
+def test_it_is_watertight(assets, name):
+    for mesh in assets[name].meshes:
+        a = mesh.corner_points.astype(np.int64)
+        b, count = a[next_corners(mesh.face_sizes)], len(mesh.points)
+        forth, back = np.sort(a * count + b), np.sort(b * count + a)
+        np.testing.assert_array_equal(forth, back)
+        assert (np.diff(forth) > 0).all()
+
+
+def test_the_sphere_is_exact():
+    (mesh,) = make_sphere(32, 16).meshes
+    positions = mesh.points[mesh.corner_points]
+    np.testing.assert_allclose(np.linalg.norm(mesh.points, axis=1), 1.0, atol=2e-7)
+    quads = np.repeat(mesh.face_sizes == 4, mesh.face_sizes)
+    np.testing.assert_allclose(mesh.normals[quads], positions[quads], atol=2e-7)
+    u, v = mesh.uvs["st"].T
+    latitude, longitude = np.pi * (v - 0.5), 2.0 * np.pi * u
+    expected = np.stack(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)],
+        axis=-1,
+    )
+    np.testing.assert_allclose(positions, expected, atol=1e-6)  # u in float32, times 2 pi
+    around = np.stack([-np.sin(longitude), np.cos(longitude), 0 * longitude], axis=-1)
+    np.testing.assert_allclose(mesh.tangents, around, atol=1e-6)
+
+
+def test_the_default_sphere_is_fine(assets):
+    assert len(assets["sphere"].meshes[0].face_sizes) == 512 * 256
+    assert assets["sphere"].center == (0.0, 0.0, 0.0)
+    assert assets["sphere"].radius == pytest.approx(1.0, abs=1e-7)
+    assert assets["sphere"].slots == (Slot("/sphere"),)
+
+
+def test_the_shaderball_stands_on_the_floor_and_has_its_parts(assets):
+    asset = assets["shaderball"]
+    assert asset.slots == (Slot("/shaderball/body"), Slot("/shaderball/base"))
+    world = [
+        asset.meshes[instance.mesh].points @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
+        for instance in asset.instances
+    ]
+    assert min(points[:, 2].min() for points in world) == 0.0
+    assert 100_000 < sum((mesh.face_sizes - 2).sum() for mesh in asset.meshes) < 250_000
+    ball = asset.meshes[0].points
+    distance = np.linalg.norm(ball, axis=1)
+    assert distance.max() == pytest.approx(1.04, abs=1e-3)  # the rim
+    groove = np.abs(np.degrees(np.arctan2(ball[:, 2], np.hypot(*ball[:, :2].T))) - 12.0) < 1.0
+    np.testing.assert_allclose(distance[groove & (distance > 0.9)], 0.95, atol=1e-3)
+    assert ball[np.hypot(*ball[:, :2].T) == 0.0, 2].max() == pytest.approx(0.80)  # the core's top
+
+
+def test_the_shaderball_has_rounded_edges(assets):
+    for mesh in assets["shaderball"].meshes:
+        areas = face_areas(mesh)
+        facets = areas / np.linalg.norm(areas, axis=1, keepdims=True)
+        cosine = (mesh.normals * np.repeat(facets, mesh.face_sizes, axis=0)).sum(axis=1)
+        # A right angle in eight steps turns a normal by about 11 degrees from a facet to the next.
+        assert np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < 12.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"builtin": "shaderbal"}, "did you mean 'shaderball'"),
+        ({"builtin": "sphere", "prim": "/World"}, "has no prims"),
+        ({}, "either a USD file or a built-in"),
+        ({"usd": "a.usd", "builtin": "sphere"}, "either a USD file or a built-in"),
+    ],
+)
+def test_wrong_requests_are_told(arguments, message):
+    with pytest.raises(AssetError, match=message):
+        load_asset(**arguments)

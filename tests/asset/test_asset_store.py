@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from lookdev.asset import Slot, read_asset, save_asset
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.store import asset_digest, make_asset
+from lookdev.cache import cache_dir
+from lookdev.errors import AssetError
+
+
+@pytest.fixture
+def asset():
+    sphere = make_sphere(8, 4)
+    mesh = sphere.meshes[0]
+    mesh = dataclasses.replace(
+        mesh,
+        uvs={"st": mesh.uvs["st"], "second:set": mesh.uvs["st"] * 2},
+        primvars={"wear/../x": mesh.uvs["st"][:, 0].copy(), "displayColor": mesh.normals.copy()},
+    )
+    return make_asset("thing", [mesh], sphere.instances, [Slot("/thing", "/Looks/Paint")], convex=True)
+
+
+def test_what_is_saved_is_read_back(asset, check_asset):
+    path = save_asset(asset)
+    assert path == cache_dir("assets") / f"{asset.digest}.npz"
+    again = read_asset(path)
+    check_asset(again)
+    assert asset_digest(again) == again.digest == asset.digest
+    for name in ("name", "slots", "center", "radius", "convex"):
+        assert getattr(again, name) == getattr(asset, name)
+    assert list(again.meshes[0].uvs) == ["st", "second:set"]
+    assert list(again.meshes[0].primvars) == ["wear/../x", "displayColor"]
+    np.testing.assert_array_equal(again.meshes[0].primvars["displayColor"], asset.meshes[0].normals)
+    np.testing.assert_array_equal(again.instances[0].matrix, asset.instances[0].matrix)
+
+
+def test_a_saved_asset_is_not_written_again(asset):
+    before = save_asset(asset).stat()
+    after = save_asset(asset).stat()
+    assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
+    assert [path.name for path in cache_dir("assets").iterdir()] == [f"{asset.digest}.npz"]
+
+
+def _other_point(asset):
+    mesh = asset.meshes[0]
+    points = mesh.points.copy()
+    points[3, 1] = np.nextafter(points[3, 1], np.float32(9.0))
+    return dataclasses.replace(asset, meshes=(dataclasses.replace(mesh, points=points),))
+
+
+def _other_matrix(asset):
+    (instance,) = asset.instances
+    return dataclasses.replace(asset, instances=(dataclasses.replace(instance, matrix=instance.matrix * 2),))
+
+
+def _other_uv_name(asset):
+    mesh = asset.meshes[0]
+    uvs = {"map1": mesh.uvs["st"], "second:set": mesh.uvs["second:set"]}
+    return dataclasses.replace(asset, meshes=(dataclasses.replace(mesh, uvs=uvs),))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        _other_point,
+        _other_matrix,
+        _other_uv_name,
+        lambda asset: dataclasses.replace(asset, convex=False),
+        lambda asset: dataclasses.replace(asset, name="other"),
+        lambda asset: dataclasses.replace(asset, slots=(Slot("/thing"),)),
+    ],
+)
+def test_every_part_is_in_the_digest(asset, change):
+    assert asset_digest(asset) == asset.digest
+    assert asset_digest(change(asset)) != asset.digest
+
+
+@pytest.mark.parametrize("damage", ["missing", "empty", "cut", "foreign"])
+def test_a_damaged_file_is_named(asset, tmp_path, damage):
+    path = tmp_path / "damaged.npz"
+    whole = save_asset(asset).read_bytes()
+    if damage == "foreign":
+        np.savez(path, something=np.zeros(3))
+    elif damage != "missing":
+        path.write_bytes(b"" if damage == "empty" else whole[: len(whole) // 2])
+    with pytest.raises(AssetError, match=r"damaged\.npz: is not an asset"):
+        read_asset(path)
+
+
+def test_nothing_and_a_point_are_no_assets(asset):
+    with pytest.raises(AssetError, match="thing: has no surface to render"):
+        make_asset("thing", asset.meshes, [], asset.slots)
+    mesh = dataclasses.replace(asset.meshes[0], points=asset.meshes[0].points * 0 + 1)
+    with pytest.raises(AssetError, match="all points lie in one place"):
+        make_asset("thing", [mesh], asset.instances, asset.slots)

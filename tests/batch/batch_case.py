@@ -1,0 +1,113 @@
+"""A small job, its plan, and the fake worker. Run as a program, it is a batch that tests can kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from lookdev.batch.run import RunResult, run_plan
+from lookdev.codegen import ShaderSource
+from lookdev.ibl import LightTables
+from lookdev.job import Job, parse_job
+from lookdev.output.exr import read_header
+from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
+from lookdev.plan.task import SceneTask
+
+WIDTH, HEIGHT = 8, 6
+JOB = """
+output = "out"
+[asset]
+builtin = "sphere"
+[[look]]
+name = "gold"
+material = "gold.usda"
+[[ibl]]
+name = "city"
+builtin = "city"
+exposure = -1.0
+"""
+TURNTABLES = """
+[[turntable]]
+kind = "element"
+frames = 4
+[[turntable]]
+kind = "lighting"
+frames = 3
+"""
+RENDER = """
+[render]
+resolution = [8, 6]
+samples = 8
+background = [0.5, 0.25, 0.0]
+[outputs]
+view = "Raw"
+"""
+
+
+def make_job(folder: Path, turntables: str = TURNTABLES, render: str = RENDER) -> Job:
+    """Return a job of 4 + 3 files that show 6 poses."""
+    (folder / "gold.usda").touch()
+    return parse_job(JOB + turntables + render, folder / "job.toml")
+
+
+def make_plan(job: Job, osl: str = "shader gold() {}") -> Plan:
+    scene = SceneTask(
+        asset_file=Path("/cache/a55e7.npz"),
+        shaders=(ShaderSource("gold", osl, (), (), "500d"),),
+        light=LightTables(Path("/c/r.exr"), Path("/c/s.exr"), 64, 32, 2**16, "119147"),
+        resolution=(WIDTH, HEIGHT),
+        sampling=frame_sampling(job.render),
+        camera=frame_camera(job.camera, (0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT)),
+        device="cpu",
+    )
+    return build_plan(job, {("gold", "city"): scene}, read_header)
+
+
+def command(folder: Path) -> tuple[str, ...]:
+    return (sys.executable, str(Path(__file__).with_name("fake_worker.py")), str(folder))
+
+
+def misbehave(folder: Path, **by_frame: list[str]) -> None:
+    """Say what the fake worker does at each try of a frame: ``element_0001=["die", "ok"]``."""
+    told = {f"{name.replace('_', '.')}.exr": tries for name, tries in by_frame.items()}
+    (folder / "behaviour.json").write_text(json.dumps(told))
+
+
+def requests(folder: Path) -> list[str]:
+    file = folder / "requests.txt"
+    return file.read_text().split() if file.exists() else []
+
+
+def worker_pids(folder: Path) -> list[int]:
+    file = folder / "pids.txt"
+    return [int(pid) for pid in file.read_text().split()] if file.exists() else []
+
+
+def is_alive(pid: int) -> bool:
+    """Tell whether a process runs; one that has ended but was not waited for does not."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+
+
+def wait_until(condition, seconds: float = 20.0) -> None:  # type: ignore[no-untyped-def]
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.01)
+
+
+def run(folder: Path, **options: object) -> RunResult:
+    job = make_job(folder)
+    return run_plan(job, make_plan(job), worker_command=command(folder), **options)  # type: ignore[arg-type]
+
+
+if __name__ == "__main__":
+    result = run(Path(sys.argv[1]))
+    sys.stdout.write(result.summary() + "\n")
+    sys.stdout.flush()
+    os._exit(result.exit_code)

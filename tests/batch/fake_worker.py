@@ -1,0 +1,120 @@
+"""A render worker of the real protocol without a renderer, which misbehaves as told.
+
+Usage: fake_worker.py FOLDER. FOLDER/behaviour.json maps a frame's first file name to what to do at each try
+of it (the last entry stands for all further tries); other frames are rendered. Every request is noted in
+FOLDER/requests.txt and every start in FOLDER/pids.txt, so that tests see what was asked across restarts.
+"""
+
+import json
+import os
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+folder = Path(sys.argv[1])
+requests = folder / "requests.txt"
+
+
+def say(**message: object) -> None:
+    write(json.dumps(message) + "\n")
+
+
+def write(text: str) -> None:
+    sys.stdout.write(text)
+    sys.stdout.flush()
+
+
+def behaviour(name: str) -> str:
+    file = folder / "behaviour.json"
+    plan = json.loads(file.read_text()) if file.exists() else {}
+    tries = requests.read_text().split().count(name)  # this one included
+    told = plan.get(name, ["ok"])
+    return told[min(tries, len(told)) - 1]
+
+
+def result(task: dict, what: str) -> None:
+    import numpy as np  # here, so that a start is quick and tests of hanging need little patience
+
+    digest = task["digest"]
+    width, height = task["scene"]["resolution"]
+    half = np.full((height, width, 3), 0.25, np.float32)
+    arrays = {"a": half, "b": 3.0 * half, "alpha": np.full((height, width), 0.5, np.float32)}
+    if what == "shape":
+        arrays["b"] = half[1:]
+    elif what == "nan":
+        arrays["a"] = np.full_like(half, np.nan)
+    elif what == "lack":
+        del arrays["alpha"]
+    handle, path = tempfile.mkstemp(suffix=".npz")
+    os.close(handle)
+    np.savez(path, **arrays)
+    if what == "truncated":
+        os.truncate(path, 100)
+    for samples in (4, 8):
+        say(type="progress", digest=digest, samples=samples, of=8, relmse=None if samples == 4 else 0.01)
+    say(type="done", digest=digest, arrays=path, samples=8, seconds=0.125, relmse=0.01)
+
+
+def act(task: dict, what: str) -> None:
+    digest = task["digest"]
+    match what:
+        case "die":
+            os.kill(os.getpid(), signal.SIGKILL)
+        case "exit":
+            sys.stderr.write("a last word of the fake\n")
+            sys.stderr.flush()
+            os._exit(3)
+        case "garbage":
+            write("Fra:1 Mem:12M | Rendering\n")
+        case "flood":
+            write("x" * (1 << 21))
+        case "half":
+            write('{"type": "done", "dig')
+            os._exit(0)
+        case "ready":
+            say(type="ready", blender="0.0")
+        case "hang":
+            time.sleep(60)
+        case "child":
+            child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+            (folder / "child.txt").write_text(str(child.pid))
+            time.sleep(60)
+        case "failed":
+            say(type="failed", digest=digest, message="no such attribute 'st2'")
+        case "other":
+            say(type="failed", digest="0" * 64, message="of another frame")
+        case "missing":
+            say(type="done", digest=digest, arrays="/nowhere.npz", samples=8, seconds=0.1, relmse=0.01)
+        case "slow":
+            time.sleep(0.2)
+            result(task, "ok")
+        case _:
+            result(task, what)
+
+
+def main() -> None:
+    lines: queue.Queue[str] = queue.Queue()
+
+    def read() -> None:
+        for line in sys.stdin:
+            lines.put(line)
+        os._exit(0)  # the parent has gone
+
+    threading.Thread(target=read, daemon=True).start()
+    with (folder / "pids.txt").open("a") as pids:
+        pids.write(f"{os.getpid()}\n")
+    say(type="ready", blender="4.5.0 fake")
+    while True:
+        task = json.loads(lines.get())
+        name = Path(task["files"][0]).name
+        with requests.open("a") as asked:
+            asked.write(f"{name}\n")
+        act(task, behaviour(name))
+
+
+main()

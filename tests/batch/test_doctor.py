@@ -1,0 +1,122 @@
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import pytest
+
+from lookdev.batch import doctor
+from lookdev.batch.doctor import BLENDER_PYTHONS, Finding, describe, examine
+
+VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
+BPY = (sys.executable, "-c", f"print('a word of a library'); print('{VERSION}.7 LTS')")
+SELF_TEST = (sys.executable, "-c", "print('{\"osl\": true}')")
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def look(bpy: tuple[str, ...] = BPY, self_test: tuple[str, ...] = SELF_TEST) -> dict[str, Finding]:
+    return {finding.subject: finding for finding in examine(bpy, self_test)}
+
+
+def program(text: str) -> tuple[str, ...]:
+    return (sys.executable, "-c", text)
+
+
+def test_a_good_machine(cache: Path) -> None:
+    found = look()
+    assert all(finding.good for finding in found.values())
+    assert not any(finding.remedy for finding in found.values())
+    assert found["bpy (Blender)"].found == f"{VERSION}.7 LTS"
+    assert set(doctor.MODULES) < set(found)
+    assert list(cache.iterdir()) == []
+
+
+def test_a_missing_system_library_names_its_debian_package() -> None:
+    error = "ImportError: libXrender.so.1: cannot open shared object file: No such file or directory"
+    found = look(bpy=program(f"import sys; sys.exit('{error}')"))
+    bpy = found["bpy (Blender)"]
+    assert (bpy.good, bpy.found, bpy.remedy) == (False, error, "sudo apt-get install libxrender1")
+    assert "OSL in Cycles" not in found
+
+
+def test_all_missing_system_libraries_are_one_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = next(iter(doctor.SYSTEM_LIBRARIES))
+    libraries = {there: "here", "libnowhere.so.1": "libnowhere1", "libneither.so.6": "libneither6"}
+    monkeypatch.setattr(doctor, "SYSTEM_LIBRARIES", libraries)
+    finding = look()["system libraries"]
+    assert not finding.good
+    assert finding.found == "lacks libnowhere.so.1, libneither.so.6"
+    assert finding.remedy == "sudo apt-get install libneither6 libnowhere1"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "import sys; sys.exit('ModuleNotFoundError: bpy')",
+        "print('1.23.4')",
+        "import os; os.kill(os.getpid(), 11)",
+    ],
+)
+def test_a_missing_wrong_or_crashing_blender_names_the_wheel(text: str) -> None:
+    bpy = look(bpy=program(text))["bpy (Blender)"]
+    assert not bpy.good
+    assert bpy.found
+    assert bpy.remedy == f"python -m pip install 'bpy=={VERSION}.*'"
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("import sys; sys.exit('no oslquery')", "no oslquery"),
+        ("print('Blender quit')", "answered 'Blender quit'"),
+        ("print('{}'); import os; os._exit(5)", "exit code 5"),
+    ],
+)
+def test_osl_that_does_not_work(text: str, found: str) -> None:
+    osl = look(self_test=program(text))["OSL in Cycles"]
+    assert (osl.good, osl.found) == (False, found)
+    assert osl.remedy
+
+
+def test_a_missing_dependency_names_its_distribution(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "MODULES", {"usd-nowhere": "pxr_nowhere.Usd", "lookdev": "lookdev"})
+    found = look()
+    assert found["usd-nowhere"].remedy == "python -m pip install usd-nowhere"
+    assert "pxr_nowhere" in found["usd-nowhere"].found
+    assert found["lookdev"].good
+
+
+def test_another_python_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "BLENDER_PYTHONS", {(2, 7): "2.79"})
+    found = look()
+    assert not found["Python"].good
+    assert "2.7" in found["Python"].remedy
+    assert not found["bpy (Blender)"].good
+
+
+def test_a_cache_that_cannot_be_written(cache: Path) -> None:
+    cache.write_text("a file where a folder should be")
+    finding = look()["cache folder"]
+    assert not finding.good
+    assert "LOOKDEV_CACHE" in finding.remedy
+
+
+def test_a_full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(doctor, "FREE_DISK", 1e9)
+    finding = look()["cache folder"]
+    assert not finding.good
+    assert "GB free" in finding.found
+
+
+def test_a_description_has_a_line_for_each_remedy() -> None:
+    text = describe([Finding("Python", "3.11", good=True), Finding("bpy", "gone", good=False, remedy="get it")])
+    assert text.splitlines() == [
+        "ok       Python  3.11",
+        "MISSING  bpy     gone",
+        "                 to get it: get it",
+    ]

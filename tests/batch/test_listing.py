@@ -1,0 +1,59 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import batch_case as case
+
+from lookdev.batch.listing import LINKED, Range, plan_data, plan_ranges, plan_text
+from lookdev.batch.run import run_plan
+
+
+def test_consecutive_frames_in_one_state_are_one_line(tmp_path: Path) -> None:
+    job = case.make_job(tmp_path)
+    assert list(plan_ranges(case.make_plan(job), job.output)) == [
+        Range("gold/city/element", "0001", "0004", 4, "new", "no file"),
+        Range("gold/city/lighting", "0001", "0003", 3, "new", "no file"),
+    ]
+
+
+def test_states_and_reasons_split_a_range(tmp_path: Path) -> None:
+    case.run(tmp_path)
+    place = tmp_path / "out" / "gold" / "city"
+    (place / "element.0002.exr").unlink()
+    (place / "lighting.0001.exr").unlink()
+    (place / "lighting.0003.png").unlink()
+    job = case.make_job(tmp_path)
+    assert plan_text(case.make_plan(job), job.output).splitlines() == [
+        "turntable           frames     state  reason",
+        "gold/city/element   0001       done",
+        "gold/city/element   0002       new    no file",
+        "gold/city/element   0003-0004  done",
+        f"gold/city/lighting  0001       new    {LINKED}",
+        "gold/city/lighting  0002-0003  done",
+        "1 of 6 frames to render (files: 5 done, 0 stale, 2 new)",
+        "2 pictures to make from frames that are done",
+    ]
+
+
+def test_a_changed_look_is_the_reason(tmp_path: Path) -> None:
+    case.run(tmp_path)
+    job = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 4\n[camera]\nelevation = 20.0\n')
+    (part,) = plan_ranges(case.make_plan(job), job.output)
+    assert (part.first, part.last, part.state) == ("0001", "0004", "stale")
+    assert "changed" in part.reason
+
+
+def test_the_data_names_every_file(tmp_path: Path) -> None:
+    job = case.make_job(tmp_path)
+    element = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 4\n')
+    run_plan(element, case.make_plan(element), worker_command=case.command(tmp_path))
+    data = plan_data(case.make_plan(job), job.output)
+    assert data["output"] == str(tmp_path / "out")
+    assert data["render"] == 2
+    assert data["links"] == [{"source": "gold/city/element.0001.exr", "target": "gold/city/lighting.0001.exr"}]
+    assert data["pictures"] == ["gold/city/lighting.0001.png"]
+    files = data["files"]
+    assert isinstance(files, list)
+    assert len(files) == 7
+    assert files[-1]["path"] == "gold/city/lighting.0003.exr"
+    assert (files[-1]["state"], files[-1]["element"], files[-1]["lighting"]) == ("new", 0.0, 240.0)

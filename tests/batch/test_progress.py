@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import pytest
+
+from lookdev.batch.events import (
+    Event,
+    FrameDone,
+    FrameFailed,
+    FrameProgressed,
+    FrameRetried,
+    FrameStarted,
+    Noted,
+    RunStarted,
+    SheetWritten,
+)
+from lookdev.batch.progress import Tally, show_progress
+
+STORY: tuple[Event, ...] = (
+    Noted("city: 3 negative texels repaired"),
+    RunStarted(total=5, pending=3),
+    FrameStarted("gold/city/element.0001"),
+    FrameProgressed("gold/city/element.0001", 8, 64, None),
+    FrameProgressed("gold/city/element.0001", 64, 64, 2.5e-4),
+    FrameDone("gold/city/element.0001", 40.0, 64, 2.5e-4),
+    FrameStarted("gold/city/element.0002"),
+    FrameRetried("gold/city/element.0002", "died [of SIGKILL]", 2, 3),
+    FrameFailed("gold/city/element.0002", "died [of SIGKILL]"),
+    FrameStarted("gold/city/element.0003"),
+    FrameDone("gold/city/element.0003", 20.0, 64, 1e-3),
+    SheetWritten(Path("out/element.sheet.png")),
+)
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+class LogFile(io.StringIO):
+    """Counts what has reached the disk."""
+
+    flushed = 0
+
+    def flush(self) -> None:
+        self.flushed = len(self.getvalue())
+
+
+def test_a_log_file_gets_plain_lines_at_once() -> None:
+    log = LogFile()
+    with show_progress(log) as report:
+        for event in STORY:
+            report(event)
+            assert log.flushed == len(log.getvalue())
+    assert log.getvalue().splitlines() == [
+        "note: city: 3 negative texels repaired",
+        "5 frames, 3 to render",
+        "[3/5] gold/city/element.0001  40.0 s  64 samples  relMSE 2.5e-04  left 0:01:20",
+        "retry 2/3 gold/city/element.0002: died [of SIGKILL]",
+        "[4/5] gold/city/element.0002  FAILED: died [of SIGKILL]",
+        "[5/5] gold/city/element.0003  20.0 s  64 samples  relMSE 1.0e-03",
+        "sheet out/element.sheet.png",
+    ]
+
+
+def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setenv("COLUMNS", "120")
+    terminal = Terminal()
+    with show_progress(terminal) as report:
+        for event in STORY[:-3]:
+            report(event)
+        report(STORY[-3])
+        report(FrameProgressed("gold/city/element.0003", 16, 64, 3e-3))
+    shown = terminal.getvalue()
+    assert "\x1b[?25l" in shown  # the cursor is hidden while it lives
+    assert "\x1b[?25h" in shown
+    last = shown.rpartition("\x1b[2K")[2]
+    assert "gold/city/element.0003" in last
+    assert "16/64 samples  relMSE 3.0e-03" in last
+    assert "4/5  left 0:00:40" in shown
+    assert "died [of SIGKILL]" in shown  # brackets are text, not markup
+
+
+def test_time_left_is_the_mean_of_rendered_frames_times_those_waiting() -> None:
+    tally = Tally()
+    tally.take(RunStarted(total=10, pending=4))
+    assert tally.time_left() == ""
+    tally.take(FrameDone("a", 10.0, 64, 0.0))
+    assert tally.time_left() == "0:00:30"
+    tally.take(FrameFailed("b", "reason"))
+    assert tally.time_left() == "0:00:20"
+    tally.take(FrameDone("c", 20.0, 64, 0.0))
+    assert tally.time_left() == "0:00:15"
+    tally.take(FrameDone("d", 20.0, 64, 0.0))
+    assert tally.time_left() == ""

@@ -1,0 +1,236 @@
+"""Reading job files: what is read, and how every fault is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from lookdev.errors import JobError
+from lookdev.job import Job, load_job, parse_job
+
+MINIMAL = """
+output = "out"
+[asset]
+builtin = "sphere"
+[[look]]
+name = "paint"
+material = "paint.usda"
+[[ibl]]
+name = "city"
+builtin = "city"
+[[turntable]]
+kind = "element"
+frames = 4
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("paint.usda", "ball.usdc", "sky.exr"):
+        (tmp_path / name).touch()
+    return tmp_path
+
+
+def parse(text: str, folder: Path) -> Job:
+    return parse_job(text, folder / "job.toml")
+
+
+def faults(text: str, folder: Path) -> dict[str, tuple[str, str]]:
+    """Return (what, hint) by place."""
+    with pytest.raises(JobError) as caught:
+        parse(text, folder)
+    assert {fault.file for fault in caught.value.faults} == {str(folder / "job.toml")}
+    return {fault.where: (fault.what, fault.hint) for fault in caught.value.faults}
+
+
+def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
+    (folder / "job.toml").write_text(MINIMAL)
+    job = load_job(folder / "job.toml")
+    assert job.file == folder / "job.toml"
+    assert job.output == folder / "out"
+    assert job.look[0].material == folder / "paint.usda"
+    assert (job.ibl[0].exposure, job.ibl[0].rotation) == (0.0, 0.0)
+    table = job.turntable[0]
+    assert (table.name, table.start, table.degrees) == ("element", 0.0, 360.0)
+    assert job.camera.horizontal_fov == pytest.approx(39.5977527)  # 2 atan(18 / 50)
+    render = job.render
+    assert (render.resolution, render.backend, render.device) == ((512, 512), "exact", "cpu")
+    assert (render.samples, render.error, render.bounces, render.seed) == (64, None, 2, 0)
+    assert (render.brdf_samples, render.ibl_samples, render.background) == (2, 4, "black")
+    outputs = job.outputs
+    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (
+        True,
+        True,
+        True,
+        "ACES 1.0 - SDR Video",
+    )
+
+
+def test_everything_can_be_said(folder: Path) -> None:
+    (folder / "jobs").mkdir()
+    text = """
+    output = "/somewhere/else"
+    asset = { usd = "../ball.usdc", prim = "/World/Ball" }
+    camera = { fov = 30, elevation = -5.5, azimuth = 90, margin = 1.25 }
+    outputs = { png = false, sheet = false, view = "Raw" }
+    [[look]]
+    name = "dirty-paint_2.0"
+    material = "../paint.usda"
+    prim = "/Paint"
+    variants = { wear = "dirty" }
+    parts = ["*/body"]
+    [[ibl]]
+    name = "sky"
+    file = "../sky.exr"
+    exposure = -1
+    rotation = 45
+    [[turntable]]
+    name = "half"
+    kind = "lighting"
+    frames = 12
+    start = 90
+    degrees = -180
+    [render]
+    resolution = [640, 360]
+    error = 1e-3
+    brdf_samples = 0
+    background = [0.18, 0.18, 1]
+    """
+    job = parse_job(text, folder / "jobs" / "job.toml")
+    assert job.output == Path("/somewhere/else")
+    assert (job.asset.usd, job.asset.prim) == (folder / "ball.usdc", "/World/Ball")
+    assert (job.look[0].variants, job.look[0].parts) == ({"wear": "dirty"}, ("*/body",))
+    assert (job.ibl[0].file, job.ibl[0].exposure) == (folder / "sky.exr", -1.0)
+    assert (job.turntable[0].name, job.turntable[0].degrees) == ("half", -180.0)
+    assert job.camera.horizontal_fov == 30.0
+    assert job.render.samples == 4096  # with a target error, samples is the cap
+    assert job.render.background == (0.18, 0.18, 1.0)
+    assert not job.outputs.png
+
+
+def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
+    text = """
+    output = "out"
+    looks = 1
+    [asset]
+    usd = "nope.usda"
+    [[look]]
+    name = "Gold"
+    material = "paint.usda"
+    prin = "/X"
+    [[look]]
+    name = "gold"
+    material = "gone.usda"
+    [[ibl]]
+    name = "c"
+    builtin = "citty"
+    exposure = nan
+    [[ibl]]
+    name = "c"
+    [[turntable]]
+    kind = "elemental"
+    frames = 0
+    [camera]
+    fov = 50
+    sensor_width = 24
+    [render]
+    resolution = [0, 10.5]
+    samples = 3
+    background = [1, 2]
+    """
+    assert faults(text, folder) == {
+        "looks": ("unknown key", "did you mean 'look'?"),
+        "asset.usd": (f"no readable file {folder / 'nope.usda'}", "paths are relative to the job file"),
+        "look[0].prin": ("unknown key", "did you mean 'prim'?"),
+        "look[1].name": ("'gold' is already the name of look[0]", "give each its own name"),
+        "look[1].material": (
+            f"no readable file {folder / 'gone.usda'}",
+            "paths are relative to the job file",
+        ),
+        "ibl[0].builtin": ("unknown value 'citty'", "did you mean 'city'?"),
+        "ibl[0].exposure": ("should be a finite number, not nan", ""),
+        "ibl[1].name": ("'c' is already the name of ibl[0]", "give each its own name"),
+        "ibl[1].builtin": ("give exactly one of 'file' and 'builtin'", ""),
+        "turntable[0].kind": ("unknown value 'elemental'", "did you mean 'element'?"),
+        "turntable[0].frames": ("should be greater than or equal to 1, not 0", ""),
+        "camera.sensor_width": ("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'"),
+        "render.resolution[0]": ("should be greater than or equal to 1, not 0", ""),
+        "render.resolution[1]": ("should be a valid integer, not 10.5", ""),
+        "render.samples": ("should be a multiple of 2, not 3", ""),
+        "render.background[2]": ("field required, not (1, 2)", ""),
+    }
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "what"),
+    [
+        ('"out"', '"job.toml/../paint.usda"', "output", "is not a folder"),
+        ('"out"', "3", "output", "should be a path in quotes"),
+        ('builtin = "sphere"', "", "asset.builtin", "exactly one of 'usd' and 'builtin'"),
+        ('builtin = "sphere"', 'builtin = "sphere"\nusd = "ball.usdc"', "asset.builtin", "exactly one of"),
+        ('builtin = "sphere"', 'builtin = "sphere"\nprim = "/X"', "asset.prim", "no prims"),
+        ('builtin = "sphere"', 'usd = "sky.exr"', "asset.usd", "'sky.exr' is of no known kind"),
+        ('builtin = "sphere"', 'usd = "ball.usdc"\nprim = "X"', "asset.prim", "'X' is not allowed"),
+        ("[asset]", "[[asset]]", "asset", "should be a table"),
+        ("[[look]]", "[look]", "look", "should be a list"),
+        ('"paint"', '"../paint"', "look[0].name", "is not allowed"),
+        ('"paint"', '".."', "look[0].name", "is not allowed"),
+        ('"paint"', '""', "look[0].name", "is not allowed"),
+        ('"paint.usda"', '"paint.usda"\nparts = []', "look[0].parts", "at least 1"),
+        ('builtin = "city"', 'file = "paint.usda"', "ibl[0].file", "'paint.usda' is of no known kind"),
+        ('builtin = "city"', 'builtin = "city"\nrotation = true', "ibl[0].rotation", "valid number"),
+        ('builtin = "city"', 'builtin = "city"\nexposure = inf', "ibl[0].exposure", "finite"),
+        ("frames = 4", 'frames = "4"', "turntable[0].frames", "valid integer, not '4'"),
+        ("frames = 4", "frames = 10000", "turntable[0].frames", "9999"),
+        ("frames = 4", "", "turntable[0].frames", "is missing"),
+        ("frames = 4", "frames = 4\n[camera]\nfov = 180", "camera.fov", "170"),
+        ("frames = 4", "frames = 4\n[camera]\nfov = 9\nfocal_length = 9", "camera.focal_length", "'fov'"),
+        ("frames = 4", "frames = 4\n[camera]\nmargin = 0.9", "camera.margin", "greater than or equal to 1"),
+        ("frames = 4", 'frames = 4\n[render]\ndevice = "cuda"', "render.device", "on 'cuda'"),
+        ("frames = 4", 'frames = 4\n[render]\nbackend = "nodes"', "render.backend", "unknown value"),
+        ("frames = 4", "frames = 4\n[render]\nerror = 0.0", "render.error", "greater than 0"),
+        ("frames = 4", "frames = 4\n[render]\nsamples = 0", "render.samples", "equal to 2"),
+        ("frames = 4", 'frames = 4\n[render]\nbackground = "red"', "render.background", "unknown value"),
+        ("frames = 4", "frames = 4\n[render]\nresolution = [1, 2, 3]", "render.resolution", "at most 2"),
+        (
+            "frames = 4",
+            "frames = 4\n[render]\nbrdf_samples = 0\nibl_samples = 0",
+            "render.ibl_samples",
+            "no light is sampled",
+        ),
+        ("frames = 4", "frames = 4\n[outputs]\nexr = false", "outputs.exr", "cannot be left out"),
+    ],
+)
+def test_one_fault_is_told_alone_with_its_place(folder: Path, old: str, new: str, place: str, what: str) -> None:
+    parse(MINIMAL, folder)
+    found = faults(MINIMAL.replace(old, new, 1), folder)
+    assert list(found) == [place]
+    assert what in found[place][0]
+
+
+def test_a_turntable_without_name_has_that_of_its_kind(folder: Path) -> None:
+    second = '[[turntable]]\nkind = "element"\nframes = 8\n'
+    assert list(faults(MINIMAL + second, folder)) == ["turntable[1].name"]
+    job = parse(MINIMAL + second + 'name = "fine"\n', folder)
+    assert [turntable.name for turntable in job.turntable] == ["element", "fine"]
+
+
+@pytest.mark.parametrize(
+    ("content", "where"),
+    [
+        (b'output = "a"\nlook =\n', "line 2, column 7"),
+        (b"look = [", "end of document"),
+        (b"# a\n\xff", "line 2"),
+    ],
+)
+def test_text_that_is_no_toml_is_told_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
+    (tmp_path / "job.toml").write_bytes(content)
+    with pytest.raises(JobError) as caught:
+        load_job(tmp_path / "job.toml")
+    assert [fault.where for fault in caught.value.faults] == [where]
+
+
+def test_a_missing_job_file_is_a_job_error(tmp_path: Path) -> None:
+    with pytest.raises(JobError, match=r"job\.toml: cannot be read: No such file"):
+        load_job(tmp_path / "job.toml")

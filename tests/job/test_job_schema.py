@@ -1,0 +1,43 @@
+"""The exported JSON Schema agrees with what is read."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from lookdev.job import Job, json_schema
+
+SCHEMA = json_schema()
+TABLES: dict[str, dict[str, Any]] = {"Job": SCHEMA, **SCHEMA["$defs"]}
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_table_and_key_is_described_and_closed(table: str) -> None:
+    schema = TABLES[table]
+    assert schema["description"]
+    assert schema["additionalProperties"] is False
+    assert [key for key, value in schema["properties"].items() if not value.get("description")] == []
+
+
+def test_required_keys_are_those_without_a_default() -> None:
+    assert set(SCHEMA["required"]) == {"output", "asset", "look", "ibl", "turntable"}
+    assert set(TABLES["JobTurntable"]["required"]) == {"kind", "frames"}
+
+
+def test_constraints_are_exported() -> None:
+    samples = TABLES["JobRender"]["properties"]["samples"]
+    assert (samples["minimum"], samples["multipleOf"]) == (2, 2)
+    assert SCHEMA["properties"]["look"]["minItems"] == 1
+    assert "studio" in str(TABLES["JobIbl"]["properties"]["builtin"])
+
+
+def test_models_are_frozen_and_strict() -> None:
+    models: list[type[BaseModel]] = [Job]
+    for model in models:
+        assert model.model_config["frozen"]
+        assert model.model_config["strict"]
+        annotations = [field.annotation for field in model.model_fields.values()]
+        models += [kind for kind in annotations if isinstance(kind, type) and issubclass(kind, BaseModel)]
+    assert len(models) == 5  # Job, asset, camera, render, outputs

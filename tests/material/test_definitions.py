@@ -1,0 +1,64 @@
+"""The node definitions on disk say of every input what the model says."""
+
+from __future__ import annotations
+
+import pytest
+from pxr import Sdr, Usd, UsdShade
+
+from lookdev.brdf import PARAMETERS, Parameter
+from lookdev.material.definitions import DEFINED_LAYERS, DEFINITIONS, shader_definitions
+
+DISNEY = PARAMETERS["disney"]
+
+
+@pytest.fixture(scope="module")
+def nodes() -> dict[str, Sdr.ShaderNode]:
+    """Every node of the file, as another tool gets it."""
+    stage = Usd.Stage.Open(str(DEFINITIONS))
+    found = {}
+    for prim in stage.Traverse():
+        for result in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):
+            Sdr.Registry().AddDiscoveryResult(result)
+            found[result.identifier] = Sdr.Registry().GetShaderNodeByIdentifier(result.identifier)
+    return found
+
+
+def test_file_is_what_the_parameters_say() -> None:
+    assert DEFINITIONS.read_text(encoding="utf-8") == shader_definitions(), "run python -m lookdev.material.definitions"
+
+
+def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
+    assert sorted(nodes) == ["LookdevDisney", "LookdevLayers"]
+    assert sorted(nodes["LookdevDisney"].GetShaderInputNames()) == sorted(DISNEY)
+    assert nodes["LookdevDisney"].GetShaderOutputNames() == ["layer"]
+    assert nodes["LookdevLayers"].GetShaderOutputNames() == ["surface"]
+
+
+@pytest.mark.parametrize("parameter", DISNEY.values(), ids=DISNEY)
+def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], parameter: Parameter) -> None:
+    given = nodes["LookdevDisney"].GetShaderInput(parameter.name)
+    usd_types = {"float": "float", "color": "color3f", "token": "token"}
+    assert str(given.GetTypeAsSdfType().GetSdfType()) == usd_types[parameter.kind]
+    assert given.GetHelp() == parameter.help != ""
+    default, metadata = given.GetDefaultValueAsSdfType(), given.GetMetadata()
+    if parameter.kind == "token":
+        assert default == parameter.default
+        assert [name for name, _ in given.GetOptions()] == list(parameter.choices)
+        assert not given.IsConnectable()
+    else:
+        assert default == pytest.approx(parameter.default, rel=2.0**-24)  # stored as float32
+        assert (float(metadata["hardMin"]), float(metadata["hardMax"])) == parameter.hard
+        assert (float(metadata["softMin"]), float(metadata["softMax"])) == parameter.soft
+
+
+def test_layer_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
+    node = nodes["LookdevLayers"]
+    types = {"": "token", "Mask": "float", "Enabled": "bool", "Mode": "token"}
+    expected = {"base": "token"} | {
+        f"layer{number}{suffix}": kind for number in range(1, DEFINED_LAYERS + 1) for suffix, kind in types.items()
+    }
+    inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
+    assert {name: str(each.GetTypeAsSdfType().GetSdfType()) for name, each in inputs.items()} == expected
+    assert all(each.GetHelp() for each in inputs.values())
+    defaults = [inputs[f"layer3{suffix}"].GetDefaultValueAsSdfType() for suffix in ("Mask", "Enabled", "Mode")]
+    assert defaults == [1.0, True, "over"]

@@ -1,0 +1,107 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from lookdev.errors import OutputError
+from lookdev.output import read_frame, read_header, write_frame
+
+HEADER = {
+    "digest": "ab" * 32,
+    "job": "Käfer; \"x\" = 'y'",
+    "samples": 64,
+    "seed": 2**63 + 1,
+    "error": 1.1e-4,
+    "note": "",
+}
+
+
+@pytest.fixture
+def frame() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(1)
+    beauty = (rng.normal(size=(30, 20, 3)) * 1e4).astype(np.float32)  # negative and huge values are kept too
+    return beauty, rng.random((30, 20)).astype(np.float32)
+
+
+def test_round_trip_is_exact(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "look" / "city" / "turn.0001.exr"
+    write_frame(path, *frame, HEADER)
+    beauty, alpha = read_frame(path)
+    np.testing.assert_array_equal(beauty, frame[0])
+    np.testing.assert_array_equal(alpha, frame[1])
+    assert (beauty.dtype, alpha.dtype) == (np.float32, np.float32)
+    assert read_header(path) == {key: str(value) for key, value in HEADER.items()}
+    assert float(read_header(path)["error"]) == 1.1e-4
+    assert [file.name for file in path.parent.iterdir()] == [path.name]
+
+
+def test_file_is_one_scanline_part_of_floats(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "a.exr"
+    write_frame(path, *frame, {"look": "paint"})
+    with OpenEXR.File(str(path), separate_channels=True) as exr:
+        assert len(exr.parts) == 1
+        header, channels = exr.header(), exr.channels()
+        assert header["type"] == OpenEXR.scanlineimage
+        assert header["lookdev:look"] == "paint"
+        assert {name: channel.pixels.dtype for name, channel in channels.items()} == dict.fromkeys(
+            "ABGR", np.dtype(np.float32)
+        )
+
+
+def test_rewriting_replaces(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "a.exr"
+    for digest in ("old", "new"):
+        write_frame(path, *frame, {"digest": digest})
+    assert read_header(path) == {"digest": "new"}
+
+
+def test_foreign_exr_has_an_empty_header(tmp_path: Path) -> None:
+    with OpenEXR.File({"comments": "x"}, {"Y": np.zeros((2, 2), np.float32)}) as exr:
+        exr.write(str(tmp_path / "y.exr"))
+    assert read_header(tmp_path / "y.exr") == {}
+    with pytest.raises(OutputError, match="R, G, B, A"):
+        read_frame(tmp_path / "y.exr")
+
+
+@pytest.mark.parametrize("cut", [1, 400, 4000])
+def test_truncated_frame_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray], cut: int) -> None:
+    path = tmp_path / "a.exr"
+    write_frame(path, *frame, HEADER)
+    path.write_bytes(path.read_bytes()[:-cut])
+    with pytest.raises(OutputError, match="not a whole frame"):
+        read_frame(path)
+
+
+@pytest.mark.parametrize("content", [b"", b"not an image", None])
+def test_unreadable_files(tmp_path: Path, content: bytes | None) -> None:
+    path = tmp_path / "a.exr"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(OutputError, match="no readable EXR header") as caught:
+        read_header(path)
+    assert str(path) in str(caught.value)
+    with pytest.raises(OutputError, match="not a whole frame"):
+        read_frame(path)
+
+
+def test_header_cut_off_in_the_middle(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "a.exr"
+    write_frame(path, *frame, HEADER)
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(OutputError, match="no readable EXR header"):
+        read_header(path)
+
+
+def test_shapes_must_belong_together(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"\(H, W, 3\)"):
+        write_frame(tmp_path / "a.exr", np.zeros((4, 4, 3)), np.zeros((4, 5)), {})
+    assert not list(tmp_path.iterdir())
+
+
+def test_unwritable_place(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="cannot write the frame"):
+        write_frame(tmp_path / "file" / "a.exr", *frame, {})

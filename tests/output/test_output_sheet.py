@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.errors import OutputError
+from lookdev.output import write_sheet
+from lookdev.output.sheet import PAGE
+
+
+def frames(count: int, shape: tuple[int, int] = (60, 80)) -> list[np.ndarray]:
+    return [np.full((*shape, 3), (200, 10 * i, 20), np.uint8) for i in range(count)]
+
+
+def sheet(path: Path, *arguments: object, **options: object) -> np.ndarray:
+    write_sheet(path, *arguments, **options)
+    return oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8)
+
+
+def cells(page: np.ndarray, shown: np.ndarray) -> int:
+    """Count the pixels of a frame's own colour; resizing a flat frame may round by one."""
+    return int((np.abs(page.astype(int) - shown[0, 0]).max(axis=-1) <= 1).sum())
+
+
+def test_every_frame_is_shown_whole(tmp_path: Path) -> None:
+    page = sheet(tmp_path / "s.png", frames(7), [f"{i:04d}" for i in range(7)], "title", cell=40)
+    assert [cells(page, frame) for frame in frames(7)] == [40 * 30] * 7
+    assert (page[0] == PAGE).all()
+    assert (page[:, -1] == PAGE).all()
+    assert [file.name for file in tmp_path.iterdir()] == ["s.png"]
+
+
+def test_frames_run_row_by_row(tmp_path: Path) -> None:
+    shown = frames(4, (40, 40))
+    page = sheet(tmp_path / "s.png", shown, [""] * 4, "", columns=3, cell=40)
+    places = [np.argwhere(np.abs(page.astype(int) - f[0, 0]).max(axis=-1) <= 1)[0] for f in shown]
+    assert places[0][0] == places[1][0] == places[2][0] < places[3][0]
+    assert places[0][1] == places[3][1] < places[1][1] < places[2][1]
+
+
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (7, 4), (24, 6), (36, 9)])
+def test_page_is_filled_evenly(tmp_path: Path, count: int, columns: int) -> None:
+    white = np.full((64, 64, 3), 255, np.uint8)
+    page = sheet(tmp_path / "s.png", [white] * count, [""] * count, "", cell=64)
+    in_row = np.flatnonzero((page == 255).all(axis=-1).any(axis=1))[0]
+    assert (page[in_row] == 255).all(axis=-1).sum() == columns * 64
+
+
+def test_labels_and_title_are_written_and_fit(tmp_path: Path) -> None:
+    shown = [np.full((80, 80, 3), PAGE, np.uint8)] * 2
+    bare = sheet(tmp_path / "a.png", shown, ["", ""], "", cell=80, columns=2)
+    assert (bare == PAGE).all()
+    for labels, title in ((["0001", ""], ""), (["", ""], "A title"), (["W" * 300, "é °"], "W" * 300)):
+        page = sheet(tmp_path / "b.png", shown, labels, title, cell=80, columns=2)
+        ink = np.argwhere((page != PAGE).any(axis=-1))
+        assert len(ink) > 20
+        assert page.shape == bare.shape
+        assert ink[:, 1].min() >= 4  # inside the margins
+        assert ink[:, 1].max() < page.shape[1] - 4
+        assert (np.ptp(page, axis=-1) == 0).all()  # neutral ink
+
+
+def test_resizing_averages_light(tmp_path: Path) -> None:
+    stripes = np.zeros((64, 64, 3), np.uint8)
+    stripes[:, ::2] = 255
+    page = sheet(tmp_path / "s.png", [stripes], [""], "", cell=8)
+    # Half of the light is sRGB code 188 by the exact curve, 186 by a gamma of 2.2; half the code is 128.
+    centre = page[(page != PAGE).any(axis=-1)]
+    assert abs(float(np.median(centre)) - 187) <= 4
+
+
+@pytest.mark.parametrize(
+    ("shown", "labels", "message"),
+    [
+        ([], [], "at least one frame"),
+        (frames(2), ["one"], "2 frames and 1 labels"),
+        ([*frames(1), *frames(1, (10, 10))], ["", ""], "of one size"),
+    ],
+)
+def test_what_makes_no_sheet(tmp_path: Path, shown: list[np.ndarray], labels: list[str], message: str) -> None:
+    with pytest.raises(OutputError, match=message):
+        write_sheet(tmp_path / "s.png", shown, labels, "t")
+    assert not list(tmp_path.iterdir())

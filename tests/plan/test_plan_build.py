@@ -1,0 +1,186 @@
+"""Plans: which frames, which files, in which order, and why."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from lookdev.errors import OutputError
+from lookdev.job import Job
+from lookdev.plan import Copy, Plan, PlannedFile, build_plan, frame_files, frame_sampling
+from lookdev.plan.task import FrameTask, Pose, SceneTask
+
+Scenes = dict[tuple[str, str], SceneTask]
+MakeJob = Callable[..., Job]
+
+
+class Disk:
+    """Frames on disk: an empty file for each, its header kept here."""
+
+    def __init__(self) -> None:
+        self.headers: dict[Path, dict[str, str] | None] = {}
+
+    def read_header(self, path: Path) -> dict[str, str] | None:
+        if path not in self.headers:
+            raise OutputError("truncated")
+        return self.headers[path]
+
+    def write(self, task: FrameTask, *files: Path, png: bool = True) -> None:
+        for path in files or task.files:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+            self.headers[path] = task.labels | {"digest": task.digest}
+            if png:
+                path.with_suffix(".png").touch()
+
+
+@pytest.fixture
+def disk() -> Disk:
+    return Disk()
+
+
+@pytest.fixture
+def scenes(scene: SceneTask) -> Scenes:
+    def variant(look: str, ibl: str) -> SceneTask:
+        shaders = (replace(scene.shaders[0], digest=look),)
+        return replace(scene, shaders=shaders, light=replace(scene.light, digest=ibl))
+
+    return {(look, ibl): variant(look, ibl) for look in ("gold", "paint") for ibl in ("city", "studio")}
+
+
+def planned(plan: Plan, path: Path) -> PlannedFile:
+    (file,) = (file for frame in plan.frames for file in frame.files if file.path == path)
+    return file
+
+
+def test_a_new_job_renders_every_pose_once_look_by_look(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    job = make_job()
+    plan = build_plan(job, scenes, disk.read_header)
+    pending = plan.pending()
+    # element 0, 90, 180, 270 and lighting 120, 240: pose 0 is shared, so 6 poses show 7 frames.
+    assert [(task.labels["look"], task.labels["ibl"]) for task in pending] == [
+        (look, ibl) for look in ("gold", "paint") for ibl in ("city", "studio") for _ in range(6)
+    ]
+    assert plan.counts == {"done": 0, "stale": 0, "new": 28}
+    assert (plan.copies(), plan.pictures) == ((), ())
+    shared = pending[0]
+    folder = job.output / "gold" / "city"
+    assert shared.files == (folder / "element.0001.exr", folder / "lighting.0001.exr")
+    assert shared.pose == Pose(0.0, 0.0)
+    assert shared.labels["turntable"] == "element, lighting"
+    assert shared.labels["job"] == str(job.file)
+    assert (shared.exposure, pending[6].exposure) == (0.5, 0.0)
+    assert len({task.digest for task in pending}) == 24
+    assert planned(plan, shared.files[0]) == PlannedFile(shared.files[0], "new", "no file")
+
+
+def test_files_are_numbered_from_one(make_job: MakeJob) -> None:
+    job = make_job()
+    files = frame_files(job, "gold", "city", job.turntable[1])
+    assert files == tuple(job.output / "gold" / "city" / f"lighting.000{n}.exr" for n in (1, 2, 3))
+
+
+def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    job = make_job('[[turntable]]\nname = "twice"\nkind = "element"\nframes = 2\ndegrees = 720\n')
+    plan = build_plan(job, scenes, disk.read_header)
+    assert [path.name for path in plan.frames[0].task.files] == [
+        "element.0001.exr",
+        "lighting.0001.exr",
+        "twice.0001.exr",
+        "twice.0002.exr",
+    ]
+    assert plan.frames[0].task.labels["turntable"] == "element, lighting, twice"
+
+
+def test_a_finished_job_has_nothing_to_do(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    for task in build_plan(make_job(), scenes, disk.read_header).pending():
+        disk.write(task)
+    again = build_plan(make_job(), scenes, disk.read_header)
+    assert again.counts == {"done": 28, "stale": 0, "new": 0}
+    assert (again.pending(), again.copies(), again.pictures) == ((), (), ())
+
+
+def test_a_changed_look_is_stale_alone_and_says_so(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    for task in build_plan(make_job(), scenes, disk.read_header).pending():
+        disk.write(task)
+    for key in (("paint", "city"), ("paint", "studio")):
+        scenes[key] = replace(scenes[key], shaders=(replace(scenes[key].shaders[0], digest="new"),))
+    plan = build_plan(make_job(), scenes, disk.read_header)
+    assert {task.labels["look"] for task in plan.pending()} == {"paint"}
+    assert plan.counts == {"done": 14, "stale": 14, "new": 0}
+    assert {file.reason for frame in plan.frames for file in frame.files} == {"", "look changed"}
+
+
+def test_several_changes_are_all_named(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    task = build_plan(make_job(), scenes, disk.read_header).pending()[0]
+    disk.write(task)
+    scene = scenes["gold", "city"]
+    scenes["gold", "city"] = replace(scene, resolution=(8, 8), light=replace(scene.light, digest="new"))
+    plan = build_plan(make_job("[camera]\nazimuth = 1\n"), scenes, disk.read_header)
+    assert planned(plan, task.files[0]).reason == "ibl, pose, render changed"
+
+
+@pytest.mark.parametrize(
+    ("header", "reason"),
+    [
+        ({}, "not written by lookdev"),
+        (None, "not written by lookdev"),
+        ("broken", "unreadable: truncated"),
+    ],
+)
+def test_files_that_are_no_frames_are_stale(
+    make_job: MakeJob, scenes: Scenes, disk: Disk, header: dict[str, str] | str | None, reason: str
+) -> None:
+    task = build_plan(make_job(), scenes, disk.read_header).pending()[0]
+    disk.write(task)
+    for path in task.files:
+        if isinstance(header, str):
+            del disk.headers[path]
+        else:
+            disk.headers[path] = header
+    plan = build_plan(make_job(), scenes, disk.read_header)
+    assert planned(plan, task.files[0]) == PlannedFile(task.files[0], "stale", reason)
+    assert plan.pending()[0] == task
+
+
+def test_a_frame_done_under_another_name_is_copied(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    task = build_plan(make_job(), scenes, disk.read_header).pending()[0]
+    first, second = task.files
+    disk.write(task, first)
+    plan = build_plan(make_job(), scenes, disk.read_header)
+    assert task not in plan.pending()
+    assert plan.copies() == (Copy(first, second),)
+    assert plan.pictures == (second,)
+
+
+def test_missing_and_older_pictures_are_due(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    first, second, third = build_plan(make_job(), scenes, disk.read_header).pending()[1:4]
+    disk.write(first)
+    disk.write(second, png=False)
+    disk.write(third)
+    (older,) = third.files
+    os.utime(older.with_suffix(".png"), (0, 0))
+    plan = build_plan(make_job(), scenes, disk.read_header)
+    assert plan.counts["done"] == 3
+    assert plan.pictures == (*second.files, older)
+    assert build_plan(make_job("[outputs]\npng = false\n"), scenes, disk.read_header).pictures == ()
+
+
+def test_background_is_told_and_counts(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    def first(job: Job) -> FrameTask:
+        return build_plan(job, scenes, disk.read_header).pending()[0]
+
+    black, grey = first(make_job()), first(make_job("[render]\nbackground = [0.1, 0.2, 1]\n"))
+    assert (black.labels["background"], grey.labels["background"]) == ("black", "0.1 0.2 1.0")
+    assert black.digest != grey.digest
+
+
+def test_sampling_is_that_of_the_job(make_job: MakeJob) -> None:
+    render = "[render]\nerror = 0.01\nbrdf_samples = 3\nibl_samples = 5\nbounces = 7\nseed = 11\n"
+    sampling = frame_sampling(make_job(render).render)
+    assert (sampling.samples, sampling.error, sampling.bounces, sampling.seed) == (4096, 0.01, 7, 11)
+    assert (sampling.brdf_samples, sampling.ibl_samples) == (3, 5)

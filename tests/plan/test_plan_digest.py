@@ -1,0 +1,84 @@
+"""Digests: every input that affects pixels counts, in the part that bears its name; paths do not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.plan import digest as digest_module
+from lookdev.plan.digest import frame_digest, part_digests
+from lookdev.plan.task import Pose, SceneTask
+
+POSE = Pose(30.0, 60.0)
+Change = Callable[[SceneTask], SceneTask]
+
+
+def changed_parts(before: dict[str, str], after: dict[str, str]) -> set[str]:
+    assert before.keys() == after.keys()
+    changed = {part for part in before if before[part] != after[part]}
+    assert (frame_digest(before) != frame_digest(after)) == bool(changed)
+    return changed
+
+
+def sampling(**values: Any) -> Change:
+    return lambda scene: replace(scene, sampling=replace(scene.sampling, **values))
+
+
+def camera(**values: Any) -> Change:
+    return lambda scene: replace(scene, camera=replace(scene.camera, **values))
+
+
+@pytest.mark.parametrize(
+    ("change", "part"),
+    [
+        (lambda scene: replace(scene, asset_file=Path("/cache/assets/b.npz")), "asset"),
+        (lambda scene: replace(scene, shaders=(replace(scene.shaders[0], digest="1"),)), "look"),
+        (lambda scene: replace(scene, shaders=scene.shaders * 2), "look"),
+        (lambda scene: replace(scene, light=replace(scene.light, digest="1")), "ibl"),
+        (camera(fov=40.0), "camera"),
+        (camera(elevation=11.0), "camera"),
+        (camera(distance=4.0), "camera"),
+        (camera(target=(0.0, 0.0, 0.0)), "camera"),
+        (lambda scene: replace(scene, resolution=(48, 64)), "render"),
+        (lambda scene: replace(scene, device="cuda"), "render"),
+        (sampling(samples=128), "render"),
+        (sampling(error=1e-3), "render"),
+        (sampling(brdf_samples=3), "render"),
+        (sampling(ibl_samples=3), "render"),
+        (sampling(bounces=3), "render"),
+        (sampling(seed=1), "render"),
+    ],
+)
+def test_a_scene_change_changes_its_part_only(scene: SceneTask, change: Change, part: str) -> None:
+    before = part_digests(scene, POSE, 0.0, "black")
+    assert changed_parts(before, part_digests(change(scene), POSE, 0.0, "black")) == {part}
+
+
+def test_pose_exposure_and_background_count(scene: SceneTask) -> None:
+    before = part_digests(scene, POSE, 0.0, "black")
+    assert changed_parts(before, part_digests(scene, Pose(60.0, 30.0), 0.0, "black")) == {"pose"}
+    assert changed_parts(before, part_digests(scene, POSE, 0.5, "black")) == {"ibl"}
+    assert changed_parts(before, part_digests(scene, POSE, 0.0, (0.0, 0.0, 0.1))) == {"render"}
+
+
+def test_versions_count(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = part_digests(scene, POSE, 0.0, "black")
+    monkeypatch.setattr(digest_module, "blender_version", lambda: "3.6.0")
+    other_blender = part_digests(scene, POSE, 0.0, "black")
+    assert changed_parts(before, other_blender) == {"render"}
+    monkeypatch.setattr(digest_module, "RENDER_VERSION", digest_module.RENDER_VERSION + 1)
+    assert changed_parts(other_blender, part_digests(scene, POSE, 0.0, "black")) == {"render"}
+
+
+def test_paths_do_not_count(scene: SceneTask) -> None:
+    moved = replace(
+        scene,
+        asset_file=Path("/elsewhere/a55e7.npz"),
+        light=replace(scene.light, radiance=Path("/elsewhere/r.exr"), samples=Path("/elsewhere/s.exr")),
+        shaders=(replace(scene.shaders[0], textures=()),),
+    )
+    assert part_digests(scene, POSE, 0.0, "ibl") == part_digests(moved, POSE, 0.0, "ibl")

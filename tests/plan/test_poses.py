@@ -1,0 +1,54 @@
+"""Poses: exact steps, no repeated end pose, equal angles compare equal, the camera's azimuth folded in."""
+
+from __future__ import annotations
+
+from math import cos, radians, sin
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lookdev.job import JobTurntable
+from lookdev.plan import turntable_poses
+from lookdev.plan.task import Pose
+
+
+def test_frames_divide_the_turn_and_do_not_repeat_the_first() -> None:
+    poses = turntable_poses(JobTurntable(kind="element", frames=4, start=10.0))
+    assert poses == (Pose(10.0, 0.0), Pose(100.0, 0.0), Pose(190.0, 0.0), Pose(280.0, 0.0))
+
+
+def test_lighting_turns_the_light_from_the_lights_own_rotation() -> None:
+    poses = turntable_poses(JobTurntable(kind="lighting", frames=2, degrees=-90.0), rotation=30.0)
+    assert poses == (Pose(0.0, 30.0), Pose(0.0, 345.0))
+    assert turntable_poses(JobTurntable(kind="element", frames=1), rotation=-30.0) == (Pose(0.0, 330.0),)
+
+
+@pytest.mark.parametrize("frames", [3, 7, 24, 97])
+def test_equal_angles_of_two_turntables_compare_equal(frames: int) -> None:
+    once = turntable_poses(JobTurntable(kind="element", frames=frames, start=0.1))
+    fine = turntable_poses(JobTurntable(kind="element", frames=3 * frames, start=-719.9))
+    assert fine[::3] == once
+    folded = turntable_poses(JobTurntable(kind="element", frames=frames, start=0.3), azimuth=0.2)
+    assert [pose.element for pose in folded] == [pose.element for pose in once]  # 0.3 - 0.2 is not 0.1 in floats
+
+
+@pytest.mark.parametrize("start", [360.0, -360.0, 720.0, -0.0, -1e-300, 36000.0, 359.99999999999994])
+def test_angles_lie_in_one_turn(start: float) -> None:
+    (pose,) = turntable_poses(JobTurntable(kind="element", frames=1, start=start))
+    assert 0.0 <= pose.element < 360.0
+
+
+def z_rotation(degrees: float) -> NDArray[np.float64]:
+    c, s = cos(radians(degrees)), sin(radians(degrees))
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_camera_azimuth_is_folded_into_the_pose() -> None:
+    element, lighting, azimuth = 25.0, 40.0, 70.0
+    (pose,) = turntable_poses(JobTurntable(kind="element", frames=1, start=element), rotation=lighting, azimuth=azimuth)
+    # A picture is what stands where as seen from the camera: world directions taken into the camera's frame.
+    # The camera that orbits by `azimuth` about z differs from the one at 0 by that rotation.
+    to_camera = z_rotation(azimuth).T
+    np.testing.assert_allclose(z_rotation(pose.element), to_camera @ z_rotation(element), atol=1e-15)
+    np.testing.assert_allclose(z_rotation(pose.lighting), to_camera @ z_rotation(lighting), atol=1e-15)
