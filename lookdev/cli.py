@@ -14,7 +14,7 @@ from typing import Annotated
 import typer
 
 import lookdev
-from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError
+from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 
 app = typer.Typer(
     help="Batch look-dev turntables: film reflectance models, rendered exactly as published, on Cycles.",
@@ -36,14 +36,20 @@ class Backend(StrEnum):
 def main() -> None:
     """Run the command line; errors raised on purpose become a message and an exit code.
 
-    1: frames failed, or output or renderer did; 2: the input is wrong; 130: interrupted.
+    1: frames failed, or output, disk or renderer did; 2: the input is wrong; 130: interrupted.
     """
     try:
         app()
     except (OutputError, RenderError, WorkerError) as error:
         _leave(str(error), 1)
+    except FaultsError as error:
+        count = len(error.faults)
+        _leave(str(error) if count == 1 else f"{count} faults:\n{error}", 2)
     except LookdevError as error:
         _leave(str(error), 2)
+    except OSError as error:  # the machine's fault, as a full disk is, not the program's
+        place = f"{error.filename}: " if error.filename else ""
+        _leave(f"{place}{error.strerror or error}; 'lookdev doctor' looks at the cache folder and its disk", 1)
     except KeyboardInterrupt:
         _leave("interrupted", 130)
 

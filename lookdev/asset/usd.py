@@ -44,7 +44,8 @@ def read_usd(file: Path, prim: str | None = None) -> Asset:
     try:
         stage = Usd.Stage.Open(str(file))
     except Tf.ErrorException as error:
-        raise AssetError(f"{file}: cannot be opened as USD: {str(error).strip()}") from error
+        said = "; ".join(part.commentary.strip() for part in error.args)
+        raise AssetError(f"{file}: cannot be opened as USD: {said}") from error
     scene = _Scene(file, stage)
     for mesh, transforms in scene.seen(_root(file, stage, prim), _SCENE):
         scene.place(mesh, transforms)

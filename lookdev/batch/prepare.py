@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from lookdev.material.textures import linear_texture
 from lookdev.material.usd import has_look, read_look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
-from lookdev.plan.task import SceneTask
+from lookdev.plan.task import Camera, Sampling, SceneTask
 
 # What stands where a job gives a part no look: the grey of a photographer's card, without gloss.
 _NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
@@ -51,32 +51,44 @@ def prepare_job(path: Path) -> Prepared:
     looks = _looks(job, asset, notes)
     camera = frame_camera(job.camera, asset.center, asset.radius, job.render.resolution)
     sampling = frame_sampling(job.render)
-    # Light that leaves a convex asset never meets it again.
-    bounces = 0 if asset.convex else sampling.bounces
+    scenes = {
+        (look, ibl): make_scene(asset, asset_file, slots, light, camera, job.render.resolution, sampling)
+        for look, slots in looks.items()
+        for ibl, light in lights.items()
+    }
+    _raise_all(fault for scene in scenes.values() for fault in _attribute_faults(asset, scene.shaders))
+    return Prepared(job, build_plan(job, scenes, read_header), tuple(notes))
 
-    def surface(look: Look, light: LightTables) -> ShaderSource:
-        return generate_surface(
+
+def make_scene(
+    asset: Asset,
+    asset_file: Path,
+    slots: Sequence[Look],
+    light: LightTables,
+    camera: Camera,
+    resolution: tuple[int, int],
+    sampling: Sampling,
+) -> SceneTask:
+    """Generate the shaders of a scene: `slots` has the look of each of the asset's slots."""
+    # Light that leaves a convex asset never meets it again.
+    sampling = replace(sampling, bounces=0) if asset.convex else sampling
+    # Slots that share a look share its shader.
+    shaders = {
+        id(look): generate_surface(
             look,
             linear_texture,
             brdf_samples=sampling.brdf_samples,
             ibl_samples=sampling.ibl_samples,
-            bounces=bounces,
+            bounces=sampling.bounces,
             light_size=(light.width, light.height),
             light_entries=light.sample_count,
-            resolution=job.render.resolution,
+            resolution=resolution,
         )
-
-    scenes: dict[tuple[str, str], SceneTask] = {}
-    for look, slots in looks.items():
-        for ibl, light in lights.items():
-            # Slots that share a look share its shader.
-            sources = {id(slot): surface(slot, light) for slot in slots}
-            shaders = tuple(sources[id(slot)] for slot in slots)
-            scenes[look, ibl] = SceneTask(
-                asset_file, shaders, light, job.render.resolution, sampling, camera, job.render.device
-            )
-    _raise_all(fault for scene in scenes.values() for fault in _attribute_faults(asset, scene.shaders))
-    return Prepared(job, build_plan(job, scenes, read_header), tuple(notes))
+        for look in slots
+    }
+    return SceneTask(
+        asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, sampling, camera, device="cpu"
+    )
 
 
 def _lights(job: Job, notes: list[str]) -> Iterator[tuple[str, LightTables]]:

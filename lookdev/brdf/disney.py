@@ -17,7 +17,7 @@ import numpy as np
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.vectors import Array, mean, mix, mix_color, reflect, scale
+from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, scale
 
 PI = np.pi
 
@@ -47,7 +47,7 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
         # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection by roughness,
         # 1.25 keeps the albedo.
         fss = mix(1.0, retro, fi) * mix(1.0, retro, fo)
-        subsurface = 1.25 * (fss * (1.0 / (d.cos_theta_i + d.cos_theta_o) - 0.5) + 0.5)
+        subsurface = 1.25 * (fss * (1.0 / np.maximum(d.cos_theta_i + d.cos_theta_o, TINY) - 0.5) + 0.5)
         # Burley 2012, addenda, "Sheen details".
         sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))
         return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / PI)) + sheen, dielectric)
@@ -88,7 +88,8 @@ def _specular(p: Mapping[str, Array]) -> Lobe:
 
     return Lobe(
         "specular",
-        selection=lambda wo: mean(fresnel(wo[..., 2])),
+        # Microfacets lean away from the normal: with F0 = 0 the lobe is dark, not absent, as seen along it.
+        selection=lambda wo: np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
         sample=lambda wo, u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),

@@ -8,12 +8,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from lookdev.brdf.vectors import Array, mix, mix_color
+import numpy as np
+
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import Array, mix
 from lookdev.errors import ModelError
 
 
-def blend_parameters(below: Mapping[str, Array], above: Mapping[str, Array], mask: Array) -> dict[str, Array]:
-    """Blend two complete parameter sets: `below` where the mask is 0, `above` where it is 1.
+def blend_parameters(
+    parameters: Mapping[str, Parameter], below: Mapping[str, Array], above: Mapping[str, Array], mask: Array
+) -> dict[str, Array]:
+    """Blend two complete parameter sets: exactly `below` where the mask is 0, exactly `above` where it is 1.
+
+    Parameters
+    ----------
+    parameters
+        The model's inputs, whose kinds tell colours (..., 3) from floats (...).
+    below, above
+        A value for every input.
+    mask : (...)
+        In [0, 1].
 
     Raises
     ------
@@ -21,17 +35,17 @@ def blend_parameters(below: Mapping[str, Array], above: Mapping[str, Array], mas
         A token differs between the two.
     """
     blended: dict[str, Array] = {}
-    for name, lower in below.items():
-        upper = above[name]
-        if isinstance(lower, str):
+    for name, parameter in parameters.items():
+        lower, upper = below[name], above[name]
+        if parameter.kind == "token":
             if lower != upper:
                 raise ModelError(
                     f"layers disagree on '{name}': '{lower}' below, '{upper}' above; all layers of a stack "
                     "must use the same"
                 )
             blended[name] = lower
-        elif lower.shape == (3,) or upper.shape == (3,):
-            blended[name] = mix_color(lower, upper, mask)
         else:
-            blended[name] = mix(lower, upper, mask)
+            t = np.expand_dims(mask, -1) if parameter.kind == "color" else mask
+            # a + (b - a) need not round to b. With a constant mask of 1 nothing below is read any more.
+            blended[name] = np.where(t >= 1.0, upper, mix(lower, upper, t))
     return blended

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, dot, normalize, scale
+from lookdev.brdf.vectors import TINY, Array, dot, scale
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,12 @@ class Directions:
     @classmethod
     def of(cls, wo: Array, wi: Array) -> Directions:
         """Derive the half vector and the cosines from `wo` and `wi`, (..., 3)."""
-        wm = normalize(wo + wi)
-        return cls(wo, wi, wm, wo[..., 2], wi[..., 2], dot(wi, wm))
+        x, y, z = wo[..., 0] + wi[..., 0], wo[..., 1] + wi[..., 1], wo[..., 2] + wi[..., 2]
+        # Opposite directions along the horizon: the floor's square is still a normal float32.
+        half = np.stack([x, y, np.maximum(z, TINY)], axis=-1)
+        length = np.sqrt(dot(half, half))
+        # wi . wm is half the length of wo + wi; the dot product would cancel as wi nears -wo.
+        return cls(wo, wi, scale(half, 1.0 / length), wo[..., 2], wi[..., 2], 0.5 * length)
 
 
 @dataclass(frozen=True)

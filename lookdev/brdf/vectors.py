@@ -13,6 +13,9 @@ import numpy as np
 Array: TypeAlias = Any
 """A float64 array or number, or a symbolic array standing for one."""
 
+TINY = 1e-18
+"""A floor for divisors: its square and the inverse of its square are normal numbers in float32 too."""
+
 
 def scale(vector: Array, factor: Array) -> Array:
     """Multiply vectors (..., 3) by scalars (...)."""

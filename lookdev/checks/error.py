@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import find_objects, median_filter, uniform_filter
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
 
@@ -15,23 +15,37 @@ EPSILON = 0.01
 def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
     """Return ``mean((x - ref)^2 / (ref^2 + 0.01))`` over the pixels of the asset.
 
-    image, reference : (H, W, 3); alpha : (H, W), pixels with alpha > 0 count. NaN where there is none.
+    image, reference : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. NaN if there is none.
     """
-    squared = (image.astype(np.float64) - reference) ** 2
-    return _mean_over_asset(squared / (reference.astype(np.float64) ** 2 + EPSILON), alpha)
+    reference = reference.astype(np.float64)
+    error = (image - reference) ** 2 / (reference**2 + EPSILON)
+    return _mean_over_asset(error, alpha)
 
 
 def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     """Estimate the relMSE of ``(a + b) / 2`` from two independent renders of equal cost.
 
-    The variance of the mean is estimated by ``((a - b) / 2)^2``. The unknown reference in the denominator is
-    replaced by the mean over the 3 x 3 neighbourhood: a single bright outlier would otherwise excuse itself.
+    The variance of the mean is estimated by ``((a - b) / 2)^2``. The reference in the denominator is not known, and
+    the pixel itself would let a bright outlier excuse itself: the median of the 3 x 3 neighbours' colours stands for
+    it, times the pixel's own coverage.
+
+    a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. NaN if there is none.
     """
-    a, b = a.astype(np.float64), b.astype(np.float64)
-    mean = uniform_filter((a + b) / 2, size=(3, 3, 1), mode="nearest")
-    return _mean_over_asset(((a - b) / 2) ** 2 / (mean**2 + EPSILON), alpha)
+    found = find_objects((alpha > 0).astype(np.int8))
+    if not found:
+        return float("nan")
+    window = found[0]
+    a, b, alpha = a[window].astype(np.float64), b[window].astype(np.float64), alpha[window].astype(np.float64)
+    covered = alpha > 0
+    color = (a + b) / 2 / np.where(covered, alpha, 1.0)[..., None]
+    # What is not covered takes the mean colour of what is nearby, so that a silhouette has neighbours on both sides.
+    weight = uniform_filter(covered.astype(np.float64), 3, mode="constant")[..., None]
+    nearby = uniform_filter(color * covered[..., None], (3, 3, 1), mode="constant") / np.where(weight > 0, weight, 1.0)
+    typical = median_filter(np.where(covered[..., None], color, nearby), (3, 3, 1), mode="nearest")
+    reference = typical * alpha[..., None]
+    return _mean_over_asset(((a - b) / 2) ** 2 / (reference**2 + EPSILON), alpha)
 
 
-def _mean_over_asset(error: Floats, alpha: Floats) -> float:
+def _mean_over_asset(error: NDArray[np.float64], alpha: Floats) -> float:
     covered = alpha > 0
     return float(error[covered].mean()) if covered.any() else float("nan")

@@ -125,7 +125,7 @@ def look_lobes(look: Look, inputs: Inputs) -> tuple[Lobe, ...]:
     below = _layer_parameters(look.layers[0], inputs)
     for layer in look.layers[1:]:
         mask = inputs.value(layer.mask, _MASK)
-        below = blend_parameters(below, _layer_parameters(layer, inputs), mask)
+        below = blend_parameters(PARAMETERS[model], below, _layer_parameters(layer, inputs), mask)
     return LOBES[model](below)
 
 

@@ -79,16 +79,16 @@ def depends_on(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
     return {node for node, found in dependent.items() if found}
 
 
-def reachable(roots: Iterable[Any], stop: Iterable[Node] = ()) -> set[Node]:
-    """Return all nodes under `roots`, not looking below those in `stop`."""
+def reachable(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
+    """Return all nodes under `roots`, not looking below those in `stop`, in an order that is the same every run."""
     stops = set(stop)
-    seen: set[Node] = set()
+    seen: dict[Node, None] = {}
     stack = [root for root in roots if isinstance(root, Node)]
     while stack:
         node = stack.pop()
         if node in seen:
             continue
-        seen.add(node)
+        seen[node] = None
         if node not in stops:
             stack.extend(node.operands())
     return seen

@@ -9,11 +9,17 @@ from __future__ import annotations
 import json
 import os
 import queue
+import stat
 import sys
 import tempfile
 import threading
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from lookdev.cycles.render import RenderedFrame
+
+_LONGEST_LOG = 1 << 20
 
 
 def _take_stdout() -> int:
@@ -33,9 +39,8 @@ def _serve(channel: int) -> None:
     def tell(**message: Any) -> None:
         os.write(channel, (json.dumps(message) + "\n").encode())
 
-    import numpy as np
-
     from lookdev.cycles import version
+    from lookdev.cycles.progress import finer_progress
     from lookdev.cycles.render import render_frame
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
@@ -52,16 +57,15 @@ def _serve(channel: int) -> None:
             tell(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
 
         try:
-            if scene is None or scene.task != task.scene:
+            if scene is None or not scene.fits(task.scene):
                 scene = Scene(task.scene)
-            frame = render_frame(scene, task, progress)
+            with finer_progress(task.scene.sampling.samples, progress) as report:
+                frame = render_frame(scene, task, report)
+            arrays = _save(frame)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
             tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
             continue
-        handle, arrays = tempfile.mkstemp(prefix="lookdev-", suffix=".npz")
-        with os.fdopen(handle, "wb") as stream:
-            np.savez(stream, a=frame.a, b=frame.b, alpha=frame.alpha)
         tell(
             type="done",
             digest=task.digest,
@@ -70,6 +74,22 @@ def _serve(channel: int) -> None:
             seconds=frame.seconds,
             relmse=frame.relmse,
         )
+        _bound_log()
+
+
+def _save(frame: RenderedFrame) -> str:
+    import numpy as np
+
+    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz")
+    with os.fdopen(handle, "wb") as stream:
+        np.savez(stream, a=frame.a, b=frame.b, alpha=frame.alpha)
+    return path
+
+
+def _bound_log() -> None:
+    """Empty a log that frames without a fault have filled: Blender tells some 10 kB of each."""
+    if stat.S_ISREG(os.fstat(2).st_mode) and os.fstat(2).st_size > _LONGEST_LOG:
+        os.ftruncate(2, 0)
 
 
 def main() -> None:

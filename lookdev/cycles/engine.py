@@ -44,9 +44,20 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
 bpy.utils.register_class(Capture)
 
 
-def render_passes(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
-    """Render the scene with `samples` a pixel and return its passes by Blender's names, rows bottom-up."""
-    scene.cycles.samples = samples
+def render_passes(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
+    """Render the scene with `samples` a pixel and return its passes by Blender's names, rows bottom-up.
+
+    `seed` places the samples within a pixel.
+
+    Cycles puts sample 0 of every pixel at its centre, which would bias coverage by up to half a sample. The second
+    block of the sequence has no such sample, and a block of a power of two is as stratified as the first.
+    """
+    scene.cycles.samples = 2 * samples
+    scene.cycles.use_sample_subset = True
+    scene.cycles.sample_offset = scene.cycles.sample_subset_length = samples
+    scene.cycles.seed = seed
+    # Cycles' settings are custom properties: without the tag a render after the first keeps the old ones.
+    scene.update_tag()
     Capture.passes = {}
     bpy.ops.render.render(scene=scene.name)
     if not Capture.passes:
@@ -82,10 +93,7 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     settings.device = "CPU"
     settings.shading_system = True
     settings.use_adaptive_sampling = settings.use_denoising = False
-    settings.use_sample_subset = False
-    settings.sample_offset = 0
     settings.time_limit = 0.0
-    settings.seed = 0
     settings.use_animated_seed = False
     settings.auto_scrambling_distance = False
     settings.scrambling_distance = 1.0

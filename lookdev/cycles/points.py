@@ -56,7 +56,7 @@ def evaluate_points(
 
 
 def _render(source: ShaderSource, table: Path, rows: int, what: int) -> NDArray[np.float32]:
-    """Render a plane that fills the picture; sample 0 is at the pixel's centre."""
+    """Render a plane that fills the picture: one point a pixel, wherever in the pixel its sample falls."""
     scene = engine.empty_scene()
     engine.configure(scene, (_COLUMNS, rows), bounces=0)
     width, height = 1.0, rows / _COLUMNS

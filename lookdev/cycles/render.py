@@ -56,8 +56,9 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     error = math.nan
     for number, size in enumerate(_rounds(sampling)):
         for half in (0, 1):
-            scene.control(task.pose, sampling.seed * _SEEDS_PER_FRAME + 2 * number + half, size)
-            passes = engine.render_passes(scene.scene, size)
+            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + half
+            scene.control(task.pose, seed, size)
+            passes = engine.render_passes(scene.scene, size, seed)
             sums[half] += size * passes["Combined"][::-1, :, :3]
             coverage += size * passes["UV"][::-1, :, 2]
             done += size
@@ -72,13 +73,15 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
 
 
 def _rounds(sampling: Sampling) -> Iterator[int]:
-    """Give the samples a pixel of each half: all at once, or doubling the total until the cap."""
-    per_half = sampling.samples // 2
-    if sampling.error is None:
-        yield per_half
-        return
-    total = 0
-    while total < per_half:
-        size = min(total or _FIRST_ROUND, per_half - total)
-        total += size
+    """Give the samples a pixel of each half, in powers of two, for which alone a block of samples is stratified.
+
+    The fewest rounds that make the sum; with a target error, first rounds that double the total until the sum.
+    """
+    left = sampling.samples // 2
+    size = _FIRST_ROUND if sampling.error is not None else left
+    while left:
+        size = 1 << (min(size, left).bit_length() - 1)
         yield size
+        left -= size
+        if sampling.error is not None:
+            size = max(size, sampling.samples // 2 - left)

@@ -30,6 +30,10 @@ class Scene:
         self._objects = _add_asset(self.scene, asset, materials, attributes)
         self._camera = _add_camera(self.scene)
 
+    def fits(self, task: SceneTask) -> bool:
+        """Tell whether frames of another task need nothing here to be rebuilt; camera and samples may differ."""
+        return _built_from(task) == _built_from(self.task)
+
     def pose(self, task: FrameTask) -> None:
         """Stand the camera where it shows this pose. The asset never moves: its acceleration structure stays."""
         _place_camera(self._camera, task.scene.camera, task.pose)
@@ -45,12 +49,20 @@ class Scene:
             item.color = (turn, float(seed), float(samples), 1.0)
 
 
+def _built_from(task: SceneTask) -> tuple[object, ...]:
+    return task.asset_file, task.shaders, task.light, task.resolution, task.sampling.bounces
+
+
 def _add_asset(scene: Any, asset: Asset, materials: list[Any], attributes: set[AttributeBinding]) -> list[Any]:
     meshes = [_build_mesh(mesh, materials, attributes) for mesh in asset.meshes]
+    # An object's own transform is location, rotation and scale: shear would be lost. What it inherits is a matrix.
+    root = bpy.data.objects.new("root", None)
+    scene.collection.objects.link(root)
     objects = []
     for instance in asset.instances:
         item = bpy.data.objects.new(asset.name, meshes[instance.mesh])
-        item.matrix_world = Matrix(instance.matrix.tolist())
+        item.parent = root
+        item.matrix_parent_inverse = Matrix(instance.matrix.tolist())
         scene.collection.objects.link(item)
         objects.append(item)
     return objects

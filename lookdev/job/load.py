@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import json
 import re
-import reprlib
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -131,8 +131,14 @@ def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
             hint = nearest_hint(value, re.findall(r"'([^']*)'", context["expected"]))
         case _:
             message = detail["msg"].removeprefix("Input ")
-            what = f"{message[0].lower()}{message[1:]}, not {reprlib.repr(value)}"
+            what = f"{message[0].lower()}{message[1:]}, not {_shown(value)}"
     return Fault(file, _dotted(place), what, hint)
+
+
+def _shown(value: object) -> str:
+    """Write a value much as it stands in the file, shortened."""
+    text = json.dumps(value, default=str, ensure_ascii=False)
+    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def _place(loc: Place, data: Any) -> Place:

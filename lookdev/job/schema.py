@@ -72,8 +72,9 @@ def _readable(*suffixes: str) -> AfterValidator:
 
 
 def _folder(path: Path) -> Path:
-    if path.exists() and not path.is_dir():
-        raise _wrong(f"{path} is not a folder", "name a folder; it is made if it does not exist")
+    nearest = next(place for place in (path, *path.parents) if place.exists())
+    if not nearest.is_dir():
+        raise _wrong(f"{nearest} is not a folder", "name a folder; it is made if it does not exist")
     return path
 
 

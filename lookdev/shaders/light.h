@@ -8,13 +8,20 @@ void light_from_direction(vector w, float turn, output float x, output float y)
     y = atan2(hypot(w[0], w[1]), w[2]) / M_PI;
 }
 
+// From the nearer pole, as float32 has no pi; and OSL's sin() is good to 6e-8 only, however small the angle.
+float light_cos_latitude(float y)
+{
+    float angle = M_PI * min(y, 1 - y);
+    return angle < 0.1 ? angle * (1 - angle * angle / 6) : sin(angle);
+}
+
 vector light_direction(float x, float y, float turn)
 {
     float azimuth = M_PI * (1 - 2 * x) + turn;
     float s;
     float c;
     sincos(azimuth, s, c);
-    float horizontal = sin(M_PI * y);
+    float horizontal = light_cos_latitude(y);
     return vector(c * horizontal, s * horizontal, cos(M_PI * y));
 }
 
@@ -41,8 +48,19 @@ void light_sample(string file, int number, int seed, output float x, output floa
 color light_radiance_at(string file, float x, float y, output float pdf)
 {
     float inset = 0.5 / LIGHT_HEIGHT;
-    color radiance = texture(file, x, IMAGE_T(clamp(y, inset, 1 - inset)), 0, 0, 0, 0,
+    float row = clamp(y, inset, 1 - inset);
+#if LOOKDEV_ROW_0_AT_T_1
+    float place = x - floor(x);
+    color radiance = lookdev_black(file, place, row, pdf);
+    if (min(place, 1 - place) * LIGHT_WIDTH < 0.5) {
+        float rest;
+        radiance += lookdev_black(file, place < 0.5 ? place + 1 : place - 1, row, rest);
+        pdf += rest;
+    }
+#else
+    color radiance = texture(file, x, IMAGE_T(row), 0, 0, 0, 0,
                              "swrap", "periodic", "twrap", "clamp", "interp", "linear", "alpha", pdf);
-    pdf /= 2 * M_PI * M_PI * max(sin(M_PI * y), 1e-9);
+#endif
+    pdf /= 2 * M_PI * M_PI * max(light_cos_latitude(y), 1e-9);
     return radiance;
 }

@@ -1,6 +1,7 @@
 // Texture look-ups that mean the same on every Blender. The worker defines LOOKDEV_ROW_0_AT_T_1:
 // 4.5 hands texture() to OpenImageIO, whose t = 0 is the top row of a file; 5.x looks images up itself, t = 0 at
-// the bottom, always bilinear. Derivatives of zero and "interp" "linear" ask both for plain bilinear look-ups.
+// the bottom, always bilinear and, whatever "wrap" says, black outside. Derivatives of zero and "interp" "linear" ask
+// both for plain bilinear look-ups.
 
 #if LOOKDEV_ROW_0_AT_T_1
 #define IMAGE_T(y) (1.0 - (y))
@@ -16,10 +17,53 @@ color lookdev_texel(string file, float i, float j, float width, float height)
     return value;
 }
 
+#if LOOKDEV_ROW_0_AT_T_1
+// Bilinear weights are tents about texel centres: an image that repeats or mirrors is the sum of its copies, of which
+// no more than two reach a place. Returns the place in the image, and in `other` that in the nearest copy.
+float lookdev_wrap(float s, string wrap, output float other)
+{
+    if (wrap == "black") {
+        other = -2;
+        return s;
+    }
+    if (wrap == "periodic") {
+        float place = s - floor(s);
+        other = place < 0.5 ? place + 1 : place - 1;
+        return place;
+    }
+    // Within half a texel of an edge, clamped and mirrored are the same.
+    float place = wrap == "mirror" ? fabs(s - 2 * floor(0.5 * s + 0.5)) : clamp(s, 0, 1);
+    other = place < 0.5 ? -place : 2 - place;
+    return place;
+}
+
+// One look-up, black outside, y from the top.
+color lookdev_black(string file, float s, float y, output float alpha)
+{
+    color value = texture(file, s, IMAGE_T(y), 0, 0, 0, 0, "alpha", alpha);
+    return value;
+}
+#endif
+
 // A texture at st, (0, 0) its lower left corner.
 color lookdev_texture(string file, float s, float t, string wrap_s, string wrap_t, output float alpha)
 {
+#if LOOKDEV_ROW_0_AT_T_1
+    float s1;
+    float y1;
+    float s0 = lookdev_wrap(s, wrap_s, s1);
+    float y0 = lookdev_wrap(1.0 - t, wrap_t, y1);
+    float a;
+    float b;
+    float c;
+    color value = lookdev_black(file, s0, y0, alpha);
+    value += lookdev_black(file, s1, y0, a);
+    value += lookdev_black(file, s0, y1, b);
+    value += lookdev_black(file, s1, y1, c);
+    alpha += a + b + c;
+#else
     color value = texture(file, s, IMAGE_T(1.0 - t), 0, 0, 0, 0,
                           "swrap", wrap_s, "twrap", wrap_t, "interp", "linear", "alpha", alpha);
+#endif
     return value;
 }

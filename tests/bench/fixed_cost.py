@@ -1,0 +1,80 @@
+"""What a frame costs beyond its samples: run as a script, it prints a table and asserts nothing.
+
+    python tests/bench/fixed_cost.py [--asset shaderball] [--resolution 256] [--frames 8]
+
+Frames of an element and of a lighting turntable are rendered in a warm worker with 2, 16 and 64 samples a pixel,
+interleaved. A straight line through the medians, seconds over samples, meets zero samples at the fixed cost. It is
+given for the render itself (worker) and for all a user waits for (EXR and PNG written too).
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import tempfile
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.asset import load_asset, save_asset
+from lookdev.batch.prepare import make_scene
+from lookdev.batch.worker import WORKER_COMMAND, Worker
+from lookdev.cache import cache_dir
+from lookdev.ibl import load_environment, prepare_light
+from lookdev.material import Layer, Look
+from lookdev.output import write_frame, write_png
+from lookdev.plan.task import Camera, FrameTask, Pose, Sampling
+
+SAMPLES = (2, 16, 64)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--asset", default="shaderball")
+    parser.add_argument("--resolution", type=int, default=256)
+    parser.add_argument("--frames", type=int, default=8)
+    arguments = parser.parse_args()
+    asset = load_asset(builtin=arguments.asset)
+    asset_file = save_asset(asset)
+    look = Look("plastic", (Layer("Plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3}),))
+    camera = Camera(40.0, 15.0, asset.center, 3.5 * asset.radius)
+    resolution = (arguments.resolution, arguments.resolution)
+    sampling = Sampling(2, None, 2, 4, 2, 0)
+    light = prepare_light(load_environment(builtin="studio"))
+    scene = make_scene(asset, asset_file, [look] * len(asset.slots), light, camera, resolution, sampling)
+    worker_seconds: dict[tuple[str, int], list[float]] = {}
+    user_seconds: dict[tuple[str, int], list[float]] = {}
+    with (
+        tempfile.TemporaryDirectory(dir=cache_dir("bench")) as folder,
+        Worker(WORKER_COMMAND, Path(folder) / "worker.log", Path(folder)) as worker,
+    ):
+        worker.start()
+        for number in range(arguments.frames + 1):
+            for kind in ("element", "lighting"):
+                angle = 360.0 * number / arguments.frames
+                pose = Pose(angle, 0.0) if kind == "element" else Pose(0.0, angle)
+                for samples in SAMPLES:
+                    task_scene = replace(scene, sampling=replace(sampling, samples=samples))
+                    file = Path(folder) / f"{kind}.exr"
+                    task = FrameTask(task_scene, pose, 0.0, f"{kind}{number}{samples}", (file,), {})
+                    started = time.perf_counter()
+                    frame = worker.render(task, lambda progress: None)
+                    beauty = (frame.a + frame.b) / 2
+                    write_frame(file, beauty, frame.alpha, {"digest": task.digest})
+                    write_png(file.with_suffix(".png"), beauty, frame.alpha, "ACES 1.0 - SDR Video")
+                    if number:  # the first frame of each kind warms up
+                        user_seconds.setdefault((kind, samples), []).append(time.perf_counter() - started)
+                        worker_seconds.setdefault((kind, samples), []).append(frame.seconds)
+    for what, seconds in (("worker", worker_seconds), ("user", user_seconds)):
+        for kind in ("element", "lighting"):
+            medians = [statistics.median(seconds[kind, samples]) for samples in SAMPLES]
+            slope, intercept = np.polyfit(SAMPLES, medians, 1)
+            row = "  ".join(f"{n:3d} spp {value:6.3f} s" for n, value in zip(SAMPLES, medians, strict=True))
+            print(f"{what:6s} {kind:8s} {row}  fixed {intercept:6.3f} s  {1e3 * slope:6.1f} ms/sample")  # noqa: T201
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,91 @@
+"""Quadrature over the sphere of directions for lobes of any width: a grid in half-vector space, logarithmic in slope.
+
+With ``t = tan^2 theta_h`` the first coordinate is ``a = log(1 + t / t0) / L``: cells are even within ``t0``, the width
+of the narrowest lobe, and logarithmic beyond it. A direction above the horizon has ``|wo + wi| <= 2`` and
+``(wo + wi)_z > wo_z``, so ``tan theta_h < 2 / wo_z`` and a = 1 can be put there. The second coordinate is the azimuth
+of the half vector.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+# Half the smallest alpha that the models allow, squared.
+_T0 = 0.0005**2
+_CELLS = (112, 96)
+_NODES = 2
+# Midpoints along each side of a cell that the horizon crosses.
+_EDGE_NODES = 12
+BINS = (28, 12)
+
+
+@dataclass(frozen=True)
+class Integral:
+    """The integral of a function over each bin (28 * 12,), its sum, and a bound of the sum's error."""
+
+    bins: Floats
+    total: float
+    error: float
+
+
+class HalfVectorGrid:
+    """Directions on the grid for one viewing direction `wo` (3,)."""
+
+    def __init__(self, wo: Floats) -> None:
+        self.wo = wo
+        self._length = np.log1p((2.0 / wo[2]) ** 2 / _T0)
+        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+        corner = np.stack(np.meshgrid(*(np.arange(n) for n in _CELLS), indexing="ij"), axis=-1).reshape(-1, 2)
+        self._bin = (corner // (_CELLS[0] // BINS[0], _CELLS[1] // BINS[1])) @ (BINS[1], 1)
+        wi, weight = self._rule(corner, 0.5 * (nodes + 1.0), 0.5 * weights)
+        above = (wi[..., 2] > 0.0) & (weight > 0.0)
+        self._inside = above.all(axis=-1)
+        self._edge = above.any(axis=-1) & ~self._inside
+        self._inner = wi[self._inside], weight[self._inside]
+        midpoints = (np.arange(_EDGE_NODES) + 0.5) / _EDGE_NODES
+        self._outer = self._rule(corner[self._edge], midpoints, np.full(_EDGE_NODES, 1.0 / _EDGE_NODES))
+
+    def _rule(self, corner: NDArray[np.intp], nodes: Floats, weights: Floats) -> tuple[Floats, Floats]:
+        """Return directions (cells, n, 3) and quadrature weights in steradians (cells, n)."""
+        a = (corner[:, 0, None] + nodes) / _CELLS[0]
+        phi = 2.0 * np.pi * (corner[:, 1, None] + nodes) / _CELLS[1]
+        grown = np.exp(a * self._length)
+        t = _T0 * (grown - 1.0)
+        # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
+        density = _T0 * grown * self._length / (2.0 * (1.0 + t) ** 1.5)
+        cos_h = 1.0 / np.sqrt(1.0 + t)
+        sin_h = np.sqrt(t) * cos_h
+        shape = (len(corner), len(nodes), len(nodes))
+        sin_part = np.stack([np.cos(phi), np.sin(phi)], axis=-1)[:, None] * sin_h[:, :, None, None]
+        wm = np.concatenate([sin_part, np.broadcast_to(cos_h[:, :, None, None], (*shape, 1))], axis=-1)
+        cos_d = wm @ self.wo
+        # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
+        area = (density * weights)[:, :, None] * weights * (2.0 * np.pi / (_CELLS[0] * _CELLS[1]))
+        wi = 2.0 * cos_d[..., None] * wm - self.wo
+        return wi.reshape(len(corner), -1, 3), (4.0 * np.maximum(cos_d, 0.0) * area).reshape(len(corner), -1)
+
+    def integrate(self, function: Callable[[Floats, Floats], Floats]) -> Integral:
+        """Integrate ``function(wo, wi)``, zero below the horizon, over solid angle."""
+        inner, outer = (
+            (function(np.broadcast_to(self.wo, wi.shape), wi) * weight).sum(axis=-1)
+            for wi, weight in (self._inner, self._outer)
+        )
+        cells = np.zeros(self._bin.size)
+        cells[self._inside], cells[self._edge] = inner, outer
+        # A curve through n x n midpoints leaves at most about 1 / n of a cell in doubt.
+        return Integral(np.bincount(self._bin, cells), float(cells.sum()), float(outer.sum()) / _EDGE_NODES)
+
+    def bin_of(self, wi: Floats) -> NDArray[np.intp]:
+        """Return the bin of each direction (n, 3) above the horizon."""
+        half = self.wo + wi
+        t = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2
+        a = np.log1p(t / _T0) / self._length
+        phi = np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
+        row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip((a, phi), BINS, strict=True))
+        return row * BINS[1] + column

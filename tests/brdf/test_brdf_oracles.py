@@ -1,0 +1,26 @@
+"""The models in NumPy against values from an implementation of their own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.checks.evaluate import evaluate_lines
+
+ORACLES = sorted((Path(__file__).parents[1] / "oracles").glob("*.jsonl"))
+
+
+@pytest.mark.parametrize("oracle", ORACLES, ids=lambda path: path.stem)
+def test_f_agrees_with_the_oracle(oracle: Path) -> None:
+    lines = oracle.read_text().splitlines()
+    assert lines
+    wanted = np.array([json.loads(line)["f"] for line in lines])
+    answers = [json.loads(line) for line in evaluate_lines(lines, "numpy")]
+    np.testing.assert_allclose([answer["f"] for answer in answers], wanted, rtol=1e-9, atol=1e-12)
+
+
+def test_an_oracle_is_there() -> None:
+    assert "disney" in [path.stem for path in ORACLES]

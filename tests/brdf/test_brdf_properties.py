@@ -1,0 +1,219 @@
+"""What holds for a reflectance model whatever its parameters, and what its distributions promise."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lookdev.brdf import LOBES, PARAMETERS, Lobe, complete_parameters, evaluate, pdf
+from lookdev.brdf import microfacet as mf
+from lookdev.brdf.layering import blend_parameters
+from lookdev.errors import ModelError
+
+Floats = NDArray[np.float64]
+
+# Every token of a model, in every combination.
+_VARIANTS = [
+    (model, dict(zip(tokens, values, strict=True)))
+    for model, parameters in PARAMETERS.items()
+    for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
+    for values in product(*(parameters[name].choices for name in tokens))
+]
+_EVERY = pytest.mark.parametrize(("model", "tokens"), _VARIANTS, ids=str)
+
+
+def _directions(rng: np.random.Generator, count: int) -> Floats:
+    cos = rng.uniform(1e-3, 1.0, count)
+    phi = rng.uniform(0.0, 2.0 * np.pi, count)
+    sin = np.sqrt(1.0 - cos * cos)
+    return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
+
+
+def _random_lobes(rng: np.random.Generator, model: str, tokens: dict[str, str], count: int) -> tuple[Lobe, ...]:
+    values: dict[str, Any] = dict(tokens)
+    for name, parameter in PARAMETERS[model].items():
+        if parameter.kind != "token":
+            shape = (count, 3) if parameter.kind == "color" else (count,)
+            # Half of them at an end of the range, where formulas meet their special cases.
+            values[name] = np.clip(rng.uniform(-0.5, 1.5, shape), 0.0, 1.0) * parameter.hard[1]
+    return LOBES[model](values)
+
+
+@_EVERY
+def test_light_may_go_either_way(model: str, tokens: dict[str, str]) -> None:
+    rng = np.random.default_rng(1)
+    wo, wi = _directions(rng, 4000), _directions(rng, 4000)
+    lobes = _random_lobes(rng, model, tokens, 4000)
+    np.testing.assert_allclose(evaluate(lobes, wo, wi), evaluate(lobes, wi, wo), rtol=1e-12)
+
+
+@_EVERY
+@pytest.mark.parametrize("z", [0.0, -0.0, -5e-324, -1e-9, -0.7])
+def test_nothing_on_or_below_the_horizon(model: str, tokens: dict[str, str], z: float) -> None:
+    rng = np.random.default_rng(2)
+    above = _directions(rng, 500)
+    below = above * [1.0, 1.0, 0.0] / np.hypot(above[:, :1], above[:, 1:2]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
+    lobes = _random_lobes(rng, model, tokens, 500)
+    for wo, wi in ((above, below), (below, above), (below, below)):
+        assert (evaluate(lobes, wo, wi) == 0.0).all()
+        assert (pdf(lobes, wo, wi) == 0.0).all()
+
+
+def _extreme_pairs() -> tuple[Floats, Floats]:
+    """Return pairs of every height and every kind of opposition, down to denormal cosines."""
+    heights = [1.0, 0.5, 1e-3, 1e-7, 1e-18, 1e-160, 5e-324]
+    turns = [0.0, 1e-9, 1.0, np.pi - 1e-7, np.pi]
+    pairs = []
+    for z_o, z_i, turn in product(heights, heights, turns):
+        s_o, s_i = np.sqrt(1.0 - z_o * z_o), np.sqrt(1.0 - z_i * z_i)
+        pairs.append(((s_o, 0.0, z_o), (s_i * np.cos(turn), s_i * np.sin(turn), z_i)))
+        pairs.append(((s_o, 0.0, z_o), (-s_i, 0.0, z_i)))
+    wo, wi = np.array(pairs).transpose(1, 0, 2)
+    return wo, wi
+
+
+@_EVERY
+def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
+    wo, wi = _extreme_pairs()
+    rng = np.random.default_rng(3)
+    names = [name for name, parameter in PARAMETERS[model].items() if parameter.kind != "token"]
+    # Corners of the parameter space, and what is just beside them.
+    corners = rng.choice([0.0, 5e-324, 1e-12, 1.0 - 2**-53, 1.0], (400, len(names)))
+    corners[:2] = [[0.0], [1.0]]
+    values: dict[str, Any] = dict(tokens)
+    for name, column in zip(names, corners.T, strict=True):
+        parameter = PARAMETERS[model][name]
+        extreme = column[:, None] * parameter.hard[1]
+        values[name] = np.repeat(extreme[..., None], 3, axis=-1) if parameter.kind == "color" else extreme
+    lobes = LOBES[model](values)
+    for chosen in (*((lobe,) for lobe in lobes), lobes):
+        f, density = evaluate(chosen, wo[None], wi[None]), pdf(chosen, wo[None], wi[None])
+        for result in (f, density):
+            assert np.isfinite(result).all()
+            assert (result >= 0.0).all()
+
+
+def test_what_can_reflect_can_be_sampled() -> None:
+    # As published, specular = 0 keeps Schlick's rise, also seen along the normal; on black nothing else reflects.
+    lobes = LOBES["disney"](complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
+    wo, wi = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
+    assert (evaluate(lobes, wo, wi) > 0.0).all()
+    assert pdf(lobes, wo, wi) > 0.0
+
+
+def _half_vectors(alpha: float) -> tuple[Floats, Floats]:
+    """Return half vectors (n, m, 3) and weights of ``cos theta_h d omega_h``: Gauss in log(1 + sin^2 / alpha^2)."""
+    x, weight = np.polynomial.legendre.leggauss(400)
+    length = np.log1p(1.0 / alpha**2)
+    grown = np.exp(0.5 * (x + 1.0) * length)
+    sin2 = np.minimum(alpha**2 * (grown - 1.0), 1.0)
+    phi = np.arange(720) * (2.0 * np.pi / 720)
+    sin, cos = np.sqrt(sin2)[:, None], np.sqrt(1.0 - sin2)[:, None]
+    wm = np.stack([sin * np.cos(phi), sin * np.sin(phi), np.broadcast_to(cos, (400, 720))], axis=-1)
+    # cos theta d omega = d(sin^2 theta) d phi / 2; the azimuth's trapezoid rule is exact for periodic functions.
+    return wm, (0.25 * weight * alpha**2 * grown * length)[:, None] * (2.0 * np.pi / 720)
+
+
+@pytest.mark.parametrize("alpha", [0.001, 0.01, 0.1, 0.25, 0.9])
+def test_gtr1_is_normalised(alpha: float) -> None:
+    wm, weight = _half_vectors(alpha)
+    assert (mf.gtr1(wm, alpha) * weight).sum() == pytest.approx(1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("alpha_x", "alpha_y"), [(0.001, 0.001), (0.003, 0.001), (0.06, 0.02), (0.3, 0.3), (0.7, 0.9), (1.0, 1.0)]
+)
+def test_gtr2_is_normalised(alpha_x: float, alpha_y: float) -> None:
+    wm, weight = _half_vectors(np.sqrt(alpha_x * alpha_y))
+    assert (mf.gtr2_aniso(wm, alpha_x, alpha_y) * weight).sum() == pytest.approx(1.0, rel=1e-9)
+
+
+def test_shadowing_lies_between_nothing_and_everything() -> None:
+    w = _directions(np.random.default_rng(4), 1000)
+    cos = w[:, 2]
+    alphas = np.array([0.001, 0.1, 0.5, 1.0])[:, None]
+    for g1 in (2.0 * cos * mf.smith_ggx(cos, alphas), 2.0 * cos * mf.smith_ggx_aniso(w, alphas, alphas)):
+        assert ((g1 > 0.0) & (g1 <= 1.0)).all()
+        assert (np.diff(g1, axis=0) < 0.0).all()  # the rougher, the more is hidden
+    np.testing.assert_allclose(mf.smith_ggx_aniso(w, alphas, alphas), mf.smith_ggx(cos, alphas), rtol=1e-12)
+    assert mf.smith_ggx(0.0, 0.25) == 4.0
+
+
+def test_the_variants_differ_in_the_shadowing_of_the_specular_lobe_only() -> None:
+    rng = np.random.default_rng(5)
+    wo, wi = _directions(rng, 300), _directions(rng, 300)
+    given = {"roughness": 0.3, "anisotropic": 0.5, "clearcoat": 1.0, "sheen": 1.0, "subsurface": 0.5}
+    lobes = {
+        variant: {
+            lobe.name: lobe for lobe in LOBES["disney"](complete_parameters("disney", given | {"variant": variant}))
+        }
+        for variant in ("2014", "2012")
+    }
+    for name in ("diffuse", "clearcoat"):
+        np.testing.assert_array_equal(evaluate([lobes["2014"][name]], wo, wi), evaluate([lobes["2012"][name]], wo, wi))
+    aspect = np.sqrt(1.0 - 0.9 * 0.5)
+    alpha_x, alpha_y, alpha_g = 0.09 / aspect, 0.09 * aspect, (0.5 + 0.3 / 2.0) ** 2
+    g_2014 = mf.smith_ggx_aniso(wo, alpha_x, alpha_y) * mf.smith_ggx_aniso(wi, alpha_x, alpha_y)
+    g_2012 = mf.smith_ggx(wo[:, 2], alpha_g) * mf.smith_ggx(wi[:, 2], alpha_g)
+    new, old = (evaluate([lobes[variant]["specular"]], wo, wi) for variant in ("2014", "2012"))
+    np.testing.assert_allclose(old, new * (g_2012 / g_2014)[:, None], rtol=1e-12)
+
+
+def test_a_mask_of_nothing_or_everything_is_exact() -> None:
+    rng = np.random.default_rng(6)
+    known = {name: PARAMETERS["disney"][name] for name in ("roughness", "baseColor", "variant")}
+    # Three points: a float's (3,) is no colour.
+    below, above = ({"roughness": rng.random(3), "baseColor": rng.random((3, 3)), "variant": "2014"} for _ in range(2))
+    for mask, wanted in ((0.0, below), (1.0, above)):
+        for given in (np.asarray(mask), np.full(3, mask)):
+            blended = blend_parameters(known, below, above, given)
+            assert blended["variant"] == "2014"
+            np.testing.assert_array_equal(blended["roughness"], wanted["roughness"])
+    plain, rough = complete_parameters("disney", {}), complete_parameters("disney", {"roughness": 1.0})
+    half = blend_parameters(PARAMETERS["disney"], plain, rough, 0.5)
+    assert half["roughness"] == 0.75
+    np.testing.assert_array_equal(half["baseColor"], [0.8, 0.8, 0.8])
+
+
+def test_layers_agree_on_tokens() -> None:
+    layers = [complete_parameters("disney", {"variant": variant}) for variant in ("2014", "2012")]
+    with pytest.raises(ModelError, match="layers disagree on 'variant': '2014' below, '2012' above"):
+        blend_parameters(PARAMETERS["disney"], *layers, np.asarray(0.5))
+
+
+@pytest.mark.parametrize(
+    ("model", "given", "message"),
+    [
+        ("disny", {}, "unknown model 'disny'.*'disney'"),
+        ("disney", {"roughnes": 0.5}, "disney: unknown parameter 'roughnes'.*'roughness'"),
+        ("disney", {"roughness": 1.5}, r"disney.roughness is 1.5; its range is 0 to 1"),
+        ("disney", {"roughness": -1e-9}, r"disney.roughness is -1e-09; its range is 0 to 1"),
+        ("disney", {"specular": 13.0}, r"disney.specular is 13.0; its range is 0 to 12.5"),
+        ("disney", {"baseColor": (0.5, 2.0, 0.5)}, r"disney.baseColor is \(0.5, 2.0, 0.5\); its range is 0 to 1"),
+        ("disney", {"roughness": float("nan")}, "disney.roughness is nan; its range is 0 to 1"),
+        ("disney", {"baseColor": (0.5, 0.5, float("inf"))}, "disney.baseColor is .*inf"),
+        ("disney", {"baseColor": 0.5}, "disney.baseColor is 0.5; three numbers would be right"),
+        ("disney", {"roughness": (0.5, 0.5, 0.5)}, "a number would be right"),
+        ("disney", {"roughness": "0.5"}, "disney.roughness is '0.5'; a number would be right"),
+        ("disney", {"roughness": True}, "disney.roughness is True; a number would be right"),
+        ("disney", {"roughness": None}, "disney.roughness is None"),
+        ("disney", {"baseColor": (True, "x", None)}, "three numbers would be right"),
+        ("disney", {"variant": "2013"}, "disney.variant is '2013'; one of 2014, 2012 would be right"),
+        ("disney", {"variant": [1]}, r"disney.variant is \[1\]; one of"),
+    ],
+)
+def test_a_wrong_parameter_is_told(model: str, given: dict[str, object], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        complete_parameters(model, given)
+
+
+def test_defaults_are_complete() -> None:
+    for model, parameters in PARAMETERS.items():
+        complete = complete_parameters(model, {})
+        assert list(complete) == list(parameters)
+        for name, parameter in parameters.items():
+            np.testing.assert_array_equal(complete[name], parameter.default)

@@ -1,0 +1,259 @@
+"""What is in the generated text, and what is not: a material pays only for what it has."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.brdf import LOBES, complete_parameters
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.brdf import emit_brdf, trace_lobes
+from lookdev.codegen.graph import Graph
+from lookdev.codegen.osl import Block, literal
+from lookdev.codegen.surface import expand_template, generate_points, generate_surface
+from lookdev.errors import CodegenError, ModelError
+from lookdev.material import Layer, Look, Primvar, Texture
+
+TOKENS = {"variant": "2014"}
+
+
+@pytest.fixture
+def textures(tmp_path: Path) -> dict[str, Texture]:
+    files = {name: tmp_path / f"{name}.exr" for name in ("a", "b", "mask")}
+    for name, file in files.items():
+        file.write_bytes(name.encode())
+    return {
+        "a": Texture(files["a"], "rgb", "raw"),
+        "b": Texture(files["b"], "rgb", "raw"),
+        "mask": Texture(files["mask"], "r", "raw"),
+    }
+
+
+def surface(*layers: Layer, bounces: int = 1) -> ShaderSource:
+    return generate_surface(
+        Look("test", layers),
+        lambda texture: texture.file,
+        brdf_samples=1,
+        ibl_samples=1,
+        bounces=bounces,
+        light_size=(64, 32),
+        light_entries=1024,
+        resolution=(8, 8),
+    )
+
+
+def base(mask: Any = 1.0, **inputs: Any) -> Layer:
+    return Layer("layer", "disney", inputs, mask)
+
+
+def generated(source: ShaderSource) -> str:
+    """Return the shader without what is included and without the comments that name no lobe."""
+    return source.osl[source.osl.index("shader lookdev_") :]
+
+
+def lobes_in(source: ShaderSource) -> set[str]:
+    return {name for name in ("diffuse", "specular", "clearcoat") if f"// {name}\n" in source.osl}
+
+
+def test_a_plain_look_has_no_clearcoat_and_no_sheen() -> None:
+    plain, coated = surface(base()), surface(base(clearcoat=1.0))
+    assert lobes_in(plain) == {"diffuse", "specular"}
+    assert lobes_in(coated) == {"diffuse", "specular", "clearcoat"}
+    for word in ("clearcoat", "expm1", "log("):  # GTR1 alone takes logarithms
+        assert word not in generated(plain)
+    assert "expm1" in generated(coated)
+    assert surface(base(sheen=0.0, sheenTint=1.0)).osl == plain.osl
+
+
+def test_a_metal_has_no_diffuse_lobe() -> None:
+    assert lobes_in(surface(base(metallic=1.0))) == {"specular"}
+
+
+def test_specular_0_keeps_the_lobe() -> None:
+    # As published: Schlick's term rises to 1 whatever F0 is.
+    assert lobes_in(surface(base(specular=0.0))) == {"diffuse", "specular"}
+
+
+def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
+    code = generated(generate_points("disney", TOKENS, ("diffuse",), cells=8))
+    code = "\n".join(
+        line for line in code.splitlines() if "cell[" not in line and not re.match(r" +float p_\w+ = 0;", line)
+    )
+    for word in ("p_clearcoat", "p_specular", "p_anisotropic", "specular\n", "clearcoat\n", "log(", "expm1("):
+        assert word not in code, word
+    everything = generated(generate_points("disney", TOKENS, cells=8))
+    for word in ("p_clearcoat", "p_anisotropic", "log("):
+        assert word in everything, word
+
+
+def test_a_constant_diffuse_has_no_sheen_and_no_subsurface() -> None:
+    def evaluation(**inputs: Any) -> str:
+        (diffuse, *_) = LOBES["disney"](complete_parameters("disney", inputs))
+        return "\n".join(emit_brdf(trace_lobes(Graph(), [diffuse])).evaluate)
+
+    def operations(code: str) -> int:
+        return len(re.findall(r" [-+*/] ", code))
+
+    plain = evaluation()
+    assert evaluation(sheen=0.0, sheenTint=1.0, subsurface=0.0) == plain
+    # Subsurface alone divides by the sum of the cosines; the half vector's length is divided by once.
+    assert plain.count("/") == evaluation(sheen=0.5).count("/") == evaluation(subsurface=0.5).count("/") - 1
+    assert operations(evaluation(sheen=0.5)) > operations(plain)
+    # With roughness 0 the diffuse shape knows no half vector; sheen brings it back.
+    assert "sqrt" not in evaluation(roughness=0.0)
+    assert "sqrt" in evaluation(roughness=0.0, sheen=0.5)
+
+
+@pytest.mark.parametrize("mask", [0.0, 1.0])
+def test_a_constant_mask_drops_the_unused_layer(textures: dict[str, Texture], mask: float) -> None:
+    below = base(baseColor=textures["a"], roughness=0.3)
+    above = base(mask, baseColor=textures["b"], clearcoat=0.7, metallic=1.0)
+    used = replace(above, mask=1.0) if mask else below
+    stack, alone = surface(below, above), surface(used)
+    assert [binding.file for binding in stack.textures] == [textures["b" if mask else "a"].file]
+    # Look-ups are numbered in the order of the layers.
+    assert re.sub(r"texture\d", "texture0", stack.osl) == alone.osl
+
+
+def test_a_textured_mask_reads_both_layers(textures: dict[str, Texture]) -> None:
+    source = surface(base(baseColor=textures["a"]), base(textures["mask"], baseColor=textures["b"]))
+    assert {binding.file.stem for binding in source.textures} == {"a", "b", "mask"}
+
+
+def test_a_texture_times_0_vanishes(textures: dict[str, Texture]) -> None:
+    nothing = replace(textures["mask"], scale=(0.0,) * 4)
+    assert surface(base(clearcoat=nothing)) == surface(base(clearcoat=0.0))
+    assert surface(base(), base(nothing, baseColor=textures["a"])) == surface(base())
+
+
+def test_what_both_layers_share_stays_constant(textures: dict[str, Texture]) -> None:
+    source = surface(base(metallic=1.0, roughness=0.1), base(textures["mask"], metallic=1.0, roughness=0.4))
+    assert lobes_in(source) == {"specular"}
+
+
+def test_a_texture_only_a_dropped_lobe_reads_is_not_bound(textures: dict[str, Texture]) -> None:
+    assert surface(base(clearcoat=0.0, clearcoatGloss=textures["mask"])).textures == ()
+
+
+def test_one_image_read_twice_is_one_look_up(textures: dict[str, Texture]) -> None:
+    red, green = (replace(textures["a"], channel=channel) for channel in ("r", "g"))
+    source = surface(base(roughness=red, metallic=green, baseColor=textures["a"]))
+    assert generated(source).count("lookdev_texture(") == 1
+    elsewhere = replace(red, transform=(2.0, 0.0, 0.0, 0.0, 2.0, 0.0))
+    assert generated(surface(base(roughness=red, metallic=elsewhere))).count("lookdev_texture(") == 2
+
+
+def test_a_lobe_that_may_be_absent_is_guarded(textures: dict[str, Texture]) -> None:
+    code = surface(base(clearcoat=textures["mask"])).osl
+    (number,) = re.findall(r"share_(\d) = .*// clearcoat", code)
+    assert f"if (share_{number} > 0) {{  // clearcoat" in code
+    # One that is there everywhere needs no guard.
+    assert "\n        {  // diffuse" in code
+
+
+def test_run_time_values_are_clipped_to_the_hard_range(textures: dict[str, Texture]) -> None:
+    assert "max(texture0[0], 0.0)" in surface(base(roughness=textures["mask"])).osl
+    assert "max(primvar_wear, 0.0)" in surface(base(roughness=Primvar("wear", 0.5))).osl
+
+
+def test_primvars_are_bound(textures: dict[str, Texture]) -> None:
+    source = surface(base(roughness=Primvar("my:wear", 0.5), baseColor=Primvar("displayColor", (1.0, 0.5, 0.0))))
+    kinds = {binding.attribute: (binding.parameter, binding.kind, binding.fallback) for binding in source.attributes}
+    assert kinds == {
+        "my:wear": ("primvar_my_wear", "float", (0.5,)),
+        "displayColor": ("primvar_displayColor", "color", (1.0, 0.5, 0.0)),
+    }
+
+
+def test_primvars_that_disagree_are_told() -> None:
+    with pytest.raises(CodegenError, match="'wear' is read both as float and as float, or with two fallbacks"):
+        surface(base(roughness=Primvar("wear", 0.5), metallic=Primvar("wear", 0.1)))
+
+
+def test_layers_of_two_models_are_told() -> None:
+    with pytest.raises(CodegenError, match="look 'test' mixes the models disney, other"):
+        surface(base(), Layer("other", "other"))
+
+
+def test_a_constant_out_of_range_is_told() -> None:
+    with pytest.raises(ModelError, match=r"disney\.roughness is 2\.0"):
+        surface(base(roughness=2.0))
+
+
+@pytest.mark.parametrize("bounces", [0, 2])
+def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: int) -> None:
+    for layers in (
+        [base(roughness=0.0, anisotropic=1.0, clearcoat=1.0, clearcoatGloss=0.0, baseColor=(0.0, 0.0, 0.0))],
+        [base(baseColor=textures["a"], clearcoat=textures["mask"], subsurface=1.0, sheen=1.0, sheenTint=1.0)],
+        [base(variant="2012", metallic=1.0, baseColor=(0.0, 0.0, 0.0), specular=0.0)],
+    ):
+        assert not re.search(r"\b(nan|inf)\b", surface(*layers, bounces=bounces).osl)
+    assert not re.search(r"\b(nan|inf)\b", generate_points("disney", TOKENS, cells=8).osl)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+def test_a_constant_that_is_no_number_is_told(value: float) -> None:
+    with pytest.raises(CodegenError, match="the model leaves its domain"):
+        literal(value)
+
+
+@pytest.mark.parametrize(("value", "text"), [(True, "1"), (False, "0"), (0.1, "0.1"), (-2.0, "-2.0"), (1e-18, "1e-18")])
+def test_literals(value: float, text: str) -> None:
+    assert literal(value) == text
+
+
+def test_what_is_used_twice_has_a_name() -> None:
+    graph = Graph()
+    x = graph.symbol("x")
+    twice = graph.apply("sqrt", x)
+    product = graph.apply("multiply", twice, twice)
+    block = Block("s", indent=1)
+    block.prepare([product])
+    assert block.expression(product) == "(s0 * s0)"
+    assert block.lines == ["    float s0 = sqrt(x);"]
+
+
+def test_a_condition_is_an_integer() -> None:
+    graph = Graph()
+    condition = graph.apply("greater", graph.symbol("x"), 0.5)
+    block = Block("s", indent=0)
+    assert block.name(condition) == "s0"
+    assert block.lines == ["int s0 = x > 0.5;"]
+
+
+def test_an_unknown_section_is_told() -> None:
+    with pytest.raises(CodegenError, match=r"template points.osl has no such section: 'constants'"):
+        expand_template("points.osl", {})
+
+
+def test_the_digest_names_text_and_content(textures: dict[str, Texture]) -> None:
+    source = surface(base(baseColor=textures["a"]))
+    assert surface(base(baseColor=textures["a"])).digest == source.digest
+    assert surface(base(baseColor=textures["a"], roughness=0.4)).digest != source.digest
+    assert surface(base(baseColor=textures["a"]), bounces=2).digest != source.digest
+    textures["a"].file.write_bytes(b"other content")
+    other = surface(base(baseColor=textures["a"]))
+    assert other.osl == source.osl
+    assert other.digest != source.digest
+
+
+def test_the_digest_names_what_a_missing_primvar_is() -> None:
+    one, two = (surface(base(roughness=Primvar("wear", value))) for value in (0.5, 0.6))
+    assert one.osl == two.osl
+    assert one.digest != two.digest
+
+
+def test_the_digest_of_points_is_that_of_their_text() -> None:
+    source = generate_points("disney", TOKENS, cells=8)
+    assert source.digest == hashlib.sha256(source.osl.encode()).hexdigest()
+    assert source.digest != generate_points("disney", {"variant": "2012"}, cells=8).digest
+
+
+def test_text_is_the_same_every_time(textures: dict[str, Texture]) -> None:
+    layers = [base(baseColor=textures["a"], clearcoat=0.5), base(textures["mask"], sheen=1.0, subsurface=0.5)]
+    assert surface(*layers).osl == surface(*layers).osl

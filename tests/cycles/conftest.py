@@ -1,0 +1,67 @@
+"""A warm render worker, and frames of simple scenes from it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.asset import load_asset, save_asset
+from lookdev.batch.prepare import make_scene
+from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
+from lookdev.ibl import LightTables, load_environment, prepare_light
+from lookdev.material import Layer, Look
+from lookdev.plan.task import Camera, FrameTask, Pose, Sampling
+
+RenderScene = Callable[..., Rendered]
+
+POSE = Pose(30.0, 75.0)
+
+
+def orbit_camera(center: tuple[float, float, float], radius: float) -> Camera:
+    """Return a camera that sees a bounding sphere whole."""
+    return Camera(30.0, 20.0, center, 4.2 * radius)
+
+
+@pytest.fixture(scope="session")
+def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    folder = tmp_path_factory.mktemp("worker")
+    with Worker(WORKER_COMMAND, folder / "worker.log", folder, 300.0) as process:
+        yield process
+
+
+@pytest.fixture(scope="session")
+def light_of() -> Callable[[str], LightTables]:
+    return lambda name: prepare_light(load_environment(builtin=name))
+
+
+@pytest.fixture(scope="session")
+def render(worker: Worker) -> RenderScene:
+    """Return a function that renders one look, constant over a built-in asset, in `POSE`."""
+
+    def render_one(
+        asset_name: str,
+        inputs: dict[str, Any],
+        light: LightTables,
+        *,
+        samples: int,
+        seed: int = 0,
+        size: int = 48,
+        bounces: int = 2,
+        error: float | None = None,
+        brdf_samples: int = 2,
+        ibl_samples: int = 4,
+    ) -> Rendered:
+        asset = load_asset(builtin=asset_name)
+        look = Look("look", (Layer("Layer", "disney", inputs),))
+        sampling = Sampling(samples, error, brdf_samples, ibl_samples, bounces, seed)
+        camera = orbit_camera(asset.center, asset.radius)
+        slots = [look] * len(asset.slots)
+        scene = make_scene(asset, save_asset(asset), slots, light, camera, (size, size), sampling)
+        task = FrameTask(scene, POSE, 0.0, f"{asset_name}{samples}{seed}", (Path("frame.exr"),), {})
+        worker.start()
+        return worker.render(task, lambda progress: None)
+
+    return render_one

@@ -1,0 +1,243 @@
+"""The hand-written OSL headers, run inside Cycles, against NumPy."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenEXR
+import pytest
+from numpy.typing import NDArray
+from osl_probe import TEMPLATE
+
+from lookdev.codegen.surface import expand_template
+from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, prepare_light, read_distribution
+from lookdev.ibl.mapping import rotate_z, uv_to_direction
+from lookdev.ibl.tables import MIN_COS_LATITUDE, lookup
+from lookdev.material import Texture
+from lookdev.material.textures import linear_texture, sample_texture
+
+pytestmark = pytest.mark.cycles
+
+Floats = NDArray[np.float64]
+
+_WRAPS = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
+_SAMPLES = (1, 2, 4, 8, 16, 64)
+_SEEDS = (0, 1, 77, -5)
+_NET = 10  # 2^10 points
+_TURN = 0.7
+_RNG = 20120808
+# A few operations on numbers around 1, at 2^-24 each.
+_ROUNDING = 2e-6
+
+
+@dataclass(frozen=True)
+class Probes:
+    """What was asked (tables as float64) and answered, by name; and the files that were read."""
+
+    tables: dict[str, Floats]
+    values: dict[str, Floats]
+    image: Texture
+    light: LightDistribution
+
+
+def _texture_code(file: Path, value: str) -> str:
+    """Look the image up with the pair of wraps that in[2] numbers; OSL wants wrap modes as constants."""
+    branches = "".join(
+        f'if (pair == {number}) looked = lookdev_texture("{file}", in[0], in[1], "{s}", "{t}", alpha);\n'
+        for number, (s, t) in enumerate(product(_WRAPS.values(), repeat=2))
+    )
+    return f"int pair = int(in[2] + 0.5); float alpha = -1; color looked = 0;\n{branches}value = {value};"
+
+
+def _texture_places() -> Floats:
+    rng = np.random.default_rng(_RNG)
+    count = 256
+    st = rng.uniform(-2.6, 3.6, (16, count, 2))
+    # Texel centres and the edges of the image, exactly.
+    st[:, :64] = np.round(st[:, :64] * 16.0) / 16.0
+    pairs = np.broadcast_to(np.arange(16.0)[:, None, None], (16, count, 1))
+    return np.concatenate([st, pairs], axis=-1).reshape(-1, 3)
+
+
+@pytest.fixture(scope="module")
+def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
+    folder = tmp_path_factory.mktemp("probes")
+    rng = np.random.default_rng(_RNG)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LOOKDEV_CACHE", str(folder / "cache"))
+        pixels = rng.random((4, 8, 4)).astype(np.float32)
+        OpenEXR.File({}, {"RGBA": pixels}).write(str(folder / "image.exr"))
+        image = Texture(folder / "image.exr", "rgb", "raw")
+        linear = linear_texture(image)
+        # A light whose texels differ a thousandfold, so that a look-up in the wrong place is seen.
+        radiance = (10.0 ** rng.uniform(-1.0, 2.0, (16, 32, 3))).astype(np.float32)
+        tables = prepare_light(EnvironmentMap("noise", radiance, Repairs(0, 0, 0), "0" * 64))
+        headers = "".join(expand_template(f"{name}.h", {}) for name in ("texture", "sobol", "light", "stratum"))
+        headers = (
+            f"#define LIGHT_WIDTH {tables.width}\n#define LIGHT_HEIGHT {tables.height}\n"
+            f"#define LIGHT_ENTRIES {tables.sample_count}\n{headers}"
+        )
+        net = np.array([(index, seed) for seed in _SEEDS for index in range(2**_NET)], dtype=np.float64)
+        square = rng.random((4096, 2))
+        # Near the poles and the seam, too, and round it again, as a turned map asks.
+        square[:512] **= 8.0
+        square[256:512] = 1.0 - square[256:512]
+        beyond = square + [1.0, 0.0] * rng.integers(0, 2, (4096, 1))
+        directions = uv_to_direction(square)
+        entries = np.stack([rng.integers(0, 2**24, 8192), rng.integers(0, 2**20, 8192)], axis=-1).astype(np.float64)
+        texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
+        asked: dict[str, tuple[Floats, str, int]] = {
+            "texture": (_texture_places(), _texture_code(linear, "looked"), 1),
+            "alpha": (_texture_places(), _texture_code(linear, "color(alpha)"), 1),
+            "texel": (texels, f'value = lookdev_texel("{linear}", in[0], in[1], 8, 4);', 1),
+            "sobol": (
+                net, "float a; float b; sobol_2d(int(in[0]), int(in[1]), a, b); value = color(a, b, 0);", 1
+            ),
+            "to_square": (
+                directions,
+                f"float x; float y; light_from_direction(vector(in[0], in[1], in[2]), {_TURN}, x, y);"
+                "value = color(x, y, 0);",
+                1,
+            ),
+            "to_direction": (square, f"value = color(light_direction(in[0], in[1], {_TURN}));", 1),
+            "radiance": (
+                beyond, f'float pdf; value = light_radiance_at("{tables.radiance}", in[0], in[1], pdf);', 1
+            ),
+            "density": (
+                beyond,
+                f'float pdf; light_radiance_at("{tables.radiance}", in[0], in[1], pdf); value = color(pdf);',
+                1,
+            ),
+            "light_sample": (
+                entries,
+                f'float x; float y; light_sample("{tables.samples}", int(in[0]), int(in[1]), x, y);'
+                "value = color(x, y, 0);",
+                1,
+            ),
+        }  # fmt: skip
+        for samples in _SAMPLES:
+            wanted = np.arange(4096.0)[:, None] % samples
+            code = "int index = stratum(time, SAMPLES); value = color(index == int(in[0]), index, index * index);"
+            asked[f"time{samples}"] = (wanted, code, samples)
+        request: dict[str, Any] = {}
+        for name, (table, code, samples) in asked.items():
+            osl = TEMPLATE % {"samples": samples, "headers": headers, "code": code}
+            request |= {f"{name}.osl": osl, f"{name}.table": table.astype(np.float32), f"{name}.samples": samples}
+        np.savez(folder / "request.npz", **request)
+        command = [sys.executable, str(Path(__file__).parent / "osl_probe.py"), "request.npz", "answer.npz"]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+        light = read_distribution(tables)
+        # The image is looked up in NumPy at the very numbers that Cycles got.
+        rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _, _) in asked.items()}
+        with np.load(folder / "answer.npz") as stored:
+            return Probes(rounded, {name: stored[name].astype(np.float64) for name in stored.files}, image, light)
+
+
+@pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
+def test_textures_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t: Any) -> None:
+    number = list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
+    chosen = probes.tables["texture"][:, 2] == number
+    st = probes.tables["texture"][chosen, :2]
+    for name, channel, components in (("texture", "rgb", slice(0, 3)), ("alpha", "a", 0)):
+        wanted = sample_texture(Texture(probes.image.file, channel, "raw", wrap_s, wrap_t), st)  # type: ignore[arg-type]
+        # A place is known to 2^-24 of up to 4, times 8 texels: the weights are off by as much.
+        np.testing.assert_allclose(probes.values[name][chosen][:, components], wanted, atol=1e-5)
+
+
+def test_texels_are_exact(probes: Probes) -> None:
+    column, row = ((probes.tables["texel"][:, k] + 0.5) / size for k, size in ((0, 8), (1, 4)))
+    wanted = sample_texture(probes.image, np.stack([column, 1.0 - row], axis=-1))
+    np.testing.assert_array_equal(probes.values["texel"], wanted)
+
+
+@pytest.mark.parametrize("number", range(len(_SEEDS)))
+def test_points_are_a_net_in_base_2(probes: Probes, number: int) -> None:
+    points = probes.values["sobol"].reshape(len(_SEEDS), -1, 3)[number, :, :2]
+    assert ((points >= 0.0) & (points < 1.0)).all()
+    for length in (1, 2, 4, 2**7, 2**_NET):
+        # Any first power of two of them too: one point in every elementary interval of that area.
+        levels = length.bit_length() - 1
+        for a in range(levels + 1):
+            cell = np.floor(points[:length] * [2**a, 2 ** (levels - a)]).astype(int)
+            assert len(np.unique(cell, axis=0)) == length
+
+
+def test_seeds_give_other_points(probes: Probes) -> None:
+    points = probes.values["sobol"].reshape(len(_SEEDS), -1, 3)[..., :2]
+    for one, other in ((i, j) for i in range(len(_SEEDS)) for j in range(i)):
+        # Independent numbers: the correlation of n pairs is about n^-1/2.
+        correlation = np.corrcoef(points[one].ravel(), points[other].ravel())[0, 1]
+        assert abs(correlation) < 5.0 / np.sqrt(2 ** (_NET + 1))
+
+
+def test_directions_map_as_in_numpy(probes: Probes) -> None:
+    square = probes.tables["to_direction"][:, :2]
+    wanted = rotate_z(uv_to_direction(square * [1.0, -1.0] + [0.0, 1.0]), np.degrees(_TURN))
+    np.testing.assert_allclose(probes.values["to_direction"], wanted, atol=_ROUNDING)
+
+
+def test_the_map_and_its_inverse(probes: Probes) -> None:
+    # x is periodic, and a turned map leaves [0, 1].
+    xy = probes.values["to_square"][:, :2]
+    back = rotate_z(uv_to_direction(xy * [1.0, -1.0] + [0.0, 1.0]), np.degrees(_TURN))
+    # OSL's atan2 is an approximation: found to be good to 1e-5 radians, 0.003 texels of a map 2048 wide.
+    np.testing.assert_allclose(back, probes.tables["to_square"][:, :3], atol=1.5e-5)
+    assert ((xy[:, 1] >= 0.0) & (xy[:, 1] <= 1.0)).all()
+
+
+def test_the_light_is_that_of_numpy(probes: Probes) -> None:
+    x, y = probes.tables["radiance"][:, :2].T
+    wanted = lookup(probes.light.table, np.stack([x, 1.0 - y], axis=-1))
+    # Texels up to 100; places known to 2^-24 of 32 texels.
+    np.testing.assert_allclose(probes.values["radiance"], wanted[:, :3], rtol=1e-4, atol=1e-3)
+
+
+def test_the_density_is_that_of_numpy(probes: Probes) -> None:
+    x, y = probes.tables["density"][:, :2].T
+    # As LightDistribution.pdf, with the cosine of the latitude from the nearer pole, not by way of a direction.
+    cos_latitude = np.maximum(np.sin(np.pi * np.minimum(y, 1.0 - y)), MIN_COS_LATITUDE)
+    wanted = lookup(probes.light.table, np.stack([x, 1.0 - y], axis=-1))[:, 3] / (2.0 * np.pi**2 * cos_latitude)
+    away = np.minimum(y, 1.0 - y) > 1e-3
+    direction = uv_to_direction(np.stack([x, 1.0 - y], axis=-1))
+    np.testing.assert_allclose(wanted[away], probes.light.pdf(direction)[away], rtol=1e-6)
+    np.testing.assert_allclose(probes.values["density"][:, 0], wanted, rtol=1e-4, atol=1e-4)
+
+
+def test_light_samples_fill_the_tent_of_their_texel(probes: Probes) -> None:
+    height, width = probes.light.table.shape[:2]
+    number = probes.tables["light_sample"][:, 0].astype(int) % len(probes.light.texels)
+    column, row = probes.light.texels[number].T + 0.5
+    x, y = probes.values["light_sample"][:, :2].T
+    across = x * width - column
+    assert (np.abs(across) <= 1.0 + 1e-5).all()
+    # Beyond a pole the tent folds back.
+    down = y * height - row
+    assert (np.abs(down) <= 1.0 + 1e-5).all()
+    assert ((y >= 0.0) & (y <= 1.0)).all()
+    inner = (row > 1.0) & (row < height - 1.0)
+    for place in (across, down[inner]):
+        # A tent on [-1, 1]: mean 0, variance 1/6, fourth moment 1/15; four standard errors.
+        count = len(place)
+        assert abs(place.mean()) < 4.0 * np.sqrt(1.0 / 6.0 / count)
+        assert abs((place**2).mean() - 1.0 / 6.0) < 4.0 * np.sqrt((1.0 / 15.0 - 1.0 / 36.0) / count)
+    assert abs(np.corrcoef(across[inner], down[inner])[0, 1]) < 4.0 / np.sqrt(np.count_nonzero(inner))
+
+
+@pytest.mark.parametrize("samples", _SAMPLES)
+def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> None:
+    # Each pixel asks how often one number occurs among its samples: once. The sums say the same of all numbers.
+    indices = np.arange(samples)
+    wanted = np.array([1.0 / samples, indices.mean(), (indices**2).mean()])
+    right = np.isclose(probes.values[f"time{samples}"], wanted, rtol=1e-6)
+    # Where a number is within 2e-6 of its stratum's end, rounding may put it into the next: at most 2e-6 N for each of
+    # N samples and two ends. Four standard deviations of so few pixels come on top.
+    doubt = 4e-6 * samples**2
+    allowed = doubt + 4.0 * np.sqrt(doubt / len(right))
+    assert (~right).mean(axis=0).max() <= allowed
