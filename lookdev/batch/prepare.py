@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from lookdev.asset import Asset, load_asset, save_asset
+from lookdev.asset import Asset, Slot, load_asset, save_asset
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.surface import generate_surface
-from lookdev.errors import Fault, FaultsError
+from lookdev.errors import AssetError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
 from lookdev.ibl import LightTables, load_environment, prepare_light
 from lookdev.job import Job, JobLook, load_job
 from lookdev.material import Layer, Look
@@ -38,25 +39,32 @@ def prepare_job(path: Path) -> Prepared:
 
     Raises
     ------
-    JobError, AssetError, EnvironmentMapError, TextureError, ModelError
-        The first that is wrong.
+    JobError
+        The job file itself is wrong.
     FaultsError
-        All faults of all looks.
+        All faults of all that it names.
     """
     job = load_job(path)
     notes: list[str] = []
-    asset = load_asset(job.asset.usd, job.asset.builtin, job.asset.prim)
+    faults: list[Fault] = []
+    asset = None
+    with _collected(job, "asset", faults):
+        asset = load_asset(job.asset.usd, job.asset.builtin, job.asset.prim)
+    lights = _lights(job, notes, faults)
+    looks = _looks(job, asset.slots if asset else (), notes, faults)
+    _raise_all(faults)
+    assert asset is not None, "without an asset there is a fault"
     asset_file = save_asset(asset)
-    lights = dict(_lights(job, notes))
-    looks = _looks(job, asset, notes)
     camera = frame_camera(job.camera, asset.center, asset.radius, job.render.resolution)
     sampling = frame_sampling(job.render)
-    scenes = {
-        (look, ibl): make_scene(asset, asset_file, slots, light, camera, job.render.resolution, sampling)
-        for look, slots in looks.items()
-        for ibl, light in lights.items()
-    }
-    _raise_all(fault for scene in scenes.values() for fault in _attribute_faults(asset, scene.shaders))
+    scenes: dict[tuple[str, str], SceneTask] = {}
+    for index, look in enumerate(job.look):
+        with _collected(job, f"look[{index}]", faults):
+            for ibl, light in lights.items():
+                scene = make_scene(asset, asset_file, looks[look.name], light, camera, job.render.resolution, sampling)
+                faults += _attribute_faults(asset, scene.shaders)
+                scenes[look.name, ibl] = scene
+    _raise_all(faults)
     return Prepared(job, build_plan(job, scenes, read_header), tuple(notes))
 
 
@@ -91,50 +99,51 @@ def make_scene(
     )
 
 
-def _lights(job: Job, notes: list[str]) -> Iterator[tuple[str, LightTables]]:
-    for ibl in job.ibl:
-        environment = load_environment(ibl.file, ibl.builtin)
-        if environment.repairs:
-            notes.append(f"ibl '{ibl.name}': {environment.repairs}")
-        yield ibl.name, prepare_light(environment)
+@contextmanager
+def _collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
+    """Add what is wrong with a file that the job names to `faults`, with the place where it is named."""
+    try:
+        yield
+    except FaultsError as error:
+        faults += error.faults
+    except (AssetError, EnvironmentMapError, TextureError, ModelError) as error:
+        faults.append(Fault(str(job.file), where, str(error)))
 
 
-def _looks(job: Job, asset: Asset, notes: list[str]) -> dict[str, tuple[Look, ...]]:
-    """Return for each look of the job what each slot of the asset wears; every fault of every look at once."""
+def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, LightTables]:
+    lights: dict[str, LightTables] = {}
+    for index, ibl in enumerate(job.ibl):
+        with _collected(job, f"ibl[{index}]", faults):
+            environment = load_environment(ibl.file, ibl.builtin)
+            if environment.repairs:
+                notes.append(f"ibl '{ibl.name}': {environment.repairs}")
+            lights[ibl.name] = prepare_light(environment)
+    return lights
+
+
+def _looks(job: Job, slots: Sequence[Slot], notes: list[str], faults: list[Fault]) -> dict[str, tuple[Look, ...]]:
+    """Return for each look of the job what each slot of the asset wears."""
     looks: dict[str, tuple[Look, ...]] = {}
-    faults: list[Fault] = []
     bound: dict[str, Look] = {}
-    for slot in asset.slots:
-        material = slot.material
-        if job.asset.usd is None or material is None or material in bound:
-            continue
-        if has_look(job.asset.usd, material):
-            try:
+    for material in {slot.material: None for slot in slots if slot.material is not None}:
+        if job.asset.usd is not None and has_look(job.asset.usd, material):
+            with _collected(job, "asset", faults):
                 bound[material] = read_look(job.asset.usd, material)
-            except FaultsError as error:
-                faults += error.faults
-    for wanted in job.look:
-        try:
+    for index, wanted in enumerate(job.look):
+        with _collected(job, f"look[{index}]", faults):
             look = read_look(wanted.material, wanted.prim, wanted.variants, wanted.name)
-        except FaultsError as error:
-            faults += error.faults
-        else:
-            looks[wanted.name] = tuple(_wear(job, asset, wanted, look, bound, notes))
-    _raise_all(faults)
+            for pattern in wanted.parts or () if slots else ():
+                if not any(fnmatchcase(slot.path, pattern) for slot in slots):
+                    known = "known: " + ", ".join(slot.path for slot in slots)
+                    faults.append(Fault(str(job.file), f"look[{index}].parts", f"'{pattern}' fits no part", known))
+            looks[wanted.name] = tuple(_wear(slots, wanted, look, bound, notes))
     return looks
 
 
 def _wear(
-    job: Job, asset: Asset, wanted: JobLook, look: Look, bound: dict[str, Look], notes: list[str]
+    slots: Sequence[Slot], wanted: JobLook, look: Look, bound: dict[str, Look], notes: list[str]
 ) -> Iterator[Look]:
-    if wanted.parts is not None:
-        for pattern in wanted.parts:
-            if not any(fnmatchcase(slot.path, pattern) for slot in asset.slots):
-                known = ", ".join(slot.path for slot in asset.slots)
-                raise FaultsError(
-                    [Fault(str(job.file), f"look '{wanted.name}'.parts", f"'{pattern}' fits no part", known)]
-                )
-    for slot in asset.slots:
+    for slot in slots:
         own = bound.get(slot.material or "")
         if wanted.parts is not None and any(fnmatchcase(slot.path, pattern) for pattern in wanted.parts):
             yield look

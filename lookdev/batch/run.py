@@ -158,6 +158,8 @@ def run_plan(
         run.render(run.bring_up_to_date(force), worker_command, patience)
     except KeyboardInterrupt:
         return run.result(interrupted=True)
+    except BrokenPipeError:
+        raise  # of whoever hears the report: no frame goes through a pipe
     except OSError as error:
         raise OutputError(f"{job.output}: the output cannot be written: {error}") from error
     return run.result(interrupted=False)
@@ -282,9 +284,10 @@ def _start(worker: Worker) -> None:
             worker.start()
         except WorkerError as error:
             if attempt == CRASH_TRIES - 1:
+                words = last_words(worker.log)
+                said = f"; its last words: {words}" if words and words not in str(error) else ""
                 raise WorkerError(
-                    f"{error}; it did so {CRASH_TRIES} times before any frame. "
-                    f"Its last words: {last_words(worker.log) or 'none'} (log: {worker.log}). "
+                    f"{error}{said}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
                     "'lookdev doctor' says what this machine lacks"
                 ) from error
         else:

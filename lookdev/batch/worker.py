@@ -243,7 +243,8 @@ class Worker:
             return "the render worker closed its pipe"
         if code < 0:
             return f"the render worker died of {signal.Signals(-code).name}"
-        return f"the render worker ended with exit code {code}"
+        words = last_words(self.log)
+        return f"the render worker ended with exit code {code}" + (f": {words}" if words else "")
 
     @staticmethod
     def _check_digest(digest: str, task: FrameTask) -> None:

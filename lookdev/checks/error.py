@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import find_objects, median_filter, uniform_filter
+from scipy.ndimage import find_objects, uniform_filter
 
 Floats = NDArray[np.float32] | NDArray[np.float64]
 
@@ -26,8 +26,8 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     """Estimate the relMSE of ``(a + b) / 2`` from two independent renders of equal cost.
 
     The variance of the mean is estimated by ``((a - b) / 2)^2``. The reference in the denominator is not known, and
-    the pixel itself would let a bright outlier excuse itself: the median of the 3 x 3 neighbours' colours stands for
-    it, times the pixel's own coverage.
+    the pixel itself would let a bright outlier excuse itself: the ninther of the 3 x 3 neighbours' colours, times the
+    pixel's own coverage, stands for it, or the darker half where that is brighter: a fine highlight is in both.
 
     a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. NaN if there is none.
     """
@@ -41,9 +41,21 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     # What is not covered takes the mean colour of what is nearby, so that a silhouette has neighbours on both sides.
     weight = uniform_filter(covered.astype(np.float64), 3, mode="constant")[..., None]
     nearby = uniform_filter(color * covered[..., None], (3, 3, 1), mode="constant") / np.where(weight > 0, weight, 1.0)
-    typical = median_filter(np.where(covered[..., None], color, nearby), (3, 3, 1), mode="nearest")
-    reference = typical * alpha[..., None]
+    typical = _ninther(np.where(covered[..., None], color, nearby)) * alpha[..., None]
+    reference = np.maximum(typical, np.minimum(a, b))
     return _mean_over_asset(((a - b) / 2) ** 2 / (reference**2 + EPSILON), alpha)
+
+
+def _ninther(image: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the median of the medians of three rows around each pixel (Tukey 1978): robust, and ten times as fast
+    as the median of nine.
+    """
+    for axis in (0, 1):
+        padded = np.pad(image, [(1, 1) if axis == k else (0, 0) for k in range(image.ndim)], mode="edge")
+        size = image.shape[axis]
+        before, here, after = (np.take(padded, range(start, start + size), axis) for start in range(3))
+        image = np.maximum(np.minimum(before, here), np.minimum(np.maximum(before, here), after))
+    return image
 
 
 def _mean_over_asset(error: NDArray[np.float64], alpha: Floats) -> float:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import os
 import queue
-import stat
 import sys
 import tempfile
 import threading
@@ -19,7 +18,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from lookdev.cycles.render import RenderedFrame
 
-_LONGEST_LOG = 1 << 20
+_LONGEST_CHATTER = 1 << 20
+"""Bytes of log: what Blender says of frames that came out well, some 10 kB each, is kept up to here."""
 
 
 def _take_stdout() -> int:
@@ -50,6 +50,7 @@ def _serve(channel: int) -> None:
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     tell(type="ready", blender=version.VERSION)
     scene: Scene | None = None
+    kept = _log_size()
     while True:
         task = decode(requests.get())
 
@@ -64,6 +65,7 @@ def _serve(channel: int) -> None:
             arrays = _save(frame)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
+            kept = _log_size()
             tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
             continue
         tell(
@@ -74,7 +76,8 @@ def _serve(channel: int) -> None:
             seconds=frame.seconds,
             relmse=frame.relmse,
         )
-        _bound_log()
+        if _log_size() > kept + _LONGEST_CHATTER:
+            os.ftruncate(2, kept)
 
 
 def _save(frame: RenderedFrame) -> str:
@@ -86,29 +89,36 @@ def _save(frame: RenderedFrame) -> str:
     return path
 
 
-def _bound_log() -> None:
-    """Empty a log that frames without a fault have filled: Blender tells some 10 kB of each."""
-    if stat.S_ISREG(os.fstat(2).st_mode) and os.fstat(2).st_size > _LONGEST_LOG:
-        os.ftruncate(2, 0)
+def _log_size() -> int:
+    """Return the size of the log, 0 where the error stream is no file."""
+    return os.fstat(2).st_size
+
+
+def _do_once(arguments: list[str], channel: int) -> None:
+    match arguments:
+        case ["--self-test"]:
+            from lookdev.cycles.points import self_test
+
+            os.write(channel, (json.dumps(self_test()) + "\n").encode())
+        case ["--points", request]:
+            from lookdev.cycles.points import evaluate_file
+
+            evaluate_file(Path(request))
+        case other:
+            raise SystemExit(f"lookdev.cycles: unknown arguments {other}")
 
 
 def main() -> None:
     """Serve frame tasks, or with ``--self-test`` or ``--points FILE`` do one thing and leave."""
     channel = _take_stdout()
     try:
-        match sys.argv[1:]:
-            case []:
-                _serve(channel)
-            case ["--self-test"]:
-                from lookdev.cycles.points import self_test
-
-                os.write(channel, (json.dumps(self_test()) + "\n").encode())
-            case ["--points", request]:
-                from lookdev.cycles.points import evaluate_file
-
-                evaluate_file(Path(request))
-            case other:
-                raise SystemExit(f"lookdev.cycles: unknown arguments {other}")
+        if arguments := sys.argv[1:]:
+            # Blender leaves its temporary folder behind; `_serve`'s is its parent's to remove.
+            with tempfile.TemporaryDirectory(prefix="lookdev-") as scratch:
+                os.environ["TMPDIR"] = scratch
+                _do_once(arguments, channel)
+        else:
+            _serve(channel)
     except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
         import traceback
 

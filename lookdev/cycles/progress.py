@@ -18,7 +18,7 @@ _SAMPLE = re.compile(r"\bSample (\d+)/\d+")
 def finer_progress(samples: int, tell: Progress) -> Iterator[Progress]:
     """Give what `render_frame` is to tell of a frame of `samples`; `tell` hears of samples between its calls too.
 
-    Cycles speaks up every few seconds, so that a frame of any size is never silent for long.
+    Cycles speaks up every half minute or so: a frame that takes many is told of, and never silent for long.
     """
     done, of, error = 0, samples, None
 

@@ -65,7 +65,26 @@ def _add_asset(scene: Any, asset: Asset, materials: list[Any], attributes: set[A
         item.matrix_parent_inverse = Matrix(instance.matrix.tolist())
         scene.collection.objects.link(item)
         objects.append(item)
+    for data in meshes:
+        if data.users == 1:
+            _share(scene, data, asset)
     return objects
+
+
+def _share(scene: Any, data: Any, asset: Asset) -> None:
+    """Give a mesh a second user, so that Cycles keeps it as an instance with an acceleration structure of its own.
+
+    The mesh of a single object is merged into the scene's, which any change of an object then builds anew: 40 ms for
+    260,000 triangles, twice a frame. The second user is a speck far below, hidden from every kind of ray that ends
+    in a picture; Cycles leaves out what no ray at all can see.
+    """
+    speck = bpy.data.objects.new("speck", data)
+    speck.location = [c - 1e3 * asset.radius * d for c, d in zip(asset.center, (0.0, 0.0, 1.0), strict=True)]
+    speck.scale = (1e-6, 1e-6, 1e-6)
+    speck.visible_camera = speck.visible_diffuse = speck.visible_glossy = False
+    speck.visible_transmission = speck.visible_shadow = False
+    speck.visible_volume_scatter = True
+    scene.collection.objects.link(speck)
 
 
 def _build_mesh(mesh: Mesh, materials: list[Any], attributes: set[AttributeBinding]) -> Any:

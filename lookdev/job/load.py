@@ -113,8 +113,9 @@ def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
             what = detail["msg"]
         case "extra_forbidden":
             what, hint = "unknown key", nearest_hint(key, list(_fields(place[:-1])))
-        case "missing" if key in _fields(place[:-1]):
-            what, hint = "is missing", _fields(place[:-1])[key].description or ""
+        case "missing":
+            field = _fields(place[:-1]).get(key)  # none for a number of a list
+            what, hint = "is missing", (field and field.description) or ""
         case "model_type":
             what, hint = "should be a table", f"write [{key}]" if len(place) == 1 else ""
         case "tuple_type":
@@ -137,7 +138,7 @@ def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
 
 def _shown(value: object) -> str:
     """Write a value much as it stands in the file, shortened."""
-    text = json.dumps(value, default=str, ensure_ascii=False)
+    text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 

@@ -86,6 +86,7 @@ Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
 Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
 Channel = Annotated[float, Field(ge=0.0, le=1e6)]
+Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
 Background = Annotated[
     Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
     Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
@@ -225,9 +226,7 @@ class JobCamera(Table):
 class JobRender(Table):
     """How frames are rendered."""
 
-    resolution: tuple[Annotated[int, Field(ge=1, le=16384)], Annotated[int, Field(ge=1, le=16384)]] = Field(
-        default=(512, 512), description="Width and height, pixels."
-    )
+    resolution: tuple[Pixels, Pixels] = Field(default=(512, 512), description="Width and height, pixels.")
     backend: Literal["exact"] = Field(
         default="exact", description="exact: the models as published, through light integrals in OSL."
     )

@@ -163,8 +163,8 @@ def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> Pla
         return PlannedFile(path, "new", "no file")
     try:
         header = read_header(path) or {}
-    except OutputError as error:
-        return PlannedFile(path, "stale", f"unreadable: {error}")
+    except OutputError:
+        return PlannedFile(path, "stale", "not a readable EXR")
     if header.get("digest") == task.digest:
         return PlannedFile(path, "done", "")
     if "digest" not in header:

@@ -216,7 +216,7 @@ def test_a_worker_that_never_starts_ends_the_batch(tmp_path: Path, monkeypatch: 
     program = "open('starts', 'a').write('x'); raise ImportError('libXrender.so.1: cannot open')"
     job = case.make_job(tmp_path)
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(WorkerError, match=r"3 times .* ImportError: libXrender\.so\.1.*lookdev doctor"):
+    with pytest.raises(WorkerError, match=r"ImportError: libXrender\.so\.1.* 3 times .*lookdev doctor"):
         run_plan(job, case.make_plan(job), worker_command=(sys.executable, "-c", program))
     assert (tmp_path / "starts").read_text() == "xxx"
 
@@ -325,3 +325,11 @@ def test_an_output_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> 
     (tmp_path / "out" / "gold").write_text("a file where a folder should be")
     with pytest.raises(OutputError, match="gold"):
         run_plan(job, plan, worker_command=case.command(tmp_path))
+
+
+def test_a_reader_of_the_report_who_goes_away_is_no_fault_of_the_output(tmp_path: Path) -> None:
+    def report(event: object) -> None:
+        raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        case.run(tmp_path, report=report)

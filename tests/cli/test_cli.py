@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import errno
 import json
 import subprocess
 import sys
@@ -106,8 +107,10 @@ def test_a_faulty_job_is_exit_code_2_with_every_fault_and_no_traceback(
     assert run_cli(verb, job_file) == 2
     output, errors = capsys.readouterr()
     assert output == ""
-    assert "sampels" in errors
-    assert "pgn" in errors
+    first, *faults = errors.splitlines()
+    assert first == "lookdev: 2 faults:"
+    assert any("sampels" in fault for fault in faults)
+    assert any("pgn" in fault for fault in faults)
     assert "Traceback" not in errors
 
 
@@ -120,6 +123,18 @@ def test_an_asset_at_fault_is_exit_code_2(
     provide(monkeypatch, "lookdev.batch.prepare", prepare_job=prepare_job)
     assert run_cli("render", job_file) == 2
     assert capsys.readouterr().err == "lookdev: ball.usd: no mesh in it\n"
+
+
+def test_a_full_disk_is_exit_code_1_and_no_traceback(
+    run_cli: Command, job_file: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def prepare_job(path: Path) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", "/cache/assets/1.npz")
+
+    provide(monkeypatch, "lookdev.batch.prepare", prepare_job=prepare_job)
+    assert run_cli("plan", job_file) == 1
+    said = capsys.readouterr().err
+    assert said.startswith("lookdev: /cache/assets/1.npz: No space left on device; 'lookdev doctor'")
 
 
 def test_a_worker_that_never_starts_is_exit_code_1(

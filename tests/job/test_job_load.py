@@ -155,10 +155,10 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         "turntable[0].kind": ("unknown value 'elemental'", "did you mean 'element'?"),
         "turntable[0].frames": ("should be greater than or equal to 1, not 0", ""),
         "camera.sensor_width": ("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'"),
-        "render.resolution[0]": ("should be greater than or equal to 1, not 0", ""),
+        "render.resolution[0]": ("should be greater than or equal to 4, not 0", ""),
         "render.resolution[1]": ("should be a valid integer, not 10.5", ""),
         "render.samples": ("should be a multiple of 2, not 3", ""),
-        "render.background[2]": ("field required, not (1, 2)", ""),
+        "render.background[2]": ("is missing", ""),
     }
 
 
@@ -166,6 +166,7 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
     ("old", "new", "place", "what"),
     [
         ('"out"', '"job.toml/../paint.usda"', "output", "is not a folder"),
+        ('"out"', '"paint.usda/deep/out"', "output", "paint.usda is not a folder"),
         ('"out"', "3", "output", "should be a path in quotes"),
         ('builtin = "sphere"', "", "asset.builtin", "exactly one of 'usd' and 'builtin'"),
         ('builtin = "sphere"', 'builtin = "sphere"\nusd = "ball.usdc"', "asset.builtin", "exactly one of"),
@@ -181,7 +182,7 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         ('builtin = "city"', 'file = "paint.usda"', "ibl[0].file", "'paint.usda' is of no known kind"),
         ('builtin = "city"', 'builtin = "city"\nrotation = true', "ibl[0].rotation", "valid number"),
         ('builtin = "city"', 'builtin = "city"\nexposure = inf', "ibl[0].exposure", "finite"),
-        ("frames = 4", 'frames = "4"', "turntable[0].frames", "valid integer, not '4'"),
+        ("frames = 4", 'frames = "4"', "turntable[0].frames", 'valid integer, not "4"'),
         ("frames = 4", "frames = 10000", "turntable[0].frames", "9999"),
         ("frames = 4", "", "turntable[0].frames", "is missing"),
         ("frames = 4", "frames = 4\n[camera]\nfov = 180", "camera.fov", "170"),

@@ -1,0 +1,129 @@
+"""Small jobs rendered by the real program, in a process of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+LOOK = """#usda 1.0
+(
+    defaultPrim = "Look"
+)
+def Material "Look"
+{{
+    token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
+    def Shader "Base"
+    {{
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor = ({color})
+        float inputs:roughness = 1
+        float inputs:specular = 0
+        token outputs:layer
+    }}
+}}
+"""
+
+JOB = """
+output = "out"
+[asset]
+builtin = "suzanne"
+[[look]]
+name = "red"
+material = "red.usda"
+[[look]]
+name = "blue"
+material = "blue.usda"
+[[ibl]]
+name = "white"
+builtin = "white"
+exposure = -1.0
+[[turntable]]
+kind = "element"
+frames = {frames}
+[[turntable]]
+kind = "lighting"
+frames = 2
+[render]
+resolution = [{size}, {size}]
+samples = {samples}
+bounces = 0
+"""
+
+
+def write_look(folder: Path, name: str, color: str) -> None:
+    (folder / f"{name}.usda").write_text(LOOK.format(color=color))
+
+
+def write_job(folder: Path, frames: int = 2, size: int = 16, samples: int = 4) -> Path:
+    """Write a job of two looks; `frames` + 2 files and one pose fewer for each."""
+    write_look(folder, "red", "0.7, 0.1, 0.1")
+    write_look(folder, "blue", "0.1, 0.1, 0.7")
+    job = folder / "job.toml"
+    job.write_text(JOB.format(frames=frames, size=size, samples=samples))
+    return job
+
+
+def start(job: Path) -> subprocess.Popen[str]:
+    """Start ``lookdev render`` with what it says in one pipe."""
+    command = (sys.executable, "-m", "lookdev", "render", str(job))
+    return subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    )
+
+
+def finish(batch: subprocess.Popen[str], code: int) -> str:
+    """Wait for the end of a batch; return what it said."""
+    said, _ = batch.communicate(timeout=120)
+    assert batch.returncode == code, said
+    return said
+
+
+def render(job: Path, code: int = 0) -> str:
+    return finish(start(job), code)
+
+
+def frames(job: Path) -> dict[str, tuple[int, int]]:
+    """Return inode and time of every frame, by its name in the output."""
+    output = job.parent / "out"
+    stats = {path.relative_to(output).as_posix(): path.stat() for path in output.rglob("[!.]*.exr")}
+    return {name: (stat.st_ino, stat.st_mtime_ns) for name, stat in stats.items()}
+
+
+def leftovers(job: Path) -> list[Path]:
+    """Return what a finished run leaves besides its results: nothing but its state."""
+    output = job.parent / "out"
+    known = {".lookdev", ".lookdev/lock", ".lookdev/worker.log", ".lookdev/pictures.json"}
+    hidden = [path.relative_to(output) for path in output.rglob("*") if "/." in f"/{path.relative_to(output)}"]
+    return [path for path in hidden if path.as_posix() not in known]
+
+
+def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.02)
+
+
+def worker_of(batch: subprocess.Popen[str]) -> int:
+    """Return the process id of a batch's worker."""
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = int((process / "stat").read_text().rpartition(")")[2].split()[1])
+            command = (process / "cmdline").read_bytes()
+        except (FileNotFoundError, ProcessLookupError):
+            continue
+        if parent == batch.pid and b"lookdev.cycles" in command:
+            return int(process.name)
+    raise AssertionError("the batch has no worker")
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except (ProcessLookupError, FileNotFoundError):
+        return False

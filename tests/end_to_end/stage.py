@@ -1,0 +1,85 @@
+"""Single frames of any asset, light and camera from the real worker, and how to compare them."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, save_asset
+from lookdev.batch.prepare import make_scene
+from lookdev.batch.worker import WORKER_COMMAND, Progress, Rendered, Worker
+from lookdev.ibl import EnvironmentMap, Repairs, prepare_light
+from lookdev.material import Look
+from lookdev.plan.task import Camera, FrameTask, Pose, Sampling
+
+# Samples of the light alone keep the generated shader, and its compilation, small.
+SAMPLES = 16
+
+
+class Stage:
+    """A started worker; `render` is one frame."""
+
+    def __init__(self, folder: Path) -> None:
+        self.log = folder / "worker.log"
+        self.scratch = folder / "scratch"
+        self.scratch.mkdir()
+        self._worker = Worker(WORKER_COMMAND, self.log, self.scratch)
+
+    def __enter__(self) -> Self:
+        self._worker.start()
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._worker.kill()
+
+    def render(
+        self,
+        asset: Asset,
+        look: Look,
+        light: EnvironmentMap,
+        camera: Camera,
+        pose: Pose = Pose(0.0, 0.0),  # noqa: B008  (frozen)
+        resolution: tuple[int, int] = (48, 48),
+        samples: int = SAMPLES,
+        seed: int = 0,
+        progress: Callable[[Progress], None] = lambda progress: None,
+    ) -> Rendered:
+        task = self.task(asset, look, light, camera, pose, resolution, samples, seed)
+        return self._worker.render(task, progress)
+
+    def task(
+        self,
+        asset: Asset,
+        look: Look,
+        light: EnvironmentMap,
+        camera: Camera,
+        pose: Pose,
+        resolution: tuple[int, int],
+        samples: int,
+        seed: int,
+    ) -> FrameTask:
+        sampling = Sampling(samples, None, brdf_samples=2, ibl_samples=2, bounces=1, seed=seed)
+        slots = [look] * len(asset.slots)
+        scene = make_scene(asset, save_asset(asset), slots, prepare_light(light), camera, resolution, sampling)
+        return FrameTask(scene, pose, 0.0, "d1ge57", (), {})
+
+
+def light_of(radiance: NDArray[np.float32]) -> EnvironmentMap:
+    """Return radiance (H, W, 3) as an environment map."""
+    pixels = np.ascontiguousarray(radiance, dtype=np.float32)
+    return EnvironmentMap("made", pixels, Repairs(0, 0, 0), hashlib.sha256(pixels.tobytes()).hexdigest())
+
+
+def difference(one: Rendered, other: Rendered) -> float:
+    """Return the squared difference of two pictures over what the halves of both say of their noise.
+
+    It is near 1 where the two show the same, whatever the sampling, and grows with what they do not.
+    """
+    squares = ((one.a + one.b) - (other.a + other.b)) ** 2 / 4.0
+    noise = ((one.a - one.b) ** 2 + (other.a - other.b) ** 2) / 4.0
+    return float(squares.sum() / noise.sum())

@@ -1,0 +1,58 @@
+"""Every job that ships renders: its own assets, looks, lights and camera, at a few pixels, samples and frames."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import batches
+import numpy as np
+import pytest
+
+from lookdev.batch.prepare import prepare_job
+from lookdev.output.exr import read_frame, read_header
+
+pytestmark = pytest.mark.cycles
+
+JOBS = sorted(Path(__file__).parents[2].joinpath("jobs").glob("*.toml"))
+
+
+@pytest.fixture(params=JOBS, ids=lambda path: path.stem)
+def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    """Return a copy of a job with little to render, which names the files of the original."""
+    path: Path = request.param
+    text = path.read_text()
+    for pattern, replacement, least in (
+        (r'"\.\./', f'"{path.parents[1]}/', 2),
+        (r"(?m)^output = .*$", 'output = "out"', 1),
+        (r"(?m)^resolution = .*$", "resolution = [24, 16]", 1),
+        (r"(?m)^samples = .*$", "samples = 4", 1),
+        (r"(?m)^frames = .*$", "frames = 1", 1),
+    ):
+        text, count = re.subn(pattern, replacement, text)
+        assert count >= least, f"{path}: {pattern}"
+    job = tmp_path / path.name
+    job.write_text(text)
+    return job
+
+
+def test_job_renders(tiny: Path) -> None:
+    said = batches.render(tiny)
+    prepared = prepare_job(tiny)
+    assert prepared.plan.pending() == ()
+    assert f"{len(prepared.plan.frames)} of {len(prepared.plan.frames)} frames are done" in said
+    looks: dict[str, list[np.ndarray]] = {}
+    for frame in prepared.plan.frames:
+        beauty, alpha = read_frame(frame.task.files[0])
+        assert beauty.shape == (16, 24, 3)
+        assert np.isfinite(beauty).all()
+        assert (beauty >= 0.0).all()
+        assert 0.05 < alpha.mean() < 0.95
+        assert beauty[alpha == 1.0].mean() > 0.01
+        header = read_header(frame.task.files[0])
+        assert header is not None
+        assert header["digest"] == frame.task.digest
+        looks.setdefault(frame.task.labels["ibl"], []).append(beauty)
+    assert len(prepared.job.look) >= 2
+    for pictures in looks.values():  # no two looks are one
+        assert np.abs(pictures[0] - pictures[-1]).mean() > 1e-3

@@ -1,0 +1,66 @@
+"""What the real worker says, writes and survives."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from stage import Stage
+
+from lookdev.asset import Asset
+from lookdev.asset.builtin import make_sphere
+from lookdev.batch.worker import WORKER_COMMAND, Progress, Rendered
+from lookdev.errors import RenderError
+from lookdev.ibl import load_environment
+from lookdev.material import Layer, Look
+from lookdev.plan.task import Camera
+
+pytestmark = pytest.mark.cycles
+
+LOOK = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0, "specular": 0.0}),))
+CAMERA = Camera(fov=40.0, elevation=20.0, target=(0.0, 0.0, 0.0), distance=3.5)
+
+
+@pytest.fixture(scope="module")
+def ball() -> Asset:
+    return make_sphere(segments=32, rings=16)
+
+
+def render(stage: Stage, ball: Asset, told: list[Progress], samples: int = 16) -> Rendered:
+    light = load_environment(builtin="white")
+    return stage.render(ball, LOOK, light, CAMERA, samples=samples, progress=told.append)
+
+
+def test_progress_is_told_within_the_halves_too(stage: Stage, ball: Asset) -> None:
+    told: list[Progress] = []
+    render(stage, ball, told)
+    samples = [progress.samples for progress in told]
+    assert samples == sorted(samples)
+    assert {progress.of for progress in told} == {16}
+    assert {8, 16} < set(samples)
+    assert any(0 < done < 8 for done in samples)
+    assert [progress.relmse for progress in told if progress.samples < 16] == [None] * (len(told) - samples.count(16))
+    assert told[-1].relmse is not None
+
+
+def test_a_result_that_cannot_be_written_fails_the_frame_and_not_the_worker(stage: Stage, ball: Asset) -> None:
+    shutil.rmtree(stage.scratch)
+    with pytest.raises(RenderError, match=r"No such file|No usable temporary directory"):
+        render(stage, ball, [])
+    stage.scratch.mkdir()
+
+    # The log up to the fault is kept, what frames without one add is not, for ever.
+    kept = stage.log.read_bytes()
+    with stage.log.open("ab") as log:
+        log.write(b"chatter\n" * 2**18)
+    assert render(stage, ball, []).samples == 16
+    assert stage.log.read_bytes() == kept
+
+
+def test_a_self_test_leaves_no_temporary_files(tmp_path: Path) -> None:
+    environment = os.environ | {"TMPDIR": str(tmp_path)}
+    subprocess.run((*WORKER_COMMAND, "--self-test"), env=environment, capture_output=True, check=True)
+    assert list(tmp_path.iterdir()) == []
