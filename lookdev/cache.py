@@ -9,13 +9,24 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from lookdev.errors import OutputError
+
 
 def cache_dir(*parts: str) -> Path:
-    """Return (and make) a folder of the cache: ``$LOOKDEV_CACHE``, else ``$XDG_CACHE_HOME/lookdev``."""
+    """Return (and make) a folder of the cache: ``$LOOKDEV_CACHE``, else ``$XDG_CACHE_HOME/lookdev``.
+
+    Raises
+    ------
+    OutputError
+        Its path has a quotation mark, which compiled shaders cannot carry.
+    """
     root = os.environ.get("LOOKDEV_CACHE")
     if not root:
         base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
         root = str(Path(base) / "lookdev")
+    if '"' in root:
+        # Compiled shaders hold their own path, unescaped: Cycles would not load them and render black, without a word.
+        raise OutputError(f"the cache folder {root} has a quotation mark in its path; set LOOKDEV_CACHE to another")
     folder = Path(root).joinpath(*parts)
     folder.mkdir(parents=True, exist_ok=True)
     return folder

@@ -49,6 +49,7 @@ class Pictures:
         self._outputs = job.outputs
         self._root = job.output
         self._background = background
+        self._behind = job.render.background
         self._ledger_file = state_folder / "pictures.json"
         self._ledger = _read_ledger(self._ledger_file)
         self._overdue = set(plan.pictures)
@@ -109,7 +110,7 @@ class Pictures:
         write_sheet(sheet, shown, labels, f"{sheet.parent.parent.name} / {sheet.parent.name} / {turntable}")
 
     def _picture_key(self, task: FrameTask) -> str:
-        return f"{task.digest} {self._outputs.view}"
+        return f"{task.digest} {self._behind} {self._outputs.view}"
 
     def _sheet_key(self, frames: Mapping[Path, FrameTask]) -> str:
         keys = "\n".join(self._picture_key(task) for task in frames.values())

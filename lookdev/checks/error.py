@@ -15,7 +15,7 @@ EPSILON = 0.01
 def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
     """Return ``mean((x - ref)^2 / (ref^2 + 0.01))`` over the pixels of the asset.
 
-    image, reference : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. NaN if there is none.
+    image, reference : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
     """
     reference = reference.astype(np.float64)
     error = (image - reference) ** 2 / (reference**2 + EPSILON)
@@ -29,11 +29,11 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     the pixel itself would let a bright outlier excuse itself: the ninther of the 3 x 3 neighbours' colours, times the
     pixel's own coverage, stands for it, or the darker half where that is brighter: a fine highlight is in both.
 
-    a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. NaN if there is none.
+    a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
     """
     found = find_objects((alpha > 0).astype(np.int8))
     if not found:
-        return float("nan")
+        return 0.0
     window = found[0]
     a, b, alpha = a[window].astype(np.float64), b[window].astype(np.float64), alpha[window].astype(np.float64)
     covered = alpha > 0
@@ -60,4 +60,4 @@ def _ninther(image: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _mean_over_asset(error: NDArray[np.float64], alpha: Floats) -> float:
     covered = alpha > 0
-    return float(error[covered].mean()) if covered.any() else float("nan")
+    return float(error[covered].mean()) if covered.any() else 0.0

@@ -83,7 +83,7 @@ def _serve(channel: int) -> None:
 def _save(frame: RenderedFrame) -> str:
     import numpy as np
 
-    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz")
+    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=os.environ.get("TMPDIR"))
     with os.fdopen(handle, "wb") as stream:
         np.savez(stream, a=frame.a, b=frame.b, alpha=frame.alpha)
     return path

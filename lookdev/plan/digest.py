@@ -14,10 +14,8 @@ from lookdev.plan.task import Pose, SceneTask
 RENDER_VERSION = 1
 """Raised when the program renders the same frame task to other pixels than before."""
 
-Background = str | tuple[float, float, float]
 
-
-def part_digests(scene: SceneTask, pose: Pose, exposure: float, background: Background) -> dict[str, str]:
+def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
     """Return the digest of each part of a frame's inputs: what changed can then be told by its name.
 
     The parts are ``asset look ibl camera pose render``. Paths are in none of them: geometry, textures and
@@ -34,7 +32,6 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float, background: Back
                 "resolution": scene.resolution,
                 "sampling": asdict(scene.sampling),
                 "device": scene.device,
-                "background": background,
                 "bpy": blender_version(),
                 "version": RENDER_VERSION,
             }

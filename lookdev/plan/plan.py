@@ -135,8 +135,7 @@ def _tasks(job: Job, look: JobLook, ibl: JobIbl, scene: SceneTask) -> Iterator[F
         for pose, file in zip(poses, files, strict=True):
             shown.setdefault(pose, []).append((turntable.name, file))
     for pose, places in shown.items():
-        background = job.render.background
-        parts = part_digests(scene, pose, ibl.exposure, background)
+        parts = part_digests(scene, pose, ibl.exposure)
         labels = {
             "job": str(job.file),
             "asset": job.asset.builtin or str(job.asset.usd),
@@ -146,7 +145,6 @@ def _tasks(job: Job, look: JobLook, ibl: JobIbl, scene: SceneTask) -> Iterator[F
             "pose.element": repr(pose.element),
             "pose.lighting": repr(pose.lighting),
             "exposure": repr(ibl.exposure),
-            "background": background if isinstance(background, str) else " ".join(map(repr, background)),
         }
         yield FrameTask(
             scene=scene,

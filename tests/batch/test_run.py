@@ -137,6 +137,16 @@ def test_another_view_remakes_pictures_and_sheets_without_rendering(tmp_path: Pa
     assert all((pixels(path) != old).any() for path, old in zip(paths, before, strict=True))
 
 
+def test_another_background_remakes_pictures_and_sheets_without_rendering(tmp_path: Path) -> None:
+    case.run(tmp_path)
+    paths = sorted(place(tmp_path).glob("*.png"))
+    before = [pixels(path) for path in paths]
+    job = case.make_job(tmp_path, render=case.RENDER.replace("[0.5, 0.25, 0.0]", "[0.0, 0.25, 0.5]"))
+    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
+    assert len(case.requests(tmp_path)) == 6
+    assert all((pixels(path) != old).any() for path, old in zip(paths, before, strict=True))
+
+
 def test_fewer_frames_that_are_all_done_make_a_new_sheet(tmp_path: Path) -> None:
     case.run(tmp_path)
     job = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 1\n')

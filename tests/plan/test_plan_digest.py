@@ -54,24 +54,23 @@ def camera(**values: Any) -> Change:
     ],
 )
 def test_a_scene_change_changes_its_part_only(scene: SceneTask, change: Change, part: str) -> None:
-    before = part_digests(scene, POSE, 0.0, "black")
-    assert changed_parts(before, part_digests(change(scene), POSE, 0.0, "black")) == {part}
+    before = part_digests(scene, POSE, 0.0)
+    assert changed_parts(before, part_digests(change(scene), POSE, 0.0)) == {part}
 
 
-def test_pose_exposure_and_background_count(scene: SceneTask) -> None:
-    before = part_digests(scene, POSE, 0.0, "black")
-    assert changed_parts(before, part_digests(scene, Pose(60.0, 30.0), 0.0, "black")) == {"pose"}
-    assert changed_parts(before, part_digests(scene, POSE, 0.5, "black")) == {"ibl"}
-    assert changed_parts(before, part_digests(scene, POSE, 0.0, (0.0, 0.0, 0.1))) == {"render"}
+def test_pose_and_exposure_count(scene: SceneTask) -> None:
+    before = part_digests(scene, POSE, 0.0)
+    assert changed_parts(before, part_digests(scene, Pose(60.0, 30.0), 0.0)) == {"pose"}
+    assert changed_parts(before, part_digests(scene, POSE, 0.5)) == {"ibl"}
 
 
 def test_versions_count(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> None:
-    before = part_digests(scene, POSE, 0.0, "black")
+    before = part_digests(scene, POSE, 0.0)
     monkeypatch.setattr(digest_module, "blender_version", lambda: "3.6.0")
-    other_blender = part_digests(scene, POSE, 0.0, "black")
+    other_blender = part_digests(scene, POSE, 0.0)
     assert changed_parts(before, other_blender) == {"render"}
     monkeypatch.setattr(digest_module, "RENDER_VERSION", digest_module.RENDER_VERSION + 1)
-    assert changed_parts(other_blender, part_digests(scene, POSE, 0.0, "black")) == {"render"}
+    assert changed_parts(other_blender, part_digests(scene, POSE, 0.0)) == {"render"}
 
 
 def test_paths_do_not_count(scene: SceneTask) -> None:
@@ -81,4 +80,4 @@ def test_paths_do_not_count(scene: SceneTask) -> None:
         light=replace(scene.light, radiance=Path("/elsewhere/r.exr"), samples=Path("/elsewhere/s.exr")),
         shaders=(replace(scene.shaders[0], textures=()),),
     )
-    assert part_digests(scene, POSE, 0.0, "ibl") == part_digests(moved, POSE, 0.0, "ibl")
+    assert part_digests(scene, POSE, 0.0) == part_digests(moved, POSE, 0.0)
