@@ -6,6 +6,7 @@ everything else goes to standard error. End of input, also a parent that died, e
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import queue
@@ -68,6 +69,8 @@ def _serve(channel: int) -> None:
             kept = _log_size()
             tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
             continue
+        if _log_size() > kept + _LONGEST_CHATTER:
+            os.ftruncate(2, kept)
         tell(
             type="done",
             digest=task.digest,
@@ -76,8 +79,6 @@ def _serve(channel: int) -> None:
             seconds=frame.seconds,
             relmse=frame.relmse,
         )
-        if _log_size() > kept + _LONGEST_CHATTER:
-            os.ftruncate(2, kept)
 
 
 def _save(frame: RenderedFrame) -> str:
@@ -91,6 +92,8 @@ def _save(frame: RenderedFrame) -> str:
 
 def _log_size() -> int:
     """Return the size of the log, 0 where the error stream is no file."""
+    # Blender's C streams keep back what they are told while the log is a file.
+    ctypes.CDLL(None).fflush(None)
     return os.fstat(2).st_size
 
 
