@@ -79,7 +79,8 @@ def _share(scene: Any, data: Any, asset: Asset) -> None:
     in a picture; Cycles leaves out what no ray at all can see.
     """
     speck = bpy.data.objects.new("speck", data)
-    speck.location = [c - 1e3 * asset.radius * d for c, d in zip(asset.center, (0.0, 0.0, 1.0), strict=True)]
+    x, y, z = asset.center
+    speck.location = (x, y, z - 1e3 * asset.radius)
     speck.scale = (1e-6, 1e-6, 1e-6)
     speck.visible_camera = speck.visible_diffuse = speck.visible_glossy = False
     speck.visible_transmission = speck.visible_shadow = False

@@ -13,9 +13,6 @@ VERSION: str = ".".join(str(number) for number in bpy.app.version)
 # 4.5 hands OSL texture() to OpenImageIO, whose t = 0 is the top row; 5.x answers itself, t = 0 at the bottom.
 OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}",)
 
-# The name of the pass that carries emission() weights.
-EMISSION_PASS = "Emission" if BLENDER_5 else "Emit"
-
 
 def empty_node_tree(datablock: Any) -> Any:
     """Return the shader node tree of a material or world, without nodes."""

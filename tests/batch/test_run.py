@@ -127,24 +127,17 @@ def test_lost_pictures_are_made_without_rendering(tmp_path: Path) -> None:
     assert (pixels(sheet) == before[1]).all()
 
 
-def test_another_view_remakes_pictures_and_sheets_without_rendering(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("old", "new"), [("Raw", "ACES 1.0 - SDR Video"), ("[0.5, 0.25, 0.0]", "[0.0, 0.25, 0.5]")])
+def test_another_view_or_background_remakes_pictures_and_sheets_without_rendering(
+    tmp_path: Path, old: str, new: str
+) -> None:
     case.run(tmp_path)
     paths = sorted(place(tmp_path).glob("*.png"))
     before = [pixels(path) for path in paths]
-    job = case.make_job(tmp_path, render=case.RENDER.replace("Raw", "ACES 1.0 - SDR Video"))
+    job = case.make_job(tmp_path, render=case.RENDER.replace(old, new))
     run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
     assert len(case.requests(tmp_path)) == 6
-    assert all((pixels(path) != old).any() for path, old in zip(paths, before, strict=True))
-
-
-def test_another_background_remakes_pictures_and_sheets_without_rendering(tmp_path: Path) -> None:
-    case.run(tmp_path)
-    paths = sorted(place(tmp_path).glob("*.png"))
-    before = [pixels(path) for path in paths]
-    job = case.make_job(tmp_path, render=case.RENDER.replace("[0.5, 0.25, 0.0]", "[0.0, 0.25, 0.5]"))
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
-    assert len(case.requests(tmp_path)) == 6
-    assert all((pixels(path) != old).any() for path, old in zip(paths, before, strict=True))
+    assert all((pixels(path) != seen).any() for path, seen in zip(paths, before, strict=True))
 
 
 def test_fewer_frames_that_are_all_done_make_a_new_sheet(tmp_path: Path) -> None:
