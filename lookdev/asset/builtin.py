@@ -16,6 +16,25 @@ from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import corner_tangents
 
 
+def make_plane() -> Asset:
+    """Return an upright card, 2 m by 2 m about the origin, whose front looks along -y; u runs along +x, v along +z.
+
+    Light that it reflects or transmits never meets it again.
+    """
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
+    mesh = Mesh(
+        name="/plane",
+        points=np.stack([2 * uvs[:, 0] - 1, 0 * uvs[:, 0], 2 * uvs[:, 1] - 1], axis=-1),
+        corner_points=np.arange(4, dtype=np.int32),
+        face_sizes=np.array([4], np.int32),
+        face_slots=np.array([0], np.int32),
+        normals=np.tile(np.array([0, -1, 0], np.float32), (4, 1)),
+        tangents=np.tile(np.array([1, 0, 0], np.float32), (4, 1)),
+        uvs={"st": uvs},
+    )
+    return make_asset("plane", [mesh], [Instance(0, np.eye(4))], [Slot("/plane")], convex=True, sheet=True)
+
+
 def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
     """Return the unit sphere about the origin: exact normals and tangents, u around z, v from -z to +z."""
     theta = np.pi * np.arange(rings + 1) / rings
@@ -50,6 +69,7 @@ def make_suzanne() -> Asset:
 
 
 BUILTINS: dict[str, Callable[[], Asset]] = {
+    "plane": make_plane,
     "shaderball": make_shaderball,
     "sphere": make_sphere,
     "suzanne": make_suzanne,

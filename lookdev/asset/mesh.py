@@ -60,7 +60,9 @@ class Slot:
 class Asset:
     """What is turned. `center` and `radius` are the bounding sphere in world space, in metres.
 
-    `convex` is True only where no ray leaving the surface can hit it again: indirect light is then skipped.
+    `convex` is True only where light that the surface reflects never meets it again, `sheet` only where light
+    that it transmits does not either: a closed surface meets that from inside, a flat card never. Both leave out
+    indirect light that is not there.
     `digest` is the SHA-256 over all arrays and placements.
     """
 
@@ -71,4 +73,5 @@ class Asset:
     center: tuple[float, float, float]
     radius: float
     convex: bool = False
+    sheet: bool = False
     digest: str = ""

@@ -18,7 +18,7 @@ from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
 
-_FORMAT = 1
+_FORMAT = 2
 _ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals", "tangents")
 
 
@@ -29,6 +29,7 @@ def make_asset(
     slots: Sequence[Slot],
     *,
     convex: bool = False,
+    sheet: bool = False,
 ) -> Asset:
     """Put an asset together, with its bounding sphere and its digest.
 
@@ -42,7 +43,7 @@ def make_asset(
     center, radius = bounding_sphere(meshes, instances)
     if not radius > 0.0:
         raise AssetError(f"{name}: all points lie in one place, {center}; the surface needs an extent")
-    asset = Asset(name, tuple(meshes), tuple(instances), tuple(slots), center, radius, convex)
+    asset = Asset(name, tuple(meshes), tuple(instances), tuple(slots), center, radius, convex, sheet)
     return dataclasses.replace(asset, digest=asset_digest(asset))
 
 
@@ -90,6 +91,7 @@ def _description(asset: Asset) -> dict[str, Any]:
         "format": _FORMAT,
         "name": asset.name,
         "convex": asset.convex,
+        "sheet": asset.sheet,
         "slots": [[slot.path, slot.material] for slot in asset.slots],
         "meshes": [
             {"name": mesh.name, "uvs": list(mesh.uvs), "primvars": list(mesh.primvars)} for mesh in asset.meshes
@@ -131,5 +133,6 @@ def _assembled(arrays: dict[str, NDArray[Any]]) -> Asset:
         center=tuple(head["center"]),
         radius=head["radius"],
         convex=head["convex"],
+        sheet=head["sheet"],
         digest=head["digest"],
     )

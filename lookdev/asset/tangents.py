@@ -1,4 +1,4 @@
-"""Tangents of a mesh: the direction in which u grows at constant v, one for each face corner.
+"""Tangents of a mesh: the direction in which u grows at constant v, one for each face corner, and their handedness.
 
 The rules are MikkTSpace's (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008) where they matter:
 corners are averaged that share position, normal, UV and the orientation of their UVs, so a mirrored or
@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Floats, Ints
+from lookdev.asset.mesh import Floats, Ints, Mesh
 from lookdev.asset.normals import Doubles, dot, face_starts, next_corners, sum_by, unit_or
 
 
@@ -41,7 +41,8 @@ def corner_tangents(points: Floats, corner_points: Ints, face_sizes: Ints, norma
     """
     positions = points[corner_points].astype(np.float64)
     n = normals.astype(np.float64)
-    faces, orientation = _face_tangents(positions, face_sizes, uvs.astype(np.float64))
+    orientation = _orientation(face_sizes, uvs.astype(np.float64))
+    faces = _face_tangents(positions, face_sizes, uvs.astype(np.float64), orientation)
     tangents = _orthogonal(np.repeat(faces, face_sizes, axis=0), n)
     group = _groups(positions, n, uvs, np.repeat(orientation, face_sizes))
     sums = sum_by(group, tangents, int(np.max(group)) + 1)[group]
@@ -51,12 +52,19 @@ def corner_tangents(points: Floats, corner_points: Ints, face_sizes: Ints, norma
     return unit_or(_orthogonal(sums, n), perpendicular(n)).astype(np.float32)
 
 
-def _face_tangents(positions: Doubles, face_sizes: Ints, uvs: Doubles) -> tuple[Doubles, Doubles]:
-    """Return each face's tangent (f, 3), zero where there is none, and its UVs' orientation (f,).
+def handedness(mesh: Mesh) -> Floats:
+    """Return for each corner (m,) where v grows: +1 along cross(normal, tangent), -1 where the UVs are mirrored.
 
-    By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
-    points along (grad v x N) where the UVs wind like the face, against it where they are mirrored.
+    Of the mesh's first UV set, constant over a face, +1 where its UVs cover no area. A normal map needs it: its
+    green channel leans along increasing v.
     """
+    uvs = next(iter(mesh.uvs.values())).astype(np.float64)
+    sign = np.where(_orientation(mesh.face_sizes, uvs) < 0.0, -1.0, 1.0)
+    return np.repeat(sign, mesh.face_sizes).astype(np.float32)
+
+
+def _orientation(face_sizes: Ints, uvs: Doubles) -> Doubles:
+    """Return each face's sign (f,): 1 where its UVs wind like it, -1 where they are mirrored, 0 without area."""
     starts, following = face_starts(face_sizes), next_corners(face_sizes)
     first = np.repeat(uvs[starts], face_sizes, axis=0)
     u, v = (uvs - first).T
@@ -64,9 +72,19 @@ def _face_tangents(positions: Doubles, face_sizes: Ints, uvs: Doubles) -> tuple[
     extent = np.maximum.reduceat(np.maximum(np.abs(u), np.abs(v)), starts)
     # UVs are float32: an area below their rounding has no orientation.
     rounding = np.finfo(np.float32).eps * extent * np.maximum(np.abs(first[starts]).max(axis=-1), extent)
-    orientation = np.where(np.abs(uv_area) > rounding, np.sign(uv_area), 0.0)
+    return np.where(np.abs(uv_area) > rounding, np.sign(uv_area), 0.0)
+
+
+def _face_tangents(positions: Doubles, face_sizes: Ints, uvs: Doubles, orientation: Doubles) -> Doubles:
+    """Return each face's tangent (f, 3), zero where there is none.
+
+    By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
+    points along (grad v x N) where the UVs wind like the face, against it where they are mirrored.
+    """
+    starts, following = face_starts(face_sizes), next_corners(face_sizes)
+    v = uvs[:, 1] - np.repeat(uvs[starts, 1], face_sizes)
     circulation = (0.5 * (v + v[following]))[:, None] * (positions[following] - positions)
-    return -orientation[:, None] * np.add.reduceat(circulation, starts, axis=0), orientation
+    return np.asarray(-orientation[:, None] * np.add.reduceat(circulation, starts, axis=0))
 
 
 def _orthogonal(vectors: Doubles, normals: Doubles) -> Doubles:

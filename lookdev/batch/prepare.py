@@ -14,9 +14,9 @@ from lookdev.codegen.surface import generate_surface
 from lookdev.errors import AssetError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
 from lookdev.ibl import LightTables, load_environment, prepare_light
 from lookdev.job import Job, JobLook, load_job
-from lookdev.material import Layer, Look
-from lookdev.material.textures import linear_texture
-from lookdev.material.usd import has_look, read_look
+from lookdev.material import Bump, Layer, Look, Texture
+from lookdev.material.textures import linear_texture, slope_texture
+from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
 from lookdev.plan.task import Camera, Sampling, SceneTask
@@ -44,22 +44,22 @@ def prepare_job(path: Path) -> Prepared:
     FaultsError
         All faults of all that it names.
     """
-    job = load_job(path)
     notes: list[str] = []
     faults: list[Fault] = []
+    job, places = _every_variant(load_job(path), faults)
     asset = None
     with _collected(job, "asset", faults):
         asset = load_asset(job.asset.usd, job.asset.builtin, job.asset.prim)
     lights = _lights(job, notes, faults)
-    looks = _looks(job, asset.slots if asset else (), notes, faults)
+    looks = _looks(job, places, asset.slots if asset else (), notes, faults)
     _raise_all(faults)
     assert asset is not None, "without an asset there is a fault"
     asset_file = save_asset(asset)
     camera = frame_camera(job.camera, asset.center, asset.radius, job.render.resolution)
     sampling = frame_sampling(job.render)
     scenes: dict[tuple[str, str], SceneTask] = {}
-    for index, look in enumerate(job.look):
-        with _collected(job, f"look[{index}]", faults):
+    for place, look in zip(places, job.look, strict=True):
+        with _collected(job, place, faults):
             for ibl, light in lights.items():
                 scene = make_scene(asset, asset_file, looks[look.name], light, camera, job.render.resolution, sampling)
                 faults += _attribute_faults(asset, scene.shaders)
@@ -78,25 +78,37 @@ def make_scene(
     sampling: Sampling,
 ) -> SceneTask:
     """Generate the shaders of a scene: `slots` has the look of each of the asset's slots."""
-    # Light that leaves a convex asset never meets it again.
-    sampling = replace(sampling, bounces=0) if asset.convex else sampling
     # Slots that share a look share its shader.
-    shaders = {
-        id(look): generate_surface(
-            look,
-            linear_texture,
-            brdf_samples=sampling.brdf_samples,
-            ibl_samples=sampling.ibl_samples,
-            bounces=sampling.bounces,
-            light_size=(light.width, light.height),
-            light_entries=light.sample_count,
-            resolution=resolution,
-        )
-        for look in slots
-    }
+    different = {id(look): look for look in slots}
+
+    def generate(bounces: int) -> dict[int, ShaderSource]:
+        return {
+            key: generate_surface(
+                look,
+                _image_file,
+                brdf_samples=sampling.brdf_samples,
+                ibl_samples=sampling.ibl_samples,
+                bounces=bounces,
+                light_size=(light.width, light.height),
+                light_entries=light.sample_count,
+                resolution=resolution,
+            )
+            for key, look in different.items()
+        }
+
+    shaders = generate(sampling.bounces)
+    # Light that a convex asset reflects never meets it again; light that passes through meets a closed one from inside.
+    passes_through = any(shader.transmits or shader.see_through for shader in shaders.values())
+    if sampling.bounces and asset.convex and (asset.sheet or not passes_through):
+        sampling = replace(sampling, bounces=0)
+        shaders = generate(0)
     return SceneTask(
         asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, sampling, camera, device="cpu"
     )
+
+
+def _image_file(source: Texture | Bump) -> Path:
+    return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)
 
 
 @contextmanager
@@ -121,7 +133,32 @@ def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, LightT
     return lights
 
 
-def _looks(job: Job, slots: Sequence[Slot], notes: list[str], faults: list[Fault]) -> dict[str, tuple[Look, ...]]:
+def _every_variant(job: Job, faults: list[Fault]) -> tuple[Job, tuple[str, ...]]:
+    """Replace a look with ``variants = { wear = "*" }`` by one for each variant, named ``<look>_<variant>``.
+
+    Returns the job and the place of each of its looks in the file.
+    """
+    looks: list[JobLook] = []
+    places: list[str] = []
+    for index, wanted in enumerate(job.look):
+        place = f"look[{index}]"
+        every = [name for name, choice in wanted.variants.items() if choice == "*"]
+        with _collected(job, place, faults):
+            for chosen in (
+                expand_variants(wanted.material, wanted.prim, wanted.variants) if every else [wanted.variants]
+            ):
+                name = "_".join([wanted.name, *(chosen[each] for each in every)])
+                if any(name.casefold() == other.name.casefold() for other in looks):
+                    what = f"two looks of the job are called '{name}'"
+                    faults.append(Fault(str(job.file), place, what, "give each its own name"))
+                looks.append(wanted.model_copy(update={"name": name, "variants": chosen}))
+                places.append(place)
+    return job.model_copy(update={"look": tuple(looks)}), tuple(places)
+
+
+def _looks(
+    job: Job, places: Sequence[str], slots: Sequence[Slot], notes: list[str], faults: list[Fault]
+) -> dict[str, tuple[Look, ...]]:
     """Return for each look of the job what each slot of the asset wears."""
     looks: dict[str, tuple[Look, ...]] = {}
     bound: dict[str, Look] = {}
@@ -129,13 +166,13 @@ def _looks(job: Job, slots: Sequence[Slot], notes: list[str], faults: list[Fault
         if job.asset.usd is not None and has_look(job.asset.usd, material):
             with _collected(job, "asset", faults):
                 bound[material] = read_look(job.asset.usd, material)
-    for index, wanted in enumerate(job.look):
-        with _collected(job, f"look[{index}]", faults):
+    for place, wanted in zip(places, job.look, strict=True):
+        with _collected(job, place, faults):
             look = read_look(wanted.material, wanted.prim, wanted.variants, wanted.name)
             for pattern in wanted.parts or () if slots else ():
                 if not any(fnmatchcase(slot.path, pattern) for slot in slots):
                     known = "known: " + ", ".join(slot.path for slot in slots)
-                    faults.append(Fault(str(job.file), f"look[{index}].parts", f"'{pattern}' fits no part", known))
+                    faults.append(Fault(str(job.file), f"{place}.parts", f"'{pattern}' fits no part", known))
             looks[wanted.name] = tuple(_wear(slots, wanted, look, bound, notes))
     return looks
 

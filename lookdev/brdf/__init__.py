@@ -1,6 +1,6 @@
 """Reflectance models in plain NumPy, each written once and traced into every other language.
 
-A model is two entries here: its inputs (`PARAMETERS`) and the function that builds its lobes from them (`LOBES`).
+A model is its inputs (`PARAMETERS`) and a rule that combines layers of it (`lookdev.brdf.stack`).
 """
 
 from __future__ import annotations
@@ -9,21 +9,29 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from lookdev.brdf.disney import disney_lobes
 from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
-from lookdev.brdf.lobes import Lobe, evaluate, pdf, sample
+from lookdev.brdf.lobes import Bsdf, Lobe, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf.parameters import Parameter, Value
+from lookdev.brdf.pixar_parameters import PIXAR_PARAMETERS
+from lookdev.brdf.stack import StackLayer, stack_bsdf
 from lookdev.brdf.vectors import Array
 from lookdev.errors import ModelError, nearest_hint
 
-PARAMETERS: dict[str, dict[str, Parameter]] = {"disney": DISNEY_PARAMETERS}
-LOBES: dict[str, Callable[[Mapping[str, Array]], tuple[Lobe, ...]]] = {"disney": disney_lobes}
+PARAMETERS: dict[str, dict[str, Parameter]] = {"disney": DISNEY_PARAMETERS, "pixar": PIXAR_PARAMETERS}
+
+
+def _single(model: str) -> Callable[[Mapping[str, Array]], Bsdf]:
+    return lambda parameters: stack_bsdf([StackLayer(model, parameters)])
+
+
+MODELS: dict[str, Callable[[Mapping[str, Array]], Bsdf]] = {model: _single(model) for model in PARAMETERS}
+"""Each model as a surface of one layer, from all of its parameters."""
 
 
 def complete_parameters(model: str, given: Mapping[str, object]) -> dict[str, Array]:
     """Check constant parameters of a model and fill in the defaults.
 
-    Floats become float64 scalars, colours arrays of shape (3,), tokens stay strings.
+    Floats become float64 scalars, colours and normals arrays of shape (3,), tokens stay strings.
 
     Raises
     ------
@@ -45,7 +53,7 @@ def _checked(model: str, parameter: Parameter, value: object) -> Array:
         if value not in parameter.choices:
             raise ModelError(f"{place} is {value!r}; one of {', '.join(parameter.choices)} would be right")
         return value
-    shape = (3,) if parameter.kind == "color" else ()
+    shape = () if parameter.kind == "float" else (3,)
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
@@ -56,17 +64,23 @@ def _checked(model: str, parameter: Parameter, value: object) -> Array:
     low, high = parameter.hard
     if not np.all((array >= low) & (array <= high)):
         raise ModelError(f"{place} is {value!r}; its range is {low:g} to {high:g}")
+    if parameter.kind == "normal" and not array.any():
+        raise ModelError(f"{place} is {value!r}; a vector with a direction would be right")
     return array
 
 
 __all__ = [
-    "LOBES",
+    "MODELS",
     "PARAMETERS",
+    "Bsdf",
     "Lobe",
     "Parameter",
+    "StackLayer",
     "Value",
     "complete_parameters",
     "evaluate",
+    "evaluate_cosine",
     "pdf",
     "sample",
+    "stack_bsdf",
 ]

@@ -16,7 +16,7 @@ import numpy as np
 
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, scale
 
 PI = np.pi
@@ -34,10 +34,6 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
     dielectric = 1.0 - p["metallic"]
     sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
 
-    def selection(wo: Array) -> Array:
-        # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
-        return dielectric * (mean(base_color) + 0.1 * mean(sheen_color))
-
     def evaluate(d: Directions) -> Array:
         fi, fo = schlick_weight(d.cos_theta_i), schlick_weight(d.cos_theta_o)
         # Burley 2012, section 5.3.
@@ -54,14 +50,15 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
 
     return Lobe(
         "diffuse",
-        selection,
+        # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
+        dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / PI),
-        sample=lambda wo, u1, u2: mf.sample_cosine(u1, u2),
+        sample=mf.sample_cosine,
     )
 
 
-def _specular(p: Mapping[str, Array]) -> Lobe:
+def _specular(p: Mapping[str, Array], wo: Array) -> Lobe:
     base_color, roughness = p["baseColor"], p["roughness"]
     # Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
     aspect = np.sqrt(1.0 - 0.9 * p["anisotropic"])
@@ -89,14 +86,14 @@ def _specular(p: Mapping[str, Array]) -> Lobe:
     return Lobe(
         "specular",
         # Microfacets lean away from the normal: with F0 = 0 the lobe is dark, not absent, as seen along it.
-        selection=lambda wo: np.maximum(mean(fresnel(wo[..., 2])), 0.001),
+        np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
-        sample=lambda wo, u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
+        sample=lambda u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
     )
 
 
-def _clearcoat(p: Mapping[str, Array]) -> Lobe:
+def _clearcoat(p: Mapping[str, Array], wo: Array) -> Lobe:
     # Sections 5.4 to 5.6: GTR1, index 1.5, GGX shadowing with a fixed alpha of 0.25, scaled to [0, 0.25].
     weight = 0.25 * p["clearcoat"]
     alpha = mix(0.1, 0.001, p["clearcoatGloss"])
@@ -111,20 +108,24 @@ def _clearcoat(p: Mapping[str, Array]) -> Lobe:
 
     return Lobe(
         "clearcoat",
-        selection=lambda wo: weight * fresnel(wo[..., 2]),
+        weight * fresnel(wo[..., 2]),
         evaluate=evaluate,
         # Burley 2012, appendix B.1.
         pdf=lambda d: mf.gtr1(d.wm, alpha) * d.wm[..., 2] / (4.0 * d.cos_theta_d),
-        sample=lambda wo, u1, u2: reflect(wo, mf.sample_gtr1(alpha, u1, u2)),
+        sample=lambda u1, u2: reflect(wo, mf.sample_gtr1(alpha, u1, u2)),
     )
 
 
-def disney_lobes(parameters: Mapping[str, Array]) -> tuple[Lobe, ...]:
-    """Build the lobes of Disney's principled BRDF.
+def disney_bsdf(parameters: Mapping[str, Array]) -> Bsdf:
+    """Build Disney's principled BRDF.
 
     Parameters
     ----------
     parameters
         Every input of `DISNEY_PARAMETERS`: floats (...), colours (..., 3), `variant` a string.
     """
-    return _diffuse(parameters), _specular(parameters), _clearcoat(parameters)
+
+    def lobes(wo: Array) -> tuple[Lobe, ...]:
+        return _diffuse(parameters), _specular(parameters, wo), _clearcoat(parameters, wo)
+
+    return Bsdf(lobes)

@@ -83,6 +83,21 @@ def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Array, alpha_y: Array) -> Arra
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 
 
+# Smits, "Specular", normalised so that the integral of D cos theta_h is 1; in the scan, minus signs are lost.
+def sin_gaussian(wm: Array, power: Array) -> Array:
+    """D of a Gaussian of ``sin theta_h``."""
+    sin2 = wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
+    return power / (-PI * np.expm1(-power)) * np.exp(-power * sin2)
+
+
+def sample_sin_gaussian(power: Array, u1: Array, u2: Array) -> Array:
+    """Draw half vectors with density ``D cos theta_h`` of `sin_gaussian`, by inversion in ``sin^2 theta_h``."""
+    sin2 = np.clip(-np.log(1.0 + u1 * np.expm1(-power)) / power, 0.0, 1.0)
+    sin_theta = np.sqrt(sin2)
+    phi = 2.0 * PI * u2
+    return np.stack([sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(1.0 - sin2)], axis=-1)
+
+
 def sample_cosine(u1: Array, u2: Array) -> Array:
     """Draw directions of the upper hemisphere with density ``cos theta / pi``."""
     r = np.sqrt(u1)

@@ -17,11 +17,12 @@ class Parameter:
 
     `hard` is the range outside which the model has no meaning: a value outside it is an error at load time.
     `soft` is what a slider offers. A ``"token"`` chooses between forms of the model at code-generation time, so
-    it must be constant; `choices` lists its values. Colours are linear Rec.709 and the ranges hold per channel.
+    it must be constant; `choices` lists its values. Colours are linear Rec.709 and the ranges hold per channel. A
+    ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of any length but zero.
     """
 
     name: str
-    kind: Literal["float", "color", "token"]
+    kind: Literal["float", "color", "normal", "token"]
     default: Value
     hard: tuple[float, float] = (0.0, 1.0)
     soft: tuple[float, float] = (0.0, 1.0)

@@ -7,33 +7,49 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf import LOBES, PARAMETERS, complete_parameters, evaluate, pdf
-from lookdev.codegen.surface import point_columns
-from lookdev.errors import LookdevError, ModelError, WorkerError
+from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
+from lookdev.codegen.surface import PointLayer, point_columns
+from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 
 Backend = Literal["numpy", "cycles"]
 Floats = NDArray[np.float64]
 
 _UNIT_TOLERANCE = 1e-4
 _WORKER_PATIENCE = 600.0
+_LAYER_KEYS = ("model", "params", "mask", "mode")
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases of one model that share their tokens, as arrays: wo, wi (n, 3), each parameter (n,) or (n, 3)."""
+    """Cases of stacks that differ in numbers only: wo, wi (n, 3); of each layer, base first, its kind and its numbers.
 
-    model: str
-    tokens: dict[str, str]
+    `numbers` has for each layer its parameters, (n,) or (n, 3), and its ``"mask"``, (n,).
+    """
+
+    layers: tuple[PointLayer, ...]
     wo: Floats
     wi: Floats
-    parameters: dict[str, Floats]
+    numbers: tuple[dict[str, Floats], ...]
+
+    def bsdf(self) -> Bsdf:
+        """Build the stacks."""
+        return _stack(self.layers, self.numbers)
+
+
+def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]]) -> Bsdf:
+    return stack_bsdf(
+        [
+            StackLayer(layer.model, {**values, **layer.tokens}, values["mask"], layer.mode)
+            for layer, values in zip(layers, numbers, strict=True)
+        ]
+    )
 
 
 def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
@@ -42,7 +58,9 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     Parameters
     ----------
     lines
-        One case a line: ``{"model", "params", "wo", "wi"}``; other keys are handed through. Blank lines are kept.
+        One case a line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
+        layers ``{"model", "params", "mask", "mode"}``, base first; other keys are handed through. Blank lines are
+        kept.
     backend
         ``"numpy"``: the float64 reference; ``"cycles"``: the generated OSL inside Cycles, float32.
 
@@ -67,19 +85,19 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
             yield ""
         else:
             f, density = results[index]
-            yield json.dumps(case["line"] | {"f": f, "pdf": density})
+            yield json.dumps(case.line | {"f": f, "pdf": density})
 
 
 def evaluate_numpy(batch: Batch) -> tuple[Floats, Floats]:
     """Evaluate in float64 NumPy: f (n, 3) and pdf (n,)."""
-    lobes = LOBES[batch.model](batch.parameters | batch.tokens)
-    return evaluate(lobes, batch.wo, batch.wi), pdf(lobes, batch.wo, batch.wi)
+    bsdf = batch.bsdf()
+    return evaluate(bsdf, batch.wo, batch.wi), pdf(bsdf, batch.wo, batch.wi)
 
 
 def evaluate_cycles(batch: Batch, lobes: Sequence[str] = ()) -> tuple[Floats, Floats]:
     """Evaluate the generated OSL inside Cycles, in a process of its own.
 
-    `lobes` restricts the model to some of its lobes. Values are float32.
+    `lobes` restricts the stack to some of its lobes. Values are float32.
 
     Raises
     ------
@@ -89,22 +107,15 @@ def evaluate_cycles(batch: Batch, lobes: Sequence[str] = ()) -> tuple[Floats, Fl
     columns: dict[str, Floats] = {}
     for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):
         columns |= {f"{prefix}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
-    for name, values in batch.parameters.items():
-        if values.ndim == 2:
-            columns |= {f"p_{name}_{channel}": values[:, i] for i, channel in enumerate("rgb")}
-        else:
-            columns[f"p_{name}"] = values
-    table = np.stack([columns[name] for name in point_columns(batch.model)], axis=-1).astype(np.float32)
+    for number, numbers in enumerate(batch.numbers):
+        for name, values in numbers.items():
+            place = f"layer{number}_{name}"
+            columns |= {f"{place}_{i}": values[:, i] for i in range(3)} if values.ndim == 2 else {place: values}
+    table = np.stack([columns[name] for name in point_columns(batch.layers)], axis=-1).astype(np.float32)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
         request = Path(folder) / "request.npz"
-        np.savez(
-            request,
-            model=np.array(batch.model),
-            token_names=np.array(list(batch.tokens), dtype=np.str_),
-            token_values=np.array(list(batch.tokens.values()), dtype=np.str_),
-            lobes=np.array(list(lobes), dtype=np.str_),
-            table=table,
-        )
+        layers = json.dumps([asdict(layer) for layer in batch.layers])
+        np.savez(request, layers=np.array(layers), lobes=np.array(list(lobes), dtype=np.str_), table=table)
         command = [sys.executable, "-m", "lookdev.cycles", "--points", str(request)]
         process = subprocess.run(command, capture_output=True, text=True, timeout=_WORKER_PATIENCE, check=False)
         result = request.with_suffix(".result.npz")
@@ -115,7 +126,16 @@ def evaluate_cycles(batch: Batch, lobes: Sequence[str] = ()) -> tuple[Floats, Fl
             return stored["f"].astype(np.float64), stored["pdf"].astype(np.float64)
 
 
-def _parse(number: int, line: str) -> dict[str, Any] | None:
+@dataclass(frozen=True)
+class _Case:
+    line: dict[str, Any]
+    layers: tuple[PointLayer, ...]
+    numbers: tuple[dict[str, Any], ...]
+    wo: Floats
+    wi: Floats
+
+
+def _parse(number: int, line: str) -> _Case | None:
     if not line.strip():
         return None
     try:
@@ -124,17 +144,55 @@ def _parse(number: int, line: str) -> dict[str, Any] | None:
         raise ModelError(f"line {number}: not JSON: {error}") from error
     if not isinstance(case, dict):
         raise ModelError(f"line {number}: a JSON object with model, params, wo and wi would be right")
-    missing = [key for key in ("model", "params", "wo", "wi") if key not in case]
+    wanted = ("model", "layers" if case.get("model") == "stack" else "params", "wo", "wi")
+    missing = [key for key in wanted if key not in case]
     if missing:
-        raise ModelError(f"line {number}: {', '.join(missing)} missing; model, params, wo and wi are needed")
+        raise ModelError(f"line {number}: {', '.join(missing)} missing; {', '.join(wanted)} are needed")
     try:
-        if not isinstance(case["params"], dict):
-            raise ModelError("params must be an object of names and values")
-        parameters = complete_parameters(case["model"], case["params"])
-        directions = {name: _direction(name, case[name]) for name in ("wo", "wi")}
+        if case["model"] == "stack":
+            layers, numbers = _parse_stack(case["layers"])
+        else:
+            layer, values = _parse_layer(case["model"], case["params"])
+            layers, numbers = (layer,), (values | {"mask": np.ones(())},)
+        return _Case(case, layers, numbers, _direction("wo", case["wo"]), _direction("wi", case["wi"]))
     except LookdevError as error:
         raise ModelError(f"line {number}: {error}") from error
-    return {"line": case, "model": case["model"], "parameters": parameters, **directions}
+
+
+def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Any], ...]]:
+    if not isinstance(given, list) or not given:
+        raise ModelError("layers must be a list of at least one layer, the base first")
+    layers, numbers = [], []
+    for place, each in enumerate(given):
+        try:
+            if not isinstance(each, dict) or "model" not in each:
+                raise ModelError("an object with model, params, mask and mode would be right")
+            for key in each:
+                if key not in _LAYER_KEYS:
+                    raise ModelError(f"unknown key '{key}' ({nearest_hint(key, list(_LAYER_KEYS))})")
+            mask, mode = each.get("mask", 1.0), each.get("mode", "over")
+            if isinstance(mask, bool) or not isinstance(mask, int | float) or not 0.0 <= mask <= 1.0:
+                raise ModelError(f"mask is {mask!r}; a number from 0 to 1 would be right")
+            if mode not in ("over", "transmit"):
+                raise ModelError(f"mode is {mode!r}; 'over' or 'transmit' would be right")
+            layer, values = _parse_layer(each["model"], each.get("params", {}), mode)
+        except ModelError as error:
+            raise ModelError(f"layer {place}: {error}") from error
+        layers.append(layer)
+        numbers.append(values | {"mask": np.asarray(mask, dtype=np.float64)})
+    # Whether the layers fit together shows when they are put together.
+    _stack(layers, numbers)
+    return tuple(layers), tuple(numbers)
+
+
+def _parse_layer(model: Any, params: Any, mode: Any = "over") -> tuple[PointLayer, dict[str, Any]]:
+    if not isinstance(params, dict):
+        raise ModelError("params must be an object of names and values")
+    if model not in PARAMETERS:
+        raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*PARAMETERS, 'stack'])})")
+    parameters = complete_parameters(model, params)
+    tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
+    return PointLayer(model, tokens, mode), {name: parameters[name] for name in parameters if name not in tokens}
 
 
 def _direction(name: str, value: Any) -> Floats:
@@ -147,23 +205,18 @@ def _direction(name: str, value: Any) -> Floats:
     return vector
 
 
-def _batches(cases: list[dict[str, Any] | None]) -> Iterator[tuple[list[int], Batch]]:
-    """Group cases by model and tokens: one array evaluation, one generated shader each."""
-    groups: dict[tuple[str, tuple[tuple[str, str], ...]], list[int]] = {}
+def _batches(cases: Sequence[_Case | None]) -> Iterator[tuple[list[int], Batch]]:
+    """Group cases by all but their numbers: one array evaluation, one generated shader each."""
+    groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         if case is not None:
-            tokens = tuple((name, value) for name, value in case["parameters"].items() if isinstance(value, str))
-            groups.setdefault((case["model"], tokens), []).append(index)
-    for (model, tokens), members in groups.items():
+            groups.setdefault(repr(case.layers), []).append(index)
+    for members in groups.values():
         chosen = [case for index in members if (case := cases[index]) is not None]
-        names = [name for name, parameter in PARAMETERS[model].items() if parameter.kind != "token"]
-        yield (
-            members,
-            Batch(
-                model,
-                dict(tokens),
-                np.stack([case["wo"] for case in chosen]),
-                np.stack([case["wi"] for case in chosen]),
-                {name: np.stack([case["parameters"][name] for case in chosen]) for name in names},
-            ),
+        first = chosen[0]
+        numbers = tuple(
+            {name: np.stack([case.numbers[place][name] for case in chosen]) for name in first.numbers[place]}
+            for place in range(len(first.layers))
         )
+        wo, wi = np.stack([case.wo for case in chosen]), np.stack([case.wi for case in chosen])
+        yield members, Batch(first.layers, wo, wi, numbers)

@@ -3,18 +3,23 @@
 The emitted fragments share names with the shaders that include them (`lookdev/shaders/*.osl`):
 
 - setup reads ``wo_x wo_y wo_z`` and the inputs, and defines what does not depend on the light's direction;
-- evaluate reads ``wi_x wi_y wi_z`` and sets ``color f`` and ``float pdf``;
+- evaluate reads ``wi_x wi_y wi_z`` and sets ``color f``, the BSDF times the cosine of each lobe, and ``float pdf``;
 - sample reads ``u1 u2`` and sets ``wi_x wi_y wi_z``.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from lookdev.brdf import Bsdf
+from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.vectors import same, scale
 from lookdev.codegen.graph import Graph, Node
 from lookdev.codegen.osl import Block, depends_on, reachable
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
@@ -26,9 +31,13 @@ VARYING = frozenset((*WI, "u1", "u2"))
 
 @dataclass(frozen=True)
 class TracedLobe:
-    """The scalar expressions of one lobe; `share` is a constant where the lobe is there everywhere."""
+    """The scalar expressions of one lobe; `share` is a constant where the lobe is there everywhere.
+
+    `f` is times the cosine; `wi` is in the surface's frame.
+    """
 
     name: str
+    transmits: bool
     share: Any
     f: tuple[Any, ...]
     pdf: Any
@@ -37,50 +46,63 @@ class TracedLobe:
 
 @dataclass(frozen=True)
 class BrdfCode:
-    """Emitted fragments, a list of lines each, and the run-time symbols they read."""
+    """Emitted fragments, a list of lines each, and the run-time symbols they read.
+
+    `transmits` where light can come from the back; `see_through` where setup defines a ``float presence``.
+    """
 
     setup: tuple[str, ...]
     evaluate: tuple[str, ...]
     sample: tuple[str, ...]
     inputs: frozenset[str]
+    transmits: bool
+    see_through: bool
 
 
-def trace_lobes(graph: Graph, lobes: Sequence[Lobe]) -> tuple[TracedLobe, ...]:
-    """Trace the lobes of a model; those whose share folds to zero vanish, with all they read."""
+def trace_lobes(graph: Graph, bsdf: Bsdf, keep: Callable[[Lobe], bool] = lambda lobe: True) -> tuple[TracedLobe, ...]:
+    """Trace the lobes of a BSDF that are to be kept; those whose share folds to zero vanish, with all they read."""
     wo, wi = symbols(graph, WO), symbols(graph, WI)
     u1, u2 = symbol(graph, "u1"), symbol(graph, "u2")
-    directions = Directions.of(wo, wi)
     traced = []
-    for lobe in lobes:
-        (share,) = elements_of(lobe.selection(wo))
-        if isinstance(share, Node) or share > 0.0:
-            f = tuple(elements_of(lobe.evaluate(directions)))
-            (pdf,) = elements_of(lobe.pdf(directions))
-            traced.append(TracedLobe(lobe.name, share, f, pdf, tuple(elements_of(lobe.sample(wo, u1, u2)))))
+    for lobe in bsdf.lobes(wo):
+        (share,) = elements_of(lobe.share)
+        if keep(lobe) and (isinstance(share, Node) or share > 0.0):
+            directions = Directions.of(*lobe.pair(wo, wi))
+            # A shader evaluates on the lobe's side of the surface only: a normal of the lobe's own leans out of it.
+            valid = True if same(lobe.normal, ZENITH) else directions.cos_theta_i > 0.0
+            f = scale(lobe.evaluate(directions), np.where(valid, directions.cos_theta_i, 0.0))
+            (pdf,) = elements_of(np.where(valid, lobe.pdf(directions), 0.0))
+            wi_drawn = tuple(elements_of(lobe.draw(u1, u2)))
+            traced.append(TracedLobe(lobe.name, lobe.transmits, share, tuple(elements_of(f)), pdf, wi_drawn))
     return tuple(traced)
 
 
-def emit_brdf(lobes: Sequence[TracedLobe]) -> BrdfCode:
-    """Write the three fragments for traced lobes."""
+def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
+    """Write the three fragments for traced lobes, and the presence, a scalar, where it is not 1."""
+    see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.f, lobe.pdf, *lobe.wi)]
     varying = depends_on(values, VARYING)
     invariant = _frontier(values, varying)
 
     setup = Block("s", indent=1)
-    setup.prepare([*(lobe.share for lobe in lobes), *invariant])
+    setup.prepare([*(lobe.share for lobe in lobes), *invariant, presence])
     for index, lobe in enumerate(lobes):
         setup.write(f"float share_{index} = {setup.expression(lobe.share)};  // {lobe.name}")
     setup.write(f"float shares = {' + '.join(f'share_{i}' for i in range(len(lobes))) or '0'};")
+    if see_through:
+        setup.write(f"float presence = {setup.expression(presence)};")
     for node in invariant:
         setup.name(node)
 
-    read = reachable([*values, *(lobe.share for lobe in lobes)])
+    read = reachable([*values, *(lobe.share for lobe in lobes), presence])
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - set(WO)
     return BrdfCode(
         setup=tuple(setup.lines),
         evaluate=tuple(_evaluate(lobes, setup, varying)),
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
+        transmits=any(lobe.transmits for lobe in lobes),
+        see_through=see_through,
     )
 
 
@@ -107,7 +129,29 @@ def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
 
 
 def _evaluate(lobes: Sequence[TracedLobe], setup: Block, varying: set[Node]) -> Iterable[str]:
-    """Sum all lobes; what two of them share is computed before, a lobe's own part under a guard on its share."""
+    """Sum the lobes of the side that the light is on."""
+    sides = {transmits: [lobe for lobe in lobes if lobe.transmits is transmits] for transmits in (False, True)}
+    shares = {id(lobe): f"share_{index}" for index, lobe in enumerate(lobes)} if len(lobes) > 1 else {}
+    outer = Block("", indent=2)
+    outer.write("color f = 0;")
+    outer.write("float pdf = 0;")
+    both = all(sides.values())
+    for transmits, members in sides.items():
+        if members:
+            if both or transmits:
+                outer.write("if (wi_z < 0) {" if transmits else "if (wi_z > 0) {")
+            outer.lines += _evaluate_side(members, shares, setup, varying, "t" if transmits else "e", 2 + both)
+            if both or transmits:
+                outer.write("}")
+    if len(lobes) > 1:
+        outer.write("pdf /= shares;")
+    return outer.lines
+
+
+def _evaluate_side(
+    lobes: Sequence[TracedLobe], shares: Mapping[int, str], setup: Block, varying: set[Node], prefix: str, indent: int
+) -> Iterable[str]:
+    """Sum lobes; what two of them share is computed before, a lobe's own part under a guard on its share."""
     groups = [reachable((*lobe.f, lobe.pdf), stop=setup.named) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
     shared = {
@@ -124,26 +168,23 @@ def _evaluate(lobes: Sequence[TracedLobe], setup: Block, varying: set[Node]) -> 
         direct |= dict.fromkeys(node for node in (*roots, *operands) if node in shared)
     ordered = sorted(direct, key=lambda node: len(reachable([node])))
 
-    outer = Block("e", indent=2, named=setup.named)
+    outer = Block(prefix, indent, named=setup.named)
     outer.prepare(ordered)
-    outer.write("color f = 0;")
-    outer.write("float pdf = 0;")
     for node in ordered:
         outer.name(node)
     for index, lobe in enumerate(lobes):
-        guarded = isinstance(lobe.share, Node)
-        inner = Block(f"l{index}_", indent=3, named=outer.named)
+        share = shares.get(id(lobe))
+        inner = Block(f"{prefix}{index}_", indent + 1, named=outer.named)
         inner.prepare([*lobe.f, lobe.pdf])
         color = ", ".join(inner.expression(value) for value in lobe.f)
         density = inner.expression(lobe.pdf)
         # A scope of its own for each lobe, an `if` where the lobe may be absent at this point.
-        outer.write(f"if (share_{index} > 0) {{  // {lobe.name}" if guarded else f"{{  // {lobe.name}")
+        guarded = isinstance(lobe.share, Node)
+        outer.write(f"if ({share or 'share_0'} > 0) {{  // {lobe.name}" if guarded else f"{{  // {lobe.name}")
         outer.lines += inner.lines
         outer.write(f"    f += color({color});")
-        outer.write(f"    pdf += share_{index} * {density};" if len(lobes) > 1 else f"    pdf = {density};")
+        outer.write(f"    pdf += {share} * {density};" if share else f"    pdf = {density};")
         outer.write("}")
-    if len(lobes) > 1:
-        outer.write("pdf /= shares;")
     return outer.lines
 
 

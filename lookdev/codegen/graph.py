@@ -49,6 +49,7 @@ OPERATIONS: frozenset[str] = frozenset(
         "cos",
         "tan",
         "arctan2",
+        "floor",
         "power",
         "maximum",
         "minimum",

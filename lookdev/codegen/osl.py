@@ -30,6 +30,7 @@ _CODE: dict[str, str] = {
     "cos": "cos({})",
     "tan": "tan({})",
     "arctan2": "atan2({}, {})",
+    "floor": "floor({})",
     "power": "pow({}, {})",
     "maximum": "max({}, {})",
     "minimum": "min({}, {})",

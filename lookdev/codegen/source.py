@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+HANDEDNESS = "lookdev_handedness"
+"""Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
+
 
 @dataclass(frozen=True)
 class TextureBinding:
@@ -31,10 +34,15 @@ class AttributeBinding:
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """One generated OSL shader: its text, what it reads, and the digest of text and texture contents."""
+    """One generated OSL shader: its text, what it reads, and the digest of text and texture contents.
+
+    `transmits` where light passes through the surface, `see_through` where the surface is not wholly present.
+    """
 
     name: str
     osl: str
     textures: tuple[TextureBinding, ...]
     attributes: tuple[AttributeBinding, ...]
     digest: str
+    transmits: bool = False
+    see_through: bool = False

@@ -8,18 +8,20 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from lookdev.brdf import LOBES, PARAMETERS, Lobe
+from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, stack_bsdf
+from lookdev.brdf.pixar_layering import Mode
 from lookdev.cache import file_digest
-from lookdev.codegen.brdf import BrdfCode, emit_brdf, trace_lobes
+from lookdev.codegen.brdf import WI, WO, BrdfCode, emit_brdf, trace_lobes
 from lookdev.codegen.graph import Graph
-from lookdev.codegen.look import Inputs, look_lobes
+from lookdev.codegen.look import Inputs, look_bsdf
 from lookdev.codegen.source import ShaderSource
-from lookdev.codegen.symbolic import symbol, symbols
+from lookdev.codegen.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
-from lookdev.material import Look, Texture
+from lookdev.material import Bump, Look, Texture
 
 
 def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
@@ -40,7 +42,7 @@ def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
 
 def generate_surface(
     look: Look,
-    resolve: Callable[[Texture], Path],
+    resolve: Callable[[Texture | Bump], Path],
     *,
     brdf_samples: int,
     ibl_samples: int,
@@ -56,7 +58,7 @@ def generate_surface(
     look
         Constants in it are folded; lobes that vanish take their textures with them.
     resolve
-        Turns a texture into its linear EXR file.
+        Turns a texture into its linear EXR file, a height map into that of its slopes.
     brdf_samples, ibl_samples
         Directions drawn a shading point from the BRDF and from the light.
     bounces
@@ -68,7 +70,7 @@ def generate_surface(
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    code = emit_brdf(trace_lobes(graph, look_lobes(look, inputs)))
+    code = _trace(graph, look_bsdf(look, inputs))
     textures, attributes = inputs.read_by(code.inputs)
     osl = expand_template(
         "surface.osl",
@@ -82,6 +84,8 @@ def generate_surface(
                 f"#define LIGHT_ENTRIES {light_entries}",
                 f"#define IMAGE_WIDTH {resolution[0]}",
                 f"#define IMAGE_HEIGHT {resolution[1]}",
+                f"#define TRANSMITS {int(code.transmits)}",
+                f"#define SEE_THROUGH {int(code.see_through)}",
             ],
             "parameters": [
                 *(f'    string {inputs.textures[name].parameter} = "",' for name in textures),
@@ -97,47 +101,65 @@ def generate_surface(
         digest.update(file_digest(binding.file).encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
-    return ShaderSource(look.name, osl, bound, tuple(attributes), digest.hexdigest())
+    return ShaderSource(look.name, osl, bound, tuple(attributes), digest.hexdigest(), code.transmits, code.see_through)
 
 
-def generate_points(
-    model: str, tokens: Mapping[str, str], lobes: Sequence[str] | None = None, *, cells: int
-) -> ShaderSource:
-    """Generate the shader that evaluates a model at listed points: every float and colour read from a table.
+@dataclass(frozen=True)
+class PointLayer:
+    """What the code of one layer at listed points depends on: everything else is read from a table."""
 
-    A row of the table holds wo, wi, then the parameters in the order of `point_columns`. `lobes` restricts the
-    model to some of its lobes, `cells` is the number of three-channel texels that a row takes.
+    model: str
+    tokens: Mapping[str, str]
+    mode: Mode = "over"
+
+
+def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None, *, cells: int) -> ShaderSource:
+    """Generate the shader that evaluates a stack of layers at listed points: numbers are read from a table.
+
+    A row of the table holds wo, wi, then masks and parameters in the order of `point_columns`. `lobes` restricts the
+    stack to some of its lobes, `cells` is the number of three-channel texels that a row takes.
     """
     graph = Graph()
-    columns = point_columns(model)
-    parameters: dict[str, object] = {}
-    for parameter in PARAMETERS[model].values():
-        if parameter.kind == "token":
-            parameters[parameter.name] = tokens[parameter.name]
-        elif parameter.kind == "color":
-            parameters[parameter.name] = symbols(graph, [f"p_{parameter.name}_{c}" for c in "rgb"])
-        else:
-            parameters[parameter.name] = symbol(graph, f"p_{parameter.name}")
-    chosen: list[Lobe] = [lobe for lobe in LOBES[model](parameters) if lobes is None or lobe.name in lobes]
-    code = emit_brdf(trace_lobes(graph, chosen))
+    stack = []
+    for number, layer in enumerate(layers):
+        parameters: dict[str, object] = dict(layer.tokens)
+        for name, parameter in PARAMETERS[layer.model].items():
+            if parameter.kind == "float":
+                parameters[name] = symbol(graph, f"layer{number}_{name}")
+            elif parameter.kind != "token":
+                parameters[name] = symbols(graph, [f"layer{number}_{name}_{i}" for i in range(3)])
+        stack.append(StackLayer(layer.model, parameters, symbol(graph, f"layer{number}_mask"), layer.mode))
+    bsdf = stack_bsdf(stack)
+    code = emit_brdf(trace_lobes(graph, bsdf, lambda lobe: lobes is None or lobe.name in lobes))
+    columns = point_columns(layers)
     rows = [f"    float {name} = 0;" for name in columns]
     for index in range(0, len(columns), 3):
         rows.append(f"    cell = points_cell(points_file, {index // 3}, number);")
         rows += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
-    constants = [f"#define POINT_CELLS {cells}"]
+    constants = [
+        f"#define POINT_CELLS {cells}",
+        f"#define TRANSMITS {int(code.transmits)}",
+        f"#define TWO_SIDED {int(bsdf.two_sided)}",
+    ]
     osl = expand_template("points.osl", {"constants": constants, "columns": rows, **_sections(code)})
-    return ShaderSource(f"{model}_points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest())
+    return ShaderSource("points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest())
 
 
-def point_columns(model: str) -> tuple[str, ...]:
-    """Return the columns of a table of points for a model: wo, wi, then every float and colour channel."""
-    columns = ["wo_x", "wo_y", "wo_z", "wi_x", "wi_y", "wi_z"]
-    for parameter in PARAMETERS[model].values():
-        if parameter.kind == "float":
-            columns.append(f"p_{parameter.name}")
-        elif parameter.kind == "color":
-            columns += [f"p_{parameter.name}_{channel}" for channel in "rgb"]
+def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
+    """Return the columns of a table of points: wo, wi, then of each layer its mask and every number of its inputs."""
+    columns = [*WO, *WI]
+    for number, layer in enumerate(layers):
+        columns.append(f"layer{number}_mask")
+        for name, parameter in PARAMETERS[layer.model].items():
+            if parameter.kind == "float":
+                columns.append(f"layer{number}_{name}")
+            elif parameter.kind != "token":
+                columns += [f"layer{number}_{name}_{i}" for i in range(3)]
     return tuple(columns)
+
+
+def _trace(graph: Graph, bsdf: Bsdf) -> BrdfCode:
+    return emit_brdf(trace_lobes(graph, bsdf), *elements_of(bsdf.presence))
 
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color"}

@@ -80,7 +80,7 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     render.use_border = render.use_compositing = render.use_sequencer = False
-    render.film_transparent = False
+    render.film_transparent = True
     render.use_persistent_data = True
     render.use_simplify = False
     render.threads_mode = "AUTO"
@@ -113,9 +113,8 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     for name in dir(layer):
         if name.startswith("use_pass_") and not layer.is_property_readonly(name):
             setattr(layer, name, False)
-    # The third channel of the UV pass is 1 on every hit, averaged over a pixel's samples: coverage, whatever the
-    # shader does. A ray portal would make the surface look transparent to alpha.
-    layer.use_pass_combined = layer.use_pass_uv = True
+    # Alpha is what does not reach the background. A portal opens only towards a hit, so its ray never does.
+    layer.use_pass_combined = True
     layer.pass_alpha_threshold = 0.0
     layer.samples = 0
 

@@ -1,7 +1,9 @@
-"""A model at listed points: the generated OSL, evaluated inside Cycles, its float32 values read back."""
+"""A stack of layers at listed points: the generated OSL, evaluated inside Cycles, its float32 values read back."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,26 +14,25 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.surface import generate_points, point_columns
+from lookdev.codegen.surface import PointLayer, generate_points, point_columns
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import script_node
 from lookdev.errors import RenderError
 
 # Powers of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
 _COLUMNS = 128
-_CELLS = 8
 # Blender renders no fewer rows than this, whatever it is told.
 _MIN_ROWS = 4
 
 
 def evaluate_points(
-    model: str, tokens: dict[str, str], table: NDArray[np.float32], lobes: tuple[str, ...] | None = None
+    layers: Sequence[PointLayer], table: NDArray[np.float32], lobes: tuple[str, ...] | None = None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Evaluate a model in Cycles.
+    """Evaluate a stack of layers in Cycles.
 
     Parameters
     ----------
-    model, tokens, lobes
+    layers, lobes
         As for `lookdev.codegen.surface.generate_points`.
     table : (n, columns)
         A row a point, columns as `point_columns` says.
@@ -43,10 +44,11 @@ def evaluate_points(
     """
     count, used = table.shape
     rows = max(_MIN_ROWS, 1 << (-(-count // _COLUMNS) - 1).bit_length())
-    padded = np.zeros((rows * _COLUMNS, _CELLS * 3), dtype=np.float32)
+    cells = 1 << (-(-used // 3) - 1).bit_length()
+    padded = np.zeros((rows * _COLUMNS, cells * 3), dtype=np.float32)
     padded[:count, :used] = table
-    image = padded.reshape(rows, _COLUMNS * _CELLS, 3)
-    source = generate_points(model, tokens, lobes, cells=_CELLS)
+    image = padded.reshape(rows, _COLUMNS * cells, 3)
+    source = generate_points(layers, lobes, cells=cells)
     with atomic_path(cache_dir("points") / "points.exr") as path:
         header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"RGB": image}).write(str(path))
@@ -88,9 +90,8 @@ def _add(scene: Any, name: str, data: Any) -> Any:
 def evaluate_file(request: Path) -> None:
     """Answer a request of `lookdev.checks.evaluate`: an .npz in, its f and pdf beside it."""
     with np.load(request, allow_pickle=False) as stored:
-        tokens = dict(zip(stored["token_names"].tolist(), stored["token_values"].tolist(), strict=True))
-        lobes = tuple(stored["lobes"].tolist()) or None
-        f, pdf = evaluate_points(str(stored["model"]), tokens, stored["table"], lobes)
+        layers = [PointLayer(**layer) for layer in json.loads(str(stored["layers"]))]
+        f, pdf = evaluate_points(layers, stored["table"], tuple(stored["lobes"].tolist()) or None)
     with atomic_path(request.with_suffix(".result.npz")) as path:
         np.savez(path, f=f, pdf=pdf)
 
@@ -103,11 +104,12 @@ def self_test() -> dict[str, object]:
     RenderError
         The value is wrong.
     """
-    columns = point_columns("disney")
-    row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "p_roughness": 1.0}
-    row |= {f"p_baseColor_{c}": 0.5 for c in "rgb"}
+    layers = [PointLayer("disney", {"variant": "2014"})]
+    columns = point_columns(layers)
+    row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0}
+    row |= {f"layer0_baseColor_{i}": 0.5 for i in range(3)}
     table = np.array([[row[name] for name in columns]], dtype=np.float32)
-    f, _ = evaluate_points("disney", {"variant": "2014"}, table, ("diffuse",))
+    f, _ = evaluate_points(layers, table, ("diffuse",))
     if not np.allclose(f, 0.5 / np.pi, rtol=1e-5):
         raise RenderError(f"OSL answers {f.tolist()} for a diffuse surface, {0.5 / np.pi} would be right")
     return {"blender": version.VERSION, "osl": True}

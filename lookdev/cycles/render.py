@@ -60,7 +60,7 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
             scene.control(task.pose, seed, size)
             passes = engine.render_passes(scene.scene, size, seed)
             sums[half] += size * passes["Combined"][::-1, :, :3]
-            coverage += size * passes["UV"][::-1, :, 2]
+            coverage += size * passes["Combined"][::-1, :, 3]
             done += size
             progress(done, sampling.samples, None if math.isnan(error) else error)
         a, b = (2.0 / done) * sums

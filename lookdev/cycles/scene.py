@@ -11,7 +11,8 @@ from mathutils import Matrix
 
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
-from lookdev.codegen import AttributeBinding
+from lookdev.asset.tangents import handedness
+from lookdev.codegen import HANDEDNESS, AttributeBinding
 from lookdev.cycles import engine
 from lookdev.cycles.shaders import surface_material
 from lookdev.plan.task import Camera, FrameTask, Pose, SceneTask
@@ -110,6 +111,8 @@ def _build_mesh(mesh: Mesh, materials: list[Any], attributes: set[AttributeBindi
     for binding in attributes:
         if binding.kind != "uv":
             values = mesh.primvars.get(binding.attribute)
+            if binding.attribute == HANDEDNESS:
+                values = handedness(mesh)
             if values is None:
                 fallback = np.asarray(binding.fallback, dtype=np.float32)
                 values = np.tile(fallback, (corners, 1)) if len(fallback) > 1 else np.full(corners, fallback[0])

@@ -26,7 +26,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-BuiltinAsset = Literal["sphere", "suzanne", "shaderball"]
+BuiltinAsset = Literal["plane", "sphere", "suzanne", "shaderball"]
 BuiltinIbl = Literal["city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset", "white"]
 Device = Literal["cpu", "cuda", "optix", "hip", "metal", "oneapi"]
 View = Literal["ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw"]
@@ -140,7 +140,9 @@ class JobLook(Table):
         description="The material's prim; default: the file's default prim, or its only material.",
     )
     variants: dict[Text, Text] = Field(
-        default_factory=dict, description="The variant chosen in each variant set: { wear = 'dirty' }."
+        default_factory=dict,
+        description="The variant chosen in each variant set: { wear = 'dirty' }. '*' makes a look of each: "
+        "{ wear = '*' } of 'paint' gives 'paint_clean', 'paint_dirty'.",
     )
     parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
         default=None,

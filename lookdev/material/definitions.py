@@ -17,15 +17,22 @@ DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
 DEFINED_LAYERS = 8
 """Layers over the base that LookdevLayers declares; a look may have more."""
 
-_USD_TYPES = {"float": "float", "color": "color3f", "token": "token"}
+_USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
+_LAYERS = {
+    "disney": ("LookdevDisney", "Disney's principled BRDF (Burley 2012, with the 2014 addenda)."),
+    "pixar": ("LookdevPixar", "Pixar's reflection and transmission model for Wall-E and Up (Smits)."),
+}
+_MODE_HELP = (
+    "over: covers what is beneath by the mask; Disney layers blend parameters, Pixar layers blend lobes. "
+    "transmit: what the layer transmits meets the layers beneath; for Pixar layers over nothing but Pixar layers."
+)
 
 
 def shader_definitions() -> str:
-    """Return the text of shaderDefs.usda: LookdevDisney and LookdevLayers, for `Sdr.Registry`.
+    """Return the text of shaderDefs.usda, for `Sdr.Registry`: a node for each model, LookdevLayers and LookdevBump.
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
-    disney = [_parameter(parameter) for parameter in PARAMETERS["disney"].values()]
     layers = [_input("token", "base", None, {"help": "The layer beneath all others."})]
     for number in range(1, DEFINED_LAYERS + 1):
         name = f"layer{number}"
@@ -39,11 +46,21 @@ def shader_definitions() -> str:
                 "token",
                 f"{name}Mode",
                 '"over"',
-                {"help": "over: parameters (Disney) are blended by the mask."},
-                choices=("over",),
+                {"help": _MODE_HELP},
+                choices=("over", "transmit"),
                 constant=True,
             ),
         ]
+    bump = [
+        _input("float", "height", None, {"help": "A channel of a UsdUVTexture: the height map."}),
+        _input(
+            "float", "scale", "1.0", {"help": "How many units of st a height of 1 stands above the surface."}, (), True
+        ),
+    ]
+    models = [
+        _shader(name, doc, [_parameter(parameter) for parameter in PARAMETERS[model].values()], "token outputs:layer")
+        for model, (name, doc) in _LAYERS.items()
+    ]
     return "\n".join(
         [
             "#usda 1.0",
@@ -51,25 +68,23 @@ def shader_definitions() -> str:
             '    doc = "Node definitions of lookdev. Written by lookdev.material.definitions; do not edit."',
             ")",
             "",
+            *models,
             _shader(
-                "LookdevDisney",
-                "Disney's principled BRDF (Burley 2012, with the 2014 addenda).",
-                disney,
-                "layer",
+                "LookdevLayers", "A stack of layers, each over what is beneath it.", layers, "token outputs:surface"
             ),
-            _shader("LookdevLayers", "A stack of layers, each over what is beneath it.", layers, "surface"),
+            _shader("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", role="math"),
         ]
     )
 
 
-def _shader(name: str, doc: str, inputs: list[str], output: str) -> str:
+def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
     # Sdr drops a node without a source asset; the code is generated, so the definition names itself.
     return "\n".join(
         [
             f'def Shader "{name}" (',
             f"    doc = {json.dumps(doc)}",
             "    sdrMetadata = {",
-            '        token role = "surface"',
+            f'        token role = "{role}"',
             "    }",
             ")",
             "{",
@@ -78,7 +93,7 @@ def _shader(name: str, doc: str, inputs: list[str], output: str) -> str:
             f"    uniform asset info:lookdev:sourceAsset = @./{DEFINITIONS.name}@",
             "",
             *inputs,
-            f"    token outputs:{output}",
+            f"    {output}",
             "}",
             "",
         ]

@@ -42,22 +42,40 @@ class Primvar:
     fallback: float | tuple[float, float, float]
 
 
+@dataclass(frozen=True)
+class Bump:
+    """A height map as the source of a normal.
+
+    `height` has a single channel. A height of 1 stands ``scale`` units of st above the surface.
+    """
+
+    height: Texture
+    scale: float = 1.0
+
+
 Color = tuple[float, float, float]
-Input = float | Color | str | Texture | Primvar
-"""A constant, a token (``variant = "2012"``), or something that varies over the surface."""
+Input = float | Color | str | Texture | Primvar | Bump
+"""A constant, a token (``variant = "2012"``), or something that varies over the surface.
+
+A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
+"""
+
+Mode = Literal["over", "transmit"]
 
 
 @dataclass(frozen=True)
 class Layer:
     """One layer: a model, its inputs (only those that are set; the rest have the model's defaults), its mask.
 
-    The mask of the base layer is 1. A disabled layer is not in a `Look` at all.
+    The mask of the base layer is 1. A disabled layer is not in a `Look` at all. `mode` says how a layer lies on those
+    beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets what the layer transmits meet them.
     """
 
     name: str
     model: str
     inputs: dict[str, Input] = field(default_factory=dict)
     mask: float | Texture | Primvar = 1.0
+    mode: Mode = "over"
 
 
 @dataclass(frozen=True)

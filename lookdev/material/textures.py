@@ -1,4 +1,4 @@
-"""Image files made ready for shading: linear float EXR in the cache, and the reference look-up in NumPy.
+"""Image files made ready for shading: linear float EXR in the cache, and the reference look-ups in NumPy.
 
 Channels follow UsdUVTexture: one channel is repeated into r, g and b; two are value and alpha; alpha is 1
 where there is none. Values are never multiplied by alpha. sRGB is decoded by the exact piecewise curve of
@@ -22,6 +22,9 @@ from lookdev.material.look import Texture, Wrap
 CONVERTER_VERSION = 1
 """Part of a linear texture's name: raise it when the conversion changes."""
 
+SLOPE_VERSION = 1
+"""The same for what `slope_texture` adds to it."""
+
 _WRAPS: dict[str, Wrap] = {
     "black": "black",
     "clamp": "clamp",
@@ -29,15 +32,20 @@ _WRAPS: dict[str, Wrap] = {
     "periodic": "repeat",  # OpenImageIO's and RenderMan's word
     "mirror": "mirror",
 }
+_UNSIGNED = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
 _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(0, 3)}
 
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """What a look has to know of an image: channel names, depth, and the file's own wrap modes."""
+    """What a look has to know of an image: channel names, depth, and the file's own wrap modes.
+
+    An `unsigned` image holds whole numbers that stand for 0 to 1.
+    """
 
     channels: tuple[str, ...]
     eight_bit: bool
+    unsigned: bool
     wraps: tuple[Wrap, Wrap]
 
     @property
@@ -84,6 +92,35 @@ def linear_texture(texture: Texture) -> Path:
     return linear
 
 
+def slope_texture(height: Texture) -> Path:
+    """Return the slopes of a height map as a float EXR, derived once into the cache: R = dh/ds, G = dh/dt.
+
+    They are central differences of neighbouring texels of the one channel that `height` names, linear and times its
+    scale, per unit of the image's own s and t (rightwards and upwards). At the edges the neighbour is the one of the
+    wrap mode: of the other edge (repeat), the texel itself (mirror, clamp, black).
+
+    Raises
+    ------
+    TextureError
+        As `linear_texture`; or `height` names three channels.
+    """
+    if height.channel == "rgb":
+        raise TextureError(f"{height.file}: a height is one channel, r, g, b or a, not rgb")
+    channel = "rgba".index(height.channel)
+    linear = linear_texture(height)
+    how = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
+    slopes = linear.with_name(f"{linear.stem}-slope-{how}-v{SLOPE_VERSION}.exr")
+    if not slopes.exists():
+        h = _read_rgba(linear)[..., channel] * height.scale[channel]
+        rows, columns = h.shape
+        across = np.pad(h, ((0, 0), (1, 1)), mode="wrap" if height.wrap_s == "repeat" else "edge")
+        down = np.pad(h, ((1, 1), (0, 0)), mode="wrap" if height.wrap_t == "repeat" else "edge")
+        dh_ds = (across[:, 2:] - across[:, :-2]) * (0.5 * columns)
+        dh_dt = (down[:-2] - down[2:]) * (0.5 * rows)  # row 0 is the top of the image
+        _write_exr(slopes, np.stack([dh_ds, dh_dt, np.zeros_like(h), np.ones_like(h)], axis=-1))
+    return slopes
+
+
 def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
     """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
     value = np.asarray(encoded, np.float64)
@@ -111,19 +148,68 @@ def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     TextureError
         As `linear_texture`.
     """
-    pixels = _linear_pixels(linear_texture(texture))
+    value = _look_up(linear_texture(texture), texture, _image_st(texture, st))
+    scaled: NDArray[np.float64] = value * np.array(texture.scale) + np.array(texture.bias)
+    return scaled[..., _CHANNELS[texture.channel]]
+
+
+def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    """Look the slopes of a height map up bilinearly, in float64: the reference that shaders are compared with.
+
+    Parameters
+    ----------
+    st : array_like, shape (..., 2)
+        Texture coordinates as the mesh has them, before `Texture.transform`.
+
+    Returns
+    -------
+    ndarray, shape (..., 2)
+        The derivatives of the height with respect to those coordinates, by the chain rule through the wrap modes and
+        the transform: mirrored copies lean the other way, and beyond a clamped edge the height stays as it is.
+
+    Raises
+    ------
+    TextureError
+        As `slope_texture`.
+    """
+    image_st = _image_st(texture, st)
+    slopes = _look_up(slope_texture(texture), texture, image_st)[..., :2]
+    wraps = (texture.wrap_s, texture.wrap_t)
+    along = np.stack([_wrap_slope(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
+    chained: NDArray[np.float64] = (slopes * along) @ _matrix(texture)[:, :2]
+    return chained
+
+
+def _matrix(texture: Texture) -> NDArray[np.float64]:
+    return np.array(texture.transform, np.float64).reshape(2, 3)
+
+
+def _image_st(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    matrix = _matrix(texture)
+    transformed: NDArray[np.float64] = np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2]
+    return transformed
+
+
+def _look_up(linear: Path, texture: Texture, image_st: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Look all four channels of a float EXR up, at coordinates of the image, wrapped as `texture` says."""
+    pixels = _linear_pixels(linear)
     height, width = pixels.shape[:2]
-    matrix = np.array(texture.transform, np.float64).reshape(2, 3)
-    s, t = np.moveaxis(np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2], -1, 0)
-    columns = _taps(s, width, texture.wrap_s)
-    rows = _taps(1.0 - t, height, texture.wrap_t)  # row 0 is the top of the image, t 0 the bottom
-    channel = _CHANNELS[texture.channel]
-    value = np.zeros((*np.shape(s), 4))
+    columns = _taps(image_st[..., 0], width, texture.wrap_s)
+    rows = _taps(1.0 - image_st[..., 1], height, texture.wrap_t)  # row 0 is the top of the image, t 0 the bottom
+    value = np.zeros((*image_st.shape[:-1], 4))
     for row, row_weight in rows:
         for column, column_weight in columns:
             value += (row_weight * column_weight)[..., np.newaxis] * pixels[row, column]
-    scaled: NDArray[np.float64] = value * np.array(texture.scale) + np.array(texture.bias)
-    return scaled[..., channel]
+    return value
+
+
+def _wrap_slope(coordinate: NDArray[np.float64], wrap: Wrap) -> NDArray[np.float64]:
+    """Return the derivative of the wrapped coordinate by the coordinate: what is black outside needs none."""
+    if wrap == "mirror":
+        return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
+    if wrap == "clamp":
+        return np.where((coordinate >= 0.0) & (coordinate <= 1.0), 1.0, 0.0)
+    return np.ones_like(coordinate)
 
 
 def _taps(coordinate: NDArray[np.float64], size: int, wrap: Wrap) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
@@ -170,7 +256,9 @@ def _header(spec: oiio.ImageSpec) -> ImageHeader:
     s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
     # UsdUVTexture: a file that says nothing is black outside.
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
-    return ImageHeader(tuple(spec.channelnames), spec.format == oiio.UINT8, (wrap_s, wrap_t))
+    return ImageHeader(
+        tuple(spec.channelnames), spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED, (wrap_s, wrap_t)
+    )
 
 
 def _read_rgba(file: Path) -> NDArray[np.float64]:

@@ -14,18 +14,21 @@ from pxr import Sdf, Tf, Usd, UsdShade
 
 from lookdev.brdf import PARAMETERS, Parameter
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.look import Input, Layer, Look, Primvar, Texture
+from lookdev.material.look import Input, Layer, Look, Mode, Primvar, Texture
 from lookdev.material.usd_inputs import read_input
 from lookdev.material.usd_network import Network, Source, shader_id
 
-MODELS = {"LookdevDisney": "disney"}
+MODELS = {"LookdevDisney": "disney", "LookdevPixar": "pixar"}
 """info:id of a layer's shader, and the reflectance model it means."""
 
 Mask = float | Texture | Primvar
 
+_LAYERS = " or ".join(MODELS)
+
 _TERMINAL = "outputs:lookdev:surface"
 _LAYER_INPUT = re.compile(r"layer([1-9]\d*)(Mask|Enabled|Mode)?")
 _MASK = Parameter("mask", "float", 1.0)
+_MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
 def read_look(
@@ -60,6 +63,46 @@ def read_look(
     if path is None or network.faults:
         raise LookError(network.faults)
     return Look(name or path.name, layers, f"{file}<{path}>")
+
+
+def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
+    """Replace each ``"*"`` by every variant of its set, in the order of the file: all combinations.
+
+    Raises
+    ------
+    LookError
+        As `read_look`, for the file, the material and the variant sets.
+    """
+    combinations: list[dict[str, str]] = [dict(variants)]
+    while (wanted := next((name for name, choice in combinations[0].items() if choice == "*"), None)) is not None:
+        # A set may stand inside a variant of another: what that one selects decides what there is.
+        combinations = [
+            {**chosen, wanted: choice}
+            for chosen in combinations
+            for choice in _choices(
+                file, prim, {name: choice for name, choice in chosen.items() if choice != "*"}, wanted
+            )
+        ]
+    return tuple(combinations)
+
+
+def _choices(file: Path, prim: str | None, chosen: Mapping[str, str], wanted: str) -> list[str]:
+    network = Network(file)
+    stage = _open(file)
+    path = _find_material(network, stage, prim, chosen)
+    choices: list[str] = []
+    if path is not None:
+        sets = [stage.GetPrimAtPath(prefix).GetVariantSets() for prefix in path.GetPrefixes()]
+        owners = [each for each in sets if each.HasVariantSet(wanted)]
+        known = sorted({name for each in sets for name in each.GetNames()})
+        if owners:
+            choices = owners[-1].GetVariantSet(wanted).GetVariantNames()
+        else:
+            hint = nearest_hint(wanted, known) if known else "it has none"
+            network.fault(path, f"has no variant set '{wanted}'", hint)
+    if network.faults:
+        raise LookError(network.faults)
+    return list(choices)
 
 
 def has_look(file: Path, prim: str) -> bool:
@@ -157,10 +200,10 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
     if isinstance(source, Source):
         if shader_id(source.shader) == "LookdevLayers":
             return _read_stack(network, source.shader)
-        layer = _read_layer(network, attribute, source, 1.0, ("LookdevLayers", *MODELS))
+        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers", *MODELS))
         return (layer,) if layer else ()
     if not attribute or source is not None:
-        network.fault(place, "is not connected", "connect it to a LookdevLayers or LookdevDisney shader")
+        network.fault(place, "is not connected", f"connect it to a LookdevLayers, {_LAYERS} shader")
     return ()
 
 
@@ -177,8 +220,16 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
             )
         elif attribute.HasAuthoredConnections() or attribute.HasAuthoredValue():
             given[name] = attribute
-    layers = [_read_connected_layer(network, given["base"], 1.0)] if "base" in given else []
-    if not layers:
+    # Each layer beside the input it is connected to, which is the place to tell of it.
+    layers: list[tuple[Usd.Attribute, Layer]] = []
+
+    def add(attribute: Usd.Attribute, mask: Mask, mode: Mode) -> None:
+        if layer := _read_connected_layer(network, attribute, mask, mode):
+            layers.append((attribute, layer))
+
+    if "base" in given:
+        add(given["base"], 1.0, "over")
+    else:
         network.fault(f"{stack.GetPath()}.inputs:base", "the stack has no base", "connect it to a layer")
     numbers = sorted({int(match[1]) for name in given if (match := _LAYER_INPUT.fullmatch(name))})
     for number in numbers:
@@ -188,23 +239,52 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
         elif number > 1 and number - 1 not in numbers:
             network.fault(given[layer], f"there is no layer{number - 1}", "number the layers without gaps")
         if _is_enabled(network, given.get(f"{layer}Enabled")):
-            _check_mode(network, given.get(f"{layer}Mode"))
+            mode = _read_mode(network, given.get(f"{layer}Mode"))
             mask = _read_mask(network, given.get(f"{layer}Mask"))
             if layer in given:
-                layers.append(_read_connected_layer(network, given[layer], mask))
-    return tuple(layer for layer in layers if layer)
+                add(given[layer], mask, mode)
+    _check_stack(network, layers)
+    return tuple(layer for _, layer in layers)
 
 
 def _is_enabled(network: Network, attribute: Usd.Attribute | None) -> bool:
     return attribute is None or network.constant(attribute, Sdf.ValueTypeNames.Bool) is not False
 
 
-def _check_mode(network: Network, attribute: Usd.Attribute | None) -> None:
-    mode = None if attribute is None else network.constant(attribute, Sdf.ValueTypeNames.Token)
-    if mode == "transmit":
-        network.fault(attribute, "'transmit' is not supported in this version", "use 'over'")
-    elif mode not in (None, "over"):
-        network.fault(attribute, f"unknown value '{mode}'", "use 'over'")
+def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
+    given = None if attribute is None else network.constant(attribute, Sdf.ValueTypeNames.Token)
+    if given is not None and given not in _MODES:
+        network.fault(attribute, f"unknown value '{given}'", nearest_hint(given, _MODES))
+    return "transmit" if given == "transmit" else "over"
+
+
+def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) -> None:
+    """Note layers that cannot lie on those beneath.
+
+    Layers fold into one model as long as all are of the base's; from the first that differs on, each stands alone.
+    """
+    for number, (place, layer) in enumerate(layers):
+        beneath = [each for _, each in layers[:number]]
+        stranger = next((each for each in (layer, *beneath) if each.model != "pixar"), None)
+        if layer.mode == "transmit" and stranger:
+            network.fault(
+                f"{place.GetPath()}Mode",
+                f"cannot be 'transmit': {stranger.name} is a {stranger.model} layer",
+                "only a LookdevPixar layer over nothing but LookdevPixar layers can transmit; use 'over'",
+            )
+        if number and all(each.model == layer.model for each in beneath):
+            _check_tokens(network, place, layer, beneath[0])
+
+
+def _check_tokens(network: Network, place: Usd.Attribute, layer: Layer, base: Layer) -> None:
+    for name, parameter in PARAMETERS[layer.model].items():
+        own, others = (each.inputs.get(name, parameter.default) for each in (layer, base))
+        if parameter.kind == "token" and own != others:
+            network.fault(
+                place,
+                f"{name} of {layer.name} is '{own}', but that of {base.name} beneath is '{others}'",
+                "layers of one model on each other must agree",
+            )
 
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
@@ -212,12 +292,12 @@ def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
     return mask if isinstance(mask, float | Texture | Primvar) else 1.0
 
 
-def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask) -> Layer | None:
+def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
     source = network.follow(attribute)
     if isinstance(source, Source):
-        return _read_layer(network, attribute, source, mask, tuple(MODELS))
+        return _read_layer(network, attribute, source, mask, mode, tuple(MODELS))
     if source is not None:
-        network.fault(attribute, "is not connected to a layer", f"connect it to a {' or '.join(MODELS)} shader")
+        network.fault(attribute, "is not connected to a layer", f"connect it to a {_LAYERS} shader")
     return None
 
 
@@ -226,14 +306,12 @@ def _read_layer(
     place: Usd.Attribute,
     source: Source,
     mask: Mask,
+    mode: Mode,
     known: tuple[str, ...],
 ) -> Layer | None:
     model = MODELS.get(given := shader_id(source.shader))
     if model is None:
-        what = f"<{source.path}> has the unknown info:id '{given}'"
-        if given == "LookdevPixar":
-            what = f"<{source.path}> is a LookdevPixar layer, which is not supported in this version"
-        network.fault(place, what, nearest_hint(given, known))
+        network.fault(place, f"<{source.path}> has the unknown info:id '{given}'", nearest_hint(given, known))
         return None
     parameters = PARAMETERS[model]
     network.check_inputs(source.shader, list(parameters))
@@ -243,4 +321,4 @@ def _read_layer(
             value = read_input(network, each.GetAttr(), parameter)
             if value is not None:
                 inputs[parameter.name] = value
-    return Layer(source.shader.GetPrim().GetName(), model, inputs, mask)
+    return Layer(source.shader.GetPrim().GetName(), model, inputs, mask, mode)

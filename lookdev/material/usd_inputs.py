@@ -11,7 +11,7 @@ from pxr import Ar, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import TextureError, nearest_hint
-from lookdev.material.look import Color, Input, Primvar, Texture
+from lookdev.material.look import Bump, Color, Input, Primvar, Texture
 from lookdev.material.textures import ImageHeader, image_header
 from lookdev.material.usd_network import Network, Source, shader_id
 
@@ -21,10 +21,12 @@ Channel = Literal["r", "g", "b", "a", "rgb"]
 _TYPES = {
     "float": Sdf.ValueTypeNames.Float,
     "color": Sdf.ValueTypeNames.Color3f,
+    "normal": Sdf.ValueTypeNames.Normal3f,
     "token": Sdf.ValueTypeNames.Token,
 }
-_CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",)}
-_READERS = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3"}
+_CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
+_NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
+"""The node that a value of each kind can come from, beside UsdUVTexture."""
 _ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform2d behind which there is one"
 
 
@@ -49,6 +51,9 @@ def _in_range(network: Network, place: object, parameter: Parameter, value: Cons
         return value
     low, high = parameter.hard
     numbers = (value,) if isinstance(value, float) else tuple(value)
+    if parameter.kind == "normal" and not any(numbers):
+        network.fault(place, "a normal cannot be the zero vector", "(0, 0, 1) is the surface's own")
+        return None
     if not all(low <= number <= high for number in numbers):
         shown = ", ".join(f"{number:g}" for number in numbers)
         network.fault(place, f"{shown} is out of range", f"it must be within [{low:g}, {high:g}]")
@@ -63,13 +68,51 @@ def _read_varying(network: Network, place: Usd.Attribute, parameter: Parameter, 
         return None
     given = shader_id(source.shader)
     if given == "UsdUVTexture":
-        return _read_texture(network, place, _CHANNELS[kind], source)
-    if given == _READERS[kind]:
+        texture = _read_texture(network, place, _CHANNELS[kind], source)
+        if texture and kind == "normal":
+            _check_normal_map(network, source, texture)
+        return texture
+    if given == _NODES[kind]:
+        if kind == "normal":
+            return _read_bump(network, source)
         return _read_primvar(network, place, parameter, source)
     what = f"a {kind} cannot come from <{source.path}>, whose info:id is '{given}'"
     if given == "LookdevExpression":
         what = f"<{source.path}> is a LookdevExpression, which is not supported in this version"
-    network.fault(place, what, f"use UsdUVTexture or {_READERS[kind]}")
+    network.fault(place, what, f"use UsdUVTexture or {_NODES[kind]}")
+    return None
+
+
+def _check_normal_map(network: Network, source: Source, texture: Texture) -> None:
+    if texture.colorspace == "sRGB":
+        what = f"{texture.file} would be decoded as sRGB, but a normal map is data"
+        network.fault(f"{source.path}.inputs:sourceColorSpace", what, "set it to 'raw'")
+    # Flipped or weakened axes are centred too; half a step of 8 bits may go into where the centre is.
+    centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
+    if image_header(texture.file).unsigned and not centred:
+        what = "the image holds 0 to 1, so it cannot lean either way"
+        network.fault(f"{source.path}.inputs:bias", what, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)")
+
+
+def _read_bump(network: Network, source: Source) -> Bump | None:
+    shader = source.shader
+    network.check_inputs(shader, ("height", "scale"))
+    attribute, scale = (shader.GetPrim().GetAttribute(f"inputs:{name}") for name in ("height", "scale"))
+    factor = network.constant(scale, _TYPES["float"]) if scale else None
+    height = _read_height(network, source, attribute)
+    return Bump(height, 1.0 if factor is None else factor) if height else None
+
+
+def _read_height(network: Network, bump: Source, attribute: Usd.Attribute) -> Texture | None:
+    if attribute and not network.has_type(attribute, attribute, _TYPES["float"]):
+        return None
+    source = network.follow(attribute) if attribute else attribute
+    if isinstance(source, Source) and shader_id(source.shader) == "UsdUVTexture":
+        return _read_texture(network, attribute, _CHANNELS["float"], source)
+    if source is not None:
+        what = f"comes from <{source.path}>" if isinstance(source, Source) else "is not connected"
+        hint = "only a UsdUVTexture has a slope; connect it to outputs:r, g, b or a of one"
+        network.fault(f"{bump.path}.inputs:height", what, hint)
     return None
 
 

@@ -67,3 +67,18 @@ color lookdev_texture(string file, float s, float t, string wrap_s, string wrap_
 #endif
     return value;
 }
+
+// The derivative of an axis' wrapping: mirrored copies run backwards, beyond a clamped edge nothing changes.
+float lookdev_wrap_slope(float s, string wrap)
+{
+    if (wrap == "mirror")
+        return mod(floor(s), 2.0) == 1.0 ? -1.0 : 1.0;
+    return wrap == "clamp" && (s < 0 || s > 1) ? 0.0 : 1.0;
+}
+
+// The slopes of a height map along s and t at st.
+color lookdev_slopes(string file, float s, float t, string wrap_s, string wrap_t, output float alpha)
+{
+    color value = lookdev_texture(file, s, t, wrap_s, wrap_t, alpha);
+    return color(value[0] * lookdev_wrap_slope(s, wrap_s), value[1] * lookdev_wrap_slope(t, wrap_t), 0);
+}

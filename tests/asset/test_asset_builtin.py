@@ -24,11 +24,12 @@ def test_it_is_what_a_mesh_must_be(assets, name, check_asset):
     check_asset(asset)
     assert asset.name == name
     assert all(slot.path.startswith(f"/{name}") and slot.material is None for slot in asset.slots)
-    assert asset.convex == (name == "sphere")
+    assert asset.convex == (name in ("plane", "sphere"))
+    assert asset.sheet == (name == "plane")
     assert asset.digest == load_asset(builtin=name).digest
 
 
-@pytest.mark.parametrize("name", BUILTINS)
+@pytest.mark.parametrize("name", [name for name in BUILTINS if name != "plane"])
 def test_normals_agree_with_the_winding_and_the_winding_faces_outwards(assets, name):
     for mesh in assets[name].meshes:
         areas = face_areas(mesh)
@@ -47,6 +48,20 @@ def test_it_is_watertight(assets, name):
         forth, back = np.sort(a * count + b), np.sort(b * count + a)
         np.testing.assert_array_equal(forth, back)
         assert (np.diff(forth) > 0).all()
+
+
+def test_the_plane_is_a_card_that_faces_the_camera(assets):
+    asset = assets["plane"]
+    assert (asset.center, asset.radius) == ((0.0, 0.0, 0.0), pytest.approx(np.sqrt(2.0)))
+    assert asset.slots == (Slot("/plane"),)
+    (mesh,) = asset.meshes
+    # Facing -y, seen from there: x to the right, z up.
+    np.testing.assert_array_equal(face_areas(mesh), [[0.0, -4.0, 0.0]])
+    positions, (u, v) = mesh.points[mesh.corner_points], mesh.uvs["st"].T
+    np.testing.assert_array_equal(positions, np.stack([2 * u - 1, 0 * u, 2 * v - 1], axis=-1))
+    assert {(0.0, 0.0), (1.0, 1.0)} < set(zip(u.tolist(), v.tolist(), strict=True))
+    np.testing.assert_array_equal(mesh.normals, np.tile([0.0, -1.0, 0.0], (4, 1)))
+    np.testing.assert_array_equal(mesh.tangents, np.tile([1.0, 0.0, 0.0], (4, 1)))
 
 
 def test_the_sphere_is_exact():

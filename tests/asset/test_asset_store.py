@@ -21,7 +21,7 @@ def asset():
         uvs={"st": mesh.uvs["st"], "second:set": mesh.uvs["st"] * 2},
         primvars={"wear/../x": mesh.uvs["st"][:, 0].copy(), "displayColor": mesh.normals.copy()},
     )
-    return make_asset("thing", [mesh], sphere.instances, [Slot("/thing", "/Looks/Paint")], convex=True)
+    return make_asset("thing", [mesh], sphere.instances, [Slot("/thing", "/Looks/Paint")], convex=True, sheet=True)
 
 
 def test_what_is_saved_is_read_back(asset, check_asset):
@@ -30,7 +30,7 @@ def test_what_is_saved_is_read_back(asset, check_asset):
     again = read_asset(path)
     check_asset(again)
     assert asset_digest(again) == again.digest == asset.digest
-    for name in ("name", "slots", "center", "radius", "convex"):
+    for name in ("name", "slots", "center", "radius", "convex", "sheet"):
         assert getattr(again, name) == getattr(asset, name)
     assert list(again.meshes[0].uvs) == ["st", "second:set"]
     assert list(again.meshes[0].primvars) == ["wear/../x", "displayColor"]
@@ -70,6 +70,7 @@ def _other_uv_name(asset):
         _other_matrix,
         _other_uv_name,
         lambda asset: dataclasses.replace(asset, convex=False),
+        lambda asset: dataclasses.replace(asset, sheet=False),
         lambda asset: dataclasses.replace(asset, name="other"),
         lambda asset: dataclasses.replace(asset, slots=(Slot("/thing"),)),
     ],

@@ -3,8 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from lookdev.asset import BUILTINS
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.tangents import corner_tangents, perpendicular
+from lookdev.asset.mesh import Mesh
+from lookdev.asset.tangents import corner_tangents, handedness, perpendicular
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 
@@ -72,6 +74,38 @@ def test_islands_keep_their_own_tangent_along_a_seam(same):
 )
 def test_uvs_without_area_get_the_basis_of_the_normal(uvs):
     np.testing.assert_array_equal(tangents_of(uvs), np.tile([1.0, 0.0, 0.0], (4, 1)))
+
+
+def test_handedness_tells_the_mirrored_island_and_nothing_else():
+    # Three squares in a row: as they are, mirrored, and on a line; with a second UV set that must not matter.
+    points = np.float32([[x, y, 0] for x in range(4) for y in range(2)])
+    corners = np.concatenate([[2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1] for i in range(3)]).astype(np.int32)
+    sizes, normals = np.full(3, 4, np.int32), np.tile(np.float32([0, 0, 1]), (12, 1))
+    uvs = points[corners][:, :2].copy()
+    uvs[4:8, 0] *= -1.0
+    uvs[8:, 1] = uvs[8:, 0]
+    mesh = Mesh(
+        name="/islands",
+        points=points,
+        corner_points=corners,
+        face_sizes=sizes,
+        face_slots=np.zeros(3, np.int32),
+        normals=normals,
+        tangents=corner_tangents(points, corners, sizes, normals, uvs),
+        uvs={"st": uvs, "other": uvs[:, ::-1].copy()},
+    )
+    sign = handedness(mesh)
+    assert sign.dtype == np.float32
+    np.testing.assert_array_equal(sign, np.repeat([1.0, -1.0, 1.0], 4))
+    # What it means: the bitangent points to increasing v, which is +y on both islands.
+    bitangents = sign[:, None] * np.cross(mesh.normals, mesh.tangents)
+    np.testing.assert_allclose(bitangents[:8], np.tile([0.0, 1.0, 0.0], (8, 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["plane", "sphere", "shaderball"])
+def test_what_is_made_here_is_mirrored_nowhere(name):
+    for mesh in BUILTINS[name]().meshes:
+        np.testing.assert_array_equal(handedness(mesh), 1.0)
 
 
 def test_anything_gives_unit_orthogonal_tangents():

@@ -22,5 +22,5 @@ def test_f_agrees_with_the_oracle(oracle: Path) -> None:
     np.testing.assert_allclose([answer["f"] for answer in answers], wanted, rtol=1e-9, atol=1e-12)
 
 
-def test_an_oracle_is_there() -> None:
-    assert "disney" in [path.stem for path in ORACLES]
+def test_an_oracle_of_each_model_is_there() -> None:
+    assert {"disney", "pixar"} <= {path.stem for path in ORACLES}

@@ -8,59 +8,53 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from random_parameters import EVERY, directions, random_parameters
 
-from lookdev.brdf import LOBES, PARAMETERS, Lobe, complete_parameters, evaluate, pdf
+from lookdev.brdf import MODELS, PARAMETERS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.layering import blend_parameters
 from lookdev.errors import ModelError
 
 Floats = NDArray[np.float64]
 
-# Every token of a model, in every combination.
-_VARIANTS = [
-    (model, dict(zip(tokens, values, strict=True)))
-    for model, parameters in PARAMETERS.items()
-    for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
-    for values in product(*(parameters[name].choices for name in tokens))
-]
-_EVERY = pytest.mark.parametrize(("model", "tokens"), _VARIANTS, ids=str)
 
-
-def _directions(rng: np.random.Generator, count: int) -> Floats:
-    cos = rng.uniform(1e-3, 1.0, count)
-    phi = rng.uniform(0.0, 2.0 * np.pi, count)
-    sin = np.sqrt(1.0 - cos * cos)
-    return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
-
-
-def _random_lobes(rng: np.random.Generator, model: str, tokens: dict[str, str], count: int) -> tuple[Lobe, ...]:
-    values: dict[str, Any] = dict(tokens)
-    for name, parameter in PARAMETERS[model].items():
-        if parameter.kind != "token":
-            shape = (count, 3) if parameter.kind == "color" else (count,)
-            # Half of them at an end of the range, where formulas meet their special cases.
-            values[name] = np.clip(rng.uniform(-0.5, 1.5, shape), 0.0, 1.0) * parameter.hard[1]
-    return LOBES[model](values)
-
-
-@_EVERY
-def test_light_may_go_either_way(model: str, tokens: dict[str, str]) -> None:
+@pytest.mark.parametrize("variant", PARAMETERS["disney"]["variant"].choices)
+def test_light_may_go_either_way(variant: str) -> None:
     rng = np.random.default_rng(1)
-    wo, wi = _directions(rng, 4000), _directions(rng, 4000)
-    lobes = _random_lobes(rng, model, tokens, 4000)
-    np.testing.assert_allclose(evaluate(lobes, wo, wi), evaluate(lobes, wi, wo), rtol=1e-12)
+    wo, wi = directions(rng, 4000), directions(rng, 4000)
+    bsdf = MODELS["disney"](random_parameters(rng, "disney", {"variant": variant}, 4000))
+    np.testing.assert_allclose(evaluate(bsdf, wo, wi), evaluate(bsdf, wi, wo), rtol=1e-12)
 
 
-@_EVERY
-@pytest.mark.parametrize("z", [0.0, -0.0, -5e-324, -1e-9, -0.7])
-def test_nothing_on_or_below_the_horizon(model: str, tokens: dict[str, str], z: float) -> None:
+def _turned_down(above: Floats, z: float) -> Floats:
+    """Return the same azimuths at height `z`."""
+    return above * [1.0, 1.0, 0.0] / np.hypot(above[:, :1], above[:, 1:2]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
+
+
+def _are_dark(bsdf: Bsdf, wo: Floats, wi: Floats) -> bool:
+    return not any(np.any(function(bsdf, wo, wi)) for function in (evaluate, evaluate_cosine, pdf))
+
+
+@EVERY
+@pytest.mark.parametrize("z", [0.0, -0.0])
+def test_nothing_on_the_horizon(model: str, tokens: dict[str, str], z: float) -> None:
     rng = np.random.default_rng(2)
-    above = _directions(rng, 500)
-    below = above * [1.0, 1.0, 0.0] / np.hypot(above[:, :1], above[:, 1:2]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
-    lobes = _random_lobes(rng, model, tokens, 500)
+    above = directions(rng, 500)
+    level = _turned_down(above, z)
+    bsdf = MODELS[model](random_parameters(rng, model, tokens, 500))
+    for wo, wi in ((above, level), (level, above), (level, level), (-above, level), (level, -above)):
+        assert _are_dark(bsdf, wo, wi)
+
+
+@pytest.mark.parametrize("variant", PARAMETERS["disney"]["variant"].choices)
+@pytest.mark.parametrize("z", [-5e-324, -1e-9, -0.7])
+def test_disney_is_dark_below_the_horizon(variant: str, z: float) -> None:
+    rng = np.random.default_rng(2)
+    above = directions(rng, 500)
+    below = _turned_down(above, z)
+    bsdf = MODELS["disney"](random_parameters(rng, "disney", {"variant": variant}, 500))
     for wo, wi in ((above, below), (below, above), (below, below)):
-        assert (evaluate(lobes, wo, wi) == 0.0).all()
-        assert (pdf(lobes, wo, wi) == 0.0).all()
+        assert _are_dark(bsdf, wo, wi)
 
 
 def _extreme_pairs() -> tuple[Floats, Floats]:
@@ -76,33 +70,54 @@ def _extreme_pairs() -> tuple[Floats, Floats]:
     return wo, wi
 
 
-@_EVERY
+@EVERY
 def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
     wo, wi = _extreme_pairs()
     rng = np.random.default_rng(3)
-    names = [name for name, parameter in PARAMETERS[model].items() if parameter.kind != "token"]
     # Corners of the parameter space, and what is just beside them.
-    corners = rng.choice([0.0, 5e-324, 1e-12, 1.0 - 2**-53, 1.0], (400, len(names)))
-    corners[:2] = [[0.0], [1.0]]
+    count = 40
     values: dict[str, Any] = dict(tokens)
-    for name, column in zip(names, corners.T, strict=True):
-        parameter = PARAMETERS[model][name]
-        extreme = column[:, None] * parameter.hard[1]
-        values[name] = np.repeat(extreme[..., None], 3, axis=-1) if parameter.kind == "color" else extreme
-    lobes = LOBES[model](values)
+    for name, parameter in PARAMETERS[model].items():
+        if parameter.kind == "token":
+            continue
+        column = rng.choice([0.0, 5e-324, 1e-12, 1.0 - 2**-53, 1.0], (count, 1))
+        column[:2] = [[0.0], [1.0]]
+        low, high = parameter.hard
+        if parameter.kind == "normal":
+            # Straight ones, then such as lean anywhere, some of them upside down.
+            column = rng.choice([-1.0, 0.0, 5e-324, 1e-12, 1.0], (count, 1, 3))
+            column[: count // 2] = [0.0, 0.0, 1.0]
+            column[~column.any(axis=-1)] = [0.0, 0.0, -1.0]
+            values[name] = column
+        else:
+            extreme = low + column * (high - low)
+            values[name] = np.repeat(extreme[..., None], 3, axis=-1) if parameter.kind == "color" else extreme
+    bsdf = MODELS[model](values)
+    numbers = np.broadcast_to(rng.choice([0.0, 5e-324, 0.5, 1.0 - 2**-53], (count, len(wo), 2)), (count, len(wo), 2))
+    wos = np.broadcast_to(wo, (count, *wo.shape))
+    drawn = sample(bsdf, wos, numbers)
+    # Unit directions, or flat ones that carry no light: all are, where a surface reflects nothing.
+    length = np.linalg.norm(drawn, axis=-1)
+    assert np.isfinite(length).all()
+    np.testing.assert_allclose(length[drawn[..., 2] != 0.0], 1.0, rtol=1e-9)
+    lit = np.broadcast_to(sum(lobe.share for lobe in bsdf.lobes(wo[None])) > 0.0, length.shape)
+    assert (drawn[~lit, 2] == 0.0).all()
+    # Each lobe by itself, then all of them.
+    lobes = bsdf.lobes(wo[None])
     for chosen in (*((lobe,) for lobe in lobes), lobes):
-        f, density = evaluate(chosen, wo[None], wi[None]), pdf(chosen, wo[None], wi[None])
-        for result in (f, density):
+        part = Bsdf(lambda _, chosen=chosen: chosen, two_sided=bsdf.two_sided)
+        for light, function in product((wi[None], -wi[None], drawn), (evaluate, evaluate_cosine, pdf)):
+            result = function(part, wo[None], light)
             assert np.isfinite(result).all()
             assert (result >= 0.0).all()
 
 
 def test_what_can_reflect_can_be_sampled() -> None:
     # As published, specular = 0 keeps Schlick's rise, also seen along the normal; on black nothing else reflects.
-    lobes = LOBES["disney"](complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
+    bsdf = MODELS["disney"](complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
     wo, wi = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
-    assert (evaluate(lobes, wo, wi) > 0.0).all()
-    assert pdf(lobes, wo, wi) > 0.0
+    assert (evaluate(bsdf, wo, wi) > 0.0).all()
+    assert pdf(bsdf, wo, wi) > 0.0
 
 
 def _half_vectors(alpha: float) -> tuple[Floats, Floats]:
@@ -132,8 +147,19 @@ def test_gtr2_is_normalised(alpha_x: float, alpha_y: float) -> None:
     assert (mf.gtr2_aniso(wm, alpha_x, alpha_y) * weight).sum() == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("cone", [0.25, 1.0, 10.0, 35.0, 70.0])
+def test_the_sin_gaussian_is_normalised(cone: float) -> None:
+    power = np.log(10.0) / np.sin(np.radians(cone)) ** 2
+    wm, weight = _half_vectors(1.0 / np.sqrt(power))
+    assert (mf.sin_gaussian(wm, power) * weight).sum() == pytest.approx(1.0, rel=1e-9)
+    # At the cone angle it has fallen to a tenth.
+    at_cone = np.array([np.sin(np.radians(cone)), 0.0, np.cos(np.radians(cone))])
+    straight = np.array([0.0, 0.0, 1.0])
+    assert mf.sin_gaussian(at_cone, power) == pytest.approx(0.1 * mf.sin_gaussian(straight, power), rel=1e-12)
+
+
 def test_shadowing_lies_between_nothing_and_everything() -> None:
-    w = _directions(np.random.default_rng(4), 1000)
+    w = directions(np.random.default_rng(4), 1000)
     cos = w[:, 2]
     alphas = np.array([0.001, 0.1, 0.5, 1.0])[:, None]
     for g1 in (2.0 * cos * mf.smith_ggx(cos, alphas), 2.0 * cos * mf.smith_ggx_aniso(w, alphas, alphas)):
@@ -145,21 +171,22 @@ def test_shadowing_lies_between_nothing_and_everything() -> None:
 
 def test_the_variants_differ_in_the_shadowing_of_the_specular_lobe_only() -> None:
     rng = np.random.default_rng(5)
-    wo, wi = _directions(rng, 300), _directions(rng, 300)
+    wo, wi = directions(rng, 300), directions(rng, 300)
     given = {"roughness": 0.3, "anisotropic": 0.5, "clearcoat": 1.0, "sheen": 1.0, "subsurface": 0.5}
     lobes = {
         variant: {
-            lobe.name: lobe for lobe in LOBES["disney"](complete_parameters("disney", given | {"variant": variant}))
+            lobe.name: Bsdf(lambda _, lobe=lobe: (lobe,))
+            for lobe in MODELS["disney"](complete_parameters("disney", given | {"variant": variant})).lobes(wo)
         }
         for variant in ("2014", "2012")
     }
     for name in ("diffuse", "clearcoat"):
-        np.testing.assert_array_equal(evaluate([lobes["2014"][name]], wo, wi), evaluate([lobes["2012"][name]], wo, wi))
+        np.testing.assert_array_equal(evaluate(lobes["2014"][name], wo, wi), evaluate(lobes["2012"][name], wo, wi))
     aspect = np.sqrt(1.0 - 0.9 * 0.5)
     alpha_x, alpha_y, alpha_g = 0.09 / aspect, 0.09 * aspect, (0.5 + 0.3 / 2.0) ** 2
     g_2014 = mf.smith_ggx_aniso(wo, alpha_x, alpha_y) * mf.smith_ggx_aniso(wi, alpha_x, alpha_y)
     g_2012 = mf.smith_ggx(wo[:, 2], alpha_g) * mf.smith_ggx(wi[:, 2], alpha_g)
-    new, old = (evaluate([lobes[variant]["specular"]], wo, wi) for variant in ("2014", "2012"))
+    new, old = (evaluate(lobes[variant]["specular"], wo, wi) for variant in ("2014", "2012"))
     np.testing.assert_allclose(old, new * (g_2012 / g_2014)[:, None], rtol=1e-12)
 
 
@@ -204,6 +231,11 @@ def test_layers_agree_on_tokens() -> None:
         ("disney", {"baseColor": (True, "x", None)}, "three numbers would be right"),
         ("disney", {"variant": "2013"}, "disney.variant is '2013'; one of 2014, 2012 would be right"),
         ("disney", {"variant": [1]}, r"disney.variant is \[1\]; one of"),
+        ("pixar", {"ior": 0.9}, r"pixar.ior is 0.9; its range is 1 to 10"),
+        ("pixar", {"energy": "free"}, "pixar.energy is 'free'; one of published, conserving would be right"),
+        ("pixar", {"diffuseNormal": 1.0}, "pixar.diffuseNormal is 1.0; three numbers would be right"),
+        ("pixar", {"diffuseNormal": (0.0, 0.0, 1.5)}, r"pixar.diffuseNormal is .*; its range is -1 to 1"),
+        ("pixar", {"highlightNormal": (0.0, 0.0, 0.0)}, "pixar.highlightNormal is .*; a vector with a direction"),
     ],
 )
 def test_a_wrong_parameter_is_told(model: str, given: dict[str, object], message: str) -> None:

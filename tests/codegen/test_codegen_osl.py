@@ -10,16 +10,18 @@ from typing import Any
 
 import pytest
 
-from lookdev.brdf import LOBES, complete_parameters
-from lookdev.codegen import ShaderSource
+from lookdev.brdf import MODELS, complete_parameters
+from lookdev.brdf.pixar import FRONT, THROUGH
+from lookdev.codegen import HANDEDNESS, ShaderSource
 from lookdev.codegen.brdf import emit_brdf, trace_lobes
 from lookdev.codegen.graph import Graph
 from lookdev.codegen.osl import Block, literal
-from lookdev.codegen.surface import expand_template, generate_points, generate_surface
+from lookdev.codegen.surface import PointLayer, expand_template, generate_points, generate_surface
 from lookdev.errors import CodegenError, ModelError
-from lookdev.material import Layer, Look, Primvar, Texture
+from lookdev.material import Bump, Layer, Look, Primvar, Texture
 
-TOKENS = {"variant": "2014"}
+DISNEY = PointLayer("disney", {"variant": "2014"})
+PIXAR = PointLayer("pixar", {"energy": "published"})
 
 
 @pytest.fixture
@@ -37,7 +39,7 @@ def textures(tmp_path: Path) -> dict[str, Texture]:
 def surface(*layers: Layer, bounces: int = 1) -> ShaderSource:
     return generate_surface(
         Look("test", layers),
-        lambda texture: texture.file,
+        lambda source: source.height.file if isinstance(source, Bump) else source.file,
         brdf_samples=1,
         ibl_samples=1,
         bounces=bounces,
@@ -56,8 +58,12 @@ def generated(source: ShaderSource) -> str:
     return source.osl[source.osl.index("shader lookdev_") :]
 
 
+def pixar(mask: Any = 1.0, mode: Any = "over", **inputs: Any) -> Layer:
+    return Layer("layer", "pixar", inputs, mask, mode)
+
+
 def lobes_in(source: ShaderSource) -> set[str]:
-    return {name for name in ("diffuse", "specular", "clearcoat") if f"// {name}\n" in source.osl}
+    return {name for name in ("clearcoat", *FRONT, *THROUGH) if f"// {name}\n" in source.osl}
 
 
 def test_a_plain_look_has_no_clearcoat_and_no_sheen() -> None:
@@ -80,21 +86,29 @@ def test_specular_0_keeps_the_lobe() -> None:
 
 
 def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
-    code = generated(generate_points("disney", TOKENS, ("diffuse",), cells=8))
+    code = generated(generate_points([DISNEY], ("diffuse",), cells=9))
     code = "\n".join(
-        line for line in code.splitlines() if "cell[" not in line and not re.match(r" +float p_\w+ = 0;", line)
+        line for line in code.splitlines() if "cell[" not in line and not re.match(r" +float layer0_\w+ = 0;", line)
     )
-    for word in ("p_clearcoat", "p_specular", "p_anisotropic", "specular\n", "clearcoat\n", "log(", "expm1("):
+    for word in (
+        "layer0_clearcoat",
+        "layer0_specular",
+        "layer0_anisotropic",
+        "specular\n",
+        "clearcoat\n",
+        "log(",
+        "expm1(",
+    ):
         assert word not in code, word
-    everything = generated(generate_points("disney", TOKENS, cells=8))
-    for word in ("p_clearcoat", "p_anisotropic", "log("):
+    everything = generated(generate_points([DISNEY], cells=9))
+    for word in ("layer0_clearcoat", "layer0_anisotropic", "log("):
         assert word in everything, word
 
 
 def test_a_constant_diffuse_has_no_sheen_and_no_subsurface() -> None:
     def evaluation(**inputs: Any) -> str:
-        (diffuse, *_) = LOBES["disney"](complete_parameters("disney", inputs))
-        return "\n".join(emit_brdf(trace_lobes(Graph(), [diffuse])).evaluate)
+        bsdf = MODELS["disney"](complete_parameters("disney", inputs))
+        return "\n".join(emit_brdf(trace_lobes(Graph(), bsdf, lambda lobe: lobe.name == "diffuse")).evaluate)
 
     def operations(code: str) -> int:
         return len(re.findall(r" [-+*/] ", code))
@@ -175,9 +189,87 @@ def test_primvars_that_disagree_are_told() -> None:
         surface(base(roughness=Primvar("wear", 0.5), metallic=Primvar("wear", 0.1)))
 
 
-def test_layers_of_two_models_are_told() -> None:
-    with pytest.raises(CodegenError, match="look 'test' mixes the models disney, other"):
-        surface(base(), Layer("other", "other"))
+# Everything a Pixar layer can have.
+FULL = {"roughness": 0.2, "clear": 0.5, "back": 0.5}
+HIGHLIGHTS = {"specular", "reflection", "specularTransmission", "refraction"}
+
+
+@pytest.mark.parametrize(
+    ("inputs", "lost"),
+    [
+        ({}, set()),
+        ({"clear": 0.0}, {"specularTransmission", "refraction"}),
+        ({"clear": 1.0}, set()),  # roughness scatters
+        ({"clear": 1.0, "roughness": 0.0}, {"diffuse", "diffuseTransmission", "specular", "specularTransmission"}),
+        ({"back": 0.0}, {"diffuseTransmission"}),
+        ({"back": 1.0}, {"diffuse"}),
+        ({"roughness": 0.0}, {"specular", "specularTransmission"}),
+        ({"roughness": 0.5}, {"reflection", "refraction"}),
+        ({"roughness": 1.0}, HIGHLIGHTS),
+        ({"specularTint": (0.0, 0.0, 0.0)}, {"specular", "reflection"}),
+        ({"transmissionTint": (0.0, 0.0, 0.0)}, {"specularTransmission", "refraction"}),
+        ({"surfaceColor": (0.0, 0.0, 0.0)}, {"diffuse", *THROUGH}),
+        ({"presence": 0.0}, {*FRONT, *THROUGH}),
+        *(({f"{name}Scale": 0.0}, {name}) for name in (*FRONT, *THROUGH)),
+    ],
+    ids=lambda value: str(sorted(value) if isinstance(value, set) else value),
+)
+def test_a_pixar_lobe_without_weight_vanishes(inputs: dict[str, Any], lost: set[str]) -> None:
+    source = surface(pixar(**FULL | inputs))
+    assert lobes_in(source) == {*FRONT, *THROUGH} - lost
+    assert source.transmits == bool(lobes_in(source) & set(THROUGH))
+    assert source.see_through == ("presence" in inputs)
+
+
+@pytest.mark.parametrize("energy", ["published", "conserving"])
+def test_a_stack_has_the_lobes_that_its_interactions_leave(energy: str) -> None:
+    wood = pixar(roughness=1.0, energy=energy)
+    glass = {"roughness": 0.0, "clear": 1.0, "energy": energy}
+    assert lobes_in(surface(wood)) == {"diffuse"}
+    # Simply over it, a lacquer still shows light through to the other side; what transmits meets the wood.
+    assert lobes_in(surface(wood, pixar(0.5, **glass))) == {"diffuse", "reflection", "refraction"}
+    assert lobes_in(surface(wood, pixar(1.0, "transmit", **glass))) == {"diffuse", "reflection"}
+    # Through glass on frosted glass, everything is as frosted.
+    frosted = pixar(roughness=0.5, clear=1.0, diffuseScale=0.0, energy=energy)
+    wanted = {"reflection", "specular", "specularTransmission"}
+    assert lobes_in(surface(frosted, pixar(1.0, "transmit", **glass))) == wanted
+
+
+def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None:
+    straight = surface(pixar(**FULL))
+    assert surface(pixar(**FULL, diffuseNormal=(0.0, 0.0, 1.0))).osl == straight.osl
+    assert surface(pixar(**FULL, highlightNormal=(0.0, 0.0, 0.5))).osl == straight.osl
+    bumped = Bump(replace(textures["mask"], channel="r"), 0.1)
+    # A lobe that is not there reads no normal.
+    assert surface(pixar(roughness=1.0, highlightNormal=bumped)).textures == ()
+    leaning = surface(pixar(roughness=1.0, diffuseNormal=bumped))
+    assert [binding.file.stem for binding in leaning.textures] == ["mask"]
+    assert HANDEDNESS in {binding.attribute for binding in leaning.attributes}
+
+
+def test_a_pixar_lobe_that_may_be_absent_is_guarded(textures: dict[str, Texture]) -> None:
+    code = surface(pixar(roughness=0.2, clear=textures["mask"])).osl
+    (number,) = re.findall(r"share_(\d) = .*// refraction", code)
+    assert f"if (share_{number} > 0) {{  // refraction" in code
+
+
+def test_layers_of_two_models_are_in_one_shader(textures: dict[str, Texture]) -> None:
+    source = surface(base(metallic=1.0), pixar(textures["mask"], roughness=1.0, back=0.5))
+    assert lobes_in(source) == {"specular", "diffuse", "diffuseTransmission"}
+    assert source.transmits
+
+
+def test_a_mode_that_does_not_fit_is_told() -> None:
+    with pytest.raises(ModelError, match="layer 1: mode 'transmit' needs Pixar layers only, here and beneath"):
+        surface(base(), pixar(1.0, "transmit"))
+
+
+def test_presence_is_seen_through(textures: dict[str, Texture]) -> None:
+    assert not surface(pixar()).see_through
+    assert "float presence = 0.25;" in surface(pixar(presence=0.25)).osl
+    assert surface(pixar(presence=textures["mask"])).see_through
+    # Over a whole base, a hole shows the base.
+    assert not surface(pixar(), pixar(presence=textures["mask"])).see_through
 
 
 def test_a_constant_out_of_range_is_told() -> None:
@@ -191,9 +283,15 @@ def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: in
         [base(roughness=0.0, anisotropic=1.0, clearcoat=1.0, clearcoatGloss=0.0, baseColor=(0.0, 0.0, 0.0))],
         [base(baseColor=textures["a"], clearcoat=textures["mask"], subsurface=1.0, sheen=1.0, sheenTint=1.0)],
         [base(variant="2012", metallic=1.0, baseColor=(0.0, 0.0, 0.0), specular=0.0)],
+        [pixar(roughness=0.0, surfaceColor=(0.0, 0.0, 0.0), ior=1.0, presence=0.0)],
+        [
+            pixar(roughness=textures["mask"], clear=1.0, highlightNormal=(1.0, 0.0, -1.0)),
+            pixar(0.5, "transmit", **FULL),
+        ],
     ):
         assert not re.search(r"\b(nan|inf)\b", surface(*layers, bounces=bounces).osl)
-    assert not re.search(r"\b(nan|inf)\b", generate_points("disney", TOKENS, cells=8).osl)
+    for layers in ([DISNEY], [PIXAR], [PIXAR, replace(PIXAR, mode="transmit"), DISNEY]):
+        assert not re.search(r"\b(nan|inf)\b", generate_points(layers, cells=40).osl)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
@@ -249,9 +347,9 @@ def test_the_digest_names_what_a_missing_primvar_is() -> None:
 
 
 def test_the_digest_of_points_is_that_of_their_text() -> None:
-    source = generate_points("disney", TOKENS, cells=8)
+    source = generate_points([DISNEY], cells=9)
     assert source.digest == hashlib.sha256(source.osl.encode()).hexdigest()
-    assert source.digest != generate_points("disney", {"variant": "2012"}, cells=8).digest
+    assert source.digest != generate_points([replace(DISNEY, tokens={"variant": "2012"})], cells=9).digest
 
 
 def test_text_is_the_same_every_time(textures: dict[str, Texture]) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import LOBES, PARAMETERS
+from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Directions
 from lookdev.codegen.brdf import WI, WO, trace_lobes
 from lookdev.codegen.graph import OPERATIONS, Graph, Node
@@ -146,22 +146,23 @@ def test_every_operation_that_stays_has_code() -> None:
     assert OPERATIONS - {"positive", "square"} == set(_CODE)
 
 
-def _settings() -> list[Any]:
-    return [
-        pytest.param(
-            model, dict(zip(tokens, values, strict=True)), textured, id=f"{model}-{'-'.join(values)}-{textured}"
-        )
+# Stacks of every model, with every token, of both layerings, and of both models.
+_STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
+    **{
+        "-".join((model, *values)): [(model, dict(zip(tokens, values, strict=True)), "over")]
         for model, parameters in PARAMETERS.items()
         for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
         for values in product(*(parameters[name].choices for name in tokens))
-        for textured in ("all", "none", "some")
-    ]
+    },
+    "over": [("pixar", {"energy": "published"}, "over")] * 3,
+    "transmit": [("pixar", {"energy": "published"}, mode) for mode in ("over", "transmit", "transmit")],
+    "mixed": [("pixar", {"energy": "conserving"}, "over"), ("disney", {"variant": "2012"}, "over")],
+}
 
 
-@pytest.mark.parametrize(("model", "tokens", "textured"), _settings())
-def test_a_traced_model_computes_what_numpy_does(
-    model: str, tokens: dict[str, str], textured: str, graph: Graph
-) -> None:
+@pytest.mark.parametrize("textured", ["all", "none", "some"])
+@pytest.mark.parametrize("name", _STACKS)
+def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph: Graph) -> None:
     rng = np.random.default_rng(2)
     count = 500
 
@@ -173,34 +174,54 @@ def test_a_traced_model_computes_what_numpy_does(
 
     wo, wi = directions(), directions()
     numbers: dict[str, Any] = {"u1": rng.random(count), "u2": rng.random(count)}
-    numbers |= dict(zip((*WO, *WI), [*wo.T, *wi.T], strict=True))
-    traced: dict[str, Any] = dict(tokens)
-    direct: dict[str, Any] = dict(tokens)
-    for number, (name, parameter) in enumerate(PARAMETERS[model].items()):
-        if parameter.kind == "token":
-            continue
-        color = parameter.kind == "color"
-        if textured == "all" or (textured == "some" and number % 2):
-            direct[name] = rng.random((count, 3) if color else count) * parameter.hard[1]
-            names = [f"{name}_{i}" for i in range(3)] if color else [name]
-            numbers |= dict(zip(names, direct[name].reshape(count, -1).T, strict=True))
-            traced[name] = symbols(graph, names) if color else symbol(graph, name)
-        else:
-            traced[name] = direct[name] = rng.random(3 if color else ()) * parameter.hard[1]
-    done: dict[Node, Any] = {}
+    direct, traced = [], []
+    for place, (model, tokens, mode) in enumerate(_STACKS[name]):
+        values: dict[str, Any] = dict(tokens)
+        symbolic: dict[str, Any] = dict(tokens)
+        for number, (key, parameter) in enumerate(PARAMETERS[model].items()):
+            if parameter.kind == "token":
+                continue
+            vector = parameter.kind != "float"
+            varies = textured == "all" or (textured == "some" and number % 2)
+            low, high = parameter.hard
+            shape = ((count,) if varies else ()) + ((3,) if vector else ())
+            values[key] = symbolic[key] = low + (high - low) * rng.random(shape)
+            if varies:
+                names = [f"layer{place}_{key}_{i}" for i in range(3)] if vector else [f"layer{place}_{key}"]
+                numbers |= dict(zip(names, values[key].reshape(count, -1).T, strict=True))
+                symbolic[key] = symbols(graph, names) if vector else symbol(graph, names[0])
+        mask = numbers[f"mask{place}"] = rng.random(count)
+        direct.append(StackLayer(model, values, mask, mode))
+        traced.append(StackLayer(model, symbolic, symbol(graph, f"mask{place}"), mode))
 
-    def agree(values: Any, wanted: Any) -> None:
-        got = np.stack([np.broadcast_to(compute(value, numbers, done), count) for value in values], axis=-1)
+    bsdf, shown = stack_bsdf(direct), stack_bsdf(traced)
+    lights = {False: wi, True: wi * [1.0, 1.0, -1.0]}
+    sides = {
+        transmits: numbers | dict(zip((*WO, *WI), [*wo.T, *light.T], strict=True))
+        for transmits, light in lights.items()
+    }
+    done: dict[bool, dict[Node, Any]] = {False: {}, True: {}}
+
+    def computed(values: Any, transmits: bool) -> Any:
+        columns = [compute(value, sides[transmits], done[transmits]) for value in values]
+        return np.stack([np.broadcast_to(column, count) for column in columns], axis=-1)
+
+    def agree(values: Any, wanted: Any, transmits: bool = False) -> None:
         # Sixteen digits, some of which cancellation in a model may take.
-        np.testing.assert_allclose(got, wanted.reshape(count, -1), rtol=1e-12)
+        wanted = np.broadcast_to(wanted, (count, len(values)))
+        np.testing.assert_allclose(computed(values, transmits), wanted, rtol=1e-12)
 
-    lobes = LOBES[model](direct)
-    pair = Directions.of(wo, wi)
-    results = trace_lobes(graph, LOBES[model](traced))
+    agree(elements_of(shown.presence), np.reshape(bsdf.presence, (-1, 1)))
+    lobes = [lobe for lobe in bsdf.lobes(wo) if np.any(lobe.share > 0.0)]
+    results = trace_lobes(graph, shown)
     assert [result.name for result in results] == [lobe.name for lobe in lobes]
     for result, lobe in zip(results, lobes, strict=True):
-        agree([result.share], np.broadcast_to(lobe.selection(wo), count))
-        agree(result.f, lobe.evaluate(pair))
-        agree([result.pdf], lobe.pdf(pair))
-        got = [np.broadcast_to(compute(value, numbers, done), count) for value in result.wi]
-        np.testing.assert_allclose(np.stack(got, axis=-1), lobe.sample(wo, numbers["u1"], numbers["u2"]), atol=1e-12)
+        side = lights[lobe.transmits]
+        local_o, local_i = lobe.pair(wo, side)
+        valid = local_i[:, 2] > 0.0
+        density = lobe.pdf(Directions.of(local_o, np.where(valid[:, None], local_i, local_o)))
+        agree([result.share], np.reshape(lobe.share, (-1, 1)))
+        agree(result.f, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits)
+        agree([result.pdf], np.where(valid, density, 0.0)[:, None], lobe.transmits)
+        drawn = lobe.draw(numbers["u1"], numbers["u2"])
+        np.testing.assert_allclose(computed(result.wi, lobe.transmits), np.broadcast_to(drawn, (count, 3)), atol=1e-12)

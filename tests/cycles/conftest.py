@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -39,13 +38,14 @@ def light_of() -> Callable[[str], LightTables]:
 
 @pytest.fixture(scope="session")
 def render(worker: Worker) -> RenderScene:
-    """Return a function that renders one look, constant over a built-in asset, in `POSE`."""
+    """Return a function that renders layers, the same over all of a built-in asset."""
 
     def render_one(
         asset_name: str,
-        inputs: dict[str, Any],
+        layers: Sequence[Layer],
         light: LightTables,
         *,
+        pose: Pose = POSE,
         samples: int,
         seed: int = 0,
         size: int = 48,
@@ -55,12 +55,12 @@ def render(worker: Worker) -> RenderScene:
         ibl_samples: int = 4,
     ) -> Rendered:
         asset = load_asset(builtin=asset_name)
-        look = Look("look", (Layer("Layer", "disney", inputs),))
+        look = Look("look", tuple(layers))
         sampling = Sampling(samples, error, brdf_samples, ibl_samples, bounces, seed)
         camera = orbit_camera(asset.center, asset.radius)
         slots = [look] * len(asset.slots)
         scene = make_scene(asset, save_asset(asset), slots, light, camera, (size, size), sampling)
-        task = FrameTask(scene, POSE, 0.0, f"{asset_name}{samples}{seed}", (Path("frame.exr"),), {})
+        task = FrameTask(scene, pose, 0.0, f"{asset_name}{samples}{seed}", (Path("frame.exr"),), {})
         worker.start()
         return worker.render(task, lambda progress: None)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, prepare_ligh
 from lookdev.ibl.mapping import rotate_z, uv_to_direction
 from lookdev.ibl.tables import MIN_COS_LATITUDE, lookup
 from lookdev.material import Texture
-from lookdev.material.textures import linear_texture, sample_texture
+from lookdev.material.textures import linear_texture, sample_slopes, sample_texture, slope_texture
 
 pytestmark = pytest.mark.cycles
 
@@ -46,12 +47,12 @@ class Probes:
     light: LightDistribution
 
 
-def _texture_code(file: Path, value: str) -> str:
+def _texture_code(function: str, file: Callable[[Any, Any], Path], value: str) -> str:
     """Look the image up with the pair of wraps that in[2] numbers; OSL wants wrap modes as constants."""
-    branches = "".join(
-        f'if (pair == {number}) looked = lookdev_texture("{file}", in[0], in[1], "{s}", "{t}", alpha);\n'
-        for number, (s, t) in enumerate(product(_WRAPS.values(), repeat=2))
-    )
+    branches = ""
+    for number, (s, t) in enumerate(product(_WRAPS, repeat=2)):
+        call = f'{function}("{file(s, t)}", in[0], in[1], "{_WRAPS[s]}", "{_WRAPS[t]}", alpha)'
+        branches += f"if (pair == {number}) looked = {call};\n"
     return f"int pair = int(in[2] + 0.5); float alpha = -1; color looked = 0;\n{branches}value = {value};"
 
 
@@ -93,8 +94,17 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         entries = np.stack([rng.integers(0, 2**24, 8192), rng.integers(0, 2**20, 8192)], axis=-1).astype(np.float64)
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
         asked: dict[str, tuple[Floats, str, int]] = {
-            "texture": (_texture_places(), _texture_code(linear, "looked"), 1),
-            "alpha": (_texture_places(), _texture_code(linear, "color(alpha)"), 1),
+            "texture": (_texture_places(), _texture_code("lookdev_texture", lambda s, t: linear, "looked"), 1),
+            "alpha": (_texture_places(), _texture_code("lookdev_texture", lambda s, t: linear, "color(alpha)"), 1),
+            "slopes": (
+                _texture_places(),
+                _texture_code(
+                    "lookdev_slopes",
+                    lambda s, t: slope_texture(replace(image, channel="g", wrap_s=s, wrap_t=t)),
+                    "looked",
+                ),
+                1,
+            ),
             "texel": (texels, f'value = lookdev_texel("{linear}", in[0], in[1], 8, 4);', 1),
             "sobol": (
                 net, "float a; float b; sobol_2d(int(in[0]), int(in[1]), a, b); value = color(a, b, 0);", 1
@@ -149,6 +159,16 @@ def test_textures_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t:
         wanted = sample_texture(Texture(probes.image.file, channel, "raw", wrap_s, wrap_t), st)  # type: ignore[arg-type]
         # A place is known to 2^-24 of up to 4, times 8 texels: the weights are off by as much.
         np.testing.assert_allclose(probes.values[name][chosen][:, components], wanted, atol=1e-5)
+
+
+@pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
+def test_slopes_mean_the_same_as_in_numpy(probes: Probes, wrap_s: Any, wrap_t: Any) -> None:
+    number = list(product(_WRAPS, repeat=2)).index((wrap_s, wrap_t))
+    chosen = probes.tables["slopes"][:, 2] == number
+    st = probes.tables["slopes"][chosen, :2]
+    wanted = sample_slopes(replace(probes.image, channel="g", wrap_s=wrap_s, wrap_t=wrap_t), st)
+    # As for textures; slopes are up to 8 times larger.
+    np.testing.assert_allclose(probes.values["slopes"][chosen][:, :2], wanted, atol=1e-4)
 
 
 def test_texels_are_exact(probes: Probes) -> None:

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 from conftest import RenderScene
 
+from lookdev.material import Layer
+
 pytestmark = pytest.mark.cycles
 
 # F is 1 for a white metal at every angle; at this roughness masking takes less than 1e-4 of a reflection.
-MIRROR = {"baseColor": (1.0, 1.0, 1.0), "metallic": 1.0, "roughness": 0.1}
+MIRROR = (Layer("Mirror", "disney", {"baseColor": (1.0, 1.0, 1.0), "metallic": 1.0, "roughness": 0.1}),)
 
 
 def test_a_lossless_mirror_vanishes_in_a_white_furnace(render: RenderScene, light_of) -> None:

@@ -7,8 +7,7 @@ from pxr import Sdr, Usd, UsdShade
 
 from lookdev.brdf import PARAMETERS, Parameter
 from lookdev.material.definitions import DEFINED_LAYERS, DEFINITIONS, shader_definitions
-
-DISNEY = PARAMETERS["disney"]
+from lookdev.material.usd import MODELS
 
 
 @pytest.fixture(scope="module")
@@ -28,16 +27,24 @@ def test_file_is_what_the_parameters_say() -> None:
 
 
 def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    assert sorted(nodes) == ["LookdevDisney", "LookdevLayers"]
-    assert sorted(nodes["LookdevDisney"].GetShaderInputNames()) == sorted(DISNEY)
-    assert nodes["LookdevDisney"].GetShaderOutputNames() == ["layer"]
+    assert set(nodes) == {*MODELS, "LookdevBump", "LookdevLayers"}
+    for node, model in MODELS.items():
+        assert sorted(nodes[node].GetShaderInputNames()) == sorted(PARAMETERS[model])
+        assert nodes[node].GetShaderOutputNames() == ["layer"]
     assert nodes["LookdevLayers"].GetShaderOutputNames() == ["surface"]
 
 
-@pytest.mark.parametrize("parameter", DISNEY.values(), ids=DISNEY)
-def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], parameter: Parameter) -> None:
-    given = nodes["LookdevDisney"].GetShaderInput(parameter.name)
-    usd_types = {"float": "float", "color": "color3f", "token": "token"}
+@pytest.mark.parametrize(
+    ("node", "parameter"),
+    [
+        pytest.param(node, parameter, id=f"{model}-{parameter.name}")
+        for node, model in MODELS.items()
+        for parameter in PARAMETERS[model].values()
+    ],
+)
+def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], node: str, parameter: Parameter) -> None:
+    given = nodes[node].GetShaderInput(parameter.name)
+    usd_types = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
     assert str(given.GetTypeAsSdfType().GetSdfType()) == usd_types[parameter.kind]
     assert given.GetHelp() == parameter.help != ""
     default, metadata = given.GetDefaultValueAsSdfType(), given.GetMetadata()
@@ -47,6 +54,7 @@ def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], param
         assert not given.IsConnectable()
     else:
         assert default == pytest.approx(parameter.default, rel=2.0**-24)  # stored as float32
+        assert given.IsConnectable()
         assert (float(metadata["hardMin"]), float(metadata["hardMax"])) == parameter.hard
         assert (float(metadata["softMin"]), float(metadata["softMax"])) == parameter.soft
 
@@ -62,3 +70,16 @@ def test_layer_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
     assert all(each.GetHelp() for each in inputs.values())
     defaults = [inputs[f"layer3{suffix}"].GetDefaultValueAsSdfType() for suffix in ("Mask", "Enabled", "Mode")]
     assert defaults == [1.0, True, "over"]
+    assert [name for name, _ in inputs["layer3Mode"].GetOptions()] == ["over", "transmit"]
+
+
+def test_bump(nodes: dict[str, Sdr.ShaderNode]) -> None:
+    node = nodes["LookdevBump"]
+    height, scale = (node.GetShaderInput(name) for name in ("height", "scale"))
+    assert sorted(node.GetShaderInputNames()) == ["height", "scale"]
+    assert [str(each.GetTypeAsSdfType().GetSdfType()) for each in (height, scale)] == ["float", "float"]
+    assert (height.IsConnectable(), scale.IsConnectable()) == (True, False)
+    assert scale.GetDefaultValueAsSdfType() == 1.0
+    assert height.GetHelp()
+    assert scale.GetHelp()
+    assert str(node.GetShaderOutput("normal").GetTypeAsSdfType().GetSdfType()) == "normal3f"

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
 from lookdev.brdf import PARAMETERS
-from lookdev.material.look import Look, Texture
-from lookdev.material.textures import sample_texture
+from lookdev.material.look import Bump, Look, Texture
+from lookdev.material.textures import sample_slopes, sample_texture
 from lookdev.material.usd import read_look
 
 MATERIALS = Path(__file__).parents[2] / "materials"
@@ -51,6 +51,8 @@ def test_every_variant_can_be_read(
                 low, high = (0.0, 1.0) if name == "mask" else PARAMETERS[layer.model][name].hard
                 samples = sample_texture(value, st)
                 assert low <= samples.min() < samples.max() <= high
+            elif isinstance(value, Bump):
+                assert np.any(sample_slopes(value.height, st))
 
 
 def test_car_paint_is_layered() -> None:
@@ -71,6 +73,62 @@ def test_brushed_metal_is_anisotropic_with_streaks() -> None:
     assert isinstance(inputs[0]["roughness"], Texture)
 
 
+def test_robot_paint_shows_metal_where_it_is_worn() -> None:
+    new, worn = (read_look(MATERIALS / "robot_paint.usda", variants={"wear": wear}) for wear in ("new", "worn"))
+    assert [layer.name for layer in new.layers] == ["Metal", "Paint"]
+    assert [layer.name for layer in worn.layers] == ["Metal", "Paint", "Dirt"]
+    assert {layer.model for layer in worn.layers} == {"pixar"}
+    assert new.layers[1].mask == 1.0
+    mask = worn.layers[1].mask
+    assert isinstance(mask, Texture)
+    kept = sample_texture(mask, np.random.default_rng(2).uniform(0, 1, (10000, 2)))
+    assert 0.02 < (kept < 0.5).mean() < 0.2  # worn, but painted still
+    assert all(isinstance(layer.inputs["highlightNormal"], Bump) for layer in worn.layers[:2])
+
+
+def test_leaf_is_thin_and_cut_out() -> None:
+    blade, veins = read_look(MATERIALS / "leaf.usda").layers
+    assert 0.4 <= blade.inputs["back"] <= 0.7
+    assert 0.0 < blade.inputs["clear"] < 0.5
+    presence = blade.inputs["presence"]
+    assert isinstance(presence, Texture)
+    assert isinstance(veins.mask, Texture)
+    # The border of the card is empty, its middle is blade and the middle of its lower part is stalk.
+    border = np.array([[s, t] for s in np.linspace(0, 1, 101) for t in (0.0, 1.0)])
+    border = np.concatenate([border, border[:, ::-1]])
+    for texture in (presence, veins.mask):
+        assert not sample_texture(texture, border).any()
+    assert sample_texture(presence, [0.5, 0.5]) == 1.0
+    stalk = np.stack([np.linspace(0.4, 0.6, 200), np.full(200, 0.1)], axis=-1)
+    assert not sample_texture(presence, stalk).any()
+    assert sample_texture(veins.mask, stalk).max() > 0.9
+
+
+def test_leaf_has_seasons() -> None:
+    colours = {
+        season: read_look(MATERIALS / "leaf.usda", variants={"season": season}).layers[0].inputs["surfaceColor"]
+        for season in ("summer", "autumn")
+    }
+    assert np.argmax(colours["summer"]) == 1
+    assert np.argmax(colours["autumn"]) == 0
+
+
+def test_frosted_plastic_lets_most_light_through() -> None:
+    (wall,) = read_look(MATERIALS / "frosted_plastic.usda").layers
+    assert wall.inputs["clear"] == pytest.approx(0.8)  # USD holds float32
+    # Where roughness is above 1/2 no light is refracted sharply, near 1 none is transmitted but diffusely.
+    assert 0.2 <= wall.inputs["roughness"] <= 0.5
+
+
+def test_lacquer_lies_on_wood_in_mode_transmit() -> None:
+    lacquered, bare = (
+        read_look(MATERIALS / "lacquer_wood.usda", variants={"finish": finish}) for finish in ("lacquered", "bare")
+    )
+    assert [layer.mode for layer in lacquered.layers] == ["over", "over", "transmit"]
+    assert bare.layers == lacquered.layers[:2]
+    assert lacquered.layers[2].inputs["clear"] == 1.0
+
+
 @pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
 def test_other_viewers_get_a_preview_surface(file: Path) -> None:
     stage = Usd.Stage.Open(str(file))
@@ -87,7 +145,7 @@ def test_the_script_makes_all_textures(script: dict[str, object]) -> None:
     assert sorted(script["TEXTURES"]) == sorted(file.name for file in (MATERIALS / "textures").glob("*.png"))
 
 
-@pytest.mark.parametrize("name", ["brushed.png", "dirt.png", "flakes.png"])
+@pytest.mark.parametrize("name", sorted(file.name for file in (MATERIALS / "textures").glob("*.png")))
 def test_texture_is_what_the_script_makes(script: dict[str, object], name: str) -> None:
     file = MATERIALS / "textures" / name
     assert file.stat().st_size < 150_000

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,14 @@ import pytest
 
 from lookdev.errors import TextureError
 from lookdev.material.look import Texture
-from lookdev.material.textures import image_header, linear_texture, sample_texture, srgb_to_linear
+from lookdev.material.textures import (
+    image_header,
+    linear_texture,
+    sample_slopes,
+    sample_texture,
+    slope_texture,
+    srgb_to_linear,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -101,6 +110,15 @@ def test_header(tmp_path: Path, modes: str | None, expected: tuple[str, str]) ->
     assert (header.channels, header.eight_bit, header.wraps) == (("R", "G", "B"), False, expected)
 
 
+@pytest.mark.parametrize(
+    ("name", "kind", "expected"),
+    [("a.png", "uint8", (True, True)), ("a.png", "uint16", (False, True)), ("a.tif", "float", (False, False))],
+)
+def test_header_tells_how_values_are_stored(tmp_path: Path, name: str, kind: str, expected: tuple[bool, bool]) -> None:
+    header = image_header(save(tmp_path / name, np.zeros((1, 1, 3), np.float32), kind))
+    assert (header.eight_bit, header.unsigned) == expected
+
+
 def test_faults_name_the_file(tmp_path: Path, cache: Path) -> None:
     broken = tmp_path / "broken.png"
     broken.write_bytes(b"\x89PNG, but no more")
@@ -174,3 +192,94 @@ def test_transform_scale_and_bias_per_channel(tmp_path: Path) -> None:
     np.testing.assert_allclose(color, pixels[..., :3] * [1, 2, 3] + [0, 0.5, 0], rtol=1e-7)
     alpha = sample_texture(Texture(file, "a", "raw", transform=swapped, **common), st)
     np.testing.assert_allclose(alpha, pixels[..., 3] * 4 - 1, rtol=1e-6)
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "mirror", "clamp", "black"])
+def test_slopes_are_central_differences_of_decoded_texels(tmp_path: Path, wrap: str) -> None:
+    stored = np.array([[10, 250, 90], [200, 30, 60]], np.uint8)
+    rgba = np.stack([np.zeros_like(stored), stored, stored, stored], axis=-1)
+    file = save(tmp_path / "a.png", rgba, "uint8")
+    for channel, h in (("g", srgb_to_linear(stored / 255) * 3.0), ("a", stored / 255 * 0.5)):
+        texture = Texture(file, channel, "sRGB", wrap, wrap, scale=(1.0, 3.0, 1.0, 0.5), bias=(0.0, 9.0, 0.0, 9.0))
+        a, b, c = h.T
+        left, right = (c, a) if wrap == "repeat" else (a, c)  # what stands beyond the edges
+        dh_ds = np.stack([b - left, c - a, right - b], axis=-1) * 3 / 2
+        # Two rows: the lower one's neighbours are the upper one, and itself or by repetition the upper one again.
+        dh_dt = np.zeros((2, 3)) if wrap == "repeat" else np.stack([h[0] - h[1]] * 2) * 2 / 2
+        slopes = load(slope_texture(texture))
+        # Texels of up to 3 are kept as float32, and a slope is 3/2 of the difference of two.
+        np.testing.assert_allclose(slopes[..., 0], dh_ds, rtol=2.0**-22, atol=9 * 2.0**-23)
+        np.testing.assert_allclose(slopes[..., 1], dh_dt, rtol=2.0**-22, atol=9 * 2.0**-23)
+
+
+def test_slopes_are_kept_by_all_that_they_depend_on(ramp: Path, cache: Path) -> None:
+    texture = Texture(ramp, "r", "raw", "clamp", "mirror", scale=(0.1, 1.0, 1.0, 1.0))
+    first = slope_texture(texture)
+    before = first.stat().st_mtime_ns
+    same = {"bias": (5.0, 0.0, 0.0, 0.0), "transform": (2.0, 0.0, 0.0, 0.0, 2.0, 0.0), "st": "map1"}
+    assert slope_texture(dataclasses.replace(texture, **same)) == first
+    assert first.stat().st_mtime_ns == before
+    changes = ({"channel": "g"}, {"scale": (0.2, 1.0, 1.0, 1.0)}, {"wrap_s": "repeat"}, {"wrap_t": "repeat"})
+    others = {slope_texture(dataclasses.replace(texture, **change)) for change in changes}
+    assert len(others | {first}) == 5
+    assert {first, *others, linear_texture(texture)} == set(cache.iterdir())
+
+
+def test_a_height_is_one_channel(ramp: Path) -> None:
+    with pytest.raises(TextureError, match=r"ramp.exr: a height is one channel"):
+        slope_texture(Texture(ramp, "rgb", "raw"))
+
+
+def within(x: np.ndarray) -> np.ndarray:
+    return (x >= 0) & (x <= 1)
+
+
+# A profile along one axis as its wrap mode continues it over all the reals, and its derivative. Both are continuous.
+PROFILES: dict[str, tuple[Callable[[np.ndarray], np.ndarray], Callable[[np.ndarray], np.ndarray]]] = {
+    "repeat": (lambda x: np.sin(2 * np.pi * x), lambda x: 2 * np.pi * np.cos(2 * np.pi * x)),
+    "mirror": (lambda x: np.cos(np.pi * x), lambda x: -np.pi * np.sin(np.pi * x)),
+    "clamp": (
+        lambda x: np.cos(np.pi * np.clip(x, 0, 1)),
+        lambda x: np.where(within(x), -np.pi * np.sin(np.pi * x), 0.0),
+    ),
+    "black": (
+        lambda x: np.where(within(x), np.sin(np.pi * x) ** 2, 0.0),
+        lambda x: np.where(within(x), np.pi * np.sin(2 * np.pi * x), 0.0),
+    ),
+}
+
+
+@pytest.mark.parametrize("transform", [(1.0, 0.0, 0.0, 0.0, 1.0, 0.0), (1.2, -0.9, 0.25, 1.6, 2.1, -0.5)])
+@pytest.mark.parametrize("wrap_t", PROFILES)
+@pytest.mark.parametrize("wrap_s", PROFILES)
+def test_slopes_are_the_derivative_of_the_height(
+    tmp_path: Path, wrap_s: str, wrap_t: str, transform: tuple[float, ...]
+) -> None:
+    (f, df), (g, dg) = PROFILES[wrap_s], PROFILES[wrap_t]
+    columns, rows = 128, 96
+    s, t = (np.arange(columns) + 0.5) / columns, 1 - (np.arange(rows) + 0.5) / rows
+    file = save(tmp_path / "h.exr", np.float32(g(t)[:, None] * f(s))[..., None], "float")
+    texture = Texture(file, "r", "raw", wrap_s, wrap_t, transform=transform)
+    st = np.random.default_rng(7).uniform(-2, 3, (50, 40, 2))
+    matrix = np.array(transform).reshape(2, 3)
+    u, v = np.moveaxis(st @ matrix[:, :2].T + matrix[:, 2], -1, 0)
+    in_image = np.stack([df(u) * g(v), f(u) * dg(v)], axis=-1)
+    expected = in_image @ matrix[:, :2]
+    # With x = 2 pi / texels the difference quotient loses x^2 / 6 of a sine's slope of 2 pi at most, interpolation
+    # x^2 / 8 along each axis; where the slope of a profile has a kink (the edge of `black` and `clamp`: a curvature of
+    # 2 pi^2 that ends) it is off by up to half a texel of it.
+    x = 2 * np.pi / rows
+    off = 2 * np.pi * x**2 * (1 / 6 + 2 / 8) + np.pi**2 / rows
+    assert np.abs(expected).max() > 10 * off
+    np.testing.assert_allclose(sample_slopes(texture, st), expected, atol=off * np.abs(matrix[:, :2]).sum(axis=0).max())
+
+
+@pytest.mark.parametrize(
+    ("wrap", "beyond"),
+    [("clamp", [0.0, -3.0]), ("mirror", [-3.0, -3.0]), ("repeat", [3.0, -3.0]), ("black", [0.0, 0.0])],
+)
+def test_slopes_beyond_an_edge_where_the_height_has_a_slope(ramp: Path, wrap: str, beyond: list[float]) -> None:
+    texture = Texture(ramp, "r", "raw", wrap, "clamp")
+    # Rows 0 1 2 over 3 4 5: 3 a unit along s, and along t (2 texels, half a step at each edge) -3.
+    slopes = sample_slopes(texture, [[0.5, 0.5], [-0.5, 0.5]])
+    np.testing.assert_allclose(slopes, [[3.0, -3.0], beyond], atol=1e-12)

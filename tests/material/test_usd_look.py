@@ -1,70 +1,15 @@
-"""Looks read from USD, and every fault of one told with its place."""
+"""Looks read from USD: constants, connections, textures, primvars, stacks, variants."""
 
 from __future__ import annotations
 
 from math import cos, radians, sin
 from pathlib import Path
 
-import numpy as np
-import OpenImageIO as oiio
 import pytest
+from look_files import BASE, LAYER1, ST, STACK, disney, faults_of, pixar, shader, stack
 
-from lookdev.errors import LookError
-from lookdev.material.look import Layer, Look, Primvar, Texture
+from lookdev.material.look import Bump, Layer, Look, Primvar, Texture
 from lookdev.material.usd import has_look, read_look
-
-SHADER = 'def Shader "{name}" {{\n uniform token info:id = "{id}"\n {body}\n}}\n'
-
-
-def shader(name: str, shader_id: str, body: str = "") -> str:
-    return SHADER.format(name=name, id=shader_id, body=body)
-
-
-def disney(name: str = "Base", body: str = "") -> str:
-    return shader(name, "LookdevDisney", body)
-
-
-ST = shader("St", "UsdPrimvarReader_float2", 'string inputs:varname = "st"')
-BASE = "token inputs:base.connect = </M/Base.outputs:layer>\n"
-LAYER1 = "token inputs:layer1.connect = </M/Coat.outputs:layer>\n"
-
-
-@pytest.fixture
-def write(tmp_path: Path):
-    """Write a material /M beside some images; its surface is connected to `terminal`."""
-    for name, channels, kind in (
-        ("gray.png", 1, oiio.UINT8),
-        ("rgb.png", 3, oiio.UINT8),
-        ("rgb.exr", 3, oiio.HALF),
-    ):
-        output = oiio.ImageOutput.create(str(tmp_path / name))
-        assert output.open(str(tmp_path / name), oiio.ImageSpec(2, 2, channels, kind))
-        assert output.write_image(np.full((2, 2, channels), 0.5, np.float32))
-        assert output.close()
-
-    def write(body: str, terminal: str = "</M/Base.outputs:layer>", material: str = "", before: str = "") -> Path:
-        file = tmp_path / "look.usda"
-        surface = f"token outputs:lookdev:surface.connect = {terminal}" if terminal else ""
-        file.write_text(
-            f'#usda 1.0\n(\n defaultPrim = "M"\n)\n{before}\ndef Material "M" {material}\n{{\n{surface}\n{body}\n}}\n'
-        )
-        return file
-
-    return write
-
-
-def stack(inputs: str, *shaders: str) -> str:
-    return shader("Layers", "LookdevLayers", inputs) + "".join(shaders)
-
-
-STACK = "</M/Layers.outputs:surface>"
-
-
-def faults_of(file: Path, **options: object) -> list[tuple[str, str, str]]:
-    with pytest.raises(LookError) as caught:
-        read_look(file, **options)
-    assert all(fault.file == str(file) for fault in caught.value.faults)
-    return [(fault.where, fault.what, fault.hint) for fault in caught.value.faults]
 
 
 def test_only_authored_constants_become_inputs(write) -> None:
@@ -207,6 +152,88 @@ def test_primvar_color(write) -> None:
     assert read_look(file).layers[0].inputs == {"baseColor": Primvar("displayColor", (1.0, 0.5, 0.0))}
 
 
+@pytest.mark.parametrize("usd_type", ["normal3f", "vector3f", "float3"])
+def test_constant_normal_need_not_be_unit(write, usd_type: str) -> None:
+    file = write(pixar(body=f"{usd_type} inputs:diffuseNormal = (0, -0.375, 0.5)"))
+    assert read_look(file).layers[0] == Layer("Base", "pixar", {"diffuseNormal": (0.0, -0.375, 0.5)})
+
+
+@pytest.mark.parametrize(
+    ("image", "scale", "bias"),
+    [
+        ("rgb.png", (2, 2, 2, 1), (-1, -1, -1, 0)),
+        ("rgb.png", (2, -2, 2, 1), (-1, 1, -1, 0)),  # green points down
+        ("rgb.png", (2, 2, 2, 1), (-256 / 255, -256 / 255, -1, 0)),  # 128 is the centre
+        ("rgb16.png", (1, 1, 2, 1), (-0.5, -0.5, -1, 0)),  # flattened
+        ("rgb.exr", (1, 1, 1, 1), (0, 0, 0, 0)),  # floats can be negative themselves
+    ],
+)
+def test_normal_map(write, tmp_path: Path, image: str, scale: tuple[float, ...], bias: tuple[float, ...]) -> None:
+    node = f"""asset inputs:file = @./{image}@
+        token inputs:sourceColorSpace = "raw"
+        float4 inputs:scale = {scale}
+        float4 inputs:bias = {bias}
+        float2 inputs:st.connect = </M/St.outputs:result>"""
+    file = write(
+        pixar(body="normal3f inputs:highlightNormal.connect = </M/Tex.outputs:rgb>")
+        + shader("Tex", "UsdUVTexture", node)
+        + ST
+    )
+    texture = read_look(file).layers[0].inputs["highlightNormal"]
+    assert isinstance(texture, Texture)
+    assert (texture.file, texture.channel, texture.colorspace) == (tmp_path / image, "rgb", "raw")
+    assert texture.scale + texture.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
+
+
+@pytest.mark.parametrize(("inputs", "scale"), [("", 1.0), ("float inputs:scale = -0.25", -0.25)])
+def test_bump_is_a_height_and_its_scale(write, tmp_path: Path, inputs: str, scale: float) -> None:
+    file = write(
+        "float inputs:h.connect = </M/Tex.outputs:b>\n"
+        + pixar(body="normal3f inputs:diffuseNormal.connect = </M/Bump.outputs:normal>")
+        + shader("Bump", "LookdevBump", "float inputs:height.connect = </M.inputs:h>\n" + inputs)
+        + shader(
+            "Tex",
+            "UsdUVTexture",
+            "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>",
+        )
+        + ST
+    )
+    height = Texture(tmp_path / "gray.png", "b", "raw", "black", "black")
+    assert read_look(file).layers[0].inputs == {"diffuseNormal": Bump(height, scale)}
+
+
+def test_modes_and_mixed_models(write) -> None:
+    file = write(
+        stack(
+            """token inputs:base.connect = </M/Wood.outputs:layer>
+            token inputs:layer1.connect = </M/Lacquer.outputs:layer>
+            token inputs:layer1Mode = "transmit"
+            token inputs:layer2.connect = </M/Dust.outputs:layer>
+            token inputs:layer2Mode = "over"
+            token inputs:layer3.connect = </M/Old.outputs:layer>
+            token inputs:layer4.connect = </M/Saved.outputs:layer>
+            token inputs:layer5.connect = </M/Dust.outputs:layer>
+            token inputs:layer5Mode = "transmit"
+            bool inputs:layer5Enabled = 0""",
+            pixar("Wood"),
+            pixar("Lacquer", "float inputs:clear = 1"),
+            disney("Dust"),
+            # Over the first layer of another model each layer stands alone, with tokens of its own.
+            disney("Old", 'token inputs:variant = "2012"'),
+            pixar("Saved", 'token inputs:energy = "conserving"'),
+        ),
+        STACK,
+    )
+    layers = [(layer.name, layer.model, layer.mode) for layer in read_look(file).layers]
+    assert layers == [
+        ("Wood", "pixar", "over"),
+        ("Lacquer", "pixar", "transmit"),
+        ("Dust", "disney", "over"),
+        ("Old", "disney", "over"),
+        ("Saved", "pixar", "over"),
+    ]
+
+
 def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
     (tmp_path / "preset.usda").write_text("#usda 1.0\n" + disney("Gold", "float inputs:metallic = 1"))
     file = write(
@@ -273,246 +300,10 @@ def test_has_look(write) -> None:
     ]
 
 
-def textured(node: str = "", file: str = "@./gray.png@") -> str:
-    st = "" if "inputs:st" in node else "float2 inputs:st.connect = </M/St.outputs:result>\n"
-    return (
-        disney(body="float inputs:roughness.connect = </M/Tex.outputs:r>")
-        + shader("Tex", "UsdUVTexture", f"asset inputs:file = {file}\n{st}{node}")
-        + ST
-    )
-
-
-FAULTS = {
-    "misspelt input": (
-        disney(body="float inputs:roughnes = 1"),
-        "/M/Base.inputs:roughnes",
-        "did you mean 'roughness'",
-    ),
-    "wrong type": (disney(body="double inputs:roughness = 1"), "/M/Base.inputs:roughness", "must be float"),
-    "float for a colour": (
-        disney(body="float inputs:baseColor = 1"),
-        "/M/Base.inputs:baseColor",
-        "must be color3f",
-    ),
-    "wrong type behind the interface": (
-        "int inputs:r = 1\n" + disney(body="float inputs:roughness.connect = </M.inputs:r>"),
-        "/M/Base.inputs:roughness",
-        "has type int at </M.inputs:r>",
-    ),
-    "out of range": (
-        disney(body="float inputs:roughness = 1.5"),
-        "/M/Base.inputs:roughness",
-        "within [0, 1]",
-    ),
-    "one channel out of range": (
-        disney(body="color3f inputs:baseColor = (0, 1.5, 0)"),
-        "/M/Base.inputs:baseColor",
-        "0, 1.5, 0 is out of range",
-    ),
-    "NaN": (disney(body="float inputs:roughness = nan"), "/M/Base.inputs:roughness", "not finite"),
-    "infinite": (
-        disney(body="color3f inputs:baseColor = (0, inf, 0)"),
-        "/M/Base.inputs:baseColor",
-        "not finite",
-    ),
-    "animated": (
-        disney(body="float inputs:roughness.timeSamples = { 1: 0.5 }"),
-        "/M/Base.inputs:roughness",
-        "animated",
-    ),
-    "unknown token": (
-        disney(body='token inputs:variant = "2013"'),
-        "/M/Base.inputs:variant",
-        "did you mean '201",
-    ),
-    "computed token": (
-        disney(body="token inputs:variant.connect = </M/St.outputs:result>") + ST,
-        "/M/Base.inputs:variant",
-        "choose one of 2014, 2012",
-    ),
-    "dangling": (
-        disney(body="float inputs:roughness.connect = </M/Gone.outputs:r>"),
-        "/M/Base.inputs:roughness",
-        "</M/Gone.outputs:r>, which is no output",
-    ),
-    "dangling interface": (
-        disney(body="float inputs:roughness.connect = </M.inputs:gone>"),
-        "/M/Base.inputs:roughness",
-        "no interface input",
-    ),
-    "two connections": (
-        disney(body="float inputs:roughness.connect = [</M.inputs:a>, </M.inputs:b>]"),
-        "/M/Base.inputs:roughness",
-        "2 connections",
-    ),
-    "cycle of inputs": (
-        "float inputs:a.connect = </M.inputs:b>\nfloat inputs:b.connect = </M.inputs:a>\n"
-        + disney(body="float inputs:roughness.connect = </M.inputs:a>"),
-        "/M.inputs:a",
-        "cycle",
-    ),
-    "cycle of transforms": (
-        textured("float2 inputs:st.connect = </M/T.outputs:result>")
-        + shader("T", "UsdTransform2d", "float2 inputs:in.connect = </M/T.outputs:result>"),
-        "/M/T.inputs:in",
-        "cycle",
-    ),
-    "missing image": (textured(file="@./gone.png@"), "/M/Tex.inputs:file", "no such image file: ./gone.png"),
-    "no image": (textured(file="@@"), "/M/Tex.inputs:file", "names no image file"),
-    "not an image": (textured(file="@./look.usda@"), "/M/Tex.inputs:file", "cannot be read as an image"),
-    "UDIM": (textured(file="@./gray.<UDIM>.png@"), "/M/Tex.inputs:file", "UDIM set, which is not supported"),
-    "unknown texture input": (textured("float inputs:gamma = 1"), "/M/Tex.inputs:gamma", "unknown input"),
-    "unknown wrap": (
-        textured('token inputs:wrapS = "repeats"'),
-        "/M/Tex.inputs:wrapS",
-        "did you mean 'repeat'",
-    ),
-    "computed wrap": (
-        textured("token inputs:wrapS.connect = </M/St.outputs:result>"),
-        "/M/Tex.inputs:wrapS",
-        "must be a constant",
-    ),
-    "st not connected": (textured("float2 inputs:st = (0, 0)"), "/M/Tex.inputs:st", "not connected"),
-    "st from a texture": (
-        textured("float2 inputs:st.connect = </M/Tex.outputs:rgb>"),
-        "/M/Tex.inputs:st",
-        "whose info:id is 'UsdUVTexture'",
-    ),
-    "colour into a float": (
-        disney(body="float inputs:roughness.connect = </M/Tex.outputs:rgb>")
-        + shader(
-            "Tex",
-            "UsdUVTexture",
-            "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>",
-        )
-        + ST,
-        "/M/Base.inputs:roughness",
-        "use outputs:r or g or b or a",
-    ),
-    "reader of another type": (
-        disney(body="float inputs:roughness.connect = </M/St.outputs:result>") + ST,
-        "/M/Base.inputs:roughness",
-        "use UsdUVTexture or UsdPrimvarReader_float",
-    ),
-    "reader without a name": (
-        disney(body="float inputs:roughness.connect = </M/P.outputs:result>") + shader("P", "UsdPrimvarReader_float"),
-        "/M/P.inputs:varname",
-        "names no primvar",
-    ),
-    "fallback out of range": (
-        disney(body="float inputs:roughness.connect = </M/P.outputs:result>")
-        + shader("P", "UsdPrimvarReader_float", 'string inputs:varname = "x"\nfloat inputs:fallback = 2'),
-        "/M/P.inputs:fallback",
-        "within [0, 1]",
-    ),
-    "expression": (
-        disney(body="float inputs:roughness.connect = </M/X.outputs:result>") + shader("X", "LookdevExpression"),
-        "/M/Base.inputs:roughness",
-        "LookdevExpression, which is not supported in this version",
-    ),
-    "Pixar layer": (
-        shader("Base", "LookdevPixar"),
-        "/M.outputs:lookdev:surface",
-        "LookdevPixar layer, which is not supported in this version",
-    ),
-    "unknown shader": (
-        shader("Base", "LookdevDisnei"),
-        "/M.outputs:lookdev:surface",
-        "did you mean 'LookdevDisney'",
-    ),
-}
-
-STACK_FAULTS = {
-    "no base": (LAYER1, "/M/Layers.inputs:base", "the stack has no base"),
-    "base not connected": ('token inputs:base = "Base"', "/M/Layers.inputs:base", "not connected to a layer"),
-    "base is a stack": (
-        "token inputs:base.connect = </M/Layers.outputs:surface>",
-        "/M/Layers.inputs:base",
-        "unknown info:id 'LookdevLayers'",
-    ),
-    "gap": (
-        BASE + "token inputs:layer2.connect = </M/Coat.outputs:layer>",
-        "/M/Layers.inputs:layer2",
-        "there is no layer1",
-    ),
-    "mask without a layer": (
-        BASE + "float inputs:layer1Mask = 1",
-        "/M/Layers.inputs:layer1",
-        "is not connected",
-    ),
-    "mask out of range": (
-        BASE + LAYER1 + "float inputs:layer1Mask = -0.25",
-        "/M/Layers.inputs:layer1Mask",
-        "within [0, 1]",
-    ),
-    "mask of a wrong type": (
-        BASE + LAYER1 + "color3f inputs:layer1Mask = (1, 1, 1)",
-        "/M/Layers.inputs:layer1Mask",
-        "must be float",
-    ),
-    "computed switch": (
-        BASE + LAYER1 + "bool inputs:layer1Enabled.connect = </M/Coat.outputs:layer>",
-        "/M/Layers.inputs:layer1Enabled",
-        "must be a constant",
-    ),
-    "transmit": (
-        BASE + LAYER1 + 'token inputs:layer1Mode = "transmit"',
-        "/M/Layers.inputs:layer1Mode",
-        "'transmit' is not supported in this version",
-    ),
-    "unknown mode": (
-        BASE + LAYER1 + 'token inputs:layer1Mode = "under"',
-        "/M/Layers.inputs:layer1Mode",
-        "use 'over'",
-    ),
-    "unknown input": (
-        BASE + LAYER1 + "float inputs:layer1Msk = 1",
-        "/M/Layers.inputs:layer1Msk",
-        "did you mean 'layer1Mask'",
-    ),
-    "layer zero": (
-        BASE + "token inputs:layer0.connect = </M/Coat.outputs:layer>",
-        "/M/Layers.inputs:layer0",
-        "unknown",
-    ),
-}
-
-
-@pytest.mark.parametrize(("body", "where", "says"), FAULTS.values(), ids=FAULTS)
-def test_fault(write, body: str, where: str, says: str) -> None:
-    [(place, what, hint)] = faults_of(write(body))
-    assert place == where
-    assert says in f"{what} ({hint})"
-
-
-@pytest.mark.parametrize(("inputs", "where", "says"), STACK_FAULTS.values(), ids=STACK_FAULTS)
-def test_stack_fault(write, inputs: str, where: str, says: str) -> None:
-    [(place, what, hint)] = faults_of(write(stack(inputs, disney(), disney("Coat")), STACK))
-    assert place == where
-    assert says in f"{what} ({hint})"
-
-
-def test_all_faults_are_told_at_once_and_shared_nodes_only_once(write) -> None:
-    body = stack(
-        BASE + LAYER1 + "float inputs:layer1Mask.connect = </M/Tex.outputs:r>\nfloat inputs:layer1Blur = 1",
-        disney(body="float inputs:metalic = 1\nfloat inputs:sheen = 7"),
-        disney("Coat", "float inputs:roughness.connect = </M/Tex.outputs:g>"),
-        shader("Tex", "UsdUVTexture", "asset inputs:file = @./gone.png@\nfloat inputs:gamma = 1"),
-    )
-    assert [where for where, _, _ in faults_of(write(body, STACK))] == [
-        "/M/Layers.inputs:layer1Blur",
-        "/M/Base.inputs:metalic",
-        "/M/Base.inputs:sheen",
-        "/M/Tex.inputs:gamma",
-        "/M/Tex.inputs:file",
-        "/M/Tex.inputs:st",
-    ]
-
-
 def test_unsupported_material_names_its_terminal(write) -> None:
     [(where, what, hint)] = faults_of(write(disney(), terminal=""))
     assert (where, what) == ("/M.outputs:lookdev:surface", "is not connected")
-    assert "LookdevDisney" in hint
+    assert hint == "connect it to a LookdevLayers, LookdevDisney or LookdevPixar shader"
 
 
 @pytest.mark.parametrize(

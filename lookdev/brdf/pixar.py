@@ -1,0 +1,224 @@
+"""Pixar's reflection model for Wall-E and Up.
+
+- Smits, B. Reflection Model Design for Wall-E and Up. Pixar Animation Studios.
+
+"Pick a fixed set of reflection lobes ... and then determine how to partition the incoming energy between those lobes
+in such a way that energy is conserved." Six lobes, each with two weights, for normal and for grazing incidence, between
+which Schlick's curve blends; four of them have a cone angle; two normals, for diffuse lobes and for highlights. A
+`Partition` is all of that once the viewing direction is fixed; layers are combined as partitions
+(`lookdev.brdf.pixar_layering`) before any lobe is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from lookdev.brdf import microfacet as mf
+from lookdev.brdf.frames import ZENITH, facing_viewer, to_local, unit_normal
+from lookdev.brdf.fresnel import fresnel_blend, schlick_weight
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.vectors import TINY, Array, dot, mean, mix, mix_color, reflect, same, scale
+
+PI = np.pi
+
+FRONT = ("reflection", "specular", "diffuse")
+"""The lobes on the viewer's side, by how much they blur: "reflection/refraction blurs less than specular, which
+blurs less than diffuse" (Smits, "Layering")."""
+
+THROUGH = ("refraction", "specularTransmission", "diffuseTransmission")
+"""The lobes on the other side, in the same order."""
+
+# Degrees: "0 (or epsilon in practice)", and where a lobe's directional albedo would begin to rise above 1, at 89.999.
+_CONES = (0.25, 54.0)
+
+
+@dataclass(frozen=True)
+class Term:
+    """One lobe of a partition.
+
+    normal, grazing : (..., 3), weights at normal and at grazing incidence.
+    cone : (...), degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
+    bend : (...), the index of refraction minus 1, of a transmitted highlight: float32 keeps what is left of it where
+        the index is an average near 1. 0 for the other lobes.
+    """
+
+    normal: Array
+    grazing: Array
+    cone: Array = 0.0
+    bend: Array = 0.0
+
+    def energy(self, cos_theta: Array) -> Array:
+        """Mean over RGB of the weight at a cosine (...): what cones and normals are averaged by."""
+        return mean(fresnel_blend(self.normal, self.grazing, cos_theta))
+
+
+@dataclass(frozen=True)
+class Partition:
+    """How a surface divides light among the six lobes, seen from `wo`.
+
+    terms : the six lobes by name, weights multiplied by `presence`.
+    normals : unit vectors (..., 3) of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
+    presence : (...), how much of the surface is there.
+    """
+
+    wo: Array
+    terms: Mapping[str, Term]
+    normals: Mapping[str, Array]
+    presence: Array
+
+    def cosine(self, name: str) -> Array:
+        """Cosine of the view to the normal of a lobe, (...), 0 where it faces away."""
+        return view_cosine(self.normals[family(name)], self.wo)
+
+
+def family(name: str) -> Literal["diffuse", "highlight"]:
+    """Return which of the two normals a lobe has."""
+    return "diffuse" if name in ("diffuse", "diffuseTransmission") else "highlight"
+
+
+def view_cosine(normal: Array, wo: Array) -> Array:
+    """Cosine between unit vectors (..., 3), at least 0."""
+    return wo[..., 2] if same(normal, ZENITH) else np.maximum(dot(normal, wo), 0.0)
+
+
+def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
+    """Divide light among the six lobes of one layer.
+
+    Parameters
+    ----------
+    p
+        Every input of `PIXAR_PARAMETERS`: floats (...), colours and normals (..., 3), `energy` a string.
+    wo : (..., 3)
+        Unit directions to the viewer, above the horizon.
+    """
+    normals = {name: p[f"{name}Normal"] for name in ("diffuse", "highlight")}
+    normals = {name: ZENITH if same(n, ZENITH) else unit_normal(n) for name, n in normals.items()}
+    cosines = {name: view_cosine(n, wo) for name, n in normals.items()}
+    conserving = p["energy"] == "conserving"
+    color, rough, clear, back = p["surfaceColor"], p["roughness"], p["clear"], p["back"]
+    smooth = 1.0 - rough
+
+    # Smits, "Diffuse" and "Transmission". A scaled reflectance ends at 1.
+    n_diffuse = np.minimum(p["normalScale"] * mix(0.05, 1.0, p["metallic"]), 1.0)
+    g_refl = p["grazingScale"]
+    # One interface lets the light in: conserving, it is that of the highlights for the diffuse lobes too.
+    s = schlick_weight(cosines["highlight" if conserving else "diffuse"])
+    enters = (1.0 - clear) * mix(1.0 - n_diffuse, 1.0 - g_refl, s)
+    d_n = scale(color, mix(enters * (1.0 - n_diffuse), 1.0, rough))
+    d_g = scale(color, mix(enters * (1.0 - g_refl), 1.0, rough))
+
+    # Smits, "Specular" and "Transmission": "reflRatio", and what it divides.
+    ratio = np.maximum(1.0 - 2.0 * rough, 0.0)
+    ratio = ratio * ratio * ratio
+    n_refl = np.minimum(scale(mix_color(0.05 * np.ones(3), color, p["metallic"]), p["normalScale"]), 1.0)
+    reflected = n_refl, np.expand_dims(g_refl, -1) * np.ones(3)
+    through = scale(color * (1.0 - n_refl), clear), scale(color, clear * (1.0 - g_refl))
+    if conserving:
+        s = schlick_weight(cosines["highlight"])
+        reflected, through = ((mix_color(n, g, s),) * 2 for n, g in (reflected, through))
+
+    def term(weights: tuple[Array, Array], factor: Array, tint: Array, cone: Array = 0.0, bend: Array = 0.0) -> Term:
+        n, g = (scale(tint * weight, factor * p["presence"]) for weight in weights)
+        return Term(n, g, np.clip(cone, *_CONES), bend)
+
+    broad, tight = smooth * (1.0 - ratio), smooth * ratio
+    specular_cone = (30.0 * rough + 5.0) * p["specularConeScale"]
+    reflection_cone = 10.0 * rough * p["reflectionConeScale"]
+    white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
+    terms = {
+        "diffuse": term((d_n, d_g), (1.0 - back) * p["diffuseScale"], white),
+        "specular": term(reflected, broad * p["specularScale"], tint, specular_cone),
+        "reflection": term(reflected, tight * p["reflectionScale"], tint, reflection_cone),
+        "diffuseTransmission": term((d_n, d_g), back * p["diffuseTransmissionScale"], white),
+        "specularTransmission": term(
+            through,
+            broad * p["specularTransmissionScale"],
+            tint_t,
+            specular_cone * p["specularTransmissionConeScale"],
+            p["ior"] - 1.0,
+        ),
+        "refraction": term(
+            through,
+            tight * p["refractionScale"],
+            tint_t,
+            reflection_cone * p["refractionConeScale"],
+            p["ior"] - 1.0,
+        ),
+    }
+    return Partition(wo, terms, normals, p["presence"])
+
+
+def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
+    """Build the six lobes."""
+    normals = {name: n if same(n, ZENITH) else facing_viewer(n, partition.wo) for name, n in partition.normals.items()}
+    lobes = []
+    for name in ("diffuse", "specular", "reflection", "diffuseTransmission", "specularTransmission", "refraction"):
+        normal, transmits = normals[family(name)], name in THROUGH
+        build = _diffuse if family(name) == "diffuse" else _highlight
+        lobes.append(build(name, partition.terms[name], partition.wo, normal, transmits))
+    return tuple(lobes)
+
+
+def _diffuse(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -> Lobe:
+    def evaluate(d: Directions) -> Array:
+        # Smits, "Diffuse", in units where a perfect diffuser is 1: divided by pi.
+        return fresnel_blend(term.normal, term.grazing, d.cos_theta_i) * (1.0 / PI)
+
+    # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
+    share = mean(term.normal) * (20.0 / 21.0) + mean(term.grazing) * (1.0 / 21.0)
+    return Lobe(name, share, evaluate, lambda d: d.cos_theta_i * (1.0 / PI), mf.sample_cosine, transmits, normal)
+
+
+def _highlight(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -> Lobe:
+    power = _power(term.cone)
+
+    def seen(d: Directions) -> Directions:
+        # The view that would reflect to where this one is refracted (Smits, "Transmission").
+        return Directions.of(_refracted(d.wo, term.bend), d.wi) if transmits else d
+
+    def evaluate(d: Directions) -> Array:
+        d = seen(d)
+        # Smits, "Specular": D F / (4 (cos_i^2 + cos_o^2 - cos_i cos_o)), whose squares the scan lost.
+        i, o = d.cos_theta_i, d.cos_theta_o
+        factor = 0.25 * mf.sin_gaussian(d.wm, power) / np.maximum((i - o) * (i - o) + i * o, TINY)
+        return scale(fresnel_blend(term.normal, term.grazing, d.cos_theta_d), factor)
+
+    def density(d: Directions) -> Array:
+        d = seen(d)
+        return mf.sin_gaussian(d.wm, power) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
+
+    view = to_local(normal, wo)
+    view = _refracted(view, term.bend) if transmits else view
+
+    def sample(u1: Array, u2: Array) -> Array:
+        return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
+
+    # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is dark, not absent.
+    share = term.energy(view[..., 2]) + 0.001 * mean(term.normal + term.grazing)
+    return Lobe(name, share, evaluate, density, sample, transmits, normal)
+
+
+# Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. Written by the cosine, which does not cancel where
+# the view grazes and the index is near 1.
+def _refracted(wo: Array, bend: Array) -> Array:
+    ior, z = 1.0 + bend, wo[..., 2]
+    cos_t = np.sqrt(bend * (bend + 2.0) + z * z) / ior
+    return np.stack([wo[..., 0] / ior, wo[..., 1] / ior, cos_t], axis=-1)
+
+
+# Smits, "Specular": exp(-power sin^2 cone) = 0.1.
+def _power(cone: Array) -> Array:
+    sine = _sin_degrees(cone)
+    return np.log(10.0) / (sine * sine)
+
+
+def _sin_degrees(angle: Array) -> Array:
+    x = angle * (PI / 180.0)
+    # OSL's sin() is good to 6e-8 however small the angle; the series is good to 3e-14 of the sine here.
+    square = x * x
+    small = x * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
+    return np.where(x < 0.1, small, np.sin(x))

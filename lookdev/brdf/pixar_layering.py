@@ -1,0 +1,133 @@
+"""Layering of Pixar's model: partitions of light combined into one (Smits, "Layering").
+
+"Layering is simply a matter of taking two (or more) sets of lobe weights and cone angles and normals along with a layer
+weight for each layer and producing a single set." Weights are premultiplied by presence, as in compositing, so a
+layer over a hole, or a hole under a layer, needs no rule of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.pixar import FRONT, THROUGH, Partition, Term, family
+from lookdev.brdf.vectors import Array, mix, normalize, same, scale
+
+Mode = Literal["over", "transmit"]
+
+
+@dataclass(frozen=True)
+class _Share:
+    """What one interaction adds to a lobe: weights, shape and normal, and the energy by which the last are averaged."""
+
+    name: str
+    term: Term
+    normal: Array
+    energy: Array
+
+
+def outcome(incoming: str, lobe: str) -> str:
+    """Return the lobe that comes out where transmitted light meets a lobe of the layer beneath.
+
+    It is on the lobe's side, and as blurred as the blurrier of the two (Smits, table in "Layering").
+    """
+    side = FRONT if lobe in FRONT else THROUGH
+    return side[max(THROUGH.index(incoming), side.index(lobe))]
+
+
+def layer(above: Partition, below: Partition, mask: Array, mode: Mode) -> Partition:
+    """Lay one partition on another, seen from the same direction.
+
+    Parameters
+    ----------
+    above, below
+        Seen from the same direction.
+    mask : (...)
+        In [0, 1]: how much of `above` there is, times its own presence.
+    mode
+        ``"over"``: simple layering, A over B. ``"transmit"``: what `above` transmits also meets all six lobes of
+        `below`, instead of leaving on the other side.
+    """
+    uncovered = 1.0 - mask * above.presence
+    shares = list(_scaled(above, FRONT, mask))
+    shares += _scaled(below, (*FRONT, *THROUGH), uncovered)
+    if mode == "over":
+        shares += _scaled(above, THROUGH, mask)
+    else:
+        # Through a hole beneath, transmitted light leaves as it would without that layer.
+        shares += _scaled(above, THROUGH, mask * (1.0 - below.presence))
+        shares += _interactions(above, below, mask)
+    names = (*FRONT, *THROUGH)
+    return Partition(
+        above.wo,
+        {name: _sum([share for share in shares if share.name == name]) for name in names},
+        {
+            kind: _mean_normal([share for share in shares if family(share.name) == kind])
+            for kind in ("diffuse", "highlight")
+        },
+        1.0 - uncovered * (1.0 - below.presence),
+    )
+
+
+def _scaled(partition: Partition, names: Sequence[str], weight: Array) -> Iterator[_Share]:
+    for name in names:
+        term = partition.terms[name]
+        term = replace(term, normal=scale(term.normal, weight), grazing=scale(term.grazing, weight))
+        yield _Share(name, term, partition.normals[family(name)], term.energy(partition.cosine(name)))
+
+
+def _interactions(above: Partition, below: Partition, mask: Array) -> Iterator[_Share]:
+    """Let the three transmitted lobes meet six: one, three and five interactions to the front, as many through."""
+    for incoming in _scaled(above, THROUGH, mask):
+        for name, term in below.terms.items():
+            result = outcome(incoming.name, name)
+            a, b = THROUGH.index(incoming.name), (FRONT if name in FRONT else THROUGH).index(name)
+            cone = incoming.term.cone if b < a else np.maximum(incoming.term.cone, term.cone) if b == a else term.cone
+            # The lobe beneath "replaces the direction": it brings the index of refraction and the normal.
+            made = Term(incoming.term.normal * term.normal, incoming.term.grazing * term.grazing, cone, term.bend)
+            yield _Share(result, made, below.normals[family(result)], made.energy(below.cosine(result)))
+
+
+def _sum(shares: Sequence[_Share]) -> Term:
+    energies = [share.energy for share in shares]
+    return Term(
+        sum(share.term.normal for share in shares),
+        sum(share.term.grazing for share in shares),
+        _mean([share.term.cone for share in shares], energies),
+        _mean([share.term.bend for share in shares], energies),
+    )
+
+
+def _mean(values: Sequence[Array], energies: Sequence[Array]) -> Array:
+    """Average by energy, (...); without any energy plainly, as the value then has no effect."""
+    # Equal values, and lobes without energy, cost no code.
+    kept = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
+    kept = kept or list(zip(values, energies, strict=True))
+    first, weight = kept[0]
+    for value, energy in kept[1:]:
+        total = weight + energy
+        first = first if same(first, value) else mix(first, value, _fraction(energy, total))
+        weight = total
+    return first
+
+
+def _fraction(part: Array, whole: Array) -> Array:
+    return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), 0.5)
+
+
+def _mean_normal(shares: Sequence[_Share]) -> Array:
+    """Average unit normals by energy, (..., 3); the zenith where there is none."""
+    kept = [share for share in shares if not same(share.energy, 0.0)]
+    if not kept:
+        return ZENITH
+    if all(same(share.normal, kept[0].normal) for share in kept):
+        return kept[0].normal
+    weighted = sum(scale(share.normal, share.energy) for share in kept)
+    # Energies may be as small as a weight is; only their proportions matter.
+    total = sum(share.energy for share in kept)
+    dark = np.expand_dims(total > 0.0, -1)
+    return normalize(np.where(dark, scale(weighted, 1.0 / np.where(total > 0.0, total, 1.0)), ZENITH))

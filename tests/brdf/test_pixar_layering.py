@@ -1,0 +1,254 @@
+"""Smits' "Layering": which lobe comes out of which pair, what is averaged by energy, and what presence means."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from random_parameters import directions, random_parameters
+
+from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.pixar import FRONT, THROUGH, Partition, family, layer_partition
+from lookdev.brdf.pixar_layering import layer
+
+Floats = NDArray[np.float64]
+
+_WO = np.array([0.6, 0.0, 0.8])
+_SCALES = {
+    name: f"{name}Scale"
+    for name in ("diffuse", "specular", "reflection", "diffuseTransmission", "specularTransmission", "refraction")
+}
+
+# The document's table: light transmitted by the layer above (rows) meets a lobe of the layer beneath (columns). The
+# cone is that of the layer above, that beneath, or the larger; a diffuse lobe has none.
+_REFLECTED = {
+    "refraction": {
+        "reflection": ("reflection", "larger"),
+        "specular": ("specular", "beneath"),
+        "diffuse": ("diffuse", None),
+    },
+    "specularTransmission": {
+        "reflection": ("specular", "above"),
+        "specular": ("specular", "larger"),
+        "diffuse": ("diffuse", None),
+    },
+    "diffuseTransmission": {
+        "reflection": ("diffuse", None),
+        "specular": ("diffuse", None),
+        "diffuse": ("diffuse", None),
+    },
+}
+# The nine that it does not print: the same rule on the other side.
+_TRANSMITTED = {
+    "refraction": {
+        "refraction": ("refraction", "larger"),
+        "specularTransmission": ("specularTransmission", "beneath"),
+        "diffuseTransmission": ("diffuseTransmission", None),
+    },
+    "specularTransmission": {
+        "refraction": ("specularTransmission", "above"),
+        "specularTransmission": ("specularTransmission", "larger"),
+        "diffuseTransmission": ("diffuseTransmission", None),
+    },
+    "diffuseTransmission": {
+        "refraction": ("diffuseTransmission", None),
+        "specularTransmission": ("diffuseTransmission", None),
+        "diffuseTransmission": ("diffuseTransmission", None),
+    },
+}
+_PAIRS = [
+    pytest.param(incoming, lobe, *outcome, id=f"{incoming}-{lobe}")
+    for table in (_REFLECTED, _TRANSMITTED)
+    for incoming, row in table.items()
+    for lobe, outcome in row.items()
+]
+
+
+def _parameters(**given: Any) -> dict[str, Any]:
+    return complete_parameters("pixar", given)
+
+
+def _with_only(lobe: str, **given: Any) -> dict[str, Any]:
+    """Return parameters of a layer all of whose lobes but one are scaled to nothing."""
+    return _parameters(clear=0.6, back=0.4, **given, **{scale: 0.0 for name, scale in _SCALES.items() if name != lobe})
+
+
+# Above, roughness and so the cone is larger, or smaller, than beneath.
+@pytest.mark.parametrize("roughness", [(0.4, 0.2), (0.2, 0.4)])
+@pytest.mark.parametrize(("incoming", "lobe", "out", "cone"), _PAIRS)
+def test_the_tables(incoming: str, lobe: str, out: str, cone: str | None, roughness: tuple[float, float]) -> None:
+    top = _with_only(incoming, surfaceColor=(0.9, 0.5, 0.2), ior=1.3, roughness=roughness[0])
+    bottom = _with_only(lobe, surfaceColor=(0.3, 0.6, 0.8), metallic=0.4, ior=1.7, roughness=roughness[1])
+    above, beneath = layer_partition(top, _WO), layer_partition(bottom, _WO)
+    result = layer(above, beneath, 1.0, "transmit").terms
+    for name, term in result.items():
+        there = name == out
+        product = above.terms[incoming].normal * beneath.terms[lobe].normal
+        np.testing.assert_allclose(term.normal, product if there else 0.0, rtol=1e-15)
+        product = above.terms[incoming].grazing * beneath.terms[lobe].grazing
+        np.testing.assert_allclose(term.grazing, product if there else 0.0, rtol=1e-15)
+    assert result[out].normal.min() > 0.0
+    if cone:
+        cones = {"above": above.terms[incoming].cone, "beneath": beneath.terms[lobe].cone}
+        cones["larger"] = max(cones.values())
+        assert result[out].cone == pytest.approx(cones[cone], rel=1e-15)
+        # Whoever "replaces the direction" bends it: the layer beneath.
+        assert result[out].bend == pytest.approx(0.7 if out in THROUGH else 0.0, rel=1e-15)
+    # The stack of the two has that lobe, and no other.
+    stack = stack_bsdf([StackLayer("pixar", bottom), StackLayer("pixar", top, 1.0, "transmit")])
+    assert [each.name for each in stack.lobes(_WO) if each.share > 0.0] == [out]
+
+
+def test_the_tables_are_whole() -> None:
+    assert {tuple(pair.values[:2]) for pair in _PAIRS} == {(a, b) for a in THROUGH for b in (*FRONT, *THROUGH)}
+    # "The specular contribution ... is the sum of three interactions, and the diffuse ... of five".
+    for side, table in ((FRONT, _REFLECTED), (THROUGH, _TRANSMITTED)):
+        outcomes = [out for row in table.values() for out, _ in row.values()]
+        assert [outcomes.count(name) for name in side] == [1, 3, 5]
+
+
+# Metals, white: both weights of the specular lobe are 1 - roughness from 0.5 on, of the diffuse one roughness, whatever
+# the view. Cones are 30 roughness + 5 degrees.
+_METAL = {"metallic": 1.0, "surfaceColor": (1.0, 1.0, 1.0)}
+
+
+def _over(below: dict[str, Any], above: dict[str, Any], mask: float, wo: Floats = ZENITH) -> Partition:
+    return layer(layer_partition(_parameters(**above), wo), layer_partition(_parameters(**below), wo), mask, "over")
+
+
+def test_cones_are_averaged_by_energy() -> None:
+    result = _over(_METAL | {"roughness": 0.75}, _METAL | {"roughness": 0.5}, 0.4)
+    specular = result.terms["specular"]
+    np.testing.assert_allclose(specular.normal, 0.4 * 0.5 + 0.6 * 0.25, rtol=1e-15)
+    # Energies 0.4 x 0.5 and 0.6 x 0.25; cones 20 and 27.5.
+    assert specular.cone == pytest.approx((0.2 * 20.0 + 0.15 * 27.5) / 0.35, rel=1e-15)
+
+
+def test_energy_is_seen_from_the_view() -> None:
+    # At 60 degrees Schlick's weight is 1/32: a dielectric reflects 0.05 + 0.95 / 32 of its half.
+    wo = np.array([np.sqrt(0.75), 0.0, 0.5])
+    result = _over(_METAL | {"roughness": 0.75}, {"roughness": 0.5}, 0.4, wo)
+    energy = 0.4 * 0.5 * (0.05 + 0.95 / 32.0)
+    assert result.terms["specular"].cone == pytest.approx((energy * 20.0 + 0.15 * 27.5) / (energy + 0.15), rel=1e-12)
+
+
+def test_normals_are_averaged_by_energy() -> None:
+    leaning = {"diffuseNormal": (0.6, 0.0, 0.8), "highlightNormal": (0.0, 0.6, 0.8)}
+    result = _over(_METAL | {"roughness": 0.75}, _METAL | leaning | {"roughness": 0.5}, 0.4)
+    # Highlights 0.2 to 0.15 as above; diffuse ones 0.4 x 0.5 to 0.6 x 0.75. The highlight of 0.2 leans.
+    highlight = np.array([0.0, 0.2 * 0.6, 0.2 * 0.8 + 0.15])
+    diffuse = np.array([0.2 * 0.6, 0.0, 0.2 * 0.8 + 0.45])
+    np.testing.assert_allclose(result.normals["highlight"], highlight / np.linalg.norm(highlight), rtol=1e-12)
+    np.testing.assert_allclose(result.normals["diffuse"], diffuse / np.linalg.norm(diffuse), rtol=1e-12)
+
+
+def test_an_index_is_averaged_by_energy() -> None:
+    glass = {"metallic": 0.0, "surfaceColor": (1.0, 1.0, 1.0), "roughness": 0.5, "clear": 1.0}
+    result = _over(glass | {"ior": 2.0, "clear": 0.5}, glass | {"ior": 1.2}, 0.4)
+    # Energies are as 0.4 x 1 to 0.6 x 0.5.
+    assert result.terms["specularTransmission"].bend == pytest.approx((0.4 * 0.2 + 0.3 * 1.0) / 0.7, rel=1e-12)
+
+
+def _random(rng: np.random.Generator, count: int, wo: Floats, **given: Any) -> Partition:
+    return layer_partition(random_parameters(rng, "pixar", {"energy": "published"}, count) | given, wo)
+
+
+def _assert_weights(result: Partition, wanted: dict[str, tuple[Floats, Floats]]) -> None:
+    for name, (normal, grazing) in wanted.items():
+        np.testing.assert_allclose(result.terms[name].normal, normal, rtol=1e-12, atol=1e-12, err_msg=name)
+        np.testing.assert_allclose(result.terms[name].grazing, grazing, rtol=1e-12, atol=1e-12, err_msg=name)
+
+
+def _mixed(a: Partition, b: Partition, of_a: Floats, of_b: Floats) -> dict[str, tuple[Floats, Floats]]:
+    def mixed(x: Floats, y: Floats) -> Floats:
+        return x * of_a[..., None] + y * of_b[..., None]
+
+    return {
+        name: (mixed(a.terms[name].normal, b.terms[name].normal), mixed(a.terms[name].grazing, b.terms[name].grazing))
+        for name in a.terms
+    }
+
+
+def _assert_same(one: Partition, other: Partition) -> None:
+    """Assert that shapes and normals agree too, where there is any light that they give a shape to."""
+    _assert_weights(one, {name: (term.normal, term.grazing) for name, term in other.terms.items()})
+    np.testing.assert_allclose(one.presence, other.presence, rtol=1e-12, atol=1e-12)
+    for name, term in one.terms.items():
+        lit = term.energy(one.cosine(name)) > 1e-9
+        for shape in ("cone", "bend"):
+            mine, yours = (np.broadcast_to(getattr(p.terms[name], shape), lit.shape) for p in (one, other))
+            np.testing.assert_allclose(mine[lit], yours[lit], rtol=1e-9, atol=1e-9, err_msg=f"{name} {shape}")
+
+
+_COUNT = 500
+
+
+def test_simple_layering_mixes_every_weight() -> None:
+    rng = np.random.default_rng(31)
+    wo, mask = directions(rng, _COUNT), rng.random(_COUNT)
+    above, below = _random(rng, _COUNT, wo, presence=np.ones(_COUNT)), _random(rng, _COUNT, wo)
+    _assert_weights(layer(above, below, mask, "over"), _mixed(above, below, mask, 1.0 - mask))
+
+
+@pytest.mark.parametrize("mode", ["over", "transmit"])
+def test_presence_lets_what_is_beneath_through_unchanged(mode: Any) -> None:
+    rng = np.random.default_rng(32)
+    wo, presence = directions(rng, _COUNT), rng.random(_COUNT)
+    parameters = random_parameters(rng, "pixar", {"energy": "published"}, _COUNT)
+    whole, partly = (layer_partition(parameters | {"presence": p}, wo) for p in (np.ones(_COUNT), presence))
+    below = _random(rng, _COUNT, wo)
+    layered = layer(whole, below, 1.0, mode)
+    result = layer(partly, below, 1.0, mode)
+    _assert_weights(result, _mixed(layered, below, presence, 1.0 - presence))
+    np.testing.assert_allclose(result.presence, presence + (1.0 - presence) * below.presence, rtol=1e-12)
+    # A mask is presence by another name.
+    _assert_same(layer(whole, below, presence, mode), result)
+
+
+@pytest.mark.parametrize("mode", ["over", "transmit"])
+def test_over_a_hole_a_layer_is_alone(mode: Any) -> None:
+    rng = np.random.default_rng(33)
+    wo = directions(rng, _COUNT)
+    above, hole = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo, presence=np.zeros(_COUNT))
+    result = layer(above, hole, 1.0, mode)
+    _assert_same(result, above)
+    for kind, normal in result.normals.items():
+        lit = sum(term.energy(above.cosine(name)) for name, term in above.terms.items() if family(name) == kind) > 1e-9
+        np.testing.assert_allclose(normal[lit], above.normals[kind][lit], atol=1e-12)
+
+
+@pytest.mark.parametrize("mode", ["over", "transmit"])
+def test_beneath_a_hole_a_layer_is_alone(mode: Any) -> None:
+    rng = np.random.default_rng(34)
+    wo = directions(rng, _COUNT)
+    hole, below = _random(rng, _COUNT, wo, presence=np.zeros(_COUNT)), _random(rng, _COUNT, wo)
+    _assert_same(layer(hole, below, 1.0, mode), below)
+    _assert_same(layer(below, hole, 0.0, mode), hole)
+
+
+def test_transmitting_layers_may_be_put_together_in_any_order() -> None:
+    rng = np.random.default_rng(35)
+    wo = directions(rng, _COUNT)
+    a, b, c = (_random(rng, _COUNT, wo) for _ in range(3))
+    left = layer(layer(a, b, 1.0, "transmit"), c, 1.0, "transmit")
+    right = layer(a, layer(b, c, 1.0, "transmit"), 1.0, "transmit")
+    _assert_weights(left, {name: (term.normal, term.grazing) for name, term in right.terms.items()})
+    np.testing.assert_allclose(left.presence, right.presence, rtol=1e-12)
+    assert all(term.normal.max() > 0.1 for term in left.terms.values())
+
+
+def test_averaged_normals_stay_among_those_averaged() -> None:
+    rng = np.random.default_rng(36)
+    wo = directions(rng, _COUNT)
+    above, below = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo)
+    for mode in ("over", "transmit"):
+        for kind, normal in layer(above, below, rng.random(_COUNT), mode).normals.items():
+            np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1.0, rtol=1e-12)
+            span = np.sum(above.normals[kind] * below.normals[kind], axis=-1)
+            for other in (above.normals[kind], below.normals[kind]):
+                # Within the angle between the two: or the zenith, where nothing has any energy.
+                inside = np.sum(normal * other, axis=-1) >= span - 1e-9
+                assert (inside | (normal == ZENITH).all(axis=-1)).all()

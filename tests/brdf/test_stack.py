@@ -1,0 +1,114 @@
+"""Stacks: parameters of Disney's layers, lobes of Pixar's, evaluated BSDFs of both."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from random_parameters import directions, random_parameters
+
+from lookdev.brdf import MODELS, PARAMETERS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
+from lookdev.brdf.layering import blend_parameters
+from lookdev.errors import ModelError
+
+Floats = NDArray[np.float64]
+
+_COUNT = 500
+_TOKENS = {"disney": {"variant": "2014"}, "pixar": {"energy": "published"}}
+
+
+def _directions(rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return views above the horizon, and lights on both sides of it."""
+    return directions(rng, _COUNT), directions(rng, _COUNT) * rng.choice([-1.0, 1.0], (_COUNT, 1))
+
+
+def _random(rng: np.random.Generator, model: str, **given: Any) -> dict[str, Any]:
+    return random_parameters(rng, model, _TOKENS[model], _COUNT) | given
+
+
+def test_disney_layers_are_blended_as_parameters() -> None:
+    rng = np.random.default_rng(41)
+    below, above = _random(rng, "disney"), _random(rng, "disney")
+    mask = rng.random(_COUNT)
+    blended = MODELS["disney"](blend_parameters(PARAMETERS["disney"], below, above, mask))
+    stack = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above, mask)])
+    wo, wi = _directions(rng)
+    np.testing.assert_array_equal(evaluate(stack, wo, wi), evaluate(blended, wo, wi))
+    np.testing.assert_array_equal(pdf(stack, wo, wi), pdf(blended, wo, wi))
+
+
+@pytest.mark.parametrize(("base", "top"), [("disney", "pixar"), ("pixar", "disney")])
+def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> None:
+    rng = np.random.default_rng(42)
+    below, above = _random(rng, base), _random(rng, top)
+    mask = rng.random(_COUNT)
+    wo, wi = _directions(rng)
+    stack = stack_bsdf([StackLayer(base, below), StackLayer(top, above, mask)])
+    # Pixar's f is of what is present of it already.
+    parts = {model: MODELS[model](parameters) for model, parameters in ((base, below), (top, above))}
+    covered = mask * parts[top].presence
+    for function in (evaluate, evaluate_cosine):
+        wanted = mask[:, None] * function(parts[top], wo, wi) + (1.0 - covered)[:, None] * function(parts[base], wo, wi)
+        np.testing.assert_allclose(function(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(stack.presence, covered + (1.0 - covered) * parts[base].presence, rtol=1e-12)
+    # Thin where one of them is: both sides look alike.
+    np.testing.assert_array_equal(evaluate(stack, -wo, -wi), evaluate(stack, wo, wi))
+    assert evaluate(stack, wo, wi)[wi[:, 2] < 0.0].any()
+
+
+def test_from_the_first_other_model_on_layers_are_blended_one_by_one() -> None:
+    rng = np.random.default_rng(43)
+    layers = [
+        StackLayer(model, _random(rng, model, **({"presence": 1.0} if model == "pixar" else {})), rng.random(_COUNT))
+        for model in ("pixar", "pixar", "disney", "disney", "pixar")
+    ]
+    wo, wi = _directions(rng)
+    wanted = evaluate(stack_bsdf(layers[:2]), wo, wi)
+    for each in layers[2:]:
+        f = evaluate(MODELS[each.model](each.parameters), wo, wi)
+        wanted = each.mask[:, None] * f + (1.0 - each.mask)[:, None] * wanted
+    np.testing.assert_allclose(evaluate(stack_bsdf(layers), wo, wi), wanted, rtol=1e-12, atol=1e-15)
+
+
+def test_a_mixed_stack_is_sampled_where_it_sends_light() -> None:
+    rng = np.random.default_rng(44)
+    layers = [StackLayer("disney", _random(rng, "disney")), StackLayer("pixar", _random(rng, "pixar"), 0.5)]
+    wo, wi = _directions(rng)
+    stack = stack_bsdf(layers)
+    lit = evaluate_cosine(stack, wo, wi).max(axis=-1) > 1e-12
+    assert np.count_nonzero(lit) > 300
+    assert (pdf(stack, wo, wi)[lit] > 0.0).all()
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_mask_of_the_base_has_no_meaning(model: str) -> None:
+    rng = np.random.default_rng(45)
+    parameters = _random(rng, model)
+    wo, wi = _directions(rng)
+    alone, masked = (stack_bsdf([StackLayer(model, parameters, mask)]) for mask in (1.0, 0.25))
+    np.testing.assert_array_equal(evaluate(alone, wo, wi), evaluate(masked, wo, wi))
+
+
+def _layer(model: str, mode: Any = "over", **given: Any) -> StackLayer:
+    return StackLayer(model, complete_parameters(model, given), 1.0, mode)
+
+
+@pytest.mark.parametrize(
+    ("layers", "message"),
+    [
+        ([], "a stack has no layers; a base would be right"),
+        ([_layer("disney"), _layer("pixar", "transmit")], "layer 1: mode 'transmit' needs Pixar layers only"),
+        ([_layer("pixar"), _layer("disney", "transmit")], "layer 1: mode 'transmit' needs Pixar layers only"),
+        (
+            [_layer("pixar"), _layer("disney"), _layer("pixar", "transmit")],
+            "layer 2: mode 'transmit' needs Pixar layers only, here and beneath",
+        ),
+        ([_layer("pixar"), _layer("pixar", energy="conserving")], "layers disagree on 'energy'"),
+        ([_layer("disney"), _layer("disney", variant="2012")], "layers disagree on 'variant'"),
+    ],
+)
+def test_layers_that_do_not_fit_are_told(layers: list[StackLayer], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        stack_bsdf(layers)

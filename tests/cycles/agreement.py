@@ -1,0 +1,87 @@
+"""What it means that frames of Cycles agree with the float64 reference: within the noise that they themselves claim.
+
+Frames of different seeds are independent halves of every pixel, whose spread is their noise. Student's t of each pixel
+against the reference must then be distributed as noise alone makes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from conftest import orbit_camera
+from scipy import stats
+from scipy.ndimage import binary_erosion
+
+from lookdev.batch.worker import Rendered
+from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
+from lookdev.checks.error import EPSILON
+from lookdev.ibl import LightTables, read_distribution
+from lookdev.material import Layer
+from lookdev.plan.task import Pose
+from lookdev.reference.render import shape_pixels
+from lookdev.reference.shapes import Shape
+
+
+def constant_bsdf(layers: Sequence[Layer]) -> Bsdf:
+    """Return the BSDF of layers whose inputs are constants, on an asset whose UVs are not mirrored."""
+    return stack_bsdf(
+        [
+            StackLayer(layer.model, complete_parameters(layer.model, layer.inputs), layer.mask, layer.mode)
+            for layer in layers
+        ]
+    )
+
+
+def assert_agreement(
+    frames: Sequence[Rendered],
+    layers: Sequence[Layer],
+    shape: Shape,
+    radius: float,
+    light: LightTables,
+    pose: Pose,
+    *,
+    bounces: int = 0,
+    scrambles: int = 4,
+    pixels: int = 300,
+) -> None:
+    """Compare `pixels` random pixels of square frames of a shape about the origin with the reference."""
+    covered = np.argwhere(frames[0].alpha > 0.0)
+    chosen = np.random.default_rng(1).permutation(covered)[:pixels]
+    size = frames[0].alpha.shape[0]
+    reference = shape_pixels(
+        constant_bsdf(layers),
+        shape,
+        read_distribution(light),
+        orbit_camera((0.0, 0.0, 0.0), radius),
+        pose,
+        (size, size),
+        chosen[:, ::-1],
+        bounces=bounces,
+        scrambles=scrambles,
+    )
+    halves = np.stack([half[tuple(chosen.T)] for frame in frames for half in (frame.a, frame.b)]).astype(np.float64)
+    # Channels share their samples: one number a pixel.
+    values, expected = halves.mean(axis=-1), reference.value.mean(axis=-1)
+    error = np.sqrt(values.var(axis=0, ddof=1) / len(values) + reference.error.mean(axis=-1) ** 2)
+    t = (values.mean(axis=0) - expected) / np.maximum(error, 1e-6)
+    freedom = len(values) - 1
+
+    # No bias: pixels are scrambled independently, so the mean of their t is normal. Four sigma.
+    spread = np.sqrt(freedom / (freedom - 2) / len(chosen))
+    assert abs(t.mean()) < 4.0 * spread
+    # No pixel is off by more than noise makes it, Sidak-corrected to 1e-3 over all pixels; coverage of a silhouette is
+    # a binary variable, whose tails a t-distribution underestimates: these get a quarter more.
+    limit = stats.t.ppf(1.0 - (1.0 - (1.0 - 1e-3) ** (1.0 / len(chosen))) / 2.0, freedom)
+    interior = binary_erosion(frames[0].alpha > 0.0, np.ones((3, 3)))[tuple(chosen.T)]
+    assert np.abs(t[interior]).max() < limit
+    assert np.abs(t).max() < 1.25 * limit
+    # The usual number of pixels beyond 5 %, within four sigma of a binomial.
+    beyond = (np.abs(t) > stats.t.ppf(0.975, freedom)).mean()
+    assert beyond < 0.05 + 4.0 * np.sqrt(0.05 * 0.95 / len(chosen))
+
+    # What the halves say of a frame's error, over these pixels, is what it is.
+    a, b = halves[0::2], halves[1::2]
+    scale = reference.value**2 + EPSILON
+    true, claimed = ((((a + b) / 2.0 - reference.value) ** 2) / scale).mean(), (((a - b) / 2.0) ** 2 / scale).mean()
+    assert 0.5 < claimed / true < 2.0

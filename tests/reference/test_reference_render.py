@@ -1,0 +1,227 @@
+"""The reference renderer against what can be known without it: furnaces, quadrature, and light inside a sphere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
+from lookdev.ibl import EnvironmentMap, Repairs, load_environment
+from lookdev.ibl.mapping import rotate_z, uv_to_direction
+from lookdev.ibl.tables import build_distribution
+from lookdev.plan.camera import camera_rays
+from lookdev.plan.task import Camera, Pose
+from lookdev.reference.render import shape_pixels
+from lookdev.reference.shapes import Plane, Sphere
+
+POSE = Pose(30.0, 75.0)
+CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
+SIZE = (64, 64)
+INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cover whole in POSE
+
+# Sixteen scrambles: beyond five of their standard errors is, with fifteen degrees of freedom, one in six thousand.
+SIGMAS, NOISE = 5.0, 2e-2
+
+
+def estimate(bsdf, shape, light, *, pose=POSE, pixels=INSIDE, samples=512, **options):
+    return shape_pixels(bsdf, shape, light, CAMERA, pose, SIZE, pixels, samples=samples, scrambles=16, **options)
+
+
+def assert_agrees(got, expected):
+    """Check values within their own noise, which must be small; where there is none, to 1e-9."""
+    assert (got.error <= NOISE * got.value).all()
+    assert (np.abs(got.value - expected) <= SIGMAS * got.error + 1e-9).all()
+
+
+def lambert(reflected, transmitted, presence=1.0):
+    """Return a diffuse surface that reflects and transmits given fractions of the light."""
+
+    def lobe(name, albedo, transmits):
+        def draw(u1, u2):
+            radius, angle = np.sqrt(u1), 2.0 * np.pi * u2
+            return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - u1)], axis=-1)
+
+        return Lobe(
+            name,
+            presence * albedo,
+            lambda d: np.full(d.wi.shape, presence * albedo / np.pi),
+            lambda d: d.cos_theta_i / np.pi,
+            draw,
+            transmits,
+        )
+
+    lobes = lobe("reflected", reflected, False), lobe("transmitted", transmitted, True)
+    return Bsdf(lambda wo: lobes, presence, two_sided=True)
+
+
+def light_of(radiance):
+    return build_distribution(EnvironmentMap("test", radiance.astype(np.float32), Repairs(), ""))
+
+
+@pytest.fixture(scope="module")
+def white():
+    return build_distribution(load_environment(builtin="white"))
+
+
+@pytest.fixture(scope="module")
+def lamps():
+    return light_of(0.05 + 5.0 * np.random.default_rng(5).uniform(size=(16, 32, 3)) ** 6)
+
+
+def sky(light, pose, height=192):
+    """Return directions (N, 3), radiance from them (N, 3) and solid angles (N, 1): a midpoint rule over the sphere."""
+    v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
+    direction = uv_to_direction(np.stack([u, v], axis=-1)).reshape(-1, 3)
+    solid = 2.0 * (np.pi / (2 * height)) * np.sin(np.pi / (2 * height)) * np.hypot(*direction[:, :2].T)
+    solid *= 4.0 * np.pi / solid.sum()
+    return rotate_z(direction, pose.lighting - pose.element), light.radiance(direction), solid[:, None]
+
+
+def in_pixel(shape, pixel, pose):
+    """Return where nine rays spread over a pixel hit, the frames there, and the rays."""
+    x, y = (np.stack(np.meshgrid([1, 3, 5], [1, 3, 5])).reshape(2, -1) / 6.0) + pixel[:, None]
+    origin, ray = camera_rays(CAMERA, pose, SIZE, x, y)
+    hit, point = shape.hit(origin, ray)
+    assert hit.all()
+    return point, shape.frame(point, -ray), ray
+
+
+def normals_in_pixels(shape, pose=POSE):
+    """Return the normals (P, 9, 3), towards the viewer, where rays hit."""
+    return np.stack([in_pixel(shape, pixel, pose)[1][:, 2] for pixel in INSIDE])
+
+
+def irradiance(normals, light, pose=POSE):
+    """Return the mean irradiance (P, 3) of places of the given normals (P, 9, 3)."""
+    direction, radiance, solid = sky(light, pose)
+    return np.maximum(normals @ direction.T, 0.0).mean(axis=1) @ (radiance * solid)
+
+
+def mean_irradiance(light):
+    """Return the irradiance (3,) of a sphere's outside, averaged over the sphere: a quarter faces each direction."""
+    _, radiance, solid = sky(light, POSE)
+    return (radiance * solid).sum(axis=0) / 4.0
+
+
+@pytest.mark.parametrize("split", [0.0, 0.5, 1.0])
+def test_a_lossless_card_in_a_furnace_is_white(split, white):
+    assert_agrees(estimate(lambert(1.0 - split, split), Plane(), white), 1.0)
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 2, 7])
+def test_a_lossless_shell_in_a_furnace_lacks_what_is_still_inside(bounces, white):
+    # Half of what is inside leaves at every wall.
+    got = estimate(lambert(0.5, 0.5), Sphere(), white, bounces=bounces)
+    assert_agrees(got, 1.0 - 0.5 ** (bounces + 1))
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 4])
+@pytest.mark.parametrize("presence", [0.0, 0.3, 0.8])
+def test_what_is_absent_lets_through(presence, bounces, white):
+    got = estimate(lambert(0.5, 0.5, presence), Sphere(), white, bounces=bounces)
+    half, absent = 0.5 * presence, 1.0 - presence
+    bounced = straight = 0.0  # radiance from inside, of a path that has bounced and of one straight from the camera
+    for _ in range(bounces):
+        bounced, straight = half + absent + half * bounced, half + half * bounced
+    assert_agrees(got, half + half * bounced + absent * straight)
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 3])
+def test_light_inside_a_sphere_is_even(bounces, lamps):
+    # What a diffuse wall radiates lights every place of its sphere alike: an integrating sphere.
+    reflected, transmitted = 0.3, 0.6
+    got = estimate(lambert(reflected, transmitted), Sphere(), lamps, bounces=bounces)
+    inside = transmitted * mean_irradiance(lamps) * sum(reflected**k for k in range(bounces))
+    expected = (reflected * irradiance(normals_in_pixels(Sphere()), lamps) + transmitted * inside) / np.pi
+    assert_agrees(got, expected)
+
+
+def test_light_goes_straight_through_what_is_absent(lamps):
+    presence, reflected, transmitted = 0.4, 0.3 * 0.4, 0.6 * 0.4
+    got = estimate(lambert(0.3, 0.6, presence), Sphere(), lamps, bounces=1)
+    normals = normals_in_pixels(Sphere())
+    # A unit sphere about the origin: the far wall's normal is where it is.
+    far = np.stack([Sphere().onward(point, ray)[1] for point, _, ray in (in_pixel(Sphere(), p, POSE) for p in INSIDE)])
+    # Through the near wall comes what the far one scatters, and the light itself through the gaps of the far one.
+    inside = transmitted * mean_irradiance(lamps) + (1.0 - presence) * irradiance(-normals, lamps)
+    straight = (1.0 - presence) * transmitted * irradiance(far, lamps)
+    expected = (reflected * irradiance(normals, lamps) + transmitted * inside + straight) / np.pi
+    assert_agrees(got, expected)
+
+
+@pytest.mark.parametrize("pose", [POSE, Pose(200.0, 40.0)], ids=["front", "back"])
+@pytest.mark.parametrize(("reflected", "transmitted"), [(0.8, 0.0), (0.0, 0.8), (0.3, 0.5)])
+def test_a_card_shows_the_light_of_both_sides(reflected, transmitted, pose, lamps):
+    got = estimate(lambert(reflected, transmitted), Plane(), lamps, pose=pose, bounces=3)
+    normals = normals_in_pixels(Plane(), pose)
+    front, back = irradiance(normals, lamps, pose), irradiance(-normals, lamps, pose)
+    assert_agrees(got, (reflected * front + transmitted * back) / np.pi)
+
+
+def test_an_opaque_card_lit_from_behind_is_black():
+    radiance = np.zeros((16, 32, 3))
+    radiance[:, 2:14] = 1.0  # u below 1/2 is +y; two texels of margin on either side for the interpolation
+    behind, pose = light_of(radiance), Pose(0.0, 0.0)
+    assert (estimate(lambert(0.8, 0.0), Plane(), behind, pose=pose).value == 0.0).all()
+    assert (estimate(lambert(0.0, 0.8), Plane(), behind, pose=pose).value > 0.1).all()
+
+
+@pytest.mark.parametrize("shape", [Plane(), Sphere()])
+def test_a_card_that_is_partly_there_is_that_much_of_one(shape, lamps):
+    # Without bounces, before a black background; the very same directions.
+    whole = estimate(lambert(0.3, 0.5), shape, lamps)
+    part = estimate(lambert(0.3, 0.5, presence=0.25), shape, lamps)
+    np.testing.assert_allclose(part.value, 0.25 * whole.value, rtol=1e-12)
+
+
+def test_pixels_count_by_what_they_cover(white):
+    # A white disc of known size: the sphere's silhouette, the camera's axis through its middle.
+    camera = Camera(40.0, 0.0, (0.3, 0.0, 0.1), 4.0)
+    pixels = np.stack(np.meshgrid(np.arange(6), np.arange(6)), axis=-1).reshape(-1, 2)
+    got = shape_pixels(
+        lambert(1.0, 0.0), Sphere(camera.target, 0.9), white, camera, POSE, (6, 6), pixels, samples=512, scrambles=16
+    )
+    disc = np.pi * np.tan(np.arcsin(0.9 / camera.distance)) ** 2 / (2.0 * np.tan(np.radians(20.0))) ** 2
+    assert (got.value[[0, 5, 30, 35]] == 0.0).all()
+    error = np.sqrt((got.error**2).sum(axis=0)) / len(pixels)
+    assert (np.abs(got.value.mean(axis=0) - disc) < SIGMAS * error).all()
+    assert (error < 1e-3).all()
+
+
+def test_the_same_seed_gives_the_same_picture_and_another_seed_another(lamps):
+    first, again, other = (estimate(lambert(0.5, 0.4), Sphere(), lamps, bounces=1, seed=seed) for seed in (3, 3, 4))
+    # Sums are rounded by how arrays lie in memory.
+    np.testing.assert_allclose(first.value, again.value, rtol=1e-12)
+    assert (first.value != other.value).all()
+
+
+DISNEY = {"baseColor": (0.8, 0.3, 0.1), "roughness": 0.5, "anisotropic": 0.7}
+PIXAR = {"surfaceColor": (0.8, 0.3, 0.1), "roughness": 0.6, "metallic": 0.3}
+LEAF = {"surfaceColor": (0.4, 0.8, 0.1), "roughness": 0.7, "clear": 0.5, "back": 0.4, "ior": 1.3}
+
+
+@pytest.mark.parametrize(
+    ("model", "parameters", "shape"),
+    [("disney", DISNEY, Sphere()), ("pixar", PIXAR, Sphere()), ("pixar", LEAF, Plane())],
+    ids=["disney", "pixar", "leaf"],
+)
+def test_a_model_is_its_quadrature(model, parameters, shape, lamps):
+    bsdf = MODELS[model](complete_parameters(model, parameters))
+    got = estimate(bsdf, shape, lamps, bounces=2)
+    direction, radiance, solid = sky(lamps, POSE)
+    for pixel, value, error in zip(INSIDE, got.value, got.error, strict=True):
+        _, frames, rays = in_pixel(shape, pixel, POSE)
+        wo = np.einsum("nij,nj->ni", frames, -rays)
+        f = [evaluate_cosine(bsdf, w, direction @ frame.T) for frame, w in zip(frames, wo, strict=True)]
+        expected = (np.mean(f, axis=0) * radiance * solid).sum(axis=0)
+        # Nine points a pixel and the midpoint rule are good to 1e-3.
+        assert (np.abs(value - expected) < SIGMAS * error + 1e-3 * expected).all()
+        assert (error < NOISE * value).all()
+
+
+@pytest.mark.parametrize("bounces", [0, 2, 12])
+def test_pixars_lossless_leaf_is_white(bounces, white):
+    # Roughness 1 leaves the diffuse lobes only, and back 0.5 sends half of what is scattered to the other side.
+    leaf = MODELS["pixar"](complete_parameters("pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5}))
+    assert_agrees(estimate(leaf, Plane(), white, bounces=bounces), 1.0)
+    assert_agrees(estimate(leaf, Sphere(), white, bounces=bounces), 1.0 - 0.5 ** (bounces + 1))
