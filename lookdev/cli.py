@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 import lookdev
+from lookdev import cli_materials
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 
 app = typer.Typer(
@@ -22,6 +23,8 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+app.add_typer(cli_materials.app, name="materials")
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML.", show_default=False)]
 
@@ -63,6 +66,13 @@ def _show_version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"lookdev {lookdev.__version__}")
         raise typer.Exit
+
+
+def _variants(options: list[str] | None) -> dict[str, str]:
+    pairs = [pair.partition("=") for pair in options or ()]
+    if not all(name and choice for name, _, choice in pairs):
+        raise typer.BadParameter("SET=VARIANT is needed, for instance wear=dusty", param_hint="--variants")
+    return {name: choice for name, _, choice in pairs}
 
 
 @app.callback()
@@ -113,6 +123,31 @@ def plan(
         typer.echo(json.dumps(plan_data(prepared.plan, prepared.job.output), indent=2))
     else:
         typer.echo(plan_text(prepared.plan, prepared.job.output))
+
+
+@app.command()
+def validate(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="A USD file with looks.", show_default=False)],
+    prim: Annotated[
+        str | None, typer.Option("--prim", metavar="PATH", help="The only material to look at.", show_default=False)
+    ] = None,
+    variants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--variants",
+            metavar="SET=VARIANT",
+            help="The only variant of a set to look at; all are by default. Once for each set.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Write one JSON document instead of a list.")] = False,
+) -> None:
+    """Say everything that is wrong with the looks of a file, in every variant; exit code 1 if there are errors."""
+    from lookdev.material.validate import validate as validate_looks
+
+    report = validate_looks(file, prim, _variants(variants))
+    typer.echo(json.dumps(report.data(), indent=2) if as_json else report.text())
+    raise typer.Exit(1 if report.has_errors else 0)
 
 
 @app.command()

@@ -5,6 +5,7 @@
     ├── LookError           a look (USD material) is wrong: carries every Fault found in it
     ├── AssetError          an asset cannot be read or has no surface to render
     ├── EnvironmentMapError an image-based light cannot be read
+    ├── ExpressionError     a mask expression is wrong (defined beside the parser, in lookdev.material)
     ├── TextureError        a texture cannot be read or has no such channel
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
     ├── CodegenError        a model uses an operation that the symbolic arrays do not know

@@ -19,6 +19,7 @@ from lookdev.batch.doctor import SYSTEM_LIBRARIES
 from lookdev.brdf import PARAMETERS, Parameter
 from lookdev.cli import app
 from lookdev.job import json_schema, load_job, parse_job
+from lookdev.material.library import read_library
 from lookdev.material.usd import read_look
 
 ROOT = Path(__file__).parents[1]
@@ -65,7 +66,14 @@ def tables() -> dict[str, str]:
         reference = field.get("$ref") or field.get("items", {}).get("$ref")
         if reference:
             made[f"job.{name}"] = _job_table(schema["$defs"][reference.rpartition("/")[2]], schema)
+    made["presets"] = _preset_table()
     return made | {f"models.{model}": _model_table(PARAMETERS[model].values()) for model in PARAMETERS}
+
+
+def _preset_table() -> str:
+    presets = read_library([ROOT / "materials" / "presets"]).presets
+    rows = [(f"[{p.name}](../materials/presets/{p.file.name})", p.category, p.model, p.doc) for p in presets]
+    return _markdown([("preset", "category", "model", "what it is"), *rows])
 
 
 def _job_table(table: dict[str, Any], schema: dict[str, Any]) -> str:
@@ -147,7 +155,8 @@ def test_a_shipped_job_is_valid(file: Path) -> None:
 
 @pytest.mark.parametrize("text", blocks("usda"))
 def test_an_example_look_is_valid(text: str, tmp_path: Path) -> None:
-    (tmp_path / "textures").symlink_to(ROOT / "materials" / "textures")
+    for folder in ("presets", "textures"):
+        (tmp_path / folder).symlink_to(ROOT / "materials" / folder)
     (tmp_path / "look.usda").write_text(text)
     assert read_look(tmp_path / "look.usda").layers
 
@@ -163,8 +172,11 @@ def test_commands_exist(page: Path) -> None:
     for text in code(page):
         for match in _COMMAND.finditer(text):
             assert match["verb"] in verbs, match[0]
-            known = {option for parameter in verbs[match["verb"]].params for option in parameter.opts}
-            assert {word for word in match["rest"].split() if word.startswith("--")} <= known, match[0]
+            command, words = verbs[match["verb"]], match["rest"].split()
+            while words and words[0] in getattr(command, "commands", {}):
+                command = command.commands[words.pop(0)]
+            known = {option for parameter in command.params for option in parameter.opts}
+            assert {word for word in words if word.startswith("--")} <= known, match[0]
 
 
 def test_every_verb_is_in_the_readme() -> None:

@@ -10,7 +10,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,7 @@ from lookdev.job import Job
 from lookdev.output.display import composite, to_display, write_pixels
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_sheet
-from lookdev.plan import Plan
+from lookdev.plan import Plan, frame_files
 from lookdev.plan.task import FrameTask
 
 Floats = NDArray[np.float32]
@@ -30,6 +31,21 @@ Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
 
 SHEET_SOURCE_SIZE = 512
 """Pixels. Larger frames are averaged down on reading, so that a sheet of many never fills the memory."""
+
+OVERVIEW_CELLS = (128, 256)
+"""Pixels, smallest and largest: small frames are not blown up more than the names under them need."""
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A sheet to come: its frames in order, the labels under them, and how they are laid out."""
+
+    path: Path
+    title: str
+    frames: dict[Path, FrameTask]
+    labels: tuple[str, ...]
+    cell: int = 256
+    columns: int | None = None
 
 
 class Pictures:
@@ -53,7 +69,7 @@ class Pictures:
         self._ledger_file = state_folder / "pictures.json"
         self._ledger = _read_ledger(self._ledger_file)
         self._overdue = set(plan.pictures)
-        self._turntables = _turntables(plan)
+        self._sheets = tuple(_sheets(job, plan))
 
     def refresh(self, task: FrameTask) -> None:
         """Make the PNGs of a frame on disk that are missing or out of date.
@@ -80,19 +96,17 @@ class Pictures:
     def refresh_sheets(self, done: set[Path], task: FrameTask | None = None) -> list[Path]:
         """Make the sheets that are out of date and whose frames are all done; return their paths.
 
-        With `task`, of the turntables alone that show it, and in any case: its frame is new.
+        With `task`, of the sheets alone that show it, and in any case: its frame is new.
         """
-        if not self._outputs.sheet:
-            return []
         written = []
-        for sheet, frames in self._turntables.items():
-            if task is not None and frames.keys().isdisjoint(task.files):
+        for sheet in self._sheets:
+            if task is not None and sheet.frames.keys().isdisjoint(task.files):
                 continue
-            key = self._sheet_key(frames)
-            if frames.keys() <= done and (task is not None or not self._is_current(sheet, key)):
-                self._write_sheet(sheet, frames)
-                self._record([sheet], key)
-                written.append(sheet)
+            key = self._sheet_key(sheet)
+            if sheet.frames.keys() <= done and (task is not None or not self._is_current(sheet.path, key)):
+                self._write_sheet(sheet)
+                self._record([sheet.path], key)
+                written.append(sheet.path)
         return written
 
     def _write(self, task: FrameTask, paths: Sequence[Path], beauty: Floats, alpha: Floats) -> None:
@@ -100,21 +114,19 @@ class Pictures:
         write_shared(paths, lambda path: write_pixels(path, pixels))
         self._record(paths, self._picture_key(task))
 
-    def _write_sheet(self, sheet: Path, frames: Mapping[Path, FrameTask]) -> None:
+    def _write_sheet(self, sheet: _Sheet) -> None:
         shown = []
-        for path, task in frames.items():
+        for path, task in sheet.frames.items():
             rgb = composite(*read_frame(path), self._background(task))
             shown.append(to_display(_shrunk(rgb), self._outputs.view))
-        labels = [path.stem.rpartition(".")[2] for path in frames]
-        turntable = sheet.name.removesuffix(".sheet.png")
-        write_sheet(sheet, shown, labels, f"{sheet.parent.parent.name} / {sheet.parent.name} / {turntable}")
+        write_sheet(sheet.path, shown, sheet.labels, sheet.title, sheet.columns, sheet.cell)
 
     def _picture_key(self, task: FrameTask) -> str:
         return f"{task.digest} {self._behind} {self._outputs.view}"
 
-    def _sheet_key(self, frames: Mapping[Path, FrameTask]) -> str:
-        keys = "\n".join(self._picture_key(task) for task in frames.values())
-        return hashlib.sha256(keys.encode()).hexdigest()
+    def _sheet_key(self, sheet: _Sheet) -> str:
+        keys = [*(self._picture_key(task) for task in sheet.frames.values()), *sheet.labels, str(sheet.columns)]
+        return hashlib.sha256("\n".join(keys).encode()).hexdigest()
 
     def _is_current(self, path: Path, key: str) -> bool:
         return self._ledger.get(self._name(path)) == key and path.exists()
@@ -144,14 +156,30 @@ def share(source: Path, target: Path) -> None:
             shutil.copy2(source, temporary)
 
 
-def _turntables(plan: Plan) -> dict[Path, dict[Path, FrameTask]]:
-    """Return the sheet of each turntable with the frames on it, in order."""
-    frames = {path: planned.task for planned in plan.frames for path in planned.task.files}
-    sheets: dict[Path, dict[Path, FrameTask]] = {}
-    for path in sorted(frames):
-        turntable = path.stem.rpartition(".")[0]
-        sheets.setdefault(path.with_name(f"{turntable}.sheet.png"), {})[path] = frames[path]
-    return sheets
+def _sheets(job: Job, plan: Plan) -> Iterator[_Sheet]:
+    """Yield the sheets that a job wants: one for each turntable of a look under a light, then the overviews."""
+    tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
+    shown = [(ibl, turntable) for ibl in job.ibl for turntable in job.turntable]
+    for look in job.look if job.outputs.sheet else ():
+        for ibl, turntable in shown:
+            files = frame_files(job, look.name, ibl.name, turntable)
+            yield _Sheet(
+                files[0].with_name(f"{turntable.name}.sheet.png"),
+                f"{look.name} / {ibl.name} / {turntable.name}",
+                {path: tasks[path] for path in files},
+                tuple(path.stem.rpartition(".")[2] for path in files),
+            )
+    least, most = OVERVIEW_CELLS
+    for ibl, turntable in shown if job.outputs.overview else ():
+        firsts = [frame_files(job, look.name, ibl.name, turntable)[0] for look in job.look]
+        yield _Sheet(
+            job.output / ibl.name / f"{turntable.name}.looks.png",
+            f"{ibl.name} / {turntable.name}",
+            {path: tasks[path] for path in firsts},
+            tuple(look.name for look in job.look),
+            min(max(least, *job.render.resolution), most),
+            job.outputs.overview_columns,
+        )
 
 
 def _shrunk(rgb: Floats) -> Floats:

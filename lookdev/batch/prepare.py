@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -27,11 +27,15 @@ _NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18
 
 @dataclass(frozen=True)
 class Prepared:
-    """A job, its plan, and what the user should know of its files (repaired texels, parts left neutral)."""
+    """A job, its plan, and what the user should know of its files (repaired texels, parts left neutral).
+
+    `looks` has by name what each slot of the asset wears.
+    """
 
     job: Job
     plan: Plan
     notes: tuple[str, ...]
+    looks: Mapping[str, tuple[Look, ...]]
 
 
 def prepare_job(path: Path) -> Prepared:
@@ -65,7 +69,7 @@ def prepare_job(path: Path) -> Prepared:
                 faults += _attribute_faults(asset, scene.shaders)
                 scenes[look.name, ibl] = scene
     _raise_all(faults)
-    return Prepared(job, build_plan(job, scenes, read_header), tuple(notes))
+    return Prepared(job, build_plan(job, scenes, read_header), tuple(notes), looks)
 
 
 def make_scene(
@@ -165,10 +169,10 @@ def _looks(
     for material in {slot.material: None for slot in slots if slot.material is not None}:
         if job.asset.usd is not None and has_look(job.asset.usd, material):
             with _collected(job, "asset", faults):
-                bound[material] = read_look(job.asset.usd, material)
+                bound[material] = read_look(job.asset.usd, material, open_images=False)
     for place, wanted in zip(places, job.look, strict=True):
         with _collected(job, place, faults):
-            look = read_look(wanted.material, wanted.prim, wanted.variants, wanted.name)
+            look = read_look(wanted.material, wanted.prim, wanted.variants, wanted.name, open_images=False)
             for pattern in wanted.parts or () if slots else ():
                 if not any(fnmatchcase(slot.path, pattern) for slot in slots):
                     known = "known: " + ", ".join(slot.path for slot in slots)

@@ -195,13 +195,16 @@ class _Run:
     def bring_up_to_date(self, force: bool) -> list[FrameTask]:
         """Make all that needs no rendering; return the frames that do."""
         tasks = [frame.task for frame in self._plan.frames]
-        remove_leftovers(self._folder, {path.parent for task in tasks for path in task.files})
+        folders = {path.parent for task in tasks for path in task.files}
+        # Beside the looks' folders are those of the sheets that show them side by side.
+        remove_leftovers(self._folder, folders | {self._folder / folder.name for folder in folders})
         pending = tasks if force else list(self._plan.pending())
-        waiting = {task.digest for task in pending}
+        # By file: two looks that are equal have one digest.
+        waiting = {task.files for task in pending}
         for copy in () if force else self._plan.copies():
             share(copy.source, copy.target)
         for task in tasks:
-            if task.digest in waiting:
+            if task.files in waiting:
                 continue
             try:
                 self._pictures.refresh(task)

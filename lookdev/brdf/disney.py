@@ -11,10 +11,12 @@ Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
+from lookdev.brdf.frames import facing_viewer, to_local, unit_normal
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, scale
@@ -122,10 +124,13 @@ def disney_bsdf(parameters: Mapping[str, Array]) -> Bsdf:
     Parameters
     ----------
     parameters
-        Every input of `DISNEY_PARAMETERS`: floats (...), colours (..., 3), `variant` a string.
+        Every input of `DISNEY_PARAMETERS`: floats (...), colours and the normal (..., 3), `variant` a string.
     """
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
-        return _diffuse(parameters), _specular(parameters, wo), _clearcoat(parameters, wo)
+        normal = facing_viewer(unit_normal(parameters["normal"]), wo)
+        local = to_local(normal, wo)
+        built = _diffuse(parameters), _specular(parameters, local), _clearcoat(parameters, local)
+        return tuple(replace(lobe, normal=normal) for lobe in built)
 
     return Bsdf(lobes)

@@ -30,6 +30,14 @@ DISNEY_PARAMETERS: dict[str, Parameter] = {
         Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),
         Parameter("clearcoatGloss", "float", 1.0, help="Clearcoat glossiness: 0 satin, 1 gloss."),
         Parameter(
+            "normal",
+            "normal",
+            (0.0, 0.0, 1.0),
+            hard=(-1.0, 1.0),
+            soft=(-1.0, 1.0),
+            help="Normal of all lobes, in the frame of tangent, bitangent and shading normal.",
+        ),
+        Parameter(
             "variant",
             "token",
             "2014",

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, dot, normalize, scale
+from lookdev.brdf.vectors import Array, dot, normalize, same, scale
 
 ZENITH = np.array([0.0, 0.0, 1.0])
 """The shading normal itself."""
@@ -18,7 +18,8 @@ _LEAN = 1e-4
 
 def unit_normal(vector: Array) -> Array:
     """Normalise what a normal map says, (..., 3); an overhang, or no vector at all, is pulled up to z = 0.01."""
-    return normalize(np.stack([vector[..., 0], vector[..., 1], np.maximum(vector[..., 2], _LOWEST)], axis=-1))
+    normal = normalize(np.stack([vector[..., 0], vector[..., 1], np.maximum(vector[..., 2], _LOWEST)], axis=-1))
+    return ZENITH if same(normal, ZENITH) else normal
 
 
 def facing_viewer(normal: Array, wo: Array) -> Array:
@@ -26,6 +27,8 @@ def facing_viewer(normal: Array, wo: Array) -> Array:
 
     The shading normal itself, which `wo` is above, stays as it is.
     """
+    if normal is ZENITH:
+        return ZENITH
     lean = dot(normal, wo)
     return normalize(normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _LEAN) - lean, 0.0)))
 

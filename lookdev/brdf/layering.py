@@ -23,7 +23,7 @@ def blend_parameters(
     Parameters
     ----------
     parameters
-        The model's inputs, whose kinds tell colours (..., 3) from floats (...).
+        The model's inputs, whose kinds tell colours and normals (..., 3) from floats (...).
     below, above
         A value for every input.
     mask : (...)
@@ -45,7 +45,7 @@ def blend_parameters(
                 )
             blended[name] = lower
         else:
-            t = np.expand_dims(mask, -1) if parameter.kind == "color" else mask
+            t = mask if parameter.kind == "float" else np.expand_dims(mask, -1)
             # a + (b - a) need not round to b. With a constant mask of 1 nothing below is read any more.
             blended[name] = np.where(t >= 1.0, upper, mix(lower, upper, t))
     return blended

@@ -21,7 +21,7 @@ from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import ZENITH, facing_viewer, to_local, unit_normal
 from lookdev.brdf.fresnel import fresnel_blend, schlick_weight
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.vectors import TINY, Array, dot, mean, mix, mix_color, reflect, same, scale
+from lookdev.brdf.vectors import TINY, Array, dot, mean, mix, mix_color, reflect, scale
 
 PI = np.pi
 
@@ -82,7 +82,7 @@ def family(name: str) -> Literal["diffuse", "highlight"]:
 
 def view_cosine(normal: Array, wo: Array) -> Array:
     """Cosine between unit vectors (..., 3), at least 0."""
-    return wo[..., 2] if same(normal, ZENITH) else np.maximum(dot(normal, wo), 0.0)
+    return wo[..., 2] if normal is ZENITH else np.maximum(dot(normal, wo), 0.0)
 
 
 def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
@@ -95,8 +95,7 @@ def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
     wo : (..., 3)
         Unit directions to the viewer, above the horizon.
     """
-    normals = {name: p[f"{name}Normal"] for name in ("diffuse", "highlight")}
-    normals = {name: ZENITH if same(n, ZENITH) else unit_normal(n) for name, n in normals.items()}
+    normals = {name: unit_normal(p[f"{name}Normal"]) for name in ("diffuse", "highlight")}
     cosines = {name: view_cosine(n, wo) for name, n in normals.items()}
     conserving = p["energy"] == "conserving"
     color, rough, clear, back = p["surfaceColor"], p["roughness"], p["clear"], p["back"]
@@ -154,7 +153,7 @@ def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
     """Build the six lobes."""
-    normals = {name: n if same(n, ZENITH) else facing_viewer(n, partition.wo) for name, n in partition.normals.items()}
+    normals = {name: facing_viewer(normal, partition.wo) for name, normal in partition.normals.items()}
     lobes = []
     for name in ("diffuse", "specular", "reflection", "diffuseTransmission", "specularTransmission", "refraction"):
         normal, transmits = normals[family(name)], name in THROUGH

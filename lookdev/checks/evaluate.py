@@ -6,8 +6,8 @@ import json
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
-from lookdev.codegen.surface import PointLayer, point_columns
+from lookdev.codegen.surface import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 
 Backend = Literal["numpy", "cycles"]
@@ -30,7 +30,8 @@ _LAYER_KEYS = ("model", "params", "mask", "mode")
 class Batch:
     """Cases of stacks that differ in numbers only: wo, wi (n, 3); of each layer, base first, its kind and its numbers.
 
-    `numbers` has for each layer its parameters, (n,) or (n, 3), and its ``"mask"``, (n,).
+    `numbers` has for each layer those of its parameters, (n,) or (n, 3), and its ``"mask"``, (n,), that are not among
+    its constants.
     """
 
     layers: tuple[PointLayer, ...]
@@ -44,12 +45,13 @@ class Batch:
 
 
 def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]]) -> Bsdf:
-    return stack_bsdf(
-        [
-            StackLayer(layer.model, {**values, **layer.tokens}, values["mask"], layer.mode)
-            for layer, values in zip(layers, numbers, strict=True)
-        ]
-    )
+    stack = []
+    for layer, varying in zip(layers, numbers, strict=True):
+        constants = {name: np.asarray(value, dtype=np.float64) for name, value in layer.constants.items()}
+        values = {**layer.tokens, **constants, **varying}
+        mask = values.pop("mask")
+        stack.append(StackLayer(layer.model, values, mask, layer.mode))
+    return stack_bsdf(stack)
 
 
 def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
@@ -94,10 +96,13 @@ def evaluate_numpy(batch: Batch) -> tuple[Floats, Floats]:
     return evaluate(bsdf, batch.wo, batch.wi), pdf(bsdf, batch.wo, batch.wi)
 
 
-def evaluate_cycles(batch: Batch, lobes: Sequence[str] = ()) -> tuple[Floats, Floats]:
+def evaluate_cycles(
+    batch: Batch, lobes: Sequence[str] | None = None, alter: Callable[[str], str] = lambda osl: osl
+) -> tuple[Floats, Floats]:
     """Evaluate the generated OSL inside Cycles, in a process of its own.
 
-    `lobes` restricts the stack to some of its lobes. Values are float32.
+    `lobes` restricts the stack to some of its lobes; `alter` is given the shader's text and returns the one to run.
+    Values are float32.
 
     Raises
     ------
@@ -114,8 +119,8 @@ def evaluate_cycles(batch: Batch, lobes: Sequence[str] = ()) -> tuple[Floats, Fl
     table = np.stack([columns[name] for name in point_columns(batch.layers)], axis=-1).astype(np.float32)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
         request = Path(folder) / "request.npz"
-        layers = json.dumps([asdict(layer) for layer in batch.layers])
-        np.savez(request, layers=np.array(layers), lobes=np.array(list(lobes), dtype=np.str_), table=table)
+        osl = alter(generate_points(batch.layers, lobes).osl)
+        np.savez(request, osl=np.array(osl), cells=point_cells(batch.layers), table=table)
         command = [sys.executable, "-m", "lookdev.cycles", "--points", str(request)]
         process = subprocess.run(command, capture_output=True, text=True, timeout=_WORKER_PATIENCE, check=False)
         result = request.with_suffix(".result.npz")

@@ -21,7 +21,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.vectors import same, scale
 from lookdev.codegen.graph import Graph, Node
-from lookdev.codegen.osl import Block, depends_on, reachable
+from lookdev.codegen.osl import Block, depends_on, in_order, reachable
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
 
 WO = ("wo_x", "wo_y", "wo_z")
@@ -108,24 +108,9 @@ def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
 
 def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
     """Return the nodes to compute once a shading point: invariant operands of varying nodes, in a stable order."""
-    found: dict[Node, None] = {}
-    seen: set[Node] = set()
-
-    def visit(node: Node) -> None:
-        if node in seen:
-            return
-        seen.add(node)
-        if node not in varying:
-            if node.op != "symbol":
-                found[node] = None
-            return
-        for operand in node.operands():
-            visit(operand)
-
-    for value in values:
-        if isinstance(value, Node):
-            visit(value)
-    return list(found)
+    roots = [value for value in values if isinstance(value, Node)]
+    operands = [operand for node in in_order(roots, lambda node: node not in varying) for operand in node.operands()]
+    return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
 def _evaluate(lobes: Sequence[TracedLobe], setup: Block, varying: set[Node]) -> Iterable[str]:

@@ -7,7 +7,7 @@ node used more than once, and writes the rest inline. OSL computes in float32.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -62,22 +62,30 @@ def literal(value: float | bool) -> str:
     return repr(float(value))
 
 
+def in_order(roots: Iterable[Any], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
+    """Give every node under `roots` once, after its operands; not those at which to stop, nor what only they need.
+
+    Without recursion: nested expressions make graphs thousands of operations deep.
+    """
+    seen: set[Node] = set()
+    stack = [(root, False) for root in reversed(list(roots)) if isinstance(root, Node)]
+    while stack:
+        node, operands_done = stack.pop()
+        if operands_done:
+            yield node
+        elif node not in seen and not stop(node):
+            seen.add(node)
+            stack.append((node, True))
+            stack += [(operand, False) for operand in reversed(node.operands())]
+
+
 def depends_on(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
     """Return all nodes under `roots` that depend on one of the named symbols."""
-    dependent: dict[Node, bool] = {}
-
-    def visit(node: Node) -> bool:
-        if node not in dependent:
-            found = node.op == "symbol" and node.args[0] in names
-            for operand in node.operands():
-                found = visit(operand) or found
-            dependent[node] = found
-        return dependent[node]
-
-    for root in roots:
-        if isinstance(root, Node):
-            visit(root)
-    return {node for node, found in dependent.items() if found}
+    found: set[Node] = set()
+    for node in in_order(roots):
+        if (node.op == "symbol" and node.args[0] in names) or any(operand in found for operand in node.operands()):
+            found.add(node)
+    return found
 
 
 def reachable(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
@@ -119,26 +127,31 @@ class Block:
 
     def name(self, value: Any) -> str:
         """Compute `value` into a variable of its own and return its name (or its literal)."""
+        code = self.expression(value)
         if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
-            self._define(value, self._code(value))
-        return self.expression(value)
-
-    def expression(self, value: Any) -> str:
-        """Return code for `value`, writing the variables it needs first."""
-        if not isinstance(value, Node):
-            return literal(value)
-        if value in self.named:
-            return self.named[value]
-        if value.op == "symbol":
-            return str(value.args[0])
-        code = self._code(value)
-        if self._uses[value] > 1 or len(code) > _MAX_INLINE:
             self._define(value, code)
             return self.named[value]
         return code
 
-    def _code(self, node: Node) -> str:
-        return _CODE[node.op].format(*(self.expression(arg) for arg in node.args))
+    def expression(self, value: Any) -> str:
+        """Return code for `value`, writing the variables it needs first."""
+        inline: dict[Any, str] = {}
+
+        def shown(part: Any) -> str:
+            if not isinstance(part, Node):
+                return literal(part)
+            return self.named.get(part) or inline[part]
+
+        for node in in_order([value], stop=lambda node: node in self.named):
+            if node.op == "symbol":
+                inline[node] = str(node.args[0])
+                continue
+            code = _CODE[node.op].format(*(shown(arg) for arg in node.args))
+            if self._uses[node] > 1 or len(code) > _MAX_INLINE:
+                self._define(node, code)
+            else:
+                inline[node] = code
+        return shown(value)
 
     def _define(self, node: Node, code: str) -> None:
         name = f"{self._prefix}{len(self.named)}"

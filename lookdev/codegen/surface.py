@@ -7,17 +7,21 @@ of that name, ``//@ include file`` by that file, so that the text handed to the 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
+
+import numpy as np
 
 from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, stack_bsdf
 from lookdev.brdf.pixar_layering import Mode
 from lookdev.cache import file_digest
 from lookdev.codegen.brdf import WI, WO, BrdfCode, emit_brdf, trace_lobes
 from lookdev.codegen.graph import Graph
-from lookdev.codegen.look import Inputs, look_bsdf
+from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.look import look_bsdf
 from lookdev.codegen.source import ShaderSource
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
@@ -71,7 +75,19 @@ def generate_surface(
     graph = Graph()
     inputs = Inputs(graph, resolve)
     code = _trace(graph, look_bsdf(look, inputs))
-    textures, attributes = inputs.read_by(code.inputs)
+    attributes = inputs.read_by(code.inputs)
+    sections = _sections(code)
+    # Numbered as they appear in the code, so that what is not needed leaves no trace.
+    read = dict.fromkeys(re.findall(r"\blookup\d+", "".join(line for lines in sections.values() for line in lines)))
+    names = {name: f"texture{number}" for number, name in enumerate(read)}
+    emitted = [inputs.emit(name) for name in read]
+
+    def named(text: str) -> str:
+        return re.sub(r"\blookup\d+", lambda found: names[found[0]], text)
+
+    bound = tuple(
+        replace(binding, parameter=named(binding.parameter)) for _, bindings in emitted for binding in bindings
+    )
     osl = expand_template(
         "surface.osl",
         {
@@ -88,14 +104,13 @@ def generate_surface(
                 f"#define SEE_THROUGH {int(code.see_through)}",
             ],
             "parameters": [
-                *(f'    string {inputs.textures[name].parameter} = "",' for name in textures),
+                *(f'    string {binding.parameter} = "",' for binding in bound),
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
-            "inputs": [f"    {inputs.code[name]}" for name in textures],
-            **_sections(code),
+            "inputs": [f"    {named(line)}" for lines, _ in emitted for line in lines],
+            **{section: [named(line) for line in lines] for section, lines in sections.items()},
         },
     )
-    bound = tuple(inputs.textures[name] for name in textures)
     digest = hashlib.sha256(osl.encode())
     for binding in bound:
         digest.update(file_digest(binding.file).encode())
@@ -106,29 +121,41 @@ def generate_surface(
 
 @dataclass(frozen=True)
 class PointLayer:
-    """What the code of one layer at listed points depends on: everything else is read from a table."""
+    """What the code of one layer at listed points depends on.
+
+    `constants` has the numbers that are the same at every point: they fold as in the shader of a look. Everything else
+    is read from a table.
+    """
 
     model: str
     tokens: Mapping[str, str]
     mode: Mode = "over"
+    constants: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
+        numbers = [parameter for parameter in PARAMETERS[self.model].values() if parameter.kind != "token"]
+        return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
 
 
-def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None, *, cells: int) -> ShaderSource:
+def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
     """Generate the shader that evaluates a stack of layers at listed points: numbers are read from a table.
 
-    A row of the table holds wo, wi, then masks and parameters in the order of `point_columns`. `lobes` restricts the
-    stack to some of its lobes, `cells` is the number of three-channel texels that a row takes.
+    A row of the table holds wo, wi, then masks and parameters in the order of `point_columns`, in `point_cells` texels
+    of three channels. `lobes` restricts the stack to some of its lobes.
     """
     graph = Graph()
     stack = []
     for number, layer in enumerate(layers):
-        parameters: dict[str, object] = dict(layer.tokens)
-        for name, parameter in PARAMETERS[layer.model].items():
-            if parameter.kind == "float":
-                parameters[name] = symbol(graph, f"layer{number}_{name}")
-            elif parameter.kind != "token":
-                parameters[name] = symbols(graph, [f"layer{number}_{name}_{i}" for i in range(3)])
-        stack.append(StackLayer(layer.model, parameters, symbol(graph, f"layer{number}_mask"), layer.mode))
+        values: dict[str, object] = dict(layer.tokens)
+        for name, shape in layer.shapes().items():
+            place = f"layer{number}_{name}"
+            if name in layer.constants:
+                values[name] = np.asarray(layer.constants[name], dtype=np.float64)
+            else:
+                values[name] = symbols(graph, [f"{place}_{i}" for i in range(3)]) if shape else symbol(graph, place)
+        mask = values.pop("mask")
+        stack.append(StackLayer(layer.model, values, mask, layer.mode))
     bsdf = stack_bsdf(stack)
     code = emit_brdf(trace_lobes(graph, bsdf, lambda lobe: lobes is None or lobe.name in lobes))
     columns = point_columns(layers)
@@ -137,25 +164,31 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
         rows.append(f"    cell = points_cell(points_file, {index // 3}, number);")
         rows += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
     constants = [
-        f"#define POINT_CELLS {cells}",
+        f"#define POINT_CELLS {point_cells(layers)}",
         f"#define TRANSMITS {int(code.transmits)}",
         f"#define TWO_SIDED {int(bsdf.two_sided)}",
     ]
     osl = expand_template("points.osl", {"constants": constants, "columns": rows, **_sections(code)})
-    return ShaderSource("points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest())
+    return ShaderSource("points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest(), code.transmits)
 
 
 def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
-    """Return the columns of a table of points: wo, wi, then of each layer its mask and every number of its inputs."""
+    """Return the columns of a table of points: wo, wi, then what varies of each layer, its mask and its inputs."""
     columns = [*WO, *WI]
     for number, layer in enumerate(layers):
-        columns.append(f"layer{number}_mask")
-        for name, parameter in PARAMETERS[layer.model].items():
-            if parameter.kind == "float":
-                columns.append(f"layer{number}_{name}")
-            elif parameter.kind != "token":
-                columns += [f"layer{number}_{name}_{i}" for i in range(3)]
+        for name, shape in layer.shapes().items():
+            if name not in layer.constants:
+                place = f"layer{number}_{name}"
+                columns += [f"{place}_{i}" for i in range(3)] if shape else [place]
     return tuple(columns)
+
+
+def point_cells(layers: Sequence[PointLayer]) -> int:
+    """Return how many texels of three channels a row of a table of points takes.
+
+    A power of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+    """
+    return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
 
 
 def _trace(graph: Graph, bsdf: Bsdf) -> BrdfCode:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,28 +12,30 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.surface import PointLayer, generate_points, point_columns
+from lookdev.codegen.surface import PointLayer, generate_points, point_cells, point_columns
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import script_node
 from lookdev.errors import RenderError
 
-# Powers of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+# A power of two, as the rows and `point_cells` are.
 _COLUMNS = 128
 # Blender renders no fewer rows than this, whatever it is told.
 _MIN_ROWS = 4
 
 
 def evaluate_points(
-    layers: Sequence[PointLayer], table: NDArray[np.float32], lobes: tuple[str, ...] | None = None
+    source: ShaderSource, table: NDArray[np.float32], cells: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Evaluate a stack of layers in Cycles.
 
     Parameters
     ----------
-    layers, lobes
-        As for `lookdev.codegen.surface.generate_points`.
+    source
+        What `lookdev.codegen.surface.generate_points` makes of the layers.
     table : (n, columns)
         A row a point, columns as `point_columns` says.
+    cells
+        The texels of a row, as `point_cells` says.
 
     Returns
     -------
@@ -44,11 +44,9 @@ def evaluate_points(
     """
     count, used = table.shape
     rows = max(_MIN_ROWS, 1 << (-(-count // _COLUMNS) - 1).bit_length())
-    cells = 1 << (-(-used // 3) - 1).bit_length()
     padded = np.zeros((rows * _COLUMNS, cells * 3), dtype=np.float32)
     padded[:count, :used] = table
     image = padded.reshape(rows, _COLUMNS * cells, 3)
-    source = generate_points(layers, lobes, cells=cells)
     with atomic_path(cache_dir("points") / "points.exr") as path:
         header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"RGB": image}).write(str(path))
@@ -58,9 +56,11 @@ def evaluate_points(
 
 
 def _render(source: ShaderSource, table: Path, rows: int, what: int) -> NDArray[np.float32]:
-    """Render a plane that fills the picture: one point a pixel, wherever in the pixel its sample falls."""
+    """Render a plane that fills the picture: one point a pixel."""
     scene = engine.empty_scene()
     engine.configure(scene, (_COLUMNS, rows), bounces=0)
+    # Near its pixel's centre: a sample within float32's rounding of the edge would read its neighbour's row.
+    scene.cycles.filter_width = 0.01
     width, height = 1.0, rows / _COLUMNS
     mesh = bpy.data.meshes.new("points")
     corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
@@ -90,8 +90,8 @@ def _add(scene: Any, name: str, data: Any) -> Any:
 def evaluate_file(request: Path) -> None:
     """Answer a request of `lookdev.checks.evaluate`: an .npz in, its f and pdf beside it."""
     with np.load(request, allow_pickle=False) as stored:
-        layers = [PointLayer(**layer) for layer in json.loads(str(stored["layers"]))]
-        f, pdf = evaluate_points(layers, stored["table"], tuple(stored["lobes"].tolist()) or None)
+        source = ShaderSource("points", str(stored["osl"]), (), (), digest="")
+        f, pdf = evaluate_points(source, stored["table"], int(stored["cells"]))
     with atomic_path(request.with_suffix(".result.npz")) as path:
         np.savez(path, f=f, pdf=pdf)
 
@@ -109,7 +109,7 @@ def self_test() -> dict[str, object]:
     row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0}
     row |= {f"layer0_baseColor_{i}": 0.5 for i in range(3)}
     table = np.array([[row[name] for name in columns]], dtype=np.float32)
-    f, _ = evaluate_points(layers, table, ("diffuse",))
+    f, _ = evaluate_points(generate_points(layers, ["diffuse"]), table, point_cells(layers))
     if not np.allclose(f, 0.5 / np.pi, rtol=1e-5):
         raise RenderError(f"OSL answers {f.tolist()} for a diffuse surface, {0.5 / np.pi} would be right")
     return {"blender": version.VERSION, "osl": True}

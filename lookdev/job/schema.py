@@ -277,6 +277,13 @@ class JobOutputs(Table):
     exr: bool = Field(default=True, description="Float EXR frames; always on, a run resumes by their headers.")
     png: bool = Field(default=True, description="A display picture beside each EXR.")
     sheet: bool = Field(default=True, description="A contact sheet for each turntable.")
+    overview: bool = Field(
+        default=False,
+        description="A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
+    )
+    overview_columns: Annotated[int, Field(ge=1, le=1000)] | None = Field(
+        default=None, description="Looks in a row of an overview; default: what fills a page of 16:10."
+    )
     view: View = Field(default="ACES 1.0 - SDR Video", description="The OCIO view of pictures and sheets.")
 
     @field_validator("exr")
@@ -284,6 +291,13 @@ class JobOutputs(Table):
     def _exr_is_kept(cls, value: bool) -> bool:
         if not value:
             raise _wrong("the EXR cannot be left out: its header tells which frames are done", "exr = true")
+        return value
+
+    @field_validator("overview_columns")
+    @classmethod
+    def _columns_of_an_overview(cls, value: int, info: ValidationInfo) -> int:
+        if info.data.get("overview") is False:
+            raise _wrong("has no meaning without 'overview'", "overview = true")
         return value
 
 

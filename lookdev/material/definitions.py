@@ -29,7 +29,7 @@ _MODE_HELP = (
 
 
 def shader_definitions() -> str:
-    """Return the text of shaderDefs.usda, for `Sdr.Registry`: a node for each model, LookdevLayers and LookdevBump.
+    """Return the text of shaderDefs.usda, for `Sdr.Registry`: the models, stacks, bumps and expressions.
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
@@ -57,6 +57,16 @@ def shader_definitions() -> str:
             "float", "scale", "1.0", {"help": "How many units of st a height of 1 stands above the surface."}, (), True
         ),
     ]
+    expression = [
+        _input(
+            "string",
+            "expression",
+            None,
+            {"help": "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."},
+            (),
+            True,
+        ),
+    ]
     models = [
         _shader(name, doc, [_parameter(parameter) for parameter in PARAMETERS[model].values()], "token outputs:layer")
         for model, (name, doc) in _LAYERS.items()
@@ -73,6 +83,13 @@ def shader_definitions() -> str:
                 "LookdevLayers", "A stack of layers, each over what is beneath it.", layers, "token outputs:surface"
             ),
             _shader("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", role="math"),
+            _shader(
+                "LookdevExpression",
+                "A value computed from named inputs, which are float, color3f or float2.",
+                expression,
+                "float outputs:result",
+                role="math",
+            ),
         ]
     )
 

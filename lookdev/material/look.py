@@ -1,6 +1,6 @@
 """A look as plain data: layers of a reflectance model, with masks, over named inputs.
 
-This is what `material/usd.py` reads from a file and what `codegen` turns into shader code. Nothing here knows
+This is what `material/usd` reads from a file and what `codegen` turns into shader code. Nothing here knows
 USD, Blender or a renderer.
 """
 
@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypeAlias
+
+from lookdev.material.expression import Expression, Kind
 
 Wrap = Literal["black", "clamp", "repeat", "mirror"]
 
@@ -21,13 +23,16 @@ class Texture:
     `colorspace` is resolved (``"sRGB"`` is decoded before filtering, ``"raw"`` is left alone), then
     ``value * scale + bias`` per channel. `st` names the UV set; `transform` is UsdTransform2d as a 2x3 matrix
     (row major) applied to st: ``st' = M[:, :2] @ st + M[:, 2]``. `st` (0, 0) is the lower left corner.
+
+    ``"auto"`` and ``"useMetadata"`` leave the answer to the image, which is not opened before it is needed. A file
+    whose name holds ``<UDIM>`` is a set of tiles.
     """
 
     file: Path
     channel: Literal["r", "g", "b", "a", "rgb"]
-    colorspace: Literal["sRGB", "raw"]
-    wrap_s: Wrap = "repeat"
-    wrap_t: Wrap = "repeat"
+    colorspace: Literal["sRGB", "raw", "auto"]
+    wrap_s: Wrap | Literal["useMetadata"] = "repeat"
+    wrap_t: Wrap | Literal["useMetadata"] = "repeat"
     st: str = "st"
     transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
     scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
@@ -53,8 +58,28 @@ class Bump:
     scale: float = 1.0
 
 
+@dataclass(frozen=True)
+class Coordinates:
+    """Texture coordinates as an input of an expression: a colour (s, t, 0). `transform` as a `Texture` has it."""
+
+    st: str
+    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A mask expression and where its inputs come from; `kinds` says which are floats and which colours."""
+
+    expression: Expression
+    inputs: dict[str, Source]
+    kinds: dict[str, Kind]
+
+
 Color = tuple[float, float, float]
-Input = float | Color | str | Texture | Primvar | Bump
+Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | Formula"
+"""What an expression reads."""
+
+Input = float | Color | str | Texture | Primvar | Bump | Formula
 """A constant, a token (``variant = "2012"``), or something that varies over the surface.
 
 A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
@@ -74,7 +99,7 @@ class Layer:
     name: str
     model: str
     inputs: dict[str, Input] = field(default_factory=dict)
-    mask: float | Texture | Primvar = 1.0
+    mask: float | Texture | Primvar | Formula = 1.0
     mode: Mode = "over"
 
 

@@ -7,7 +7,9 @@ IEC 61966-2-1, before any filtering; alpha is never decoded.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -24,6 +26,13 @@ CONVERTER_VERSION = 1
 
 SLOPE_VERSION = 1
 """The same for what `slope_texture` adds to it."""
+
+UDIM = "<UDIM>"
+"""What stands for a tile's number in the name of a set."""
+
+_UDIM_NUMBER = re.compile(r"1[0-9]{3}")
+MOST_PIXELS = 1 << 28
+"""Pixels that an image may have, 16384 x 16384: a small file can claim any number, and all are held in memory."""
 
 _WRAPS: dict[str, Wrap] = {
     "black": "black",
@@ -69,6 +78,50 @@ def image_header(file: Path) -> ImageHeader:
     return _header(_open(file).spec())
 
 
+def resolved(texture: Texture) -> Texture:
+    """Return the texture with what it left to its image answered by the image's header.
+
+    Raises
+    ------
+    TextureError
+        As `image_header`; or a set of tiles has none.
+    """
+    if texture.colorspace != "auto" and "useMetadata" not in (texture.wrap_s, texture.wrap_t):
+        return texture
+    tiles = udim_tiles(texture)
+    header = image_header(next(iter(tiles.values())).file if tiles else texture.file)
+    wraps = [
+        own if said == "useMetadata" else said
+        for said, own in zip((texture.wrap_s, texture.wrap_t), header.wraps, strict=True)
+    ]
+    colorspace = texture.colorspace
+    if colorspace == "auto":
+        colorspace = "sRGB" if header.is_srgb else "raw"
+    return replace(texture, colorspace=colorspace, wrap_s=wraps[0], wrap_t=wraps[1])
+
+
+def udim_tiles(texture: Texture) -> dict[int, Texture]:
+    """Return the tiles of a set by their number, 1001 and up, in order; none for a single image.
+
+    Raises
+    ------
+    TextureError
+        The name is one of a set, and there is no tile of it.
+    """
+    before, mark, after = texture.file.name.partition(UDIM)
+    if not mark:
+        return {}
+    tiles = {}
+    folder = texture.file.parent
+    for file in sorted(folder.iterdir()) if folder.is_dir() else []:
+        number = file.name.removeprefix(before).removesuffix(after)
+        if file.name == f"{before}{number}{after}" and _UDIM_NUMBER.fullmatch(number):
+            tiles[int(number)] = replace(texture, file=file, wrap_s="clamp", wrap_t="clamp")
+    if not tiles:
+        raise TextureError(f"{texture.file}: no tile of this set, such as {before}1001{after}")
+    return tiles
+
+
 def linear_texture(texture: Texture) -> Path:
     """Return the texture's image as a linear float EXR (R, G, B, A), converted once into the cache.
 
@@ -82,6 +135,7 @@ def linear_texture(texture: Texture) -> Path:
     """
     if not texture.file.is_file():
         raise TextureError(f"{texture.file}: no such image file")
+    texture = resolved(texture)
     name = f"{file_digest(texture.file)}-{texture.colorspace}-v{CONVERTER_VERSION}.exr"
     linear = cache_dir("textures") / name
     if not linear.exists():
@@ -106,6 +160,7 @@ def slope_texture(height: Texture) -> Path:
     """
     if height.channel == "rgb":
         raise TextureError(f"{height.file}: a height is one channel, r, g, b or a, not rgb")
+    height = resolved(height)
     channel = "rgba".index(height.channel)
     linear = linear_texture(height)
     how = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
@@ -148,7 +203,8 @@ def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     TextureError
         As `linear_texture`.
     """
-    value = _look_up(linear_texture(texture), texture, _image_st(texture, st))
+    texture = resolved(texture)
+    value = _look_up(linear_texture, texture, _image_st(texture, st))
     scaled: NDArray[np.float64] = value * np.array(texture.scale) + np.array(texture.bias)
     return scaled[..., _CHANNELS[texture.channel]]
 
@@ -172,8 +228,9 @@ def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     TextureError
         As `slope_texture`.
     """
+    texture = resolved(texture)
     image_st = _image_st(texture, st)
-    slopes = _look_up(slope_texture(texture), texture, image_st)[..., :2]
+    slopes = _look_up(slope_texture, texture, image_st)[..., :2]
     wraps = (texture.wrap_s, texture.wrap_t)
     along = np.stack([_wrap_slope(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
     chained: NDArray[np.float64] = (slopes * along) @ _matrix(texture)[:, :2]
@@ -190,20 +247,29 @@ def _image_st(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     return transformed
 
 
-def _look_up(linear: Path, texture: Texture, image_st: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Look all four channels of a float EXR up, at coordinates of the image, wrapped as `texture` says."""
-    pixels = _linear_pixels(linear)
+def _look_up(
+    prepare: Callable[[Texture], Path], texture: Texture, image_st: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Look all four channels of the prepared image up, at coordinates of it, wrapped as `texture` says."""
+    value = np.zeros((*image_st.shape[:-1], 4))
+    if tiles := udim_tiles(texture):
+        s, t = np.floor(image_st[..., 0]), np.floor(image_st[..., 1])
+        number = np.where((s >= 0.0) & (s < 10.0), 1001.0 + s + 10.0 * t, 0.0)
+        for each, tile in tiles.items():
+            here = number == each
+            value[here] = _look_up(prepare, tile, (image_st - np.floor(image_st))[here])
+        return value
+    pixels = _linear_pixels(prepare(texture))
     height, width = pixels.shape[:2]
     columns = _taps(image_st[..., 0], width, texture.wrap_s)
     rows = _taps(1.0 - image_st[..., 1], height, texture.wrap_t)  # row 0 is the top of the image, t 0 the bottom
-    value = np.zeros((*image_st.shape[:-1], 4))
     for row, row_weight in rows:
         for column, column_weight in columns:
             value += (row_weight * column_weight)[..., np.newaxis] * pixels[row, column]
     return value
 
 
-def _wrap_slope(coordinate: NDArray[np.float64], wrap: Wrap) -> NDArray[np.float64]:
+def _wrap_slope(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float64]:
     """Return the derivative of the wrapped coordinate by the coordinate: what is black outside needs none."""
     if wrap == "mirror":
         return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
@@ -212,7 +278,7 @@ def _wrap_slope(coordinate: NDArray[np.float64], wrap: Wrap) -> NDArray[np.float
     return np.ones_like(coordinate)
 
 
-def _taps(coordinate: NDArray[np.float64], size: int, wrap: Wrap) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
+def _taps(coordinate: NDArray[np.float64], size: int, wrap: str) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
     """Give the two texels along one axis that a bilinear look-up reads, with their weights."""
     position = coordinate * size - 0.5
     lower = np.floor(position)
@@ -247,6 +313,9 @@ def _open(file: Path) -> oiio.ImageBuf:
     names = image.spec().channelnames  # this reads the header
     if image.has_error:
         raise TextureError(f"{file}: cannot be read as an image: {image.geterror()}")
+    width, height = image.spec().full_width, image.spec().full_height
+    if max(width * height, image.spec().image_pixels()) > MOST_PIXELS:
+        raise TextureError(f"{file}: is {width} x {height} pixels large; at most {MOST_PIXELS} pixels would be right")
     if len(names) > 2 and not {"R", "G", "B"} <= set(names):
         raise TextureError(f"{file}: no channels R, G, B among {', '.join(names)}; gray or RGB(A) is right")
     return image

@@ -1,4 +1,4 @@
-"""Contact sheets: all frames of a turntable on one labelled page."""
+"""Contact sheets: the frames of a turntable, or one of each look, on one labelled page."""
 
 from __future__ import annotations
 
@@ -86,10 +86,11 @@ def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
 
 
 def _write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
-    """Write one line of text, shortened with an ellipsis to `room` pixels."""
-    shown = text
+    """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
+    shown, kept = text, len(text)
     while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
-        shown = shown.rstrip("…")[:-1] + "…" if len(shown) > 1 else ""
+        kept -= 1
+        shown = f"{text[: (kept + 1) // 2]}…{text[len(text) - kept // 2 :]}" if kept > 0 else ""
     color = (ink / 255.0,) * 3
     if shown and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, shown, size, FONT, color):
         raise OutputError(f"cannot write '{text}' on the contact sheet: {canvas.geterror().strip()}")

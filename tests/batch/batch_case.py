@@ -53,17 +53,21 @@ def make_job(folder: Path, turntables: str = TURNTABLES, render: str = RENDER) -
     return parse_job(JOB + turntables + render, folder / "job.toml")
 
 
-def make_plan(job: Job, osl: str = "shader gold() {}") -> Plan:
-    scene = SceneTask(
-        asset_file=Path("/cache/a55e7.npz"),
-        shaders=(ShaderSource("gold", osl, (), (), "500d"),),
-        light=LightTables(Path("/c/r.exr"), Path("/c/s.exr"), 64, 32, 2**16, "119147"),
-        resolution=(WIDTH, HEIGHT),
-        sampling=frame_sampling(job.render),
-        camera=frame_camera(job.camera, (0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT)),
-        device="cpu",
-    )
-    return build_plan(job, {("gold", "city"): scene}, read_header)
+def make_plan(job: Job) -> Plan:
+    scenes = {
+        (look.name, ibl.name): SceneTask(
+            asset_file=Path("/cache/a55e7.npz"),
+            shaders=(ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}"),),
+            light=LightTables(Path("/c/r.exr"), Path("/c/s.exr"), 64, 32, 2**16, "119147"),
+            resolution=(WIDTH, HEIGHT),
+            sampling=frame_sampling(job.render),
+            camera=frame_camera(job.camera, (0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT)),
+            device="cpu",
+        )
+        for look in job.look
+        for ibl in job.ibl
+    }
+    return build_plan(job, scenes, read_header)
 
 
 def command(folder: Path) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.batch.prepare import prepare_job
+from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.errors import FaultsError
 
 LOOK = """#usda 1.0
@@ -105,3 +105,104 @@ def test_a_part_that_no_look_covers_is_neutral_and_noted(job: Path) -> None:
     assert len(prepared.plan.pending()) == 6
     left, right = prepared.plan.pending()[0].scene.shaders
     assert (left.name, right.name) == ("good", "neutral")
+
+
+# A set of two; another of two, where one variant brings a set of its own.
+VARIED = """#usda 1.0
+def Material "Paint" (
+    prepend variantSets = ["wear", "gloss"]
+    variants = { string wear = "new"; string gloss = "matt" }
+)
+{
+    float inputs:roughness
+    float inputs:specular
+    float inputs:sheen = 0
+    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        float inputs:roughness.connect = </Paint.inputs:roughness>
+        float inputs:specular.connect = </Paint.inputs:specular>
+        float inputs:sheen.connect = </Paint.inputs:sheen>
+        token outputs:layer
+    }
+    variantSet "wear" = {
+        "worn" (
+            prepend variantSets = "dirt"
+            variants = { string dirt = "dry" }
+        ) {
+            float inputs:specular = 0.1;
+            variantSet "dirt" = {
+                "dry" { float inputs:sheen = 0.3; }
+                "wet" { float inputs:sheen = 0.4; }
+            }
+        }
+        "new" { float inputs:specular = 0.2; }
+    }
+    variantSet "gloss" = {
+        "matt" { float inputs:roughness = 0.75; }
+        "bright" { float inputs:roughness = 0.25; }
+    }
+}
+"""
+
+
+def varied(job: Path, variants: str, other: str = "other") -> Prepared:
+    """Prepare a job whose look "good" is of the material with variant sets, and chooses them so."""
+    text = JOB.format(parts=f"variants = {{ {variants} }}").replace('name = "other"', f'name = "{other}"')
+    job.write_text(text.replace("frames = 3", "frames = 1"))
+    (job.parent / "good.usda").write_text(VARIED)
+    without_the_file(job)
+    return prepare_job(job)
+
+
+def variant_faults(job: Path, variants: str, other: str = "other") -> list[str]:
+    with pytest.raises(FaultsError) as caught:
+        varied(job, variants, other)
+    return [str(fault) for fault in caught.value.faults]
+
+
+def test_a_star_makes_a_look_of_each_variant(job: Path) -> None:
+    prepared = varied(job, 'wear = "*", gloss = "bright"')
+    assert [(look.name, look.variants) for look in prepared.job.look] == [
+        ("good_new", {"wear": "new", "gloss": "bright"}),
+        ("good_worn", {"wear": "worn", "gloss": "bright"}),
+        ("other", {}),
+    ]
+    shaders = {frame.task.labels["look"]: frame.task.scene.shaders[0] for frame in prepared.plan.frames}
+    assert list(shaders) == ["good_new", "good_worn", "other"]
+    assert [shader.name for shader in shaders.values()] == list(shaders)
+    assert len({shader.digest for shader in shaders.values()}) == 3
+    assert [frame.task.files for frame in prepared.plan.frames] == [
+        (job.parent / "out" / look / "white" / "element.0001.exr",) for look in shaders
+    ]
+
+
+def test_two_stars_make_all_combinations(job: Path) -> None:
+    prepared = varied(job, 'gloss = "*", wear = "*"')
+    names = [look.name for look in prepared.job.look]
+    assert names == ["good_bright_new", "good_bright_worn", "good_matt_new", "good_matt_worn", "other"]
+    assert len({frame.task.digest for frame in prepared.plan.frames}) == 5
+
+
+@pytest.mark.parametrize("chosen", ["worn", "new"])
+def test_a_star_may_stand_for_a_set_inside_a_variant(job: Path, chosen: str) -> None:
+    variants = f'wear = "{chosen}", dirt = "*"'
+    if chosen == "worn":
+        assert [look.name for look in varied(job, variants).job.look] == ["good_dry", "good_wet", "other"]
+    else:
+        (fault,) = variant_faults(job, variants)
+        assert fault == f"{job.parent}/good.usda: /Paint: has no variant set 'dirt' (known: gloss, wear)"
+
+
+def test_a_star_for_a_set_that_is_none_is_told_with_all_else(job: Path) -> None:
+    (job.parent / "other.usda").write_text("no USD")
+    unknown, other = variant_faults(job, 'waer = "*"')
+    assert unknown == f"{job.parent}/good.usda: /Paint: has no variant set 'waer' (did you mean 'wear'?)"
+    assert other.startswith(f"{job.parent}/other.usda: ")
+
+
+def test_looks_of_variants_must_not_be_called_as_others_are(job: Path) -> None:
+    assert variant_faults(job, 'wear = "*"', other="Good_WORN") == [  # folders may ignore case
+        f"{job}: look[1]: two looks of the job are called 'Good_WORN' (give each its own name)"
+    ]

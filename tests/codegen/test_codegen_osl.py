@@ -86,7 +86,7 @@ def test_specular_0_keeps_the_lobe() -> None:
 
 
 def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
-    code = generated(generate_points([DISNEY], ("diffuse",), cells=9))
+    code = generated(generate_points([DISNEY], ("diffuse",)))
     code = "\n".join(
         line for line in code.splitlines() if "cell[" not in line and not re.match(r" +float layer0_\w+ = 0;", line)
     )
@@ -100,7 +100,7 @@ def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
         "expm1(",
     ):
         assert word not in code, word
-    everything = generated(generate_points([DISNEY], cells=9))
+    everything = generated(generate_points([DISNEY]))
     for word in ("layer0_clearcoat", "layer0_anisotropic", "log("):
         assert word in everything, word
 
@@ -291,7 +291,7 @@ def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: in
     ):
         assert not re.search(r"\b(nan|inf)\b", surface(*layers, bounces=bounces).osl)
     for layers in ([DISNEY], [PIXAR], [PIXAR, replace(PIXAR, mode="transmit"), DISNEY]):
-        assert not re.search(r"\b(nan|inf)\b", generate_points(layers, cells=40).osl)
+        assert not re.search(r"\b(nan|inf)\b", generate_points(layers).osl)
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
@@ -347,9 +347,9 @@ def test_the_digest_names_what_a_missing_primvar_is() -> None:
 
 
 def test_the_digest_of_points_is_that_of_their_text() -> None:
-    source = generate_points([DISNEY], cells=9)
+    source = generate_points([DISNEY])
     assert source.digest == hashlib.sha256(source.osl.encode()).hexdigest()
-    assert source.digest != generate_points([replace(DISNEY, tokens={"variant": "2012"})], cells=9).digest
+    assert source.digest != generate_points([replace(DISNEY, tokens={"variant": "2012"})]).digest
 
 
 def test_text_is_the_same_every_time(textures: dict[str, Texture]) -> None:

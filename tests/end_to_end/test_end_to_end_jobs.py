@@ -10,11 +10,25 @@ import numpy as np
 import pytest
 
 from lookdev.batch.prepare import prepare_job
+from lookdev.job import Job, load_job
+from lookdev.material.usd import expand_variants
 from lookdev.output.exr import read_frame, read_header
 
 pytestmark = pytest.mark.cycles
 
 JOBS = sorted(Path(__file__).parents[2].joinpath("jobs").glob("*.toml"))
+MOST_LOOKS = 4
+
+
+def some_looks(job: Job) -> str:
+    """Return a job's looks, each variant counted, as tables; of more than `MOST_LOOKS` the first and the last."""
+    looks = [(look, chosen) for look in job.look for chosen in expand_variants(look.material, look.prim, look.variants)]
+    tables = ""
+    for number, (look, chosen) in enumerate(looks if len(looks) <= MOST_LOOKS else (looks[0], looks[-1])):
+        assert look.prim is look.parts is None
+        tables += f'[[look]]\nname = "{look.name}_{number}"\nmaterial = "{look.material}"\n'
+        tables += "".join(f'variants.{name} = "{choice}"\n' for name, choice in chosen.items())
+    return tables
 
 
 @pytest.fixture(params=JOBS, ids=lambda path: path.stem)
@@ -28,6 +42,7 @@ def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
         (r"(?m)^resolution = .*$", "resolution = [24, 16]", 1),
         (r"(?m)^samples = .*$", "samples = 4", 1),
         (r"(?m)^frames = .*$", "frames = 1", 1),
+        (r"(?ms)^\[\[look\]\].*?(?=^\[\[ibl\]\])", some_looks(load_job(path)), 1),
     ):
         text, count = re.subn(pattern, replacement, text)
         assert count >= least, f"{path}: {pattern}"
@@ -54,5 +69,7 @@ def test_job_renders(tiny: Path) -> None:
         assert header["digest"] == frame.task.digest
         looks.setdefault(frame.task.labels["ibl"], []).append(beauty)
     assert len(prepared.job.look) >= 2
+    overviews = {path.parent.name for path in prepared.job.output.glob("*/*.looks.png")}
+    assert overviews == (set(looks) if prepared.job.outputs.overview else set())
     for pictures in looks.values():  # no two looks are one
         assert np.abs(pictures[0] - pictures[-1]).mean() > 1e-3

@@ -65,6 +65,7 @@ def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
         True,
         "ACES 1.0 - SDR Video",
     )
+    assert (outputs.overview, outputs.overview_columns) == (False, None)
 
 
 def test_everything_can_be_said(folder: Path) -> None:
@@ -73,7 +74,7 @@ def test_everything_can_be_said(folder: Path) -> None:
     output = "/somewhere/else"
     asset = { usd = "../ball.usdc", prim = "/World/Ball" }
     camera = { fov = 30, elevation = -5.5, azimuth = 90, margin = 1.25 }
-    outputs = { png = false, sheet = false, view = "Raw" }
+    outputs = { png = false, sheet = false, overview = true, overview_columns = 11, view = "Raw" }
     [[look]]
     name = "dirty-paint_2.0"
     material = "../paint.usda"
@@ -107,6 +108,7 @@ def test_everything_can_be_said(folder: Path) -> None:
     assert job.render.samples == 4096  # with a target error, samples is the cap
     assert job.render.background == (0.18, 0.18, 1.0)
     assert not job.outputs.png
+    assert job.outputs.overview_columns == 11
 
 
 def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
@@ -197,6 +199,14 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         ("frames = 4", "frames = 4\n[render]\nbrdf_samples = 0", "render.brdf_samples", "equal to 1"),
         ("frames = 4", "frames = 4\n[render]\nseed = 262144", "render.seed", "equal to 262143"),
         ("frames = 4", "frames = 4\n[outputs]\nexr = false", "outputs.exr", "cannot be left out"),
+        ("frames = 4", "frames = 4\n[outputs]\noverview_columns = 2", "outputs.overview_columns", "without 'overview'"),
+        ("frames = 4", "frames = 4\n[outputs]\noverview = 3", "outputs.overview", "boolean"),
+        (
+            "frames = 4",
+            "frames = 4\n[outputs]\noverview = true\noverview_columns = 0",
+            "outputs.overview_columns",
+            "equal to 1",
+        ),
     ],
 )
 def test_one_fault_is_told_alone_with_its_place(folder: Path, old: str, new: str, place: str, what: str) -> None:

@@ -27,7 +27,7 @@ def test_file_is_what_the_parameters_say() -> None:
 
 
 def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    assert set(nodes) == {*MODELS, "LookdevBump", "LookdevLayers"}
+    assert set(nodes) == {*MODELS, "LookdevBump", "LookdevExpression", "LookdevLayers"}
     for node, model in MODELS.items():
         assert sorted(nodes[node].GetShaderInputNames()) == sorted(PARAMETERS[model])
         assert nodes[node].GetShaderOutputNames() == ["layer"]

@@ -118,7 +118,7 @@ FAULTS = {
     "missing image": (textured(file="@./gone.png@"), "/M/Tex.inputs:file", "no such image file: ./gone.png"),
     "no image": (textured(file="@@"), "/M/Tex.inputs:file", "names no image file"),
     "not an image": (textured(file="@./look.usda@"), "/M/Tex.inputs:file", "cannot be read as an image"),
-    "UDIM": (textured(file="@./gray.<UDIM>.png@"), "/M/Tex.inputs:file", "UDIM set, which is not supported"),
+    "UDIM": (textured(file="@./gray.<UDIM>.png@"), "/M/Tex.inputs:file", "no tile of this set: ./gray.<UDIM>.png"),
     "unknown texture input": (textured("float inputs:gamma = 1"), "/M/Tex.inputs:gamma", "unknown input"),
     "unknown wrap": (
         textured('token inputs:wrapS = "repeats"'),
@@ -150,7 +150,7 @@ FAULTS = {
     "reader of another type": (
         disney(body="float inputs:roughness.connect = </M/St.outputs:result>") + ST,
         "/M/Base.inputs:roughness",
-        "use UsdUVTexture or UsdPrimvarReader_float",
+        "use UsdUVTexture, UsdPrimvarReader_float or LookdevExpression",
     ),
     "reader without a name": (
         disney(body="float inputs:roughness.connect = </M/P.outputs:result>") + shader("P", "UsdPrimvarReader_float"),
@@ -165,8 +165,8 @@ FAULTS = {
     ),
     "expression": (
         disney(body="float inputs:roughness.connect = </M/X.outputs:result>") + shader("X", "LookdevExpression"),
-        "/M/Base.inputs:roughness",
-        "LookdevExpression, which is not supported in this version",
+        "/M/X.inputs:expression",
+        "holds no expression",
     ),
     "zero normal": (
         pixar(body="normal3f inputs:diffuseNormal = (0, 0, 0)"),
@@ -187,7 +187,7 @@ FAULTS = {
         pixar(body="normal3f inputs:diffuseNormal.connect = </M/N.outputs:result>")
         + shader("N", "UsdPrimvarReader_float3", 'string inputs:varname = "n"'),
         "/M/Base.inputs:diffuseNormal",
-        "use UsdUVTexture or LookdevBump",
+        "use UsdUVTexture, LookdevBump",
     ),
     "normal from one channel": (
         normal_map("@./rgb.exr@", output="r"),
@@ -212,7 +212,7 @@ FAULTS = {
     "bump into a colour": (
         pixar(body="color3f inputs:surfaceColor.connect = </M/Bump.outputs:normal>") + shader("Bump", "LookdevBump"),
         "/M/Base.inputs:surfaceColor",
-        "use UsdUVTexture or UsdPrimvarReader_float3",
+        "use UsdUVTexture, UsdPrimvarReader_float3",
     ),
     "bump without a height": (bump(""), "/M/Bump.inputs:height", "is not connected (only a UsdUVTexture has a slope"),
     "constant height": (

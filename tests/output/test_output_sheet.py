@@ -63,6 +63,16 @@ def test_labels_and_title_are_written_and_fit(tmp_path: Path) -> None:
         assert (np.ptp(page, axis=-1) == 0).all()  # neutral ink
 
 
+@pytest.mark.parametrize(
+    "labels", [("clearcoatGloss_000", "clearcoatGloss_100"), ("first_of_many_looks", "last_of_many_looks")]
+)
+def test_names_too_long_differ_where_they_differ(tmp_path: Path, labels: tuple[str, str]) -> None:
+    shown = [np.full((48, 48, 3), PAGE, np.uint8)]
+    first, second = (sheet(tmp_path / "s.png", shown, [label], "", cell=48) for label in labels)
+    assert first.shape == second.shape  # no wider than a frame
+    assert (first != second).any()
+
+
 def test_resizing_averages_light(tmp_path: Path) -> None:
     stripes = np.zeros((64, 64, 3), np.uint8)
     stripes[:, ::2] = 255

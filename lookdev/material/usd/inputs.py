@@ -1,8 +1,8 @@
-"""One input of a layer: a constant, or what USD's texture and primvar nodes make of it."""
+"""One input of a layer: a constant, or what texture, primvar and expression nodes make of it."""
 
 from __future__ import annotations
 
-from math import cos, radians, sin
+from math import cos, inf, radians, sin
 from pathlib import Path
 from typing import Literal
 
@@ -11,9 +11,11 @@ from pxr import Ar, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import TextureError, nearest_hint
-from lookdev.material.look import Bump, Color, Input, Primvar, Texture
-from lookdev.material.textures import ImageHeader, image_header
-from lookdev.material.usd_network import Network, Source, shader_id
+from lookdev.material.expression import Expression, ExpressionError, Kind, parse
+from lookdev.material.look import Bump, Color, Coordinates, Formula, Input, Primvar, Texture
+from lookdev.material.look import Source as FormulaInput
+from lookdev.material.textures import UDIM, image_header, resolved, udim_tiles
+from lookdev.material.usd.network import Network, Source, shader_id
 
 Constant = float | Color | str
 Channel = Literal["r", "g", "b", "a", "rgb"]
@@ -27,17 +29,26 @@ _TYPES = {
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
 _NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
 """The node that a value of each kind can come from, beside UsdUVTexture."""
+_DEEPEST = 32
+"""Expressions that may read one another in a row."""
+
+_IMAGE_HINT = "a path to an image, relative to the file that names it"
 _ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform2d behind which there is one"
 
 
-def read_input(network: Network, attribute: Usd.Attribute, parameter: Parameter) -> Input | None:
-    """Read one input of a layer; None where it is not set or, with a fault noted, where it is wrong."""
+def read_input(
+    network: Network, attribute: Usd.Attribute, parameter: Parameter, within: tuple[Sdf.Path, ...] = ()
+) -> Input | None:
+    """Read one input of a layer; None where it is not set or, with a fault noted, where it is wrong.
+
+    `within` are the expressions for which it is read, the outermost first.
+    """
     expected = _TYPES[parameter.kind]
     if not network.has_type(attribute, attribute, expected):
         return None
     holder = network.follow(attribute)
     if isinstance(holder, Source):
-        return _read_varying(network, attribute, parameter, holder)
+        return _read_varying(network, attribute, parameter, holder, within)
     value = None if holder is None else network.value(attribute, holder, expected)
     return None if value is None else _in_range(network, attribute, parameter, value)
 
@@ -61,7 +72,9 @@ def _in_range(network: Network, place: object, parameter: Parameter, value: Cons
     return value if isinstance(value, float) else (numbers[0], numbers[1], numbers[2])
 
 
-def _read_varying(network: Network, place: Usd.Attribute, parameter: Parameter, source: Source) -> Input | None:
+def _read_varying(
+    network: Network, place: Usd.Attribute, parameter: Parameter, source: Source, within: tuple[Sdf.Path, ...]
+) -> Input | None:
     kind = parameter.kind
     if kind == "token":
         network.fault(place, f"is computed by <{source.path}>", f"choose one of {', '.join(parameter.choices)}")
@@ -76,11 +89,88 @@ def _read_varying(network: Network, place: Usd.Attribute, parameter: Parameter, 
         if kind == "normal":
             return _read_bump(network, source)
         return _read_primvar(network, place, parameter, source)
-    what = f"a {kind} cannot come from <{source.path}>, whose info:id is '{given}'"
     if given == "LookdevExpression":
-        what = f"<{source.path}> is a LookdevExpression, which is not supported in this version"
-    network.fault(place, what, f"use UsdUVTexture or {_NODES[kind]}")
+        return _read_formula(network, place, kind, source, within)
+    what = f"a {kind} cannot come from <{source.path}>, whose info:id is '{given}'"
+    network.fault(place, what, f"use UsdUVTexture, {_NODES[kind]} or LookdevExpression")
     return None
+
+
+def _read_formula(
+    network: Network, place: Usd.Attribute, kind: str, source: Source, within: tuple[Sdf.Path, ...]
+) -> Formula | None:
+    """Read an expression node and all that it reads."""
+    where = f"{source.path}.inputs:expression"
+    if source.path in within:
+        network.fault(place, f"<{source.path}> reads its own result", "expressions must not run in a cycle")
+        return None
+    if len(within) == _DEEPEST:
+        network.fault(place, f"more than {_DEEPEST} expressions read one another", "join some of them into one")
+        return None
+    if source.output != "result":
+        network.fault(place, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:result")
+    attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
+    text = network.constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
+    if not text:
+        if not attribute or text == "":
+            network.fault(where, "holds no expression", 'for instance "clamp(dirt * 2, 0, 1)"')
+        return None
+    try:
+        expression = parse(text)
+    except ExpressionError as error:
+        network.fault(where, str(error))
+        return None
+    network.check_inputs(source.shader, ("expression", *expression.names))
+    kinds: dict[str, Kind] = {}
+    inputs: dict[str, FormulaInput] = {}
+    for name in expression.names:
+        read = _read_formula_input(network, source, name, (*within, source.path))
+        if read is not None:
+            kinds[name], inputs[name] = read
+    if len(inputs) < len(expression.names):
+        return None
+    return Formula(expression, inputs, kinds) if _gives(network, where, expression, kinds, kind) else None
+
+
+def _gives(network: Network, where: str, expression: Expression, kinds: dict[str, Kind], wanted: str) -> bool:
+    """Say whether an expression gives what its reader wants; a float stands for a grey."""
+    try:
+        result = expression.check(kinds)
+        if wanted == "float" and result == "color":
+            raise ExpressionError(expression.text, 0, "the result is a color", "a float is needed: luminance(...)")
+        if wanted == "normal" and result == "float":
+            raise ExpressionError(expression.text, 0, "the result is a float", "a normal is needed: [x, y, z]")
+    except ExpressionError as error:
+        network.fault(where, str(error))
+        return False
+    return True
+
+
+def _read_formula_input(
+    network: Network, node: Source, name: str, within: tuple[Sdf.Path, ...]
+) -> tuple[Kind, FormulaInput] | None:
+    attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
+    place = f"{node.path}.inputs:{name}"
+    if not attribute:
+        network.fault(
+            place, f"the expression reads '{name}', which is no input of its node", f"add float inputs:{name}"
+        )
+        return None
+    given = attribute.GetTypeName().type
+    if given == Sdf.ValueTypeNames.Float2.type:
+        coordinates = _read_coordinates(network, node.shader, name)
+        return ("color", Coordinates(*coordinates)) if coordinates else None
+    kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(given)  # type: ignore[assignment]
+    if kind is None:
+        network.fault(
+            place, f"has type {attribute.GetTypeName()}", "it must be float, color3f or, for coordinates, float2"
+        )
+        return None
+    noted = len(network.faults)
+    value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), within)
+    if value is None and len(network.faults) == noted:
+        network.fault(place, "is neither set nor connected", "give it a value, or connect it")
+    return None if value is None or isinstance(value, str | Bump) else (kind, value)
 
 
 def _check_normal_map(network: Network, source: Source, texture: Texture) -> None:
@@ -89,7 +179,8 @@ def _check_normal_map(network: Network, source: Source, texture: Texture) -> Non
         network.fault(f"{source.path}.inputs:sourceColorSpace", what, "set it to 'raw'")
     # Flipped or weakened axes are centred too; half a step of 8 bits may go into where the centre is.
     centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
-    if image_header(texture.file).unsigned and not centred:
+    file = next(iter(udim_tiles(texture).values()), texture).file
+    if not centred and image_header(file).unsigned:
         what = "the image holds 0 to 1, so it cannot lean either way"
         network.fault(f"{source.path}.inputs:bias", what, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)")
 
@@ -138,65 +229,65 @@ def _read_texture(
 ) -> Texture | None:
     shader = source.shader
     network.check_node(place, source, channels)
-    opened = _read_image(network, shader)
-    coordinates = _read_coordinates(network, shader)
+    file = _read_image(network, shader)
+    coordinates = _read_coordinates(network, shader, "st")
     colorspace, wrap_s, wrap_t, scale, bias = (
         network.node_value(shader, name) for name in ("sourceColorSpace", "wrapS", "wrapT", "scale", "bias")
     )
     channel = next((each for each in channels if each == source.output), None)
-    if channel is None or opened is None or coordinates is None:
+    if channel is None or file is None or coordinates is None:
         return None
     if None in (colorspace, wrap_s, wrap_t, scale, bias):
         return None
-    file, header = opened
-    if colorspace == "auto":
-        colorspace = "sRGB" if header.is_srgb else "raw"
-    wraps = [own if said == "useMetadata" else said for said, own in zip((wrap_s, wrap_t), header.wraps, strict=True)]
     st, transform = coordinates
-    return Texture(
-        file=file,
-        channel=channel,
-        colorspace=colorspace,
-        wrap_s=wraps[0],
-        wrap_t=wraps[1],
-        st=st,
-        transform=transform,
-        scale=tuple(scale),
-        bias=tuple(bias),
-    )
+    texture = Texture(file, channel, colorspace, wrap_s, wrap_t, st, transform, tuple(scale), tuple(bias))
+    try:
+        if not network.opens_images:
+            return texture
+        for tile in udim_tiles(texture).values() or [texture]:
+            image_header(tile.file)
+        return resolved(texture)
+    except TextureError as error:
+        network.fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
+        return None
 
 
-def _read_image(network: Network, shader: UsdShade.Shader) -> tuple[Path, ImageHeader] | None:
-    """Find a texture's image and read its header, so that an unreadable one is a fault of the look."""
+def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
+    """Find a texture's image, which is not opened yet."""
     place = f"{shader.GetPath()}.inputs:file"
     asset = network.node_value(shader, "file")
     if asset is None:
         return None
-    what = ""
+    found = asset.resolvedPath
+    if UDIM in asset.path:
+        found = UsdShade.UdimUtils.ResolveUdimPath(
+            asset.path, _layer_of(network, shader.GetPrim().GetAttribute("inputs:file"))
+        )
     if not asset.path:
         what = "names no image file"
-    elif "<UDIM>" in asset.path:
-        what = f"{asset.path} is a UDIM set, which is not supported in this version"
-    elif not asset.resolvedPath:
-        what = f"no such image file: {asset.path}"
-    elif Ar.IsPackageRelativePath(asset.resolvedPath):
+    elif not found:
+        what = f"no tile of this set: {asset.path}" if UDIM in asset.path else f"no such image file: {asset.path}"
+    elif Ar.IsPackageRelativePath(found):
         what = f"{asset.path} lies inside a usdz package, which is not supported in this version"
     else:
-        file = Path(asset.resolvedPath)
-        try:
-            return file, image_header(file)
-        except TextureError as error:
-            what = str(error)
-    network.fault(place, what, "a path to one image, relative to the file that names it")
+        return Path(found)
+    network.fault(place, what, _IMAGE_HINT)
     return None
 
 
+def _layer_of(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
+    """Return the layer that holds an attribute's value: what a relative path is relative to."""
+    holder = network.follow(attribute)
+    stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
+    return next((spec.layer for spec in stack if spec.default is not None), None)
+
+
 def _read_coordinates(
-    network: Network, shader: UsdShade.Shader
+    network: Network, shader: UsdShade.Shader, name: str
 ) -> tuple[str, tuple[float, float, float, float, float, float]] | None:
-    """Walk from a texture's st to the reader that names the UV set, gathering the transforms between."""
+    """Walk from an input to the reader that names the UV set, gathering the transforms between."""
     matrix = np.eye(3)
-    place, seen = f"{shader.GetPath()}.inputs:st", set()
+    place, seen = f"{shader.GetPath()}.inputs:{name}", set()
     while True:
         attribute = shader.GetPrim().GetAttributeAtPath(place)
         source = network.follow(attribute) if attribute else None

@@ -10,29 +10,38 @@ import re
 from collections.abc import Mapping
 from pathlib import Path
 
-from pxr import Sdf, Tf, Usd, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import PARAMETERS, Parameter
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.look import Input, Layer, Look, Mode, Primvar, Texture
-from lookdev.material.usd_inputs import read_input
-from lookdev.material.usd_network import Network, Source, shader_id
+from lookdev.material.look import Formula, Input, Layer, Look, Mode, Primvar, Texture
+from lookdev.material.usd.file import open_stage, reading, usd_words
+from lookdev.material.usd.inputs import read_input
+from lookdev.material.usd.network import Network, Source, authored_properties, shader_id
 
 MODELS = {"LookdevDisney": "disney", "LookdevPixar": "pixar"}
 """info:id of a layer's shader, and the reflectance model it means."""
 
-Mask = float | Texture | Primvar
+MOST_PROPERTIES = 4096
+"""Properties that a LookdevLayers may have: a thousand layers. More are no work of a person."""
+
+Mask = float | Texture | Primvar | Formula
 
 _LAYERS = " or ".join(MODELS)
 
 _TERMINAL = "outputs:lookdev:surface"
-_LAYER_INPUT = re.compile(r"layer([1-9]\d*)(Mask|Enabled|Mode)?")
+_LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
 _MASK = Parameter("mask", "float", 1.0)
 _MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
 def read_look(
-    file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None, name: str | None = None
+    file: Path,
+    prim: str | None = None,
+    variants: Mapping[str, str] | None = None,
+    name: str | None = None,
+    *,
+    open_images: bool = True,
 ) -> Look:
     """Read a look.
 
@@ -46,27 +55,52 @@ def read_look(
         Variant set to variant, for sets on the material or above it; otherwise the file's own selections.
     name
         What the look is called; the material's name by default.
+    open_images
+        Read the header of every image. Otherwise one that cannot be read is found when it is needed.
 
     Raises
     ------
     LookError
         Carries every fault of the look, each with its place.
     """
+    stage = open_stage(file)
+    network = Network(file, open_images)
+    with reading(file):
+        path = find_material(network, stage, prim, variants or {})
+        return _read(network, stage, path, name)
+
+
+def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
+    """Read the look of a material of an open stage, as it is composed there; `file` is what faults name.
+
+    Raises
+    ------
+    LookError
+        Carries every fault of the look, each with its place.
+    """
+    with reading(file):
+        return _read(Network(file), stage, path, None)
+
+
+def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
+    """Return what is wrong with a layer of its own, as a preset is; `file` is what faults name."""
     network = Network(file)
-    stage = _open(file)
-    path = _find_material(network, stage, prim, variants or {})
-    for error in stage.GetCompositionErrors():
-        site = error.rootSite.path
-        if path is None or path.HasPrefix(site) or site.HasPrefix(path):
-            network.fault(site, str(error))
-    layers = () if path is None else _read_surface(network, UsdShade.Material(stage.GetPrimAtPath(path)))
-    if path is None or network.faults:
-        raise LookError(network.faults)
-    return Look(name or path.name, layers, f"{file}<{path}>")
+    with reading(file):
+        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(MODELS))
+    return network.faults
+
+
+def materials(stage: Usd.Stage) -> list[Sdf.Path]:
+    """Return the paths of all materials of a stage."""
+    return [prim.GetPath() for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
+
+
+MOST_COMBINATIONS = 1000
+"""Looks that ``"*"`` may stand for."""
 
 
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
-    """Replace each ``"*"`` by every variant of its set, in the order of the file: all combinations.
+    """Replace each ``"*"`` by every variant of its set, by name: all combinations.
 
     Raises
     ------
@@ -75,6 +109,9 @@ def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -
     """
     combinations: list[dict[str, str]] = [dict(variants)]
     while (wanted := next((name for name, choice in combinations[0].items() if choice == "*"), None)) is not None:
+        if len(combinations) > MOST_COMBINATIONS:
+            what = f"'*' stands for more than {MOST_COMBINATIONS} combinations of variants"
+            raise LookError([Fault(str(file), prim or "", what, "name a variant of some of the sets")])
         # A set may stand inside a variant of another: what that one selects decides what there is.
         combinations = [
             {**chosen, wanted: choice}
@@ -88,8 +125,8 @@ def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -
 
 def _choices(file: Path, prim: str | None, chosen: Mapping[str, str], wanted: str) -> list[str]:
     network = Network(file)
-    stage = _open(file)
-    path = _find_material(network, stage, prim, chosen)
+    stage = open_stage(file)
+    path = find_material(network, stage, prim, chosen)
     choices: list[str] = []
     if path is not None:
         sets = [stage.GetPrimAtPath(prefix).GetVariantSets() for prefix in path.GetPrefixes()]
@@ -113,24 +150,24 @@ def has_look(file: Path, prim: str) -> bool:
     LookError
         The file is missing or is not USD.
     """
-    stage = _open(file)
+    stage = open_stage(file)
     material = UsdShade.Material(stage.GetPrimAtPath(prim))
     return bool(material) and bool(material.GetPrim().GetAttribute(_TERMINAL).HasAuthoredConnections())
 
 
-def _open(file: Path) -> Usd.Stage:
-    if not file.is_file():
-        raise LookError([Fault(str(file), "", "no such file")])
-    try:
-        return Usd.Stage.Open(str(file))
-    except Tf.ErrorException as error:
-        said = "; ".join(part.commentary.strip() for part in error.args)
-        raise LookError([Fault(str(file), "", f"USD cannot open it: {said}")]) from error
+def _read(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
+    for error in stage.GetCompositionErrors():
+        site = error.rootSite.path
+        # USD names no site for a path that is an expression it cannot evaluate.
+        if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
+            network.fault(site, usd_words(str(error)))
+    layers = () if path is None else _read_surface(network, UsdShade.Material(stage.GetPrimAtPath(path)))
+    if path is None or network.faults:
+        raise LookError(network.faults)
+    return Look(name or path.name, layers, f"{network.file}<{path}>")
 
 
-def _find_material(
-    network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]
-) -> Sdf.Path | None:
+def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:
     """Select the variants and return the material's path; None, and a fault, where there is none."""
     if prim is None:
         path = _only_material(network, stage)
@@ -145,25 +182,21 @@ def _find_material(
     found = stage.GetPrimAtPath(path)
     if found and found.IsA(UsdShade.Material):
         return path
-    known = [str(material) for material in _materials(stage)]
+    known = [str(material) for material in materials(stage)]
     hint = nearest_hint(str(path), known) if known else "the file holds no material"
     network.fault(path, "is not a material" if found else "no such prim", hint)
     return None
-
-
-def _materials(stage: Usd.Stage) -> list[Sdf.Path]:
-    return [prim.GetPath() for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
 
 
 def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
     default = stage.GetDefaultPrim()
     if default and default.IsA(UsdShade.Material):
         return default.GetPath()
-    materials = _materials(stage)
-    if len(materials) == 1:
-        return materials[0]
-    known = f"name one with prim: {', '.join(map(str, materials))}" if materials else ""
-    network.fault("", f"holds {len(materials)} materials and none is the default prim", known)
+    found = materials(stage)
+    if len(found) == 1:
+        return found[0]
+    known = f"name one with prim: {', '.join(map(str, found[:8]))}{', ...' * (len(found) > 8)}" if found else ""
+    network.fault("", f"holds {len(found)} materials and none is the default prim", known)
     return None
 
 
@@ -210,6 +243,9 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
 def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
     """Read the layers of a LookdevLayers shader, base first, without those that are not enabled."""
     given: dict[str, Usd.Attribute] = {}
+    if (count := authored_properties(stack.GetPrim())) > MOST_PROPERTIES:
+        network.fault(stack.GetPath(), f"has {count} properties", f"at most {MOST_PROPERTIES} would be right")
+        return ()
     for each in stack.GetInputs():
         name, attribute = each.GetBaseName(), each.GetAttr()
         if name != "base" and not _LAYER_INPUT.fullmatch(name):
@@ -289,7 +325,7 @@ def _check_tokens(network: Network, place: Usd.Attribute, layer: Layer, base: La
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
     mask = None if attribute is None else read_input(network, attribute, _MASK)
-    return mask if isinstance(mask, float | Texture | Primvar) else 1.0
+    return mask if isinstance(mask, float | Texture | Primvar | Formula) else 1.0
 
 
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:

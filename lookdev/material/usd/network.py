@@ -11,6 +11,13 @@ from typing import Any
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
+from lookdev.material.usd.file import shortened
+
+MOST_FAULTS = 1000
+"""Faults of a look that are told."""
+
+MOST_UNKNOWN = 100
+"""Unknown inputs of a shader that are told one by one."""
 
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
@@ -29,21 +36,28 @@ class Source:
 
 
 class Network:
-    """One look's network. Reading goes on after a fault, so that `faults` holds all of them in the end."""
+    """One look's network. Reading goes on after a fault, so that `faults` holds all of them in the end.
 
-    def __init__(self, file: Path) -> None:
+    One that `opens_images` reads the header of every image, so that an unreadable one is a fault too.
+    """
+
+    def __init__(self, file: Path, opens_images: bool = True) -> None:
         self.file = file
+        self.opens_images = opens_images
         self._faults: list[Fault] = []
 
     @property
     def faults(self) -> tuple[Fault, ...]:
         """Every fault met so far, in order; those of a node that several inputs share only once."""
-        return tuple(dict.fromkeys(self._faults))
+        unique = list(dict.fromkeys(self._faults))
+        if more := len(unique[MOST_FAULTS:]):
+            unique[MOST_FAULTS:] = [Fault(str(self.file), "", f"{more} more faults", "mend those above first")]
+        return tuple(unique)
 
     def fault(self, where: object, what: str, hint: str = "") -> None:
         """Note a fault. `where` is an attribute or a path."""
         place = where.GetPath() if isinstance(where, Usd.Object) else where
-        self._faults.append(Fault(str(self.file), str(place), what, hint))
+        self._faults.append(Fault(str(self.file), shortened(str(place)), shortened(what), hint))
 
     def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | Source | None:
         """Follow connections through interface inputs and node graphs.
@@ -89,6 +103,9 @@ class Network:
             self.fault(place, "is animated", "a look holds still; author one default value")
             return None
         value = holder.Get()
+        if value is not None and not isinstance(value, type(expected.defaultValue)):  # as damaged binary files have it
+            self.fault(place, f"holds a value of type {type(value).__name__}", f"it must be {expected}")
+            return None
         numbers = (value,) if isinstance(value, float) else tuple(value) if isinstance(value, _VECTORS) else ()
         if not all(map(math.isfinite, numbers)):
             self.fault(place, f"{value} is not finite")
@@ -133,14 +150,21 @@ class Network:
 
     def check_inputs(self, shader: UsdShade.Shader, known: Sequence[str]) -> None:
         """Note every input of a shader that is not among `known`."""
-        for given in shader.GetInputs():
-            if given.GetBaseName() not in known:
-                self.fault(given.GetAttr(), "unknown input", nearest_hint(given.GetBaseName(), known))
+        unknown = [given for given in shader.GetInputs() if given.GetBaseName() not in known]
+        for given in unknown[:MOST_UNKNOWN]:
+            self.fault(given.GetAttr(), "unknown input", nearest_hint(given.GetBaseName(), known))
+        if more := len(unknown[MOST_UNKNOWN:]):
+            self.fault(shader.GetPath(), f"{more} more unknown inputs", f"known: {', '.join(known)}")
 
 
 def shader_id(shader: UsdShade.Shader) -> str:
     """Return a shader's info:id; '' where it has none."""
     return shader.GetShaderId() or ""
+
+
+def authored_properties(prim: Usd.Prim) -> int:
+    """Return how often a property is spoken of in the layers of a prim; composing their names would take long."""
+    return sum(len(spec.properties) for spec in prim.GetPrimStack())
 
 
 def _definition(shader: UsdShade.Shader) -> Any:

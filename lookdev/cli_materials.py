@@ -1,0 +1,175 @@
+"""The verbs of ``lookdev materials``: the library, and stacks of its presets; no logic."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+
+class _ListByDefault(TyperGroup):
+    """``lookdev materials`` alone, or with options of ``list``, lists."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        if not args or (args[0].startswith("-") and args[0] != "--help"):
+            args = ["list", *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(cls=_ListByDefault, help="List the library of presets, or edit the layers of a look.")
+
+
+class LayerMode(StrEnum):
+    """How a layer meets those beneath."""
+
+    over = "over"
+    transmit = "transmit"
+
+
+LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
+PresetName = Annotated[str, typer.Argument(metavar="PRESET", help="A preset's name, or its file.", show_default=False)]
+LayerName = Annotated[str, typer.Argument(metavar="LAYER", help="The layer's number or name.", show_default=False)]
+Folder = Annotated[
+    Path | None,
+    typer.Option(
+        "--library",
+        metavar="DIR",
+        help="A folder of presets; default: $LOOKDEV_LIBRARY, else materials/presets here and of the program.",
+        show_default=False,
+    ),
+]
+Prim = Annotated[
+    str | None,
+    typer.Option("--prim", metavar="PATH", help="The material, where the file has several.", show_default=False),
+]
+MASK_HELP = "A number, IMAGE[:CHANNEL], primvar:NAME, or an expression."
+Inputs = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input",
+        metavar="NAME=SOURCE",
+        help="What a name in an expression is: a number, IMAGE[:CHANNEL], primvar:NAME or uv:NAME. Repeatable.",
+        show_default=False,
+    ),
+]
+
+
+@app.command("list")
+def list_presets(
+    library: Folder = None,
+    category: Annotated[
+        str | None, typer.Option("--category", help="Only presets of this category.", show_default=False)
+    ] = None,
+    sheet: Annotated[
+        Path | None,
+        typer.Option("--sheet", metavar="FILE.png", help="Render a contact sheet too.", show_default=False),
+    ] = None,
+) -> None:
+    """List the presets of the library; the default of 'lookdev materials'."""
+    from lookdev.material.library import library_folders, library_text, read_library
+
+    found = read_library(library_folders(library), category)
+    for fault in found.faults:
+        typer.echo(f"note: {fault}", err=True)
+    typer.echo(library_text(found))
+    if sheet is not None:
+        from lookdev.batch.progress import show_progress
+        from lookdev.batch.thumbnails import write_library_sheet
+
+        with show_progress(sys.stdout) as report:
+            result = write_library_sheet(found.presets, sheet, report)
+        typer.echo(result.summary(), err=result.exit_code != 0)
+        raise typer.Exit(result.exit_code)
+
+
+@app.command()
+def new(
+    look: LookFile,
+    preset: PresetName,
+    name: Annotated[
+        str | None, typer.Option("--name", help="The material's name; default: that of the file.", show_default=False)
+    ] = None,
+    library: Folder = None,
+) -> None:
+    """Write a new look whose base is a preset, by reference."""
+    from lookdev.material.library import find_preset
+    from lookdev.material.library.edit import new_look
+
+    found = find_preset(preset, library)
+    path = new_look(look, found, name)
+    typer.echo(f"{look}: {path} is {found.name}")
+
+
+@app.command()
+def add(
+    look: LookFile,
+    preset: PresetName,
+    mask: Annotated[str, typer.Option("--mask", help=MASK_HELP)] = "1",
+    inputs: Inputs = None,
+    mode: Annotated[LayerMode, typer.Option("--mode", help="How it meets the layers beneath.")] = LayerMode.over,
+    prim: Prim = None,
+    library: Folder = None,
+) -> None:
+    """Lay a preset, by reference, over the layers of a look."""
+    from lookdev.material.library import find_preset
+    from lookdev.material.library.edit import add_layer
+    from lookdev.material.library.masks import parse_mask
+
+    found = find_preset(preset, library)
+    number, name = add_layer(look, found, parse_mask(mask, inputs or ()), mode.value, prim)
+    typer.echo(f"{look}: layer {number} is {name}")
+
+
+@app.command()
+def remove(look: LookFile, layer: LayerName, prim: Prim = None) -> None:
+    """Take a layer, and what only it used, out of a look."""
+    from lookdev.material.library.edit import remove_layer
+
+    number, name, gone = remove_layer(look, layer, prim)
+    typer.echo(f"{look}: layer {number}, {name}, is {'removed' if gone else 'disabled: it comes from another file'}")
+
+
+@app.command()
+def mask(
+    look: LookFile,
+    layer: LayerName,
+    mask: Annotated[str, typer.Argument(metavar="MASK", help=MASK_HELP, show_default=False)],
+    inputs: Inputs = None,
+    prim: Prim = None,
+) -> None:
+    """Give a layer another mask."""
+    from lookdev.material.library.edit import set_mask
+    from lookdev.material.library.masks import parse_mask
+
+    number, name = set_mask(look, layer, parse_mask(mask, inputs or ()), prim)
+    typer.echo(f"{look}: layer {number}, {name}, has the mask {mask}")
+
+
+@app.command()
+def preview(look: LookFile, prim: Prim = None) -> None:
+    """Write or refresh a look's UsdPreviewSurface, which other USD viewers show."""
+    from lookdev.material.library.edit import write_preview
+
+    typer.echo(f"{look}: {write_preview(look, prim)} is up to date")
+
+
+@app.command("import")
+def import_document(
+    document: Annotated[Path, typer.Argument(metavar="FILE.mtlx", help="A MaterialX document.", show_default=False)],
+    look: LookFile,
+) -> None:
+    """Write a new look from MaterialX: its disney_principled materials as Disney layers."""
+    from lookdev.errors import OutputError
+    from lookdev.material.materialx import import_materialx, write_usda
+
+    if look.exists():
+        raise OutputError(f"{look} exists; give a name that does not")
+    imported = import_materialx(document)
+    write_usda(imported, look)
+    for fault in imported.unmapped:
+        typer.echo(f"not carried over: {fault}", err=True)
+    typer.echo(f"{look}: {', '.join(f'/{material.name}' for material in imported.materials)}")

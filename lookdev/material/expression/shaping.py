@@ -1,0 +1,303 @@
+"""What mask expressions compute: arithmetic, and the shaping functions that artists know from SeExpr.
+
+Plain functions over broadcasting arrays, in the vocabulary of `lookdev.brdf`, so that symbolic arrays run through the
+same code. Every result of finite numbers that stay within `LARGEST` is finite: what SeExpr leaves undefined has a
+value here, which the docstrings tell. A colour is a tuple of three arrays; all else works on one channel at a time.
+
+- SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
+- Perlin, K. 2002. Improving Noise. SIGGRAPH.
+- McEwan, I., Sheets, D., Gustavson, S., Richardson, M. 2012. Efficient Computational Noise in GLSL. JGT 16(2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import e, log2, pi
+from typing import Any, Literal
+
+import numpy as np
+
+from lookdev.brdf.vectors import TINY, Array
+
+LARGEST = 1e18
+"""Numbers end here, on either side: the product of two of them is still a float32."""
+
+_LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec.709, as SeExpr
+_PERIOD = 289.0
+
+
+@dataclass(frozen=True)
+class Function:
+    """A function or operator of the language.
+
+    `parameters` are their names in the signature; the last `optional` of them may be left out. `domain` says what it
+    takes: ``"each"`` floats and colours, channel by channel; ``"float"`` floats alone; ``"color"`` a colour, as a tuple
+    of three arrays, then floats; ``"truth"`` truth values. `gives` what comes out, None: as `domain` says.
+    """
+
+    evaluate: Callable[..., Any]
+    parameters: tuple[str, ...]
+    optional: int = 0
+    domain: Literal["each", "float", "color", "truth"] = "each"
+    gives: Literal["float", "color", "truth"] | None = None
+
+    def signature(self, name: str) -> str:
+        """Write the call, optional parameters in brackets."""
+        required = len(self.parameters) - self.optional
+        rest = "".join(f"[, {parameter}]" for parameter in self.parameters[required:])
+        return f"{name}({', '.join(self.parameters[:required])}{rest})"
+
+
+def bounded(x: Array) -> Array:
+    """Keep a number within `LARGEST`; what is no number is 0."""
+    return np.where(x > 0.0, np.minimum(x, LARGEST), np.where(x < 0.0, np.maximum(x, -LARGEST), 0.0))
+
+
+def divide(x: Array, y: Array) -> Array:
+    """Return x / y; 0 where y is 0, or as good as."""
+    zero = np.absolute(y) < TINY
+    return np.where(zero, 0.0, x / np.where(zero, 1.0, y))
+
+
+def modulo(x: Array, y: Array) -> Array:
+    """Return x - y floor(x / y), which has the sign of y; 0 where y is 0. So does SeExpr's operator, not its fmod."""
+    zero = np.absolute(y) < TINY
+    y = np.where(zero, 1.0, y)
+    return np.where(zero, 0.0, x - y * np.floor(x / y))
+
+
+def power(x: Array, y: Array) -> Array:
+    """Return x to the power y; 0 where that has no real value (x < 0 and y not whole, or x = 0 and y < 0)."""
+    zero = np.equal(x, 0.0)
+    size = np.where(zero, np.where(np.equal(y, 0.0), 1.0, 0.0), np.power(np.where(zero, 1.0, np.absolute(x)), y))
+    whole = np.floor(y)
+    sign = np.where(np.equal(y, whole), 1.0 - 2.0 * modulo(whole, 2.0), 0.0)
+    return size * np.where(x < 0.0, sign, 1.0)
+
+
+def square_root(x: Array) -> Array:
+    """Return the square root; 0 of a negative number."""
+    return np.sqrt(np.maximum(x, 0.0))
+
+
+def logarithm(x: Array) -> Array:
+    """Return the natural logarithm, of TINY where x is smaller or negative: never below -41.5."""
+    return np.log(np.maximum(x, TINY))
+
+
+def ceiling(x: Array) -> Array:
+    """Return the next higher integer."""
+    return -np.floor(-x)
+
+
+def whole_part(x: Array) -> Array:
+    """Return the nearest integer towards zero."""
+    return np.where(x < 0.0, ceiling(x), np.floor(x))
+
+
+def nearest_whole(x: Array) -> Array:
+    """Return the nearest integer, halves away from zero."""
+    return np.where(x < 0.0, ceiling(x - 0.5), np.floor(x + 0.5))
+
+
+def mix(a: Array, b: Array, alpha: Array) -> Array:
+    """Blend: at alpha 0 or 1 one of the two is not even looked at."""
+    return a * (1.0 - alpha) + b * alpha
+
+
+def boxstep(x: Array, a: Array) -> Array:
+    """Return 0 for x < a, else 1."""
+    return np.where(x < a, 0.0, 1.0)
+
+
+def linearstep(x: Array, a: Array, b: Array) -> Array:
+    """Rise from 0 at a to 1 at b, or fall where b < a; boxstep where a = b."""
+    width = b - a
+    sudden = np.absolute(width) < TINY
+    return np.where(sudden, boxstep(x, a), np.clip((x - a) / np.where(sudden, 1.0, width), 0.0, 1.0))
+
+
+def _smooth(t: Array) -> Array:
+    return t * t * (3.0 - 2.0 * t)
+
+
+def _gaussian(t: Array) -> Array:
+    # SeExpr's bell: 2^-8 where it begins, and nothing before.
+    return np.where(t > 0.0, np.exp((-8.0 / log2(e)) * (1.0 - t) * (1.0 - t)), 0.0)
+
+
+def smoothstep(x: Array, a: Array, b: Array) -> Array:
+    """Do as linearstep, along a cubic curve."""
+    return _smooth(linearstep(x, a, b))
+
+
+def gaussstep(x: Array, a: Array, b: Array) -> Array:
+    """Do as linearstep, along half a Gaussian bell; 0 at x = a."""
+    return _gaussian(linearstep(x, a, b))
+
+
+def remap(x: Array, source: Array, span: Array, falloff: Array, interp: Array) -> Array:
+    """Return 1 within `span` of `source`, falling to 0 over `falloff` beyond: 0 linear, 1 smooth, 2 gaussian."""
+    span, falloff, distance = np.absolute(span), np.absolute(falloff), np.absolute(x - source)
+    sudden = falloff < TINY
+    t = np.clip((span + falloff - distance) / np.where(sudden, 1.0, falloff), 0.0, 1.0)
+    shaped = np.where(interp < 1.0, t, np.where(interp < 2.0, _smooth(t), _gaussian(t)))
+    return np.where(sudden, np.where(distance < span, 1.0, 0.0), shaped)
+
+
+def fit(x: Array, a1: Array, b1: Array, a2: Array, b2: Array) -> Array:
+    """Map the range a1, b1 to a2, b2 by a straight line, beyond both ends too; a2 where a1 = b1."""
+    return a2 + divide((x - a1) * (b2 - a2), b1 - a1)
+
+
+def gamma(x: Array, g: Array) -> Array:
+    """Return x^(1/g)."""
+    return power(x, divide(1.0, g))
+
+
+def bias(x: Array, b: Array) -> Array:
+    """Pull the curve up for b > 0.5, down for b < 0.5: x^(log(b) / log(0.5)) (Perlin)."""
+    return power(x, logarithm(b) * (-1.0 / np.log(2.0)))
+
+
+def contrast(x: Array, c: Array) -> Array:
+    """Raise the contrast for c > 0.5, lower it for c < 0.5; x beyond [0, 1] comes out as 0 or 1 (Perlin's gain).
+
+    SeExpr writes bias(1 - c, 2 x), which is the same: a^log(b) = b^log(a). This way around, only a constant c meets
+    the floor of the logarithm.
+    """
+    low = x < 0.5
+    half = 0.5 * bias(np.where(low, 2.0 * x, 2.0 - 2.0 * x), 1.0 - c)
+    return np.where(low, half, 1.0 - half)
+
+
+def luminance(color: tuple[Array, ...]) -> Array:
+    """Return the Rec.709 luminance of a linear colour."""
+    return sum(channel * weight for channel, weight in zip(color, _LUMINANCE, strict=True))
+
+
+def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
+    """Scale the saturation around the luminance; negative channels come out as 0."""
+    gray = luminance(color)
+    return tuple(np.maximum(mix(gray, channel, amount), 0.0) for channel in color)
+
+
+def _wrapped(i: Array, period: float = _PERIOD) -> Array:
+    # Modulo of whole numbers. Half a unit keeps the quotient clear of the next integer: rounded to float32 it is off
+    # by 1/900 at most below 3e6, which half a unit over 289 outweighs.
+    return i - period * np.floor((i + 0.5) * (1.0 / period))
+
+
+def _permuted(i: Array) -> Array:
+    # McEwan et al. 2012, section 2.2, with the linear coefficient of the authors' later code; up to 2.9e6, exact in
+    # float32 (their sum of two hashes as argument would not be).
+    return _wrapped((34.0 * i + 10.0) * i)
+
+
+def _hash(i: Array, j: Array, k: Array) -> Array:
+    """Return a whole number from 0 to 288 for a lattice point of whole numbers in that range."""
+    return _permuted(_wrapped(_permuted(_wrapped(_permuted(i) + j)) + k))
+
+
+def _slope(number: Array, x: Array, y: Array, z: Array) -> Array:
+    # Perlin 2002: the gradients are the twelve edges of a cube. He doubles four of them, which favours one axis.
+    edge = _wrapped(number, 12.0)
+    u, v = np.where(edge < 8.0, x, y), np.where(edge < 4.0, y, z)
+    half = np.floor(0.5 * edge)
+    return u * (1.0 - 2.0 * (edge - 2.0 * half)) + v * (1.0 - 2.0 * modulo(half, 2.0))
+
+
+def _lattice(x: Array) -> tuple[Array, Array, Array]:
+    """Return the lattice point below, the way from there, and the weight of the next."""
+    floor = np.floor(x)
+    t = x - floor
+    return _wrapped(floor), t, t * t * t * (t * (6.0 * t - 15.0) + 10.0)
+
+
+def noise(x: Array, y: Array = 0.0, z: Array = 0.0) -> Array:
+    """Return gradient noise in [0, 1], mean 0.5, 0.5 at lattice points, of period 289.
+
+    The same in float32 as in float64: all hashing is by whole numbers below 2^24. Of a constant coordinate on the
+    lattice, the far side folds away.
+    """
+    (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
+
+    def corner(a: int, b: int, c: int) -> Array:
+        return _slope(_hash(i + a, j + b, k + c), x - a, y - b, z - c)
+
+    def edge(b: int, c: int) -> Array:
+        return mix(corner(0, b, c), corner(1, b, c), u)
+
+    def face(c: int) -> Array:
+        return mix(edge(0, c), edge(1, c), v)
+
+    return np.clip(0.5 + 0.5 * mix(face(0), face(1), w), 0.0, 1.0)
+
+
+def cellnoise(x: Array, y: Array = 0.0, z: Array = 0.0) -> Array:
+    """Return one of 289 values from 0 to 1 for each cell of the lattice, of period 289."""
+    i, j, k = (_wrapped(np.floor(value)) for value in (x, y, z))
+    return _hash(i, j, k) * (1.0 / (_PERIOD - 1.0))
+
+
+CONSTANTS: dict[str, float] = {"PI": pi, "E": e, "linear": 0.0, "smooth": 1.0, "gaussian": 2.0}
+"""Names with a fixed value; the last three are the `interp` of `remap`. No input can have one of them."""
+
+FUNCTIONS: dict[str, Function] = {
+    "abs": Function(np.absolute, ("x",)),
+    "atan2": Function(np.arctan2, ("y", "x")),
+    "bias": Function(bias, ("x", "b")),
+    "boxstep": Function(boxstep, ("x", "a")),
+    "ceil": Function(ceiling, ("x",)),
+    "cellnoise": Function(cellnoise, ("x", "y", "z"), optional=2, domain="float"),
+    "clamp": Function(lambda x, lo, hi: np.minimum(np.maximum(x, lo), hi), ("x", "lo", "hi")),
+    "contrast": Function(contrast, ("x", "c")),
+    "cos": Function(np.cos, ("x",)),
+    "exp": Function(np.exp, ("x",)),
+    "fit": Function(fit, ("x", "a1", "b1", "a2", "b2")),
+    "floor": Function(np.floor, ("x",)),
+    "fract": Function(lambda x: x - np.floor(x), ("x",)),
+    "gamma": Function(gamma, ("x", "g")),
+    "gaussstep": Function(gaussstep, ("x", "a", "b")),
+    "invert": Function(lambda x: 1.0 - x, ("x",)),
+    "lerp": Function(mix, ("a", "b", "alpha")),
+    "linearstep": Function(linearstep, ("x", "a", "b")),
+    "log": Function(logarithm, ("x",)),
+    "luminance": Function(luminance, ("color",), domain="color", gives="float"),
+    "max": Function(np.maximum, ("a", "b")),
+    "min": Function(np.minimum, ("a", "b")),
+    "mix": Function(mix, ("a", "b", "alpha")),
+    "mod": Function(modulo, ("x", "y")),
+    "noise": Function(noise, ("x", "y", "z"), optional=2, domain="float"),
+    "pow": Function(power, ("x", "y")),
+    "remap": Function(remap, ("x", "source", "range", "falloff", "interp")),
+    "round": Function(nearest_whole, ("x",)),
+    "saturate": Function(saturate, ("color", "amount"), domain="color", gives="color"),
+    "sin": Function(np.sin, ("x",)),
+    "smoothstep": Function(smoothstep, ("x", "a", "b")),
+    "sqrt": Function(square_root, ("x",)),
+    "tan": Function(np.tan, ("x",)),
+    "trunc": Function(whole_part, ("x",)),
+}
+
+_PAIR = ("a", "b")
+
+OPERATORS: dict[str, Function] = {
+    "+": Function(np.add, _PAIR),
+    "-": Function(np.subtract, _PAIR),
+    "*": Function(np.multiply, _PAIR),
+    "/": Function(divide, _PAIR),
+    "%": Function(modulo, _PAIR),
+    "^": Function(power, _PAIR),
+    "negative": Function(np.negative, ("a",)),
+    "<": Function(np.less, _PAIR, domain="float", gives="truth"),
+    "<=": Function(np.less_equal, _PAIR, domain="float", gives="truth"),
+    ">": Function(np.greater, _PAIR, domain="float", gives="truth"),
+    ">=": Function(np.greater_equal, _PAIR, domain="float", gives="truth"),
+    "==": Function(np.equal, _PAIR, domain="float", gives="truth"),
+    "!=": Function(lambda a, b: np.logical_not(np.equal(a, b)), _PAIR, domain="float", gives="truth"),
+    "&&": Function(np.logical_and, _PAIR, domain="truth", gives="truth"),
+    "||": Function(np.logical_or, _PAIR, domain="truth", gives="truth"),
+    "!": Function(np.logical_not, ("a",), domain="truth", gives="truth"),
+}

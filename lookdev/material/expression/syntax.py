@@ -1,0 +1,290 @@
+"""The syntax of mask expressions: from text to a tree.
+
+The language is that of SeExpr's expressions (Disney), without variables of its own: see ``docs/expressions.md``. Text
+is read by the tokenizer and the operator-precedence parser below and by nothing else.
+
+- Pratt, V. 1973. Top Down Operator Precedence. POPL.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+from lookdev.errors import LookdevError, nearest_hint
+from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, LARGEST, OPERATORS, Function
+
+LONGEST = 64 * 1024
+"""Characters that an expression may have."""
+
+DEEPEST = 64
+"""Operations that may stand one inside the other."""
+
+SHOWN = 40
+"""Characters of a name that a message shows; of the line at fault, twice as many."""
+
+
+class ExpressionError(LookdevError):
+    """An expression is wrong: the message shows the line, with a caret under `position`, an index into `text`."""
+
+    def __init__(self, text: str, position: int, what: str, hint: str = "") -> None:
+        self.text, self.position, self.what, self.hint = text, position, what, hint
+        start = text.rfind("\n", 0, position) + 1
+        end = text.find("\n", position)
+        end = len(text) if end < 0 else end
+        first = max(start, min(position - SHOWN, end - 2 * SHOWN))
+        last = min(end, first + 2 * SHOWN)
+        before, after = "…" * (first > start), "…" * (last < end)
+        line = "".join(c if c.isprintable() else " " for c in text[first:last])
+        caret = " " * (len(before) + position - first) + "^"
+        told = what + (f" ({hint})" if hint else "")
+        super().__init__(f"{told}\n    {before}{line}{after}\n    {caret}")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of an expression, told by the `position` of its operator or first character."""
+
+    position: int
+    depth: int
+
+
+@dataclass(frozen=True)
+class Number(_Part):
+    """A number, or a constant's value."""
+
+    value: float
+
+
+@dataclass(frozen=True)
+class Name(_Part):
+    """An input."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class Apply(_Part):
+    """A function or operator with its arguments."""
+
+    name: str
+    function: Function
+    arguments: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Color(_Part):
+    """Three floats as a colour: ``[r, g, b]``."""
+
+    channels: tuple[Node, ...]
+
+
+@dataclass(frozen=True)
+class Channel(_Part):
+    """A channel of a colour: ``color[index]``."""
+
+    color: Node
+    index: int
+
+
+@dataclass(frozen=True)
+class Choice(_Part):
+    """One of two: ``condition ? yes : no``."""
+
+    condition: Node
+    yes: Node
+    no: Node
+
+
+Node: TypeAlias = Number | Name | Apply | Color | Channel | Choice
+
+
+class _Token(NamedTuple):
+    kind: str
+    text: str
+    position: int
+
+
+_TOKEN = re.compile(
+    r"(?P<space>(?:\s|\#[^\n]*)+)"
+    r"|(?P<number>(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
+    r"|(?P<name>[A-Za-z_][A-Za-z0-9_]*)"
+    r"|(?P<sign>[<>=!]=|&&|\|\||[-+*/%^!<>?:(),\[\]])"
+)
+
+# How tightly an operator binds what stands on its left; only ``^`` and ``?`` group from the right.
+_BINDING = {"?": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 5, "<=": 5, ">": 5, ">=": 5}
+_BINDING |= {"+": 6, "-": 6, "*": 7, "/": 7, "%": 7, "^": 9, "[": 10}
+_PREFIX = {"-": "negative", "!": "!"}
+_PREFIX_BINDING = 8
+
+_INSTEAD = {
+    "=": "'==' compares",
+    "&": "'&&' is the logical and",
+    "|": "'||' is the logical or",
+    "$": "names stand without '$'",
+    "~": "invert(x) is 1 - x",
+}
+
+
+def parse_tree(text: str) -> tuple[Node, tuple[str, ...]]:
+    """Parse an expression: return its tree and the names of its inputs, in order of appearance.
+
+    Raises
+    ------
+    ExpressionError
+        It is none, names an unknown function, gives a wrong number of arguments, is longer than `LONGEST` or nested
+        deeper than `DEEPEST`.
+    """
+    if len(text) > LONGEST:
+        raise ExpressionError(text, LONGEST, f"an expression of {len(text)} characters; at most {LONGEST} are read")
+    parser = _Parser(text)
+    return parser.whole(), tuple(parser.names)
+
+
+def clipped(text: str) -> str:
+    """Shorten a name for a message."""
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
+
+
+def _tokens(text: str) -> Iterator[_Token]:
+    position = 0
+    while position < len(text):
+        match = _TOKEN.match(text, position)
+        if match is None:
+            raise ExpressionError(text, position, f"unexpected {text[position]!r}", _INSTEAD.get(text[position], ""))
+        if match.lastgroup != "space":
+            yield _Token(str(match.lastgroup), match[0], position)
+        position = match.end()
+    yield _Token("end", "", position)
+
+
+class _Parser:
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.names: dict[str, None] = {}
+        self._tokens = _tokens(text)
+        self._token = next(self._tokens)
+        self._nesting = 0
+
+    def whole(self) -> Node:
+        root = self._parse(0)
+        if self._token.kind != "end":
+            raise self._unexpected("an operator")
+        return root
+
+    def _next(self) -> _Token:
+        token, self._token = self._token, next(self._tokens)
+        return token
+
+    def _unexpected(self, wanted: str) -> ExpressionError:
+        token = self._token
+        found = "the end" if token.kind == "end" else f"'{clipped(token.text)}'"
+        return ExpressionError(self.text, token.position, f"{wanted} should stand here, not {found}")
+
+    def _expect(self, sign: str) -> None:
+        if self._token.text != sign:
+            raise self._unexpected(f"'{sign}'")
+        self._next()
+
+    def _depth(self, position: int, *parts: Node) -> int:
+        depth = 1 + max((part.depth for part in parts), default=0)
+        if depth > DEEPEST:
+            raise self._too_deep(position)
+        return depth
+
+    def _too_deep(self, position: int) -> ExpressionError:
+        return ExpressionError(self.text, position, f"more than {DEEPEST} operations one inside the other")
+
+    def _parse(self, binding: int) -> Node:
+        """Parse what binds tighter than `binding`."""
+        # Parentheses make no node. Each costs a call, and between two there may be one for its operator.
+        self._nesting += 1
+        if self._nesting > 2 * DEEPEST:
+            raise self._too_deep(self._token.position)
+        left = self._operand()
+        while _BINDING.get(self._token.text, 0) > binding:
+            left = self._operation(left, self._next())
+        self._nesting -= 1
+        return left
+
+    def _operation(self, left: Node, sign: _Token) -> Node:
+        position = sign.position
+        if sign.text == "[":
+            index = self._token
+            if index.text not in ("0", "1", "2"):
+                raise self._unexpected("0, 1 or 2")
+            self._next()
+            self._expect("]")
+            return Channel(position, self._depth(position, left), left, int(index.text))
+        if sign.text == "?":
+            yes = self._parse(0)
+            self._expect(":")
+            no = self._parse(0)
+            return Choice(position, self._depth(position, left, yes, no), left, yes, no)
+        right = self._parse(_BINDING[sign.text] - (sign.text == "^"))
+        return self._apply(position, sign.text, OPERATORS[sign.text], left, right)
+
+    def _operand(self) -> Node:
+        token = self._token
+        position = token.position
+        if token.kind == "number":
+            self._next()
+            value = float(token.text)
+            if value > LARGEST:
+                raise ExpressionError(self.text, position, f"a number above {LARGEST:g}")
+            return Number(position, 1, value)
+        if token.kind == "name":
+            self._next()
+            if self._token.text == "(":
+                return self._call(token)
+            if token.text in CONSTANTS:
+                return Number(position, 1, CONSTANTS[token.text])
+            self.names[token.text] = None
+            return Name(position, 1, token.text)
+        if token.text in _PREFIX:
+            self._next()
+            name = _PREFIX[token.text]
+            return self._apply(position, name, OPERATORS[name], self._parse(_PREFIX_BINDING))
+        if token.text == "(":
+            self._next()
+            inner = self._parse(0)
+            self._expect(")")
+            return inner
+        if token.text == "[":
+            self._next()
+            channels = self._list("]")
+            if len(channels) != 3:
+                raise ExpressionError(self.text, position, f"a color of {len(channels)} numbers", "it is [r, g, b]")
+            return Color(position, self._depth(position, *channels), channels)
+        raise self._unexpected("a number, a name or '('")
+
+    def _list(self, closing: str) -> tuple[Node, ...]:
+        items = []
+        if self._token.text != closing:
+            items.append(self._parse(0))
+            while self._token.text == ",":
+                self._next()
+                items.append(self._parse(0))
+        self._expect(closing)
+        return tuple(items)
+
+    def _call(self, token: _Token) -> Node:
+        name = token.text
+        function = FUNCTIONS.get(name)
+        if function is None:
+            hint = nearest_hint(name, list(FUNCTIONS))
+            raise ExpressionError(self.text, token.position, f"unknown function '{clipped(name)}'", hint)
+        self._next()
+        arguments = self._list(")")
+        most = len(function.parameters)
+        if not most - function.optional <= len(arguments) <= most:
+            count = f"{most - function.optional} to {most}" if function.optional else str(most)
+            what = f"{name} takes {count} argument{'s' * (most > 1)}, not {len(arguments)}"
+            raise ExpressionError(self.text, token.position, what, function.signature(name))
+        return self._apply(token.position, name, function, *arguments)
+
+    def _apply(self, position: int, name: str, function: Function, *arguments: Node) -> Node:
+        return Apply(position, self._depth(position, *arguments), name, function, arguments)

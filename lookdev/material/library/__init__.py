@@ -1,0 +1,168 @@
+"""Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim.
+
+A preset is called by the name of its file. Looks take it by reference, so that a change of the preset changes them.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pxr import UsdShade
+
+from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.material.usd import MODELS
+from lookdev.material.usd.file import open_stage
+
+LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
+"""Environment variable with folders of presets, separated as in ``PATH``."""
+
+SHIPPED = Path("materials", "presets")
+"""Where presets are, below the current folder and below the program's checkout."""
+
+_CHECKOUT = Path(__file__).parents[3]
+_SUFFIXES = (".usda", ".usd", ".usdc")
+
+
+@dataclass(frozen=True)
+class Preset:
+    """One layer of the library.
+
+    `file` is absolute, `prim` the path of the shader in it, `model` one of `lookdev.brdf.MODELS`; `category` and `doc`
+    are what the file says of it, or empty.
+    """
+
+    name: str
+    file: Path
+    prim: str
+    model: str
+    category: str
+    doc: str
+
+
+@dataclass(frozen=True)
+class Library:
+    """The presets of some folders, by category and name, and what is wrong with files that are none."""
+
+    presets: tuple[Preset, ...]
+    faults: tuple[Fault, ...]
+
+
+def library_folders(given: Path | None = None) -> tuple[Path, ...]:
+    """Return the folders that presets are looked for in, absolute; of two presets of one name, the first folder's wins.
+
+    That is `given`, else those of ``$LOOKDEV_LIBRARY``, else ``materials/presets`` below the current folder and below
+    the program's checkout, as far as they are there.
+
+    Raises
+    ------
+    LookError
+        A folder that was asked for is not there, or none is.
+    """
+    named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
+    wanted = [given] if given else named
+    folders = dict.fromkeys(folder.absolute() for folder in wanted or (SHIPPED, _CHECKOUT / SHIPPED))
+    missing = [folder for folder in folders if not folder.is_dir()]
+    if wanted and missing:
+        origin = "--library" if given else f"${LIBRARY_VARIABLE}"
+        raise LookError([Fault(str(folder), "", f"{origin} names no folder") for folder in missing])
+    if len(missing) == len(folders):
+        hint = f"name a folder of presets with --library or ${LIBRARY_VARIABLE}"
+        raise LookError([Fault("library", "", f"no folder {_listed(folders)}", hint)])
+    return tuple(folder for folder in folders if folder not in missing)
+
+
+def read_library(folders: Iterable[Path], category: str | None = None) -> Library:
+    """Read every preset of some folders, or those of one category.
+
+    Raises
+    ------
+    LookError
+        No preset has that category, or the folders have none at all.
+    """
+    folders = tuple(folders)
+    presets: list[Preset] = []
+    faults: list[Fault] = []
+    for file in _files(folders).values():
+        try:
+            presets.append(read_preset(file))
+        except LookError as error:
+            faults += error.faults
+    known = sorted({preset.category for preset in presets} - {""})
+    if category is not None:
+        presets = [preset for preset in presets if preset.category == category]
+    if not presets and category is not None and known:
+        raise LookError([Fault("library", "", f"no preset of category '{category}'", nearest_hint(category, known))])
+    if not presets:
+        raise LookError(faults or [Fault("library", "", f"no preset in {_listed(folders)}", "put *.usda files there")])
+    return Library(tuple(sorted(presets, key=lambda preset: (preset.category, preset.name))), tuple(faults))
+
+
+def find_preset(name: str, library: Path | None = None) -> Preset:
+    """Return a preset by the path of its file, or by its name, in whatever case, from `library_folders`.
+
+    Raises
+    ------
+    LookError
+        There is no such preset, or its file is none.
+    """
+    if Path(name).suffix in _SUFFIXES:
+        return read_preset(Path(name).absolute())
+    folders = library_folders(library)
+    files = _files(folders)
+    if name.casefold() in files:
+        return read_preset(files[name.casefold()])
+    hint = nearest_hint(name.casefold(), sorted(files)) if files else "put *.usda files there"
+    raise LookError([Fault("library", "", f"no preset '{name}' in {_listed(folders)}", hint)])
+
+
+def read_preset(file: Path) -> Preset:
+    """Read the preset that a file holds.
+
+    Raises
+    ------
+    LookError
+        The file is missing, is not USD, or its default prim is no shader of a layer.
+    """
+    stage = open_stage(file)
+    prim = stage.GetDefaultPrim()
+    if not prim:
+        raise LookError([Fault(str(file), "", "has no default prim", "a preset is a shader: set defaultPrim to it")])
+    shader = UsdShade.Shader(prim)
+    model = (shader.GetShaderId() if shader else None) or ""
+    place = str(prim.GetPath())
+    if model not in MODELS:
+        what = f"its info:id is '{model}'" if shader else f"is a {prim.GetTypeName() or 'prim without a type'}"
+        hint = f"a preset is a Shader whose info:id is {' or '.join(MODELS)}"
+        raise LookError([Fault(str(file), place, what, hint)])
+    if not shader.GetOutput("layer"):
+        raise LookError([Fault(str(file), place, "has no outputs:layer", "declare it: token outputs:layer")])
+    doc = prim.GetDocumentation() or stage.GetRootLayer().documentation
+    category = str(prim.GetCustomDataByKey("category") or "")
+    return Preset(file.stem, file, place, MODELS[model], category, " ".join(doc.split()))
+
+
+def library_text(library: Library) -> str:
+    """Write a library as an aligned table: name, category, model, and the first sentence of what is said of it."""
+    rows = [("name", "category", "model", "")]
+    rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )
+
+
+def _files(folders: Iterable[Path]) -> dict[str, Path]:
+    """Return the files of presets by their names without case, of which the first folder's wins."""
+    files: dict[str, Path] = {}
+    for folder in folders:
+        for file in sorted(folder.iterdir()):
+            if file.suffix in _SUFFIXES and not file.name.startswith("."):
+                files.setdefault(file.stem.casefold(), file)
+    return files
+
+
+def _listed(folders: Iterable[Path]) -> str:
+    return " or ".join(map(str, folders))

@@ -1,0 +1,356 @@
+"""Editing looks: layer stacks of references to presets, written in USD.
+
+An edit is made on a copy beside the file, which takes the file's place only if `read_look` finds no fault in it, in
+any variant of the material. It is written to the file itself: a stack that comes from another file gets overrides.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pxr import Sdf, Usd, UsdShade
+
+from lookdev.cache import atomic_path
+from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.material.library import Preset
+from lookdev.material.library.masks import Held, Mask, MaskWriter
+from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
+from lookdev.material.library.preview import author_preview
+from lookdev.material.look import Look, Mode
+from lookdev.material.usd import MODELS, find_material, read_look
+from lookdev.material.usd.file import open_stage, reading
+from lookdev.material.usd.network import Network, Source, shader_id
+
+_SUFFIXES = (".usda", ".usd", ".usdc")
+_SURFACE = "outputs:lookdev:surface"
+_LAYER_INPUT = re.compile(r"inputs:layer([1-9]\d*)(Mask|Enabled|Mode)?")
+_TYPES = Sdf.ValueTypeNames
+
+
+def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
+    """Write a new look whose base is a preset, by reference, and return the path of its material.
+
+    Parameters
+    ----------
+    file
+        Must not exist.
+    name
+        Of the material; by default that of the file, ``worn_paint.usda`` giving ``WornPaint``.
+
+    Raises
+    ------
+    LookError
+        The file exists, the name cannot be a prim's, or the preset does not read as a look.
+    """
+    _check_suffix(file)
+    if file.exists() or file.is_symlink():
+        hint = "choose another name, or 'lookdev materials add' a layer to it"
+        raise LookError([Fault(str(file), "", "exists already", hint)])
+    name = name or "".join(word[:1].upper() + word[1:] for word in re.split(r"[^A-Za-z0-9]+", file.stem))
+    if not Sdf.Path.IsValidIdentifier(name):
+        hint = "letters, digits and '_', not a digit first; give one with --name"
+        raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
+    with atomic_path(file) as temporary, _told_of(file, temporary):
+        stage = Usd.Stage.CreateNew(str(temporary))
+        material = UsdShade.Material.Define(stage, f"/{name}")
+        stage.SetDefaultPrim(material.GetPrim())
+        base = _reference(stage, material.GetPath().AppendChild("Base"), preset)
+        _author_stack(material, base)
+        _author_preview(material)
+        _check(material)
+    return f"/{name}"
+
+
+def add_layer(
+    file: Path, preset: Preset, mask: Mask = 1.0, mode: Mode = "over", prim: str | None = None
+) -> tuple[int, str]:
+    """Lay a preset, by reference, over the layers of a look, and return the new layer's number and name.
+
+    A look of a single layer gets a stack first.
+
+    Raises
+    ------
+    LookError
+        The file is no look, or would not be one after.
+    """
+    with _edited(file, prim) as material:
+        stack = _find_stack(material) or _make_stack(material)
+        number = max(stack.layers, default=0) + 1
+        path = _reference(stack.stage, free_path(stack.stage, stack.scope, Sdf.Path(preset.prim).name), preset)
+        stack.input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
+        if mode != "over":
+            stack.input(number, "Mode", _TYPES.Token).Set(mode)
+        if mask != 1.0:
+            writer = MaskWriter(stack.stage, stack.scope, {})
+            writer.write(stack.input(number, "Mask", _TYPES.Float), f"{path.name}Mask", mask)
+    return number, path.name
+
+
+def remove_layer(file: Path, layer: str, prim: str | None = None) -> tuple[int, str, bool]:
+    """Take a layer, by number or name, out of a stack; return its number, its name, and whether it is really gone.
+
+    Layers over it are numbered anew, and nodes that only it used go with it. What another file says of it cannot be
+    taken away: then the layer is disabled.
+
+    Raises
+    ------
+    LookError
+        There is no such layer, or the file would not be a look without it.
+    """
+    with _edited(file, prim) as material:
+        stack = _stack_of(material)
+        number, name = stack.find(layer)
+        own = [stack.prim.GetAttribute(stack.input_name(number, part)) for part in ("", "Mask", "Enabled", "Mode")]
+        removable = all(stack.is_own(attribute) for attribute in own if attribute)
+        if removable:
+            used = upstream(material, own)
+            stack.drop(number)
+            prune(material, used)
+        else:
+            stack.input(number, "Enabled", _TYPES.Bool).Set(False)
+    return number, name, removable
+
+
+def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None) -> tuple[int, str]:
+    """Give a layer, by number or name, another mask; return its number and name.
+
+    Nodes that only the old mask used are removed. Names of an expression that are given no source keep the one they
+    had in the expression before.
+
+    Raises
+    ------
+    LookError
+        There is no such layer, or the mask cannot be one.
+    """
+    with _edited(file, prim) as material:
+        stack = _stack_of(material)
+        number, name = stack.find(layer)
+        attribute = stack.input(number, "Mask", _TYPES.Float)
+        old, used = _inputs(stack.network.follow(attribute)), upstream(material, [attribute])
+        clear_input(attribute)
+        prune(material, used, [path for held in old.values() for path in held.connections])
+        MaskWriter(stack.stage, stack.scope, old).write(attribute, f"{name}Mask", mask)
+        prune(material, used)
+    return number, name
+
+
+def write_preview(file: Path, prim: str | None = None) -> str:
+    """Write or refresh the UsdPreviewSurface of a look, and return the path of its shader.
+
+    Raises
+    ------
+    LookError
+        The file is no look, or its outputs:surface is connected to something else.
+    """
+    with _edited(file, prim) as material:
+        return _author_preview(material)
+
+
+@dataclass(frozen=True)
+class _Stack:
+    """A LookdevLayers shader, and the number and name of each layer over its base."""
+
+    network: Network
+    prim: Usd.Prim
+    base: str
+    layers: dict[int, str]
+
+    @property
+    def stage(self) -> Usd.Stage:
+        return self.prim.GetStage()
+
+    @property
+    def scope(self) -> Sdf.Path:
+        """Where the nodes beside the stack are."""
+        return self.prim.GetPath().GetParentPath()
+
+    def find(self, layer: str) -> tuple[int, str]:
+        """Return number and name of the layer that has this number or, in whatever case, this name."""
+        if layer == "0" or layer.casefold() == self.base.casefold():
+            raise self._fault(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
+        numbers = [n for n, name in self.layers.items() if layer == str(n) or layer.casefold() == name.casefold()]
+        if len(numbers) > 1:
+            raise self._fault(f"layers {', '.join(map(str, numbers))} are all '{layer}'", "give the number")
+        if not numbers:
+            known = [each for number, name in self.layers.items() for each in (name, str(number))]
+            raise self._fault(f"no layer '{layer}'", nearest_hint(layer, known) if known else "it has only a base")
+        return numbers[0], self.layers[numbers[0]]
+
+    def _fault(self, what: str, hint: str) -> LookError:
+        return LookError([Fault(str(self.network.file), str(self.prim.GetPath()), what, hint)])
+
+    @staticmethod
+    def input_name(number: int, part: str) -> str:
+        return f"inputs:layer{number}{part}"
+
+    def input(self, number: int, part: str, type_name: Sdf.ValueTypeName) -> Usd.Attribute:
+        return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
+
+    def is_own(self, attribute: Usd.Attribute) -> bool:
+        """Say whether all that is said of an input is said of the stack itself, in the file that is edited."""
+        root = self.stage.GetRootLayer()
+        return all(
+            spec.layer == root and spec.path.StripAllVariantSelections() == attribute.GetPath()
+            for spec in attribute.GetPropertyStack()
+        )
+
+    def drop(self, number: int) -> None:
+        """Remove a layer's inputs, and number those of the layers over it anew, in every variant."""
+        root = self.stage.GetRootLayer()
+        for site in sites(root, self.prim.GetPath()):
+            prim = root.GetPrimAtPath(site)
+            found = [(int(match[1]), match[2] or "", spec) for spec in prim.properties if (match := _input(spec))]
+            for each, part, spec in sorted(found, key=lambda entry: entry[0]):
+                if each == number:
+                    prim.RemoveProperty(spec)
+                elif each > number:
+                    spec.name = self.input_name(each - 1, part)
+            if prim.isInert:
+                delete(root, [site])
+
+
+def _input(spec: Sdf.PropertySpec) -> re.Match[str] | None:
+    return _LAYER_INPUT.fullmatch(spec.name)
+
+
+def _surface(material: UsdShade.Material) -> tuple[Network, Source]:
+    """Return the stack or the only layer of a look."""
+    network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
+    attribute = material.GetPrim().GetAttribute(_SURFACE)
+    source = network.follow(attribute) if attribute else None
+    if not isinstance(source, Source) or shader_id(source.shader) not in ("LookdevLayers", *MODELS):
+        hint = "'lookdev materials new' makes a look"
+        network.fault(material.GetPath().AppendProperty(_SURFACE), "is not connected to layers", hint)
+        raise LookError(network.faults)
+    return network, source
+
+
+def _find_stack(material: UsdShade.Material) -> _Stack | None:
+    """Return the stack of a look; None where a single layer is its surface."""
+    network, surface = _surface(material)
+    if shader_id(surface.shader) in MODELS:
+        return None
+    names: dict[int, str] = {}
+    for each in surface.shader.GetInputs():
+        attribute = each.GetAttr()
+        match = _LAYER_INPUT.fullmatch(attribute.GetName())
+        if each.GetBaseName() == "base" or (match and not match[2] and attribute.HasAuthoredConnections()):
+            layer = network.follow(attribute)
+            names[int(match[1]) if match else 0] = layer.path.name if isinstance(layer, Source) else ""
+    return _Stack(network, surface.shader.GetPrim(), names.pop(0, ""), dict(sorted(names.items())))
+
+
+def _stack_of(material: UsdShade.Material) -> _Stack:
+    stack = _find_stack(material)
+    if stack is None:
+        network, _ = _surface(material)
+        network.fault(material, "has a single layer, no stack", "'lookdev materials add' lays another over it")
+        raise LookError(network.faults)
+    return stack
+
+
+def _make_stack(material: UsdShade.Material) -> _Stack:
+    """Put a stack between a material and its only layer."""
+    _, layer = _surface(material)
+    _author_stack(material, layer.path)
+    return _stack_of(material)
+
+
+def _author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
+    """Define a stack beside its base, and connect the material to it."""
+    stage, inside = material.GetPrim().GetStage(), base.HasPrefix(material.GetPath())
+    scope = base.GetParentPath() if inside else material.GetPath()
+    layers = UsdShade.Shader.Define(stage, free_path(stage, scope, "Layers"))
+    layers.CreateIdAttr("LookdevLayers")
+    layers.CreateInput("base", _TYPES.Token).GetAttr().SetConnections([base.AppendProperty("outputs:layer")])
+    surface = layers.CreateOutput("surface", _TYPES.Token).GetAttr().GetPath()
+    material.CreateOutput("lookdev:surface", _TYPES.Token).GetAttr().SetConnections([surface])
+
+
+def _reference(stage: Usd.Stage, path: Sdf.Path, preset: Preset) -> Sdf.Path:
+    """Define a shader that is a preset, by reference."""
+    prim = stage.DefinePrim(path, "Shader")
+    prim.GetReferences().AddReference(relative_asset(preset.file, stage), preset.prim)
+    return prim.GetPath()
+
+
+def _author_preview(material: UsdShade.Material) -> str:
+    look = _read_saved(material)
+    network, surface = _surface(material)
+    shaders = [surface.shader]
+    if stack := _find_stack(material):
+        inputs = [stack.prim.GetAttribute("inputs:base")]
+        for number in stack.layers:
+            enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled"))
+            if not enabled or network.constant(enabled, _TYPES.Bool) is not False:
+                inputs.append(stack.prim.GetAttribute(stack.input_name(number, "")))
+        sources = [network.follow(attribute) for attribute in inputs]
+        shaders = [source.shader for source in sources if isinstance(source, Source)]
+    return author_preview(material, list(zip(look.layers, shaders, strict=True)))
+
+
+def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
+    """Return the named inputs of an expression as they stand; none of any other node."""
+    if not isinstance(source, Source) or shader_id(source.shader) != "LookdevExpression":
+        return {}
+    inputs = {each.GetBaseName(): each.GetAttr() for each in source.shader.GetInputs()}
+    return {name: Held.of(attribute) for name, attribute in inputs.items() if name != "expression"}
+
+
+@contextmanager
+def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
+    """Give the material of a copy of a file, which takes the file's place if it is a look in the end."""
+    _check_suffix(file)
+    if file.is_symlink():
+        raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
+    if not file.is_file():
+        raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
+    with atomic_path(file) as temporary, _told_of(file, temporary):
+        shutil.copy(file, temporary)
+        stage, network = open_stage(temporary), Network(temporary)
+        path = find_material(network, stage, prim, {})
+        if path is None:
+            raise LookError(network.faults)
+        material = UsdShade.Material(stage.GetPrimAtPath(path))
+        yield material
+        _check(material)
+
+
+def _check_suffix(file: Path) -> None:
+    if file.suffix not in _SUFFIXES:
+        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(_SUFFIXES)}")])
+
+
+@contextmanager
+def _told_of(file: Path, temporary: Path) -> Iterator[None]:
+    """Tell what is wrong with a copy of a file as wrong with the file."""
+    try:
+        with reading(temporary):
+            yield
+    except LookError as error:
+
+        def told(text: str) -> str:
+            return text.replace(str(temporary.absolute()), str(file)).replace(str(temporary), str(file))
+
+        faults = [replace(fault, file=told(fault.file), what=told(fault.what)) for fault in error.faults]
+        raise LookError(faults) from error
+
+
+def _read_saved(material: UsdShade.Material, **variants: str) -> Look:
+    layer = material.GetPrim().GetStage().GetRootLayer()
+    layer.Save()
+    return read_look(Path(layer.realPath), str(material.GetPath()), variants)
+
+
+def _check(material: UsdShade.Material) -> None:
+    """Read the look as it is now, in each variant of the material."""
+    _read_saved(material)
+    variants = material.GetPrim().GetVariantSets()
+    for name in variants.GetNames():
+        for choice in variants.GetVariantSet(name).GetVariantNames():
+            _read_saved(material, **{name: choice})

@@ -1,0 +1,246 @@
+"""Masks as users type them, and the USD nodes that they become.
+
+A mask is a number, an image, a primvar, or an expression over such.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TypeAlias
+
+from pxr import Sdf, Usd, UsdShade
+
+from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.material.expression import Expression, ExpressionError, Kind, parse
+from lookdev.material.library.nodes import clear_input, free_path, relative_asset
+
+IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
+"""Endings by which an image is told from an expression."""
+
+_IMAGE = re.compile(rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGES)}))(:(?P<channel>\w*))?", re.I)
+_FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or an expression"
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image file, absolute, and its channel: ``"r" "g" "b" "a"``, or ``"rgb"`` where a colour is wanted."""
+
+    file: Path
+    channel: str = "r"
+
+
+@dataclass(frozen=True)
+class PrimvarName:
+    """A float that the geometry carries; 0 where it has none."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class UvName:
+    """The coordinates of a UV set, for an expression: a colour (s, t, 0)."""
+
+    name: str
+
+
+Source: TypeAlias = float | Image | PrimvarName | UvName
+
+
+@dataclass(frozen=True)
+class Computed:
+    """An expression, and where its names come from."""
+
+    expression: Expression
+    inputs: Mapping[str, Source] = field(default_factory=dict)
+
+
+Mask: TypeAlias = Source | Computed
+
+
+def parse_mask(text: str, inputs: Iterable[str] = ()) -> Mask:
+    """Read a mask as it is typed.
+
+    Parameters
+    ----------
+    text
+        ``"0.5"``, ``"dirt.png"`` or ``"dirt.png:g"`` (relative to the current folder), ``"primvar:wear"``, or an
+        expression.
+    inputs
+        What the names of an expression mean: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for
+        coordinates.
+
+    Raises
+    ------
+    LookError
+        It is none of these, or an input is not one of the expression's.
+    """
+    source = _parse_source(text, "mask", ("r", "g", "b", "a"))
+    if source is not None:
+        if extra := list(inputs):
+            raise LookError([Fault("--input", extra[0], "only an expression has inputs")])
+        return source
+    try:
+        expression = parse(text)
+    except ExpressionError as error:
+        raise LookError([Fault("mask", "", f"is not {_FORMS}: {error}")]) from error
+    return Computed(expression, dict(_parse_inputs(inputs, expression)))
+
+
+def _parse_inputs(inputs: Iterable[str], expression: Expression) -> Iterator[tuple[str, Source]]:
+    for text in inputs:
+        name, _, value = text.partition("=")
+        if name not in expression.names:
+            hint = nearest_hint(name, expression.names) if expression.names else "it has none"
+            raise LookError([Fault("--input", text, f"'{name}' is no name in the expression", hint)])
+        source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"))
+        if source is None:
+            hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"
+            raise LookError([Fault("--input", text, "says not where the value comes from", hint)])
+        yield name, source
+
+
+def _parse_source(text: str, what: str, channels: tuple[str, ...]) -> Source | None:
+    """Read a number, an image or a primvar; None where it is something else."""
+    if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
+        value = float(text)
+        if what == "mask" and not 0.0 <= value <= 1.0:
+            raise LookError([Fault(what, "", f"{text} is out of range", "it must be within [0, 1]")])
+        return value
+    kind, _, name = text.partition(":")
+    if kind == "primvar" or (kind == "uv" and what != "mask"):
+        if not Sdf.Path.IsValidNamespacedIdentifier(name):
+            raise LookError([Fault(what, "", f"'{name}' cannot be the name of a primvar", "for instance primvar:wear")])
+        return PrimvarName(name) if kind == "primvar" else UvName(name)
+    if match := _IMAGE.fullmatch(text):
+        channel = match["channel"] if match["channel"] is not None else "r"
+        if channel not in channels:
+            raise LookError([Fault(what, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))])
+        file = Path(match["file"]).absolute()
+        if "<UDIM>" not in file.name and not file.is_file():
+            raise LookError([Fault(what, "", f"no such image file: {match['file']}", f"from {Path.cwd()}")])
+        return Image(file, channel)
+    return None
+
+
+@dataclass(frozen=True)
+class Held:
+    """An input as it stands: its type, and its connections or its value."""
+
+    type_name: Sdf.ValueTypeName
+    connections: tuple[Sdf.Path, ...]
+    value: object
+
+    @staticmethod
+    def of(attribute: Usd.Attribute) -> Held:
+        """Take the state of an input."""
+        return Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
+
+
+class MaskWriter:
+    """Writes the nodes of a mask beside the others of a stack.
+
+    Parameters
+    ----------
+    stage, scope
+        Where: the nodes become children of `scope`.
+    held
+        Inputs of an expression that was here before: a name that is given no source keeps its old one.
+    """
+
+    def __init__(self, stage: Usd.Stage, scope: Sdf.Path, held: Mapping[str, Held]) -> None:
+        self._stage, self._scope, self._held = stage, scope, held
+
+    def write(self, attribute: Usd.Attribute, name: str, mask: Mask) -> None:
+        """Make `mask` the source of an input; the node is called `name`, or nearly so where that is taken.
+
+        Raises
+        ------
+        LookError
+            A name of the expression has no source.
+        ExpressionError
+            Its result is no float.
+        """
+        clear_input(attribute)
+        match mask:
+            case Image():
+                attribute.SetConnections([self._image(name, mask)])
+            case PrimvarName():
+                attribute.SetConnections([self._primvar(name, mask)])
+            case UvName():
+                attribute.SetConnections([self._coordinates(mask.name)])
+            case Computed():
+                attribute.SetConnections([self._expression(name, mask)])
+            case _:
+                attribute.Set(mask)
+
+    def _image(self, name: str, image: Image) -> Sdf.Path:
+        types = Sdf.ValueTypeNames
+        node = self._node(name, "UsdUVTexture")
+        path = relative_asset(image.file, self._stage)
+        node.CreateInput("file", types.Asset).Set(Sdf.AssetPath(path))
+        color = image.channel == "rgb"
+        if not color:  # a mask is data
+            node.CreateInput("sourceColorSpace", types.Token).Set("raw")
+        for wrap in ("wrapS", "wrapT"):
+            node.CreateInput(wrap, types.Token).Set("repeat")
+        node.CreateInput("st", types.Float2).GetAttr().SetConnections([self._coordinates("st")])
+        return node.CreateOutput(image.channel, types.Float3 if color else types.Float).GetAttr().GetPath()
+
+    def _coordinates(self, name: str) -> Sdf.Path:
+        """Return the reader of a UV set that is here, or a new one."""
+        for prim in self._stage.GetPrimAtPath(self._scope).GetChildren():
+            shader = UsdShade.Shader(prim)
+            if shader and shader.GetShaderId() == "UsdPrimvarReader_float2":
+                varname = prim.GetAttribute("inputs:varname")
+                if varname and varname.Get() == name and not varname.HasAuthoredConnections():
+                    return prim.GetPath().AppendProperty("outputs:result")
+        node = self._node(name[:1].upper() + name[1:].replace(":", "_"), "UsdPrimvarReader_float2")
+        node.CreateInput("varname", Sdf.ValueTypeNames.String).Set(name)
+        return node.CreateOutput("result", Sdf.ValueTypeNames.Float2).GetAttr().GetPath()
+
+    def _primvar(self, name: str, primvar: PrimvarName) -> Sdf.Path:
+        node = self._node(name, "UsdPrimvarReader_float")
+        node.CreateInput("varname", Sdf.ValueTypeNames.String).Set(primvar.name)
+        return node.CreateOutput("result", Sdf.ValueTypeNames.Float).GetAttr().GetPath()
+
+    def _expression(self, name: str, mask: Computed) -> Sdf.Path:
+        types = Sdf.ValueTypeNames
+        node = self._node(name, "LookdevExpression")
+        node.CreateInput("expression", types.String).Set(mask.expression.text)
+        kinds: dict[str, Kind] = {}
+        for each in mask.expression.names:
+            source, held = mask.inputs.get(each), self._held.get(each)
+            if source is None and held is None:
+                what = f"'{each}' in the expression has no source"
+                hint = f"add --input {each}=IMAGE, --input {each}=primvar:{each} or a value"
+                raise LookError([Fault("mask", "", what, hint)])
+            type_name = _type_name(source) if source is not None or held is None else held.type_name
+            kinds[each] = "float" if type_name == types.Float else "color"
+            attribute = node.CreateInput(each, type_name).GetAttr()
+            if source is not None:
+                self.write(attribute, f"{name}_{each}", source)
+            elif held is not None and held.connections:
+                attribute.SetConnections(held.connections)
+            elif held is not None:
+                attribute.Set(held.value)
+        if mask.expression.check(kinds) == "color":
+            raise ExpressionError(
+                mask.expression.text, 0, "the result is a color", "a mask is a float: use luminance()"
+            )
+        return node.CreateOutput("result", types.Float).GetAttr().GetPath()
+
+    def _node(self, name: str, shader_id: str) -> UsdShade.Shader:
+        shader = UsdShade.Shader.Define(self._stage, free_path(self._stage, self._scope, name))
+        shader.CreateIdAttr(shader_id)
+        return shader
+
+
+def _type_name(source: Source | None) -> Sdf.ValueTypeName:
+    """Return the type of an expression's input."""
+    if isinstance(source, UvName):
+        return Sdf.ValueTypeNames.Float2
+    color = isinstance(source, Image) and source.channel == "rgb"
+    return Sdf.ValueTypeNames.Color3f if color else Sdf.ValueTypeNames.Float

@@ -1,0 +1,313 @@
+"""One input of an imported layer: a constant, or what MaterialX's image and primvar nodes make of it."""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import MaterialX as mx
+
+from lookdev.brdf import Parameter
+from lookdev.material.look import Color, Primvar, Wrap
+from lookdev.material.materialx.network import Network, Source
+from lookdev.material.textures import srgb_to_linear
+
+Channel = Literal["r", "g", "b", "a", "rgb"]
+Colorspace = Literal["sRGB", "raw"]
+Pair = tuple[float, float]
+
+TYPES = {"float": "float", "color": "color3"}
+"""MaterialX's type of a parameter, by its kind."""
+
+_WRAPS: dict[str, Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
+_COLORSPACES: dict[str, Colorspace] = {
+    "srgb_texture": "sRGB",
+    "lin_rec709": "raw",
+    "raw": "raw",
+    "none": "raw",
+    "": "raw",
+}
+_SPLITTERS = ("extract", "swizzle", "separate3", "separate4")
+_SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
+_RGBA: tuple[Channel, ...] = ("r", "g", "b", "a")
+_CHANNELS = {name: channel for names in ("0123", "rgba", "xyzw") for name, channel in zip(names, _RGBA, strict=True)}
+
+_NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
+"""Control characters, and tokens that stand for other parts of a path than a UDIM tile."""
+
+_INDEX = re.compile(r"0|[1-9][0-9]?")
+
+_LARGEST = 1e18
+"""What is larger is no meant value; products of such values would not fit into float32."""
+
+
+@dataclass(frozen=True)
+class Transform2d:
+    """A UsdTransform2d: ``st * scale``, turned counter-clockwise by `rotation` degrees, ``+ translation``."""
+
+    scale: Pair = (1.0, 1.0)
+    rotation: float = 0.0
+    translation: Pair = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image node. `file` is as the document has it, relative to the document; `transforms` apply in their order."""
+
+    name: str
+    file: str
+    colorspace: Colorspace
+    wrap_s: Wrap
+    wrap_t: Wrap
+    st: str
+    transforms: tuple[Transform2d, ...]
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """What an input takes of an image."""
+
+    image: Image
+    channel: Channel
+
+
+Value = float | Color | Sampled | Primvar
+
+
+def numbers_of(text: str) -> tuple[float, ...]:
+    """Parse a MaterialX value; empty where it is not all finite numbers of a sensible size."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        return ()
+    return numbers if all(abs(number) <= _LARGEST for number in numbers) else ()
+
+
+def constant(numbers: tuple[float, ...]) -> float | Color | None:
+    """Return one number as a float, three as a color, and None for none."""
+    if len(numbers) == 3:
+        return numbers[0], numbers[1], numbers[2]
+    return numbers[0] if numbers else None
+
+
+def read_value(network: Network, port: Any, parameter: Parameter) -> Value | None:
+    """Read one input of a layer; None where nothing of ours gives its value, or where it is wrong and noted."""
+    source, kind = network.source(port), TYPES[parameter.kind]
+    # Constants may be nodes too, one behind the other.
+    while source.computed and not source.channels and source.element.getType() == kind:
+        node = source.element
+        if node.getCategory() == "geompropvalue":
+            return _read_primvar(network, node, parameter)
+        held = node.getInput("value") if node.getCategory() == "constant" else None
+        if held is None:
+            break
+        network.carry(node, "value")
+        source = network.source(held)
+    if not source.computed:
+        return _read_constant(network, source.element, parameter)
+    return _read_rgb(network, source) if kind == "color3" else _read_channel(network, port)
+
+
+def _read_constant(network: Network, holder: Any, parameter: Parameter) -> float | Color | None:
+    """Read a constant, decoded and brought into the parameter's range."""
+    numbers = _floats(network, holder, 1 if parameter.kind == "float" else 3)
+    if parameter.kind == "color" and numbers and _colorspace(network, holder) == "sRGB":
+        numbers = tuple(float(number) for number in srgb_to_linear(numbers))
+    low, high = parameter.hard
+    clipped = tuple(min(max(number, low), high) for number in numbers)
+    if clipped != numbers:
+        taken = ", ".join(f"{number:g}" for number in clipped)
+        network.lose(holder, f"{holder.getValueString()} is outside [{low:g}, {high:g}]", f"{taken} is taken")
+    return constant(clipped)
+
+
+def _read_primvar(network: Network, node: Any, parameter: Parameter) -> Primvar | None:
+    name, default = _text(network, node, "geomprop", ""), node.getInput("default")
+    if not name:
+        return None
+    network.carry(node, "geomprop", "default")
+    fallback: float | Color | None = 0.0 if parameter.kind == "float" else (0.0, 0.0, 0.0)
+    if default and _is_held(network, default, "0 is taken"):
+        fallback = _read_constant(network, network.source(default).element, parameter)
+    return None if fallback is None else Primvar(name, fallback)
+
+
+def _read_rgb(network: Network, source: Source) -> Sampled | None:
+    if source.channels or source.element.getType() != "color3":
+        return None
+    image = _read_image(network, source.element)
+    return Sampled(image, "rgb") if image else None
+
+
+def _read_channel(network: Network, port: Any) -> Sampled | None:
+    """Read a float that is an image's, or one channel of an image."""
+    source = network.source(port)
+    node, names, splitter = source.element, source.channels, None
+    if not names and node.getCategory() in _SPLITTERS and (held := node.getInput("in")):
+        splitter, outer = node, source
+        source = network.source(held)
+        if not source.computed or source.channels:
+            return None
+        node, names = source.element, _split_channel(network, splitter, outer.output)
+    channel: Channel | None = "r"
+    if splitter or names:
+        channel = _CHANNELS.get(names) if node.getType() in _SPLIT_TYPES else None
+    elif node.getType() != "float":
+        channel = None
+    image = _read_image(network, node) if channel else None
+    if channel is None or image is None:
+        return None
+    if splitter:
+        network.carry(splitter, "in", "index", "channels")
+    return Sampled(image, channel)
+
+
+def _split_channel(network: Network, splitter: Any, output: str) -> str:
+    if splitter.getCategory() == "extract":
+        return _text(network, splitter, "index", "0")
+    if splitter.getCategory() == "swizzle":
+        return _text(network, splitter, "channels", "")
+    return output.removeprefix("out")
+
+
+def _read_image(network: Network, node: Any) -> Image | None:
+    tiled = node.getCategory() == "tiledimage"
+    port = node.getInput("file") if tiled or node.getCategory() == "image" else None
+    if port is None or not _is_held(network, port, "the image is not taken"):
+        return None
+    holder = network.source(port).element
+    # Documents come from every system: either slash parts folders.
+    file = mx.FilePath(holder.getActiveFilePrefix() + holder.getValueString()).asString(mx.FormatPosix)
+    if not holder.getValueString() or _NO_PATH.search(file):
+        network.lose(port, f"'{file}' is not carried over", "the path of one image or of a <UDIM> set is")
+        return None
+    placing = ("uvtiling", "uvoffset") if tiled else ("uaddressmode", "vaddressmode")
+    network.carry(node, "file", "texcoord", "filtertype", *placing)
+    if (filtering := _text(network, node, "filtertype", "linear")) != "linear":
+        network.lose(node.getInput("filtertype"), f"'{filtering}' is not carried over", "images are looked up linearly")
+    st, transforms = _read_coordinates(network, node)
+    wraps: list[Wrap] = ["repeat", "repeat"]
+    if tiled:
+        tiling, (x, y) = _pair(network, node, "uvtiling", 1.0), _pair(network, node, "uvoffset", 0.0)
+        transforms = (*transforms, Transform2d(tiling, 0.0, (0.0 - x, 0.0 - y)))
+    else:
+        wraps = [_wrap(network, node, name) for name in placing]
+    return Image(
+        name=node.getName(),
+        file=file,
+        # MaterialX manages the colour of colours only.
+        colorspace=_colorspace(network, holder) if node.getType().startswith("color") else "raw",
+        wrap_s=wraps[0],
+        wrap_t=wraps[1],
+        st=st,
+        transforms=tuple(each for each in transforms if each != Transform2d()),
+    )
+
+
+def _read_coordinates(network: Network, image: Any) -> tuple[str, tuple[Transform2d, ...]]:
+    """Walk from an image to the node that names the UV set, gathering the transforms between."""
+    transforms: tuple[Transform2d, ...] = ()
+    node = image
+    while port := node.getInput("texcoord"):
+        source = network.source(port)
+        category = source.element.getCategory() if source.computed and not source.channels else ""
+        if category == "place2d":
+            node = source.element
+            network.carry(node, "texcoord", "pivot", "scale", "rotate", "offset", "operationorder")
+            transforms = (*_place2d(network, node), *transforms)
+            continue
+        st = ""
+        if category == "texcoord":
+            index = _text(network, source.element, "index", "0")
+            st = ("st" if index == "0" else f"st{index}") if _INDEX.fullmatch(index) else ""
+        elif category == "geompropvalue":
+            st = _text(network, source.element, "geomprop", "")
+        if st:
+            network.carry(source.element, "index" if category == "texcoord" else "geomprop")
+            return st, transforms
+        network.lose_value(port, "the UV set st is taken")
+        return "st", transforms
+    if node is not image:
+        network.lose(node, "places one point, as it has no texcoord", "the UV set st is taken")
+    return "st", transforms
+
+
+def _place2d(network: Network, node: Any) -> tuple[Transform2d, ...]:
+    """Give a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d turns clockwise."""
+    pivot, offset = (_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
+    scale = _pair(network, node, "scale", 1.0)
+    rotate = node.getInput("rotate")
+    held = rotate and _is_held(network, rotate, "0 is taken")
+    angle = sum(_floats(network, network.source(rotate).element, 1)) if held else 0.0
+    degrees = 0.0 - (math.degrees(angle) if held and rotate.getUnit() == "radian" else angle)
+    if min(map(abs, scale)) < 1.0 / _LARGEST:
+        network.fault(node.getNamePath(), "has a scale of 0", "it divides the texture coordinates")
+        return ()
+    inverse = (1.0 / scale[0], 1.0 / scale[1])
+    order = _text(network, node, "operationorder", "0")
+    if order not in ("0", "1"):
+        network.fault(f"{node.getNamePath()}/operationorder", f"unknown value '{order:.40}'", "0 or 1")
+    if order == "1":
+        x, y = _turned((pivot[0] + offset[0], pivot[1] + offset[1]), degrees)
+        return Transform2d((1.0, 1.0), degrees, (0.0 - x, 0.0 - y)), Transform2d(inverse, 0.0, pivot)
+    x, y = _turned((pivot[0] * inverse[0], pivot[1] * inverse[1]), degrees)
+    return (Transform2d(inverse, degrees, (pivot[0] - offset[0] - x, pivot[1] - offset[1] - y)),)
+
+
+def _turned(point: Pair, degrees: float) -> Pair:
+    """Turn a point counter-clockwise about the origin."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return c * point[0] - s * point[1], s * point[0] + c * point[1]
+
+
+def _is_held(network: Network, port: Any, instead: str) -> bool:
+    """Say whether a node's setting is a constant; note where it is computed."""
+    if network.source(port).computed:
+        network.lose_value(port, instead)
+        return False
+    return True
+
+
+def _text(network: Network, node: Any, name: str, default: str) -> str:
+    port = node.getInput(name)
+    if not port or not _is_held(network, port, f"'{default}' is taken" if default else ""):
+        return default
+    return str(network.source(port).element.getValueString()) or default
+
+
+def _pair(network: Network, node: Any, name: str, default: float) -> Pair:
+    port = node.getInput(name)
+    if not port or not _is_held(network, port, f"{default:g} is taken"):
+        return default, default
+    numbers = _floats(network, network.source(port).element, 2)
+    return (numbers[0], numbers[1]) if numbers else (default, default)
+
+
+def _floats(network: Network, holder: Any, count: int) -> tuple[float, ...]:
+    """Parse the value of a port; empty, and a fault, where it is not `count` numbers."""
+    numbers = numbers_of(holder.getValueString())
+    if len(numbers) == count:
+        return numbers
+    # A megabyte of garbage is as well recognised by its beginning.
+    what = f"'{holder.getValueString():.40}' is not a value"
+    network.fault(holder.getNamePath(), what, f"{count} finite numbers, parted by commas, within {_LARGEST:g}")
+    return ()
+
+
+def _wrap(network: Network, node: Any, name: str) -> Wrap:
+    mode = _text(network, node, name, "periodic")
+    if mode not in _WRAPS:
+        network.fault(node.getInput(name).getNamePath(), f"unknown value '{mode:.40}'", f"one of {', '.join(_WRAPS)}")
+    return _WRAPS.get(mode, "repeat")
+
+
+def _colorspace(network: Network, holder: Any) -> Colorspace:
+    name = holder.getActiveColorSpace()
+    if name in _COLORSPACES:
+        return _COLORSPACES[name]
+    near: Colorspace = "raw" if name.startswith(("lin_", "acescg")) else "sRGB"
+    meant = "linear Rec.709" if near == "raw" else "sRGB"
+    network.lose(holder, f"the colour space '{name:.40}' is not carried over", f"{meant} is taken")
+    return near

@@ -1,0 +1,244 @@
+"""A MaterialX document: read from XML that is not to be trusted, and its connections followed to where they begin.
+
+XML is checked before the MaterialX package sees it: the package drops siblings of one name and includes without a
+word. Documents are taken as they are, not upgraded to the package's version: that takes minutes for a megabyte of
+nodes, and what `disney_principled` needs has not changed since 1.38.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+from typing import Any
+from xml.parsers import expat
+
+import MaterialX as mx
+
+from lookdev.errors import Fault, LookError
+
+# 1.38 is the first version with a disney_principled node.
+_FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])
+_MAX_DEPTH = 32
+_VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where a value comes from: a node that computes it, or the port that holds it.
+
+    `output` and `channels` are what is taken of a node's result; both may be empty.
+    """
+
+    element: Any
+    output: str
+    channels: str
+
+    @property
+    def computed(self) -> bool:
+        """Whether a node computes the value."""
+        return isinstance(self.element, mx.Node)
+
+
+class Network:
+    """A document, its connections, and what an import makes of it: carried over, not carried over, or wrong.
+
+    Raises
+    ------
+    LookError
+        The file is missing or is no MaterialX document of a known version.
+    """
+
+    def __init__(self, file: Path) -> None:
+        self.file = file
+        self._nodes: dict[str, Any] = {}
+        self._sources: dict[str, Source] = {}
+        self._carried: set[str] = set()
+        self._lost: dict[Fault, None] = {}
+        self._faults: dict[Fault, None] = {}
+        self.document = self._read()
+
+    @property
+    def unmapped(self) -> tuple[Fault, ...]:
+        """What is not carried over, in the order in which it was met."""
+        return tuple(self._lost)
+
+    def fault(self, where: str, what: str, hint: str = "") -> None:
+        """Note that the document is wrong: `check` raises."""
+        self._faults[Fault(str(self.file), where, what, hint)] = None
+
+    def check(self) -> None:
+        """Raise every fault noted so far.
+
+        Raises
+        ------
+        LookError
+            The document is wrong.
+        """
+        if self._faults:
+            raise LookError(self._faults)
+
+    def lose(self, element: Any, what: str, hint: str = "") -> None:
+        """Note what of an element, or of a place in the file, is not carried over."""
+        where = element if isinstance(element, str) else element.getNamePath()
+        self._lost[Fault(str(self.file), where, what, hint)] = None
+
+    def lose_value(self, port: Any, hint: str = "") -> None:
+        """Note that what an input is set to is not carried over."""
+        source = self.source(port)
+        if source.computed:
+            what = f"the connection to <{source.element.getCategory()}> '{source.element.getNamePath()}'"
+        else:
+            what = f"'{source.element.getValueString():.40}'"
+        self.lose(port, f"{what} is not carried over", hint)
+
+    def carry(self, node: Any, *names: str) -> None:
+        """Note that of a node all is carried over, or told of, but inputs other than `names`."""
+        self._carried.add(node.getNamePath())
+        known = set(names)
+        for port in node.getInputs():
+            if port.getName() not in known:
+                self.lose_value(port)
+
+    def lose_the_rest(self) -> None:
+        """Note every node that was not carried, and all else that the document holds."""
+        for path, node in self._nodes.items():
+            if path not in self._carried:
+                self.lose(node, f"<{node.getCategory()}> is not carried over")
+        for child in self.document.getChildren():
+            for each in child.getNodes() if isinstance(child, mx.NodeGraph) else [child]:
+                if not isinstance(each, mx.Output) and each.getNamePath() not in self._nodes:
+                    self.lose(each, f"<{each.getCategory()}> is not carried over", "no imported material uses it")
+
+    def source(self, port: Any) -> Source:
+        """Return where the value of an input begins; its node went through `connect`."""
+        return self._sources[port.getNamePath()]
+
+    def connect(self, roots: Sequence[Any]) -> None:
+        """Follow all connections upstream of some nodes; note those that are broken or run in a cycle."""
+        graph: dict[str, list[str]] = {}
+        pending = list(roots)
+        while pending:
+            node = pending.pop()
+            path = node.getNamePath()
+            if path in graph:
+                continue
+            graph[path] = []
+            self._nodes[path] = node
+            for port in node.getInputs():
+                source = self._follow(port)
+                if source is None:
+                    continue
+                self._sources[port.getNamePath()] = source
+                if source.computed:
+                    graph[path].append(source.element.getNamePath())
+                    pending.append(source.element)
+        try:
+            TopologicalSorter(graph).prepare()
+        except CycleError as error:
+            self.fault(error.args[1][0], "its connections run in a cycle")
+
+    def _follow(self, port: Any) -> Source | None:
+        """Follow a port through interface inputs, node graphs and outputs; None, and a fault, where that is broken."""
+        place, channels = port.getNamePath(), port.getAttribute("channels")
+        seen: set[str] = set()
+        while (path := port.getNamePath()) not in seen:
+            seen.add(path)
+            # An output connects to its siblings, an input to those of its node or node graph.
+            scope = port.getParent() if isinstance(port, mx.Output) else port.getParent().getParent()
+            links = ("interfacename", "nodegraph", "nodename", "output")
+            interface, graph, node, output = (port.getAttribute(name) for name in links)
+            if interface:
+                name, target = interface, scope.getInput(interface)
+            elif graph:
+                name, target = f"{graph}.{output}", self._output_of(scope, graph, output)
+            elif node:
+                name, target = node, scope.getChild(node)
+                if isinstance(target, mx.Node):
+                    return Source(target, output, channels)
+                target = None
+            elif output:
+                name, target = output, scope.getOutput(output)
+            else:
+                return Source(port, "", "")
+            if target is None:
+                self.fault(path, f"is connected to '{name}', which is not there")
+                return None
+            port, channels = target, port.getAttribute("channels") or channels
+        self.fault(place, "its connections run in a cycle")
+        return None
+
+    def _output_of(self, scope: Any, graph: str, output: str) -> Any | None:
+        found = scope.getChild(graph) or self.document.getChild(graph)
+        if not isinstance(found, mx.NodeGraph):
+            return None
+        outputs = found.getOutputs()
+        return found.getOutput(output) if output else outputs[0] if len(outputs) == 1 else None
+
+    def _read(self) -> Any:
+        try:
+            data = self.file.read_bytes() if self.file.is_file() else None
+        except OSError as error:
+            raise self._refused("", f"cannot be read: {error.strerror}") from error
+        if data is None:
+            raise self._refused("", "no such file", "the path of a MaterialX document, .mtlx")
+        self._check_xml(data)
+        document = mx.createDocument()
+        options = mx.XmlReadOptions()
+        options.readXIncludeFunction = None
+        options.upgradeVersion = False
+        try:
+            mx.readFromXmlString(document, data.decode("utf-8-sig"), mx.FileSearchPath(), options)
+        except (mx.Exception, mx.ExceptionParseError) as error:
+            raise self._refused("", f"MaterialX cannot read it: {error}") from error
+        return document
+
+    def _refused(self, where: str, what: str, hint: str = "") -> LookError:
+        return LookError([Fault(str(self.file), where, what, hint)])
+
+    def _check_xml(self, data: bytes) -> None:
+        """Refuse what is no well-formed MaterialX, and what a parser could be made to choke on; note includes."""
+        # Names of the children of each open element.
+        names: list[set[str]] = []
+        parser = expat.ParserCreate("utf-8")
+
+        def place() -> str:
+            return f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}"
+
+        def check_root(tag: str, version: str) -> None:
+            if tag != "materialx":
+                raise self._refused(place(), f"the document is <{tag:.40}>, not <materialx>")
+            match = _VERSION.fullmatch(version)
+            if not match or not _FIRST <= (int(match[1]), int(match[2])) <= _LAST:
+                (a, b), (c, d) = _FIRST, _LAST
+                raise self._refused(place(), f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")
+
+        def start(tag: str, attributes: dict[str, str]) -> None:
+            name = attributes.get("name", "")
+            if not names:
+                check_root(tag, attributes.get("version", ""))
+            if len(names) == _MAX_DEPTH:
+                raise self._refused(place(), f"more than {_MAX_DEPTH} elements inside each other")
+            if tag == "xi:include":
+                self.lose(place(), f"includes '{attributes.get('href', ''):.80}'", "includes are not followed")
+            if name and names and name in names[-1]:
+                raise self._refused(place(), f"a second element here is named '{name:.40}'", "names are unique")
+            if names:
+                names[-1].add(name)
+            names.append(set())
+
+        def end(tag: str) -> None:
+            names.pop()
+
+        def doctype(*_: object) -> None:
+            raise self._refused(place(), "has a document type definition", "remove <!DOCTYPE>")
+
+        parser.StartElementHandler, parser.EndElementHandler = start, end
+        parser.StartDoctypeDeclHandler = doctype
+        try:
+            parser.Parse(data, True)
+        except expat.ExpatError as error:
+            where = f"line {error.lineno}, column {error.offset + 1}"
+            raise self._refused(where, f"is not XML: {expat.ErrorString(error.code)}") from error

@@ -1,0 +1,146 @@
+"""Opening USD files that may hold anything: what USD says goes into a `LookError`, nothing to stderr.
+
+USD's reader of text recurses, so that a deeply nested file overflows its stack, and it waits for ever for a named pipe.
+`open_stage` looks at every layer before USD does. Binary layers (.usdc) are opened as they are: what a damaged one can
+do to the process, only another process can hold off (`lookdev.material.validate`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from pxr import Ar, Sdf, Tf, Usd, UsdUtils
+
+from lookdev.errors import Fault, LookError
+
+DEEPEST = 256
+"""Brackets of any kind that may stand one inside the other in a text layer; USD's stack ends at some ten thousand."""
+
+LONGEST = 400
+"""Characters of USD's own words that a message shows."""
+
+_NOT_UTF8 = "holds text that is not UTF-8"
+
+# What a bracket has no meaning in. An unterminated string goes as far as it can: no text takes quadratic time.
+_QUOTED = re.compile(
+    rb'"""(?:[^"\\]++|\\.|"(?!""))*+(?:""")?+'
+    rb"|'''(?:[^'\\]++|\\.|'(?!''))*+(?:''')?+"
+    rb'|"(?:[^"\\\n]++|\\.)*+"?+'
+    rb"|'(?:[^'\\\n]++|\\.)*+'?+"
+    rb"|@@@(?:[^@]++|@(?!@@))*+(?:@@@)?+"
+    rb"|@[^@\n]*+@?+"
+    rb"|\#[^\n]*+",
+    re.DOTALL,
+)
+_STEPS = np.zeros(256, np.int8)
+_STEPS[list(b"([{")] = 1
+_STEPS[list(b")]}")] = -1
+_OTHERS = bytes(np.flatnonzero(_STEPS == 0).astype(np.uint8))
+
+
+@contextmanager
+def reading(file: Path) -> Iterator[None]:
+    """Turn what USD raises while `file` is read into a `LookError`, and keep its warnings off stderr."""
+    held = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    except Tf.ErrorException as error:
+        raise LookError([Fault(str(file), "", f"USD cannot open it: {_said(error)}")]) from error
+    except UnicodeDecodeError as error:
+        raise LookError([Fault(str(file), "", _NOT_UTF8)]) from error
+    finally:
+        held.TakeUncoalescedDiagnostics()
+
+
+def open_stage(file: Path) -> Usd.Stage:
+    """Open a USD file and all that it is composed of.
+
+    Raises
+    ------
+    LookError
+        The file is missing or is not USD; or a layer of it is no regular file or nested too deep.
+    """
+    if not file.is_file():
+        raise LookError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
+    with reading(file):
+        layers = _open_layers(file)  # held, so that the stage finds them open
+        stage = Usd.Stage.Open(str(file))
+        del layers
+        return stage
+
+
+def _said(error: Tf.ErrorException) -> str:
+    try:
+        return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
+    except UnicodeDecodeError:  # USD quotes the file
+        return _NOT_UTF8
+
+
+def usd_words(text: str) -> str:
+    """Return what USD says without the names of its own code and of layers in memory, cut to what a message shows."""
+    text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
+    return shortened(re.sub(r",@anon:[^@]*@", "", text).strip())
+
+
+def shortened(text: str) -> str:
+    """Return a text cut to what a message shows."""
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} characters)"
+
+
+def _open_layers(file: Path) -> list[Sdf.Layer]:
+    """Open a file and every layer that it may be composed of, those of unselected variants too, each after a look."""
+    root = str(file)
+    layers: list[Sdf.Layer] = []
+    faults: list[Fault] = []
+    pending, seen = [root], {root, ""}
+    while pending:
+        path = pending.pop()
+        if problem := _problem(Path(path)):
+            faults.append(Fault(root, "", problem if path == root else f"its layer {path} {problem}"))
+            continue
+        try:
+            layer = Sdf.Layer.FindOrOpen(path)
+        except Tf.ErrorException:
+            if path == root:
+                raise
+            continue  # composition tells it, with the prim that asks for it
+        if layer is None:
+            continue  # the same, where USD knows no format for it
+        layers.append(layer)
+        found = {_resolved(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - seen
+        seen |= found
+        pending += sorted(found)
+    if faults:
+        raise LookError(faults)
+    return layers
+
+
+def _resolved(layer: Sdf.Layer, asset: str) -> str:
+    """Return the file that a layer names; '' where there is none, which composition tells."""
+    try:
+        identifier, _ = Sdf.Layer.SplitIdentifier(layer.ComputeAbsolutePath(asset))
+        path = str(Ar.GetResolver().Resolve(identifier))
+    except Tf.ErrorException:
+        return ""
+    return str(Ar.SplitPackageRelativePathOuter(path)[0]) if Ar.IsPackageRelativePath(path) else path
+
+
+def _problem(layer: Path) -> str:
+    """Say why USD must not read a file; '' where it may."""
+    if not layer.is_file():
+        return "is not a file"
+    try:
+        with layer.open("rb") as stream:
+            if stream.read(5) != b"#usda":
+                return ""
+            text = stream.read()
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+    depth = int(
+        _STEPS[np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)].cumsum().max(initial=0)
+    )
+    return f"is nested {depth} brackets deep; at most {DEEPEST} would be right" if depth > DEEPEST else ""

@@ -1,0 +1,244 @@
+"""Everything wrong with the looks of a file, in every combination of variants.
+
+What `read_look` refuses, what USD's own validators find, and notes on what is legal but does nothing. A hostile file
+can hang or kill the process that reads it: `lookdev.material.validate` runs this in a process of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
+
+from lookdev.errors import Fault, LookError
+from lookdev.material.definitions import DEFINITIONS
+from lookdev.material.look import Layer
+from lookdev.material.usd import MODELS, find_material, layer_faults, materials, read_material
+from lookdev.material.usd.file import open_stage, reading, shortened, usd_words
+from lookdev.material.usd.network import Network, authored_properties, shader_id
+from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
+from lookdev.material.validate.unused import Stack, unread
+
+MOST_COMBINATIONS = 64
+"""Where a material's variants combine to more, each variant is tried once, with the other sets as the file has them."""
+
+MOST_VARIANTS = 256
+"""Variants that are tried once at most."""
+
+MOST_PROPERTIES = 10_000
+"""Prims and properties of a material that is examined for more than faults."""
+
+MOST_FINDINGS = 1000
+"""Findings that a report holds at most."""
+
+# Of USD's validators those of what a look is made of: it has no geometry, thus neither axis nor unit.
+_KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
+_DEPENDENCIES = "usdUtilsValidators:MissingReferenceValidator"
+_USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
+# USD's error for a shader that it does not know: nodes of other renderers may stand beside ours.
+_UNKNOWN_SHADER = "MissingShaderIdInRegistry"
+_TOO_LARGE = "is too large to be examined for more than faults"
+_UNRESOLVED = "UnresolvableDependency"
+
+
+def examine(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
+    """Examine every material of a file, or the one at `prim`, in every combination of variants.
+
+    In a file without materials, as a preset is, layers stand for themselves.
+
+    `variants` holds a variant for each set that shall have no other. Nothing is raised: that a file cannot be read is
+    a finding too.
+    """
+    found: list[Finding] = []
+    looks: list[int] = []
+    try:
+        stage = open_stage(file)
+        with reading(file):
+            for path in [prim] if prim else map(str, materials(stage)):
+                material, combinations = _examine_material(file, stage, path, variants or {})
+                found += material
+                looks.append(combinations)
+            if not looks:
+                found += _examine_layers(file, stage)
+            whole = [] if any(each.what == _TOO_LARGE for each in found) else _usd_findings(stage, found)
+            found += [each for each in whole if not prim or each.prim == prim or each.prim.startswith(f"{prim}/")]
+    except LookError as error:
+        found += map(_from_fault, error.faults)
+    ordered = sorted(dict.fromkeys(found), key=lambda finding: SEVERITIES.index(finding.severity))
+    if more := len(ordered[MOST_FINDINGS:]):
+        last = Finding(ordered[MOST_FINDINGS].severity, "", "", f"{more} more findings", "mend those above first")
+        ordered = [*ordered[:MOST_FINDINGS], last]
+    return Report(str(file), tuple(ordered), len(looks), sum(looks))
+
+
+def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[str, str]) -> tuple[list[Finding], int]:
+    """Return the findings of a material, and in how many combinations of variants it was examined."""
+    network, session = Network(file), stage.GetSessionLayer()
+    path = find_material(network, stage, prim, fixed)
+    if path is None or network.faults:
+        session.Clear()
+        return list(map(_from_fault, network.faults)), 0
+    found: list[Finding] = []
+    combinations = _combinations(stage, path, fixed)
+    if sum(1 for _ in islice(_combinations(stage, path, fixed), MOST_COMBINATIONS + 1)) > MOST_COMBINATIONS:
+        combinations = islice(_one_by_one(stage, path, fixed), MOST_VARIANTS)
+        what = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
+        found.append(Finding("note", prim, "", what, "each variant was, with the other sets as the file has them"))
+    looks = {_label(chosen): tuple(dict.fromkeys(_examine_look(file, stage, path))) for chosen in combinations}
+    session.Clear()
+    return [*found, *_merged(looks)], len(looks)
+
+
+def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
+    shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
+    layers = [shader for shader in shaders if shader_id(shader) in MODELS]
+    if not layers:
+        return [Finding("error", "", "", "holds no material and no layer", "define a Material prim")]
+    return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]
+
+
+def _label(chosen: Mapping[str, str]) -> str:
+    return ", ".join(f"{name}={choice or '(none)'}" for name, choice in chosen.items())
+
+
+def _merged(looks: Mapping[str, tuple[Finding, ...]]) -> Iterator[Finding]:
+    """Yield what holds in every combination, and errors and warnings of some with their names.
+
+    Notes of some are left out: what one variant does not use is there for another.
+    """
+    labelled: dict[Finding, list[str]] = {}
+    for label, findings in looks.items():
+        for finding in findings:
+            labelled.setdefault(finding, []).append(label)
+    for finding, labels in labelled.items():
+        if len(labels) == len(looks):
+            yield finding
+        elif finding.severity != "note":
+            yield replace(finding, variants=tuple(labels))
+
+
+def _combinations(stage: Usd.Stage, path: Sdf.Path, chosen: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+    """Yield every combination of the variants that are not chosen yet; a variant may bring further sets into being."""
+    free = {name: each for name, each in _variant_sets(stage, path).items() if name not in chosen}
+    if not free:
+        yield chosen
+        return
+    name, variant_set = min(free.items(), key=lambda item: item[0])
+    for choice in _choices(variant_set):
+        with _selected(stage, variant_set, choice):
+            yield from _combinations(stage, path, {**chosen, name: choice})
+
+
+def _one_by_one(stage: Usd.Stage, path: Sdf.Path, chosen: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+    for name, variant_set in sorted(_variant_sets(stage, path).items(), key=lambda item: item[0]):
+        if name not in chosen:
+            for choice in _choices(variant_set):
+                with _selected(stage, variant_set, choice):
+                    yield {**chosen, name: choice}
+
+
+@contextmanager
+def _selected(stage: Usd.Stage, variant_set: Usd.VariantSet, choice: str) -> Iterator[None]:
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        variant_set.SetVariantSelection(choice)
+    try:
+        yield
+    finally:
+        with Usd.EditContext(stage, stage.GetSessionLayer()):
+            variant_set.ClearVariantSelection()
+
+
+def _choices(variant_set: Usd.VariantSet) -> list[str]:
+    names: list[str] = variant_set.GetVariantNames()
+    return names if variant_set.GetVariantSelection() in names else ["", *names]
+
+
+def _variant_sets(stage: Usd.Stage, path: Sdf.Path) -> dict[str, Usd.VariantSet]:
+    """Return the variant sets on a prim or above it; of one name the nearest."""
+    prims = (stage.GetPrimAtPath(prefix) for prefix in path.GetPrefixes())
+    return {name: prim.GetVariantSet(name) for prim in prims for name in prim.GetVariantSets().GetNames()}
+
+
+def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Finding]:
+    """Examine a material as it is composed now."""
+    prim = stage.GetPrimAtPath(path)
+    own, layers = _read(file, stage, path)
+    yield from own
+    if _is_huge(prim):
+        yield Finding("note", str(path), "", _TOO_LARGE, f"at most {MOST_PROPERTIES} prims and properties would be")
+        return
+    yield from _usd_findings(list(Usd.PrimRange(prim)), own)
+    stack = Stack(file, UsdShade.Material(prim))
+    for place, what, hint in (*stack.notes(layers), *unread(prim)):
+        yield Finding("note", *_split(place), what, hint)
+    if stack.disabled:
+        # What is wrong in a layer that nobody sees now is wrong the day it is switched on.
+        session = stage.GetSessionLayer()
+        before = session.ExportToString()
+        with Usd.EditContext(stage, session):
+            for attribute in stack.disabled:
+                attribute.SetConnections([])
+                attribute.Set(True)
+        for finding in _read(file, stage, path)[0]:
+            if finding not in own:
+                yield replace(finding, severity="warning", what=f"{finding.what} (in a layer that is not enabled)")
+        session.ImportFromString(before)
+
+
+def _is_huge(prim: Usd.Prim) -> bool:
+    count = 0
+    for each in Usd.PrimRange(prim):
+        count += 1 + authored_properties(each)
+        if count > MOST_PROPERTIES:
+            return True
+    return False
+
+
+def _read(file: Path, stage: Usd.Stage, path: Sdf.Path) -> tuple[tuple[Finding, ...], tuple[Layer, ...]]:
+    try:
+        return (), read_material(file, stage, path).layers
+    except LookError as error:
+        return tuple(map(_from_fault, error.faults)), ()
+
+
+def _from_fault(fault: Fault) -> Finding:
+    return Finding("error", *_split(fault.where), fault.what, fault.hint)
+
+
+def _split(where: str) -> tuple[str, str]:
+    """Split a place into prim and property."""
+    prim, _, name = shortened(where).partition(".")
+    return prim, name
+
+
+def _usd_findings(place: Usd.Stage | list[Usd.Prim], own: Iterable[Finding]) -> Iterator[Finding]:
+    """Yield what USD's validators find, without what is known already."""
+    known = tuple(own)
+    for error in UsdValidation.ValidationContext(_validators()).Validate(place)[:MOST_FINDINGS]:
+        what = usd_words(error.GetMessage())
+        where = (site.GetProperty() if site.IsProperty() else site.GetPrim() for site in error.GetSites())
+        prim, name = next((_split(str(each.GetPath())) for each in where if each), ("", ""))
+        # A file that is not there has been told with the input or the reference that names it.
+        named = Path(what.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in what else what
+        if any((name and (each.prim, each.input) == (prim, name)) or named in each.what for each in known):
+            continue
+        severity = "warning" if error.GetName() == _UNKNOWN_SHADER else _USD_SEVERITIES[error.GetType().name]
+        yield Finding(severity, "" if prim == "/" else prim, name, what)
+
+
+@cache
+def _validators() -> tuple[Any, ...]:
+    """Return USD's validators of what a look is made of, after they were told of our nodes."""
+    definitions = Usd.Stage.Open(str(DEFINITIONS))
+    for prim in definitions.Traverse():
+        for node in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):
+            Sdr.Registry().AddDiscoveryResult(node)
+    registry = UsdValidation.ValidationRegistry()
+    names = [data.name for data in registry.GetAllValidatorMetadata() if _KEYWORDS & set(data.GetKeywords())]
+    return tuple(registry.GetOrLoadValidatorsByName([*names, _DEPENDENCIES]))

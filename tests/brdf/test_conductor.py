@@ -1,0 +1,116 @@
+"""Conductors: the exact Fresnel formula, the observer, and metals against the tables that look-dev uses."""
+
+from __future__ import annotations
+
+import csv
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import lookdev.brdf.conductor as conductor
+from lookdev.brdf.conductor import METALS, color_matching, fresnel_conductor, metal_indices, metal_reflectance
+from lookdev.errors import ModelError
+
+# S. Lagarde, Feeding a physically based shading model (2011), and Hoffman's course notes (2019): linear Rec.709.
+TABLES = {
+    "gold": (1.0, 0.782, 0.344),
+    "silver": (0.972, 0.960, 0.915),
+    "copper": (0.955, 0.638, 0.538),
+    "aluminium": (0.913, 0.922, 0.924),
+}
+
+
+def complex_fresnel(cos_theta: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Fresnel's equations with a complex index of refraction and Snell's law."""
+    cos_t = np.sqrt(1.0 - (1.0 - cos_theta**2) / index**2)
+    s = (cos_theta - index * cos_t) / (cos_theta + index * cos_t)
+    p = (index * cos_theta - cos_t) / (index * cos_theta + cos_t)
+    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
+
+
+def test_fresnel_agrees_with_complex_arithmetic() -> None:
+    rng = np.random.default_rng(1)
+    cos_theta = rng.uniform(1e-6, 1.0, 10_000)
+    eta, k = rng.uniform(0.03, 8.0, 10_000), rng.uniform(0.0, 10.0, 10_000)
+    np.testing.assert_allclose(
+        fresnel_conductor(cos_theta, eta, k), complex_fresnel(cos_theta, eta + 1j * k), rtol=0, atol=1e-12
+    )
+
+
+def test_fresnel_at_its_limits() -> None:
+    eta, k = np.array([0.05, 1.0, 1.5, 4.0]), np.array([4.0, 1.0, 0.0, 3.0])
+    normal = ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
+    np.testing.assert_allclose(fresnel_conductor(1.0, eta, k), normal, rtol=1e-14)
+    np.testing.assert_allclose(fresnel_conductor(0.0, eta, k), 1.0, rtol=1e-14)
+    brewster = np.cos(np.arctan(1.5))
+    s = ((1.5**2 - 1.0) / (1.5**2 + 1.0)) ** 2  # what is left of the light there
+    np.testing.assert_allclose(fresnel_conductor(brewster, 1.5, 0.0), 0.5 * s, rtol=1e-13)
+
+
+def test_fresnel_stays_within_bounds() -> None:
+    cos_theta, eta, k = np.meshgrid(
+        [0.0, 1e-300, 1e-9, 0.5, 1.0], [1e-6, 0.5, 1.0, 1.0 + 1e-15, 20.0], [0.0, 1e-9, 1.0, 20.0]
+    )
+    reflectance = fresnel_conductor(cos_theta, eta, k)
+    assert np.all((reflectance >= 0.0) & (reflectance <= 1.0 + 1e-15))
+    assert np.all(fresnel_conductor(np.array([0.0, 0.3, 1.0]), 1.0, 0.0) == 0.0)  # air in air
+
+
+def test_the_observer_is_the_cie_s() -> None:
+    # CIE 1931, tabulated: x, y and z at three wavelengths, and the integral of each, 106.86 in steps of 1 nm. The fit's
+    # authors give errors of up to 0.03.
+    tabulated = {450.0: (0.3362, 0.0380, 1.77211), 550.0: (0.43345, 0.99495, 0.00875), 600.0: (1.0622, 0.631, 0.0008)}
+    for wavelength, values in tabulated.items():
+        np.testing.assert_allclose(color_matching(wavelength), values, atol=0.03)
+    np.testing.assert_allclose(color_matching(np.arange(360.0, 831.0)).sum(axis=0), 106.86, rtol=0.005)
+
+
+def test_the_light_is_d65() -> None:
+    x, y, z = color_matching(conductor._WAVELENGTHS).T @ conductor._D65
+    np.testing.assert_allclose((x / y, z / y), (0.95047, 1.08883), rtol=2e-3)
+
+
+@pytest.mark.parametrize("name", METALS)
+def test_a_metal_is_measured_over_the_visible_range(name: str) -> None:
+    with conductor._DATA.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["metal"] == name]
+    wavelengths = [float(row["wavelength_nm"]) for row in rows]
+    assert wavelengths[0] <= 380.0
+    assert wavelengths[-1] >= 780.0
+    assert all(0.0 < b - a <= 70.0 for a, b in pairwise(wavelengths))
+    eta, k = metal_indices(name, np.array(wavelengths[1:-1]))
+    assert np.all((eta > 0.0) & (eta < 5.0))
+    assert np.all((k > 1.0) & (k < 10.0))
+
+
+def test_the_data_hold_no_other_metal() -> None:
+    with conductor._DATA.open(newline="") as file:
+        assert {row["metal"] for row in csv.DictReader(file)} == set(METALS)
+
+
+@pytest.mark.parametrize("name", METALS)
+def test_metal_reflectance_is_a_colour(name: str) -> None:
+    color = metal_reflectance(name)
+    assert color.shape == (3,)
+    assert np.all((color > 0.3) & (color <= 1.0))
+
+
+@pytest.mark.parametrize(("name", "color"), TABLES.items())
+def test_metals_look_as_in_the_tables(name: str, color: tuple[float, float, float]) -> None:
+    # Measurements of one metal differ by this much.
+    np.testing.assert_allclose(metal_reflectance(name), color, atol=0.03)
+
+
+def test_white_stays_white(monkeypatch: pytest.MonkeyPatch) -> None:
+    # eta next to 0 and no absorption reflects everything.
+    mirror = np.array([[380.0, 1e-12, 5.0], [780.0, 1e-12, 5.0]])
+    monkeypatch.setattr(conductor, "_measured", lambda: {"silver": mirror})
+    np.testing.assert_allclose(metal_reflectance.__wrapped__("silver"), 1.0, rtol=1e-11)
+
+
+def test_errors_say_what_would_be_right() -> None:
+    with pytest.raises(ModelError, match=r"unknown metal 'gould' \(did you mean 'gold'"):
+        metal_reflectance("gould")
+    with pytest.raises(ModelError, match="gold: a wavelength is outside 380 to 780 nm"):
+        metal_indices("gold", np.array([500.0, 1000.0]))

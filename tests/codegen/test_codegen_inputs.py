@@ -1,0 +1,76 @@
+"""What a look reads: images that do not matter are never opened."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.surface import generate_surface
+from lookdev.material import Bump, Formula, Input, Layer, Look, Texture
+from lookdev.material.expression import parse
+
+
+class Images:
+    """Textures that count how often they are asked for."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.opened: list[str] = []
+
+    def texture(self, name: str, channel: Any = "r") -> Texture:
+        (self.folder / name).write_bytes(name.encode())
+        return Texture(self.folder / name, channel, "raw")
+
+    def resolve(self, source: Texture | Bump) -> Path:
+        assert isinstance(source, Texture)
+        self.opened.append(source.file.name)
+        return source.file
+
+    def surface(self, *layers: Layer) -> ShaderSource:
+        return generate_surface(
+            Look("test", layers), self.resolve, brdf_samples=1, ibl_samples=1, bounces=0, light_size=(64, 32),
+            light_entries=1024, resolution=(8, 8),
+        )  # fmt: skip
+
+
+@pytest.fixture
+def images(tmp_path: Path) -> Images:
+    return Images(tmp_path)
+
+
+def formula(text: str, **inputs: Any) -> Formula:
+    return Formula(parse(text), inputs, dict.fromkeys(inputs, "float"))
+
+
+@pytest.mark.parametrize("model", ["disney", "pixar"])
+def test_of_eight_layers_only_those_that_show_are_read(images: Images, model: str) -> None:
+    color = {"disney": "baseColor", "pixar": "surfaceColor"}[model]
+
+    def layer(number: int, mask: Any) -> Layer:
+        inputs: dict[str, Input] = {color: images.texture(f"{number}.exr", "rgb")}
+        return Layer(f"layer{number}", model, inputs, mask)
+
+    dirt = images.texture("dirt.exr")
+    gone = formula("dirt * off", dirt=images.texture("unread.exr"), off=0.0)
+    masks = [1.0, dirt, 1.0, 0.0, 0.5, gone, formula("clamp(x, 0, 1)", x=0.0), dirt]
+    stack = [layer(number, mask) for number, mask in enumerate(masks)]
+    whole = images.surface(*stack)
+    # Layer 2 covers 0 and 1; the masks of 3, 5 and 6 fold to 0.
+    assert sorted(images.opened) == ["2.exr", "4.exr", "7.exr", "dirt.exr"]
+    reduced = images.surface(replace(stack[2], mask=1.0), stack[4], stack[7])
+    assert whole.osl == reduced.osl
+    assert [binding.file for binding in whole.textures] == [binding.file for binding in reduced.textures]
+
+
+def test_a_set_of_tiles_is_a_look_up_of_the_tile(images: Images) -> None:
+    for tile in ("1001", "1012"):
+        images.texture(f"wear.{tile}.exr")
+    source = images.surface(
+        Layer("layer", "disney", {"roughness": Texture(images.folder / "wear.<UDIM>.exr", "r", "raw")})
+    )
+    assert sorted(images.opened) == ["wear.1001.exr", "wear.1012.exr"]
+    assert [binding.parameter for binding in source.textures] == ["texture0_1001_file", "texture0_1012_file"]

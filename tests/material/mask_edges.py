@@ -1,0 +1,219 @@
+"""What a blurred mask shows between two presets: pixels of a sphere under an image-based light, without noise.
+
+A pixel is the light that one point of a sphere sends to the viewer; behind a surface that transmits is the light
+itself, as behind a card. All the light that reaches the point is gathered once into cells of directions, small about
+the mirror direction and the one that refracts, each with its light and its mean direction. A surface is then a sum over
+cells: the same for every surface, so that a difference between two is theirs and not the estimate's.
+
+`EDGES` records each pair by `KINDS`; ``python tests/material/plot_mask_edges.py`` writes it anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
+from lookdev.ibl import LightDistribution, load_environment
+from lookdev.ibl.tables import build_distribution
+from lookdev.material.usd import read_look
+from lookdev.reference.shapes import Sphere
+
+Floats = NDArray[np.float64]
+Pair = tuple[str, str]
+
+ROOT = Path(__file__).parents[2]
+PRESETS = sorted(file.stem for file in (ROOT / "materials" / "presets").glob("*.usda"))
+PAIRS: list[Pair] = list(combinations(PRESETS, 2))
+EDGES = Path(__file__).with_name("mask_edges.txt")
+
+LIGHTS = ("studio", "forest")
+"""Large lamps in a dark room; light from everywhere."""
+
+MASKS = np.arange(9) / 8
+
+NARROW = 0.2
+"""The range that two neighbours span counts as at least this fraction of the brighter one: 5 % of it are then 1 % of
+what is seen, about the least step that an eye, or 8 bits, can show."""
+
+ALLOWED = 0.05
+KINDS = {".": ALLOWED, "+": 1.0, "#": np.inf}
+"""Up to which overshoot a pair is of each kind: within the claim, by less than the range itself, by more."""
+
+# Degrees between normal and view, and how many pixels there are at each.
+_RINGS = ((15.0, 1), (40.0, 3), (62.0, 3), (78.0, 3))
+# Cells in slope of the half vector, logarithmic beyond _T0, and in its azimuth.
+_CELLS = (24, 16)
+# tan^2 of half the width of the narrowest highlight here, Pixar's at 0.25 degrees.
+_T0 = 0.002**2
+_POINTS = 2**15
+_IOR = 1.5  # of every preset that transmits
+_AT_A_TIME = 8
+
+Preset = tuple[str, dict[str, Any]]
+"""A model and all of its parameters."""
+
+_LOOK = """#usda 1.0
+def Material "M"
+{{
+    token outputs:lookdev:surface.connect = </M/Base.outputs:layer>
+    def Shader "Base" (references = @{file}@)
+    {{
+    }}
+}}
+"""
+
+
+def read_presets(folder: Path) -> dict[str, Preset]:
+    """Read every preset as a look has it that takes it by reference; looks are written to `folder`."""
+    read = {}
+    for name in PRESETS:
+        look = folder / f"{name}.usda"
+        look.write_text(_LOOK.format(file=ROOT / "materials" / "presets" / look.name))
+        (layer,) = read_look(look).layers
+        read[name] = layer.model, complete_parameters(layer.model, layer.inputs)
+    return read
+
+
+@dataclass(frozen=True)
+class Pixel:
+    """A viewing direction (3,), and from which directions (n, 3) how much light (n, 3) comes: radiance times sr.
+
+    `frame` (3, 3) has tangent, bitangent and normal as its rows.
+    """
+
+    frame: Floats
+    wo: Floats
+    wi: Floats
+    light: Floats
+
+    def show(self, bsdf: Bsdf) -> Floats:
+        """Return the radiance (..., 3) of surfaces whose parameters have shape (..., 1)."""
+        lit = self.wi[:, 2] > (-1.0 if bsdf.two_sided else 0.0)
+        return np.asarray((evaluate_cosine(bsdf, self.wo, self.wi[lit]) * self.light[lit]).sum(axis=-2))
+
+
+@cache
+def sphere_pixels(light: str) -> tuple[Pixel, ...]:
+    """Gather the light at some points of a sphere that is seen from -y."""
+    distribution = build_distribution(load_environment(builtin=light))
+    polar = np.radians(np.repeat([angle for angle, _ in _RINGS], [count for _, count in _RINGS]))
+    around = 2.0 * np.pi * (np.concatenate([np.arange(count) / count for _, count in _RINGS]) + 0.07)
+    normals = np.stack([np.sin(polar) * np.cos(around), -np.cos(polar), np.sin(polar) * np.sin(around)], axis=-1)
+    frames = Sphere().frame(normals, np.broadcast_to([0.0, -1.0, 0.0], normals.shape))
+    return tuple(_gather(distribution, frame, seed) for seed, frame in enumerate(frames))
+
+
+def _gather(light: LightDistribution, frame: Floats, seed: int) -> Pixel:
+    rng = np.random.default_rng(seed)
+    wo = frame @ [0.0, -1.0, 0.0]
+    sides = [(1.0, wo), (-1.0, np.append(wo[:2], np.sqrt(_IOR**2 - 1.0 + wo[2] ** 2)) / _IOR)]
+    # Drawn from the cells and from the light, both combined: lamps are found however small, and so is what is mirrored.
+    start = int(rng.integers(len(light.texels) // _POINTS)) * _POINTS
+    entries = start + rng.permutation(_POINTS)
+    wi = np.concatenate([_draw(side, view, rng) for side, view in sides])
+    wi = np.concatenate([wi, light.sample(entries, rng.random((_POINTS, 2))) @ frame.T])
+    wi = wi[np.abs(wi[:, 2]) > 1e-6]
+
+    cell, density = np.zeros(len(wi), np.intp), np.zeros(len(wi))
+    for number, (side, view) in enumerate(sides):
+        here = wi[:, 2] * side > 0.0
+        within, density[here] = _cell(view, wi[here] * (1.0, 1.0, side))
+        cell[here] = within + number * _CELLS[0] * _CELLS[1]
+    world = wi @ frame
+    arriving = light.radiance(world) / (_POINTS * (density + light.pdf(world)))[:, None]
+    energy, direction = (
+        np.stack([np.bincount(cell, weight) for weight in weights.T], axis=-1)
+        for weights in (arriving, wi * arriving.sum(axis=-1, keepdims=True))
+    )
+    lit = energy.any(axis=-1)
+    mean = direction[lit] / np.linalg.norm(direction[lit], axis=-1, keepdims=True)
+    return Pixel(frame, wo, mean, energy[lit])
+
+
+def _length(view: Floats) -> float:
+    """Return the logarithm of the steepest slope there is, as in `sphere_quadrature` of the models' tests."""
+    return float(np.log1p((2.0 / view[2]) ** 2 / _T0))
+
+
+def _draw(side: float, view: Floats, rng: np.random.Generator) -> Floats:
+    u = qmc.Sobol(2, rng=rng).random(_POINTS)
+    t = _T0 * np.expm1(u[:, 0] * _length(view))
+    cos = 1.0 / np.sqrt(1.0 + t)
+    sin, phi = np.sqrt(t) * cos, 2.0 * np.pi * u[:, 1]
+    wm = np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
+    wi = 2.0 * (wm @ view)[:, None] * wm - view
+    return np.asarray(wi[wi[:, 2] > 0.0] * (1.0, 1.0, side))
+
+
+def _cell(view: Floats, wi: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Return the cells (n,) of directions above the horizon, and the density (n,) that `_draw` has there."""
+    half = view + wi
+    t = (half[:, 0] ** 2 + half[:, 1] ** 2) / half[:, 2] ** 2
+    place = np.log1p(t / _T0) / _length(view), np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
+    row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip(place, _CELLS, strict=True))
+    # d omega_i = 4 (wi . wm) d omega_h, and d omega_h = dt d phi / (2 (1 + t)^(3/2)).
+    density = (1.0 + t) ** 1.5 / (np.pi * (_T0 + t) * _length(view) * 2.0 * np.linalg.norm(half, axis=-1))
+    return row * _CELLS[1] + column, density
+
+
+def edges(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equal: Iterable[str] = ()) -> Floats:
+    """Return what pixels show across blurred masks, the second preset of each pair over the first, (n, 9, P, 3).
+
+    Parameters named by `equal` are first set to their mean over the two.
+    """
+    models = [tuple(presets[name][0] for name in pair) for pair in pairs]
+    shown = np.empty((len(pairs), len(MASKS), len(sphere_pixels(light)), 3))
+    for kind in dict.fromkeys(models):
+        of_kind = np.array([number for number, model in enumerate(models) if model == kind])
+        for block in np.array_split(of_kind, -(-len(of_kind) // _AT_A_TIME)):
+            below, above = (_stacked([presets[pairs[number][side]][1] for number in block]) for side in (0, 1))
+            for name in equal:
+                below[name] = above[name] = 0.5 * (below[name] + above[name])
+            bsdf = stack_bsdf([StackLayer(kind[0], below), StackLayer(kind[1], above, MASKS[:, None])])
+            shown[block] = np.stack([pixel.show(bsdf) for pixel in sphere_pixels(light)], axis=-2)
+    return shown
+
+
+def _stacked(several: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Stack parameters to shape (n, 1, 1), colours and normals (n, 1, 1, 3)."""
+    return {
+        name: value if isinstance(value, str) else np.stack([each[name] for each in several])[:, None, None]
+        for name, value in several[0].items()
+    }
+
+
+def excess(shown: Floats) -> Floats:
+    """Return by how much values (n, 9, ...) leave the range of their two ends, as fractions of it."""
+    low, high = (end(shown[:, ::8], axis=1, keepdims=True) for end in (np.min, np.max))
+    return np.asarray(np.maximum(shown - high, low - shown) / np.maximum(high - low, NARROW * high))
+
+
+def overshoot(light: str, presets: Mapping[str, Preset], pairs: Sequence[Pair], equal: Iterable[str] = ()) -> Floats:
+    """Return the worst excess of each pair, (n,)."""
+    return np.asarray(excess(edges(light, presets, pairs, equal)).max(axis=(1, 2, 3)))
+
+
+def kind_of(value: float) -> str:
+    """Return the kind of a pair by its overshoot."""
+    return next(kind for kind, most in KINDS.items() if value <= most)
+
+
+def read_edges() -> dict[Pair, str]:
+    """Return the recorded kind of every pair."""
+    rows = dict(line.split() for line in EDGES.read_text().splitlines() if line.split()[1:])
+    return {(a, b): rows[b][PRESETS.index(a)] for a, b in PAIRS}
+
+
+def write_edges(kinds: Mapping[Pair, str]) -> None:
+    """Write a row of kinds for each preset, against all before it."""
+    rows = [f"{b:24}" + "".join(kinds[a, b] for a in PRESETS[:number]) for number, b in enumerate(PRESETS)]
+    EDGES.write_text("\n".join(row.rstrip() for row in rows) + "\n")

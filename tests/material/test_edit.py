@@ -1,0 +1,323 @@
+"""Edits of looks leave files that read without a fault, or are not made."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from presets import write_library
+from pxr import Usd
+
+from lookdev.errors import LookdevError
+from lookdev.material.library import Preset, find_preset
+from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
+from lookdev.material.library.masks import parse_mask
+from lookdev.material.look import Coordinates, Formula, Primvar, Texture
+from lookdev.material.usd import read_look
+
+ROOT = Path(__file__).parents[2]
+Take = Callable[[str], Preset]
+
+
+@pytest.fixture
+def take(tmp_path: Path) -> Take:
+    """Return a function that takes presets from a small library in ``tmp_path/library``."""
+    folder = write_library(tmp_path / "library")
+    return lambda name: find_preset(name, folder)
+
+
+@pytest.fixture
+def paint(tmp_path: Path, take: Take, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a look of gold; the current folder has its textures."""
+    shutil.copy(ROOT / "materials" / "textures" / "dirt.png", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    file = tmp_path / "paint.usda"
+    new_look(file, take("gold"))
+    return file
+
+
+@pytest.fixture
+def car(tmp_path: Path, take: Take) -> Path:
+    """Return a copy of the car paint: flakes (1) and dust (2), which a variant set takes away."""
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    return Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path))
+
+
+def layers(file: Path, **variants: str) -> list[str]:
+    return [layer.name for layer in read_look(file, variants=variants).layers]
+
+
+def children(file: Path) -> set[str]:
+    stage = Usd.Stage.Open(str(file))
+    return {prim.GetName() for prim in stage.GetDefaultPrim().GetChildren()}
+
+
+def refused(edit: Callable[[], object], file: Path) -> str:
+    """Return what an edit says that is refused, and see that nothing was written."""
+    before = {path: path.read_bytes() for path in file.parent.rglob("*") if path.is_file()}
+    with pytest.raises(LookdevError) as caught:
+        edit()
+    assert {path: path.read_bytes() for path in file.parent.rglob("*") if path.is_file()} == before
+    assert f".{file.stem}." not in str(caught.value), "a message names the copy that was edited"
+    return str(caught.value)
+
+
+def test_a_new_look_is_a_preset_by_reference(paint: Path) -> None:
+    text = paint.read_text()
+    assert "references = @./library/gold.usda@</Gold>" in text
+    assert "baseColor" not in text, "a preset is not copied"
+    (base,) = read_look(paint).layers
+    assert (base.name, base.model) == ("Base", "disney")
+    assert base.inputs == {"baseColor": (1.0, 0.75, 0.25), "metallic": 1.0}
+    assert children(paint) == {"Layers", "Base", "Preview"}
+
+
+def test_a_reference_is_relative_to_the_look(tmp_path: Path, take: Take) -> None:
+    file = tmp_path / "deep" / "er" / "worn_gold-2.usda"
+    assert new_look(file, take("gold")) == "/WornGold2"
+    assert "references = @../../library/gold.usda@</Gold>" in file.read_text()
+    assert new_look(tmp_path / "x.usdc", take("gold"), "Paint") == "/Paint"
+    assert layers(tmp_path / "x.usdc") == ["Base"]
+
+
+def test_what_a_new_look_refuses(tmp_path: Path, paint: Path, take: Take) -> None:
+    gold = take("gold")
+    assert "exists already" in refused(lambda: new_look(paint, gold), paint)
+    assert "one of .usda, .usd, .usdc" in refused(lambda: new_look(tmp_path / "a.usdz", gold), paint)
+    assert "'2a' cannot be the name" in refused(lambda: new_look(tmp_path / "2a.usda", gold), paint)
+    assert "'a b' cannot be the name" in refused(lambda: new_look(tmp_path / "a.usda", gold, "a b"), paint)
+
+
+@pytest.mark.parametrize(
+    ("typed", "expected"),
+    [
+        ("1", 1.0),
+        (".25", 0.25),
+        ("dirt.png", Texture(Path("dirt.png"), "r", "raw")),
+        ("dirt.png:a", Texture(Path("dirt.png"), "a", "raw")),
+        ("primvar:wear", Primvar("wear", 0.0)),
+    ],
+)
+def test_a_layer_is_added_with_any_mask(paint: Path, take: Take, typed: str, expected: object) -> None:
+    assert add_layer(paint, take("rubber"), parse_mask(typed)) == (1, "Rubber")
+    assert add_layer(paint, take("rubber")) == (2, "Rubber2")
+    base, rubber, again = read_look(paint).layers
+    assert (base.name, rubber.name, again.name) == ("Base", "Rubber", "Rubber2")
+    if isinstance(expected, Texture):
+        assert isinstance(rubber.mask, Texture)
+        assert rubber.mask == Texture(paint.parent / expected.file, expected.channel, "raw")
+        assert "@./dirt.png@" in paint.read_text()
+    else:
+        assert rubber.mask == expected
+    assert again.mask == 1.0
+
+
+def test_masks_share_their_reader_of_coordinates(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"), parse_mask("dirt.png"))
+    add_layer(paint, take("gold"), parse_mask("dirt.png:g"))
+    assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "Gold", "GoldMask", "St"}
+    remove_layer(paint, "Rubber")
+    assert children(paint) == {"Layers", "Base", "Preview", "Gold", "GoldMask", "St"}
+    set_mask(paint, "Gold", parse_mask("1"))
+    assert children(paint) == {"Layers", "Base", "Preview", "Gold"}
+
+
+def test_a_single_layer_gets_a_stack(tmp_path: Path, take: Take, car: Path) -> None:
+    file = Path(shutil.copy(ROOT / "materials" / "brushed_metal.usda", tmp_path))
+    (metal,) = read_look(file).layers
+    add_layer(file, take("rubber"), parse_mask("0.5"))
+    base, rubber = read_look(file).layers
+    assert base == metal
+    assert (rubber.name, rubber.mask) == ("Rubber", 0.5)
+
+
+def test_a_layer_that_transmits(tmp_path: Path, take: Take, paint: Path) -> None:
+    file = tmp_path / "floor.usda"
+    new_look(file, take("wood"))
+    add_layer(file, take("lacquer"), mode="transmit")
+    assert [layer.mode for layer in read_look(file).layers] == ["over", "transmit"]
+    said = refused(lambda: add_layer(paint, take("lacquer"), mode="transmit"), paint)
+    assert said.startswith(f"{paint}: /Paint/Layers.inputs:layer1Mode: cannot be 'transmit'")
+
+
+def test_a_layer_is_removed_from_every_variant(car: Path) -> None:
+    assert layers(car, wear="dusty") == ["Base", "Flakes", "Dust"]
+    assert remove_layer(car, "1") == (1, "Flakes", True)
+    assert layers(car, wear="dusty") == ["Base", "Dust"]
+    assert layers(car, wear="clean") == ["Base"]
+    assert children(car) == {"Layers", "Base", "Dust", "DirtMask", "DirtScale", "St", "Preview"}
+    assert "Car paint in three layers" in car.read_text(), "what else the file says is kept"
+    assert remove_layer(car, "Dust") == (1, "Dust", True)
+    assert layers(car, wear="dusty") == ["Base"]
+    assert children(car) == {"Layers", "Base", "Preview"}
+
+
+def test_a_node_that_an_unselected_variant_uses_stays(car: Path) -> None:
+    text = car.read_text().replace(
+        "bool inputs:layer2Enabled = 1",
+        "bool inputs:layer2Enabled = 1\nfloat inputs:layer1Mask.connect = </CarPaint/DirtMask.outputs:r>",
+    )
+    car.write_text(text)
+    set_mask(car, "Dust", parse_mask("0.5"))
+    assert {"DirtMask", "DirtScale"} <= children(car)
+    assert read_look(car, variants={"wear": "dusty"}).layers[2].mask == 0.5
+
+
+@pytest.fixture
+def borrowed(tmp_path: Path, take: Take, car: Path) -> Path:
+    """Return a look that is the car paint by reference, dusty."""
+    file = tmp_path / "shot.usda"
+    file.write_text(
+        '#usda 1.0\n(\n defaultPrim = "Mine"\n)\n'
+        'def "Mine" (\n references = @./car_paint.usda@</CarPaint>\n'
+        ' variants = {\n  string wear = "dusty"\n }\n)\n{\n}\n'
+    )
+    return file
+
+
+def test_a_stack_from_another_file_gets_overrides(borrowed: Path, car: Path, take: Take) -> None:
+    before = car.read_bytes()
+    set_mask(borrowed, "Dust", parse_mask("0.25"))
+    assert read_look(borrowed).layers[2].mask == 0.25
+    set_mask(borrowed, "Dust", parse_mask("primvar:wear"))
+    assert read_look(borrowed).layers[2].mask == Primvar("wear", 0.0)
+    assert add_layer(borrowed, take("rubber")) == (3, "Rubber")
+    assert layers(borrowed) == ["Base", "Flakes", "Dust", "Rubber"]
+    assert remove_layer(borrowed, "Flakes") == (1, "Flakes", False)
+    assert layers(borrowed) == ["Base", "Dust", "Rubber"]
+    assert remove_layer(borrowed, "Rubber") == (3, "Rubber", True)
+    assert layers(borrowed) == ["Base", "Dust"]
+    write_preview(borrowed)
+    assert car.read_bytes() == before
+
+
+def test_an_edit_twice_is_an_edit_once(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"))
+    for mask in ("dirt.png:g", "primvar:wear", "0.5"):
+        set_mask(paint, "1", parse_mask(mask))
+        once = paint.read_bytes()
+        set_mask(paint, "rubber", parse_mask(mask))
+        assert paint.read_bytes() == once
+
+
+def test_an_expression_keeps_the_sources_of_its_names(paint: Path, take: Take, monkeypatch: pytest.MonkeyPatch) -> None:
+    # What is written counts here, whatever reads it.
+    monkeypatch.setattr("lookdev.material.library.edit.read_look", lambda *_: None)
+    inputs = ["dirt=dirt.png:g", "edge=primvar:edge", "tint=dirt.png:rgb", "amount=2"]
+    add_layer(paint, take("rubber"), parse_mask("dirt * edge * amount * tint[0]", inputs))
+    stage = Usd.Stage.Open(str(paint))
+    node = stage.GetPrimAtPath("/Paint/RubberMask")
+    assert node.GetAttribute("info:id").Get() == "LookdevExpression"
+    assert node.GetAttribute("inputs:expression").Get() == "dirt * edge * amount * tint[0]"
+    sources = {name: node.GetAttribute(f"inputs:{name}").GetConnections() for name in ("dirt", "edge", "tint")}
+    assert {name: str(paths[0]) for name, paths in sources.items()} == {
+        "dirt": "/Paint/RubberMask_dirt.outputs:g",
+        "edge": "/Paint/RubberMask_edge.outputs:result",
+        "tint": "/Paint/RubberMask_tint.outputs:rgb",
+    }
+    assert node.GetAttribute("inputs:tint").GetTypeName() == "color3f"
+    assert node.GetAttribute("inputs:amount").Get() == 2.0
+    del stage, node
+    set_mask(paint, "Rubber", parse_mask("1 - dirt * amount", ["amount=3"]))
+    stage = Usd.Stage.Open(str(paint))
+    node = stage.GetPrimAtPath("/Paint/RubberMask")
+    assert [str(path) for path in node.GetAttribute("inputs:dirt").GetConnections()] == [
+        "/Paint/RubberMask_dirt.outputs:g"
+    ]
+    assert node.GetAttribute("inputs:amount").Get() == 3.0
+    assert not node.GetAttribute("inputs:edge")
+    assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "RubberMask_dirt", "St"}
+
+
+def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"), parse_mask("noise(8 * p[0], 8 * p[1])", ["p=uv:st"]))
+    set_mask(paint, "1", parse_mask("noise(9 * p[0], p[1]) * dirt", ["dirt=dirt.png"]))
+    mask = read_look(paint).layers[1].mask
+    assert isinstance(mask, Formula)
+    assert mask.inputs == {"p": Coordinates("st"), "dirt": Texture(paint.parent / "dirt.png", "r", "raw")}
+    assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "RubberMask_dirt", "St"}
+
+
+@pytest.mark.parametrize(
+    ("mask", "inputs", "said"),
+    [
+        ("2", [], "mask: 2 is out of range (it must be within [0, 1])"),
+        ("-1", [], "mask: -1 is out of range"),
+        ("nowhere.png", [], "mask: no such image file: nowhere.png"),
+        ("dirt.png:rgb", [], "mask: unknown channel 'rgb'"),
+        ("dirt.png:", [], "mask: unknown channel ''"),
+        ("uv:st", [], "mask: is not a number"),
+        ("dirt", ["dirt=uv:"], "--input dirt: '' cannot be the name of a primvar"),
+        ("primvar:a b", [], "mask: 'a b' cannot be the name of a primvar"),
+        ("dirt *", [], "\n    dirt *\n          ^"),
+        ("dirt.pgn", [], "mask: is not a number from 0 to 1, an image (.bmp"),
+        ("dirt * 2", [], "'dirt' in the expression has no source (add --input dirt=IMAGE"),
+        ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is no name in the expression (did you mean 'dirt'?)"),
+        ("dirt * 2", ["dirt"], "--input: dirt: says not where the value comes from"),
+        ("1", ["dirt=1"], "--input: dirt=1: only an expression has inputs"),
+        ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a mask is a float: use luminance())"),
+        ("dirt[0]", ["dirt=dirt.png:r"], "only colors have channels"),
+    ],
+)
+def test_what_is_no_mask(paint: Path, take: Take, mask: str, inputs: list[str], said: str) -> None:
+    add_layer(paint, take("rubber"))
+    assert said in refused(lambda: set_mask(paint, "1", parse_mask(mask, inputs)), paint)
+
+
+def test_a_layer_that_is_not_there(paint: Path, take: Take, tmp_path: Path, car: Path) -> None:
+    add_layer(paint, take("rubber"))
+    assert refused(lambda: remove_layer(paint, "Ruber"), paint) == (
+        f"{paint}: /Paint/Layers: no layer 'Ruber' (did you mean 'Rubber'?)"
+    )
+    assert "no layer '2'" in refused(lambda: remove_layer(paint, "2"), paint)
+    for base in ("0", "Base"):
+        assert f"'{base}' is the base" in refused(lambda base=base: remove_layer(paint, base), paint)
+    metal = Path(shutil.copy(ROOT / "materials" / "brushed_metal.usda", tmp_path))
+    assert "has a single layer, no stack" in refused(lambda: set_mask(metal, "1", 0.5), metal)
+
+
+def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"))
+    text = paint.read_text()
+    twice = "token inputs:layer2.connect = </Paint/Rubber.outputs:layer>\n        token outputs:surface\n"
+    paint.write_text(text.replace("token outputs:surface\n", twice, 1))
+    assert "layers 1, 2 are all 'Rubber'" in refused(lambda: remove_layer(paint, "Rubber"), paint)
+    remove_layer(paint, "1")
+    assert layers(paint) == ["Base", "Rubber"], "the other layer still uses it"
+
+
+def test_what_is_no_look_to_edit(tmp_path: Path, take: Take) -> None:
+    gold = take("gold")
+    missing = tmp_path / "missing.usda"
+    assert "no such file" in refused(lambda: add_layer(missing, gold), missing)
+    bare = tmp_path / "bare.usda"
+    bare.write_text('#usda 1.0\ndef Material "M" {}\n')
+    assert "is not connected to layers" in refused(lambda: add_layer(bare, gold), bare)
+    assert "no such prim (known: /M)" in refused(lambda: add_layer(bare, gold, prim="/N"), bare)
+    empty = tmp_path / "empty.usda"
+    empty.write_text("#usda 1.0\n")
+    assert "holds 0 materials" in refused(lambda: add_layer(empty, gold), empty)
+    broken = tmp_path / "broken.usda"
+    broken.write_text("#usda 1.0\ndef {")
+    assert "USD cannot open it" in refused(lambda: add_layer(broken, gold), broken)
+    link = tmp_path / "link.usda"
+    link.symlink_to(bare)
+    assert f"edit {bare} itself" in refused(lambda: add_layer(link, gold), link)
+
+
+def test_a_look_that_was_faulty_and_stays_so_is_not_written(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"), parse_mask("dirt.png"))
+    (paint.parent / "dirt.png").unlink()
+    said = refused(lambda: add_layer(paint, take("gold")), paint)
+    assert said.startswith(f"{paint}: /Paint/RubberMask.inputs:file: no such image file: ./dirt.png")
+    remove_layer(paint, "Rubber")  # the edit that mends it
+    assert layers(paint) == ["Base"]
+
+
+def test_a_fault_in_another_variant_counts(car: Path, take: Take) -> None:
+    # The copy with 'clean' selected would be fine: there, dust is not there at all.
+    text = car.read_text().replace('"dusty" {\n', '"dusty" {\n over "Dust" {\n float inputs:shine = 1\n }\n')
+    car.write_text(text)
+    assert f"{car}: /CarPaint/Dust.inputs:shine: unknown input" in refused(lambda: add_layer(car, take("gold")), car)

@@ -1,0 +1,196 @@
+"""The UsdPreviewSurface of a look: mapped, blended, connected through, and the same when written again."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
+from pxr import Sdf, Sdr, Usd
+
+from lookdev.errors import LookError
+from lookdev.material.expression import parse
+from lookdev.material.library.edit import write_preview
+from lookdev.material.library.preview import preview_values
+from lookdev.material.look import Coordinates, Formula, Layer, Primvar
+from lookdev.material.usd import read_look
+
+ROOT = Path(__file__).parents[2]
+LOOKS = sorted((ROOT / "materials").glob("*.usda"))
+
+GRAY = shader(
+    "Gray",
+    "UsdUVTexture",
+    "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>\n"
+    'token inputs:sourceColorSpace = "raw"\ntoken inputs:wrapS = "repeat"\ntoken inputs:wrapT = "repeat"',
+)
+MEAN = 128 / 255  # of that texture: 0.5 in eight bits
+RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+
+
+def preview_of(file: Path) -> dict[str, Any]:
+    """Write a preview; return each of its inputs, as a value or as the path of its source."""
+    assert write_preview(file) == "/M/Preview"
+    composed = Usd.Stage.Open(str(file))
+    inputs = [each for each in composed.GetPrimAtPath("/M/Preview").GetAttributes() if "inputs:" in each.GetName()]
+    return {
+        each.GetBaseName(): str(paths[0]) if (paths := each.GetConnections()) else pytest.approx(each.Get(), abs=1e-6)
+        for each in inputs
+    }
+
+
+def rounded(layers: list[Layer]) -> dict[str, Any]:
+    return {name: np.round(value, 6).tolist() for name, value in preview_values(layers).items()}
+
+
+def test_disney_is_mapped() -> None:
+    inputs = {"baseColor": RED, "metallic": 0.25, "roughness": 0.3, "specular": 0.5, "clearcoat": 1.0}
+    assert rounded([Layer("Base", "disney", {**inputs, "clearcoatGloss": 0.0})]) == {
+        "diffuseColor": [1.0, 0.0, 0.0],
+        "metallic": 0.25,
+        "roughness": 0.3,
+        "clearcoat": 0.25,
+        "clearcoatRoughness": 0.316228,  # the root of .1
+        "ior": 1.5,  # of F0 = .04
+        "opacity": 1.0,
+    }
+
+
+def test_pixar_is_mapped() -> None:
+    inputs = {"surfaceColor": RED, "normalScale": 0.8, "presence": 0.5, "clear": 0.25}
+    values = rounded([Layer("Base", "pixar", inputs)])
+    assert values["diffuseColor"] == [1.0, 0.0, 0.0]
+    assert values["ior"] == 1.5  # F0 = .05 * .8
+    assert values["opacity"] == 0.375
+    assert values["clearcoat"] == 0.0
+
+
+@pytest.mark.parametrize("specular", [0.0, 1.0, 12.5])
+def test_an_index_of_refraction_stays_finite(specular: float) -> None:
+    ior = preview_values([Layer("Base", "disney", {"specular": specular})])["ior"]
+    assert 1.0 <= ior < 100.0
+
+
+def formula(text: str, **inputs: Any) -> Formula:
+    kinds = {name: "color" if isinstance(source, Coordinates) else "float" for name, source in inputs.items()}
+    return Formula(parse(text), inputs, kinds)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("mask", "amount"),
+    [
+        (0.0, 0.0),
+        (0.25, 0.25),
+        (1.0, 1.0),
+        (Primvar("wear", 0.25), 0.25),
+        (formula("wear * 2", wear=Primvar("wear", 0.25)), 0.5),
+        (formula("st[0] * 2 - st[1] * 0", st=Coordinates("st")), 0.75),  # clipped at 1 where s > 1/2
+        (formula("st[0]", st=Coordinates("st", (0.5, 0.0, 0.25, 0.0, 1.0, 0.0))), 0.5),
+    ],
+)
+def test_layers_are_blended_by_their_masks(mask: Any, amount: float) -> None:
+    below, above = Layer("Base", "disney", {"baseColor": RED}), {"surfaceColor": GREEN, "roughness": 0.0}
+    values = preview_values([below, Layer("Top", "pixar", above, mask)])
+    assert values["diffuseColor"] == pytest.approx([1.0 - amount, amount, 0.0])
+    assert values["roughness"] == pytest.approx(0.5 * (1.0 - amount))
+
+
+def test_presence_counts_as_a_mask() -> None:
+    below = Layer("Base", "pixar", {"surfaceColor": RED})
+    values = preview_values([below, Layer("Top", "pixar", {"surfaceColor": GREEN, "presence": 0.25}, 0.5)])
+    assert values["diffuseColor"] == pytest.approx([0.875, 0.125, 0.0])
+    assert values["opacity"] == 1.0
+
+
+def test_a_layer_that_transmits_is_a_tinted_coat() -> None:
+    below = Layer("Wood", "pixar", {"surfaceColor": (0.5, 0.5, 0.5), "roughness": 0.7})
+    coat = Layer("Coat", "pixar", {"surfaceColor": (1.0, 0.5, 0.0), "clear": 1.0, "roughness": 0.1}, 0.5, "transmit")
+    values = preview_values([below, coat])
+    assert values["diffuseColor"] == pytest.approx([0.5, 0.375, 0.25])
+    assert values["roughness"] == 0.7
+    assert (values["clearcoat"], values["opacity"]) == (0.5, 1.0)
+
+
+def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) -> None:
+    rough = "float inputs:roughness.connect = </M/Gray.outputs:r>"
+    shown = preview_of(write(disney(body=rough) + GRAY + ST))
+    assert shown["roughness"] == "/M/Gray.outputs:r"
+    assert shown["metallic"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("mask", "expected"),
+    [
+        ("float inputs:layer1Mask = 0.4", "/M/Gray.outputs:r"),
+        ("float inputs:layer1Mask = 0.6", pytest.approx(0.4 * MEAN + 0.6 * 0.25, abs=1e-6)),
+        (
+            "float inputs:layer1Mask.connect = </M/Gray.outputs:r>",
+            pytest.approx((1.0 - MEAN) * MEAN + MEAN * 0.25, abs=1e-6),
+        ),
+        ("bool inputs:layer1Enabled = 0", "/M/Gray.outputs:r"),
+    ],
+)
+def test_the_layer_with_most_weight_is_connected(write: Callable[..., Path], mask: str, expected: object) -> None:
+    rough = disney(body="float inputs:roughness.connect = </M/Gray.outputs:r>")
+    coat = disney("Coat", "float inputs:roughness = 0.25")
+    shown = preview_of(write(stack(BASE + LAYER1 + mask, rough, coat, GRAY, ST), STACK))
+    assert shown["roughness"] == expected
+
+
+def test_an_interface_input_is_followed_and_a_cut_out_too(write: Callable[..., Path]) -> None:
+    body = (
+        "color3f inputs:surfaceColor.connect = </M.inputs:tint>\nfloat inputs:clear = 0.5\n"
+        "float inputs:presence.connect = </M/Gray.outputs:r>"
+    )
+    shown = preview_of(write("color3f inputs:tint = (1, 0, 0)\n" + pixar(body=body) + GRAY + ST))
+    assert shown["diffuseColor"] == "/M.inputs:tint"
+    assert shown["opacity"] == "/M/Gray.outputs:r"
+
+
+@pytest.mark.parametrize("look", LOOKS, ids=lambda look: look.stem)
+def test_written_again_it_is_the_same(look: Path, tmp_path: Path) -> None:
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    file = Path(shutil.copy(look, tmp_path))
+    before = read_look(file)
+    write_preview(file)
+    once = file.read_bytes()
+    write_preview(file)
+    assert file.read_bytes() == once
+    assert read_look(file).layers == before.layers
+
+
+def test_it_is_a_preview_surface_as_usd_defines_it(write: Callable[..., Path]) -> None:
+    file = write(disney())
+    path = write_preview(file)
+    stage = Usd.Stage.Open(str(file))
+    definition = Sdr.Registry().GetShaderNodeByIdentifier("UsdPreviewSurface")
+    for attribute in stage.GetPrimAtPath(path).GetAttributes():
+        if attribute.GetNamespace() == "inputs":
+            known = definition.GetShaderInput(attribute.GetBaseName())
+            assert known.GetTypeAsSdfType().GetSdfType() == attribute.GetTypeName(), attribute
+    assert stage.GetPrimAtPath("/M").GetAttribute("outputs:surface").GetConnections() == [
+        Sdf.Path(f"{path}.outputs:surface")
+    ]
+
+
+def test_what_the_models_do_not_have_is_kept(write: Callable[..., Path]) -> None:
+    mine = shader("Mine", "UsdPreviewSurface", "float inputs:displacement = 0.5\nfloat inputs:roughness = 0.9")
+    file = write("token outputs:surface.connect = </M/Mine.outputs:surface>\n" + disney() + mine)
+    assert write_preview(file) == "/M/Mine"
+    stage = Usd.Stage.Open(str(file))
+    prim = stage.GetPrimAtPath("/M/Mine")
+    assert prim.GetAttribute("inputs:displacement").Get() == 0.5
+    assert prim.GetAttribute("inputs:roughness").Get() == 0.5
+
+
+def test_another_surface_is_not_overwritten(write: Callable[..., Path]) -> None:
+    other = shader("Mine", "ND_standard_surface_surfaceshader")
+    file = write("token outputs:surface.connect = </M/Mine.outputs:out>\n" + disney() + other)
+    before = file.read_bytes()
+    with pytest.raises(LookError, match=r"look.usda: /M.outputs:surface: is connected to <.*ND_standard_surface"):
+        write_preview(file)
+    assert file.read_bytes() == before

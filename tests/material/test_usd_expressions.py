@@ -1,0 +1,122 @@
+"""LookdevExpression nodes: what they read, and what is wrong with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from look_files import BASE, LAYER1, ST, STACK, disney, faults_of, shader, stack
+
+from lookdev.codegen.graph import Graph
+from lookdev.codegen.inputs import Inputs
+from lookdev.material import Coordinates, Formula, Primvar, Texture
+from lookdev.material.textures import sample_texture
+from lookdev.material.usd import read_look
+
+TEX = shader(
+    "Tex",
+    "UsdUVTexture",
+    """asset inputs:file = @./gray.png@
+       token inputs:sourceColorSpace = "raw"
+       float2 inputs:st.connect = </M/St.outputs:result>
+       float outputs:r
+       float3 outputs:rgb""",
+)
+EDGE = shader("Edge", "UsdPrimvarReader_float", 'string inputs:varname = "edge"\nfloat inputs:fallback = 0.25')
+
+
+def expression(text: str, inputs: str = "", name: str = "Expr", kind: str = "float") -> str:
+    return shader(name, "LookdevExpression", f'string inputs:expression = "{text}"\n{inputs}\n{kind} outputs:result')
+
+
+def masked(*shaders: str) -> str:
+    mask = "float inputs:layer1Mask.connect = </M/Expr.outputs:result>\n"
+    return stack(BASE + LAYER1 + mask, disney(), disney("Coat"), *shaders)
+
+
+def mask_of(write, *shaders: str) -> Formula:
+    mask = read_look(write(masked(*shaders), STACK)).layers[1].mask
+    assert isinstance(mask, Formula)
+    return mask
+
+
+def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) -> None:
+    inputs = """float inputs:dirt.connect = </M/Tex.outputs:r>
+        float inputs:edge.connect = </M/Edge.outputs:result>
+        float inputs:amount = 0.5
+        color3f inputs:tint = (1, 0, 0)
+        float2 inputs:st.connect = </M/St.outputs:result>"""
+    text = "clamp(dirt * (1 - edge) * amount + tint[0] + st[1], 0, 1)"
+    mask = mask_of(write, expression(text, inputs), TEX, EDGE, ST)
+    assert mask.kinds == {"dirt": "float", "edge": "float", "amount": "float", "tint": "color", "st": "color"}
+    assert isinstance(mask.inputs["dirt"], Texture)
+    assert mask.inputs["edge"] == Primvar("edge", 0.25)
+    assert (mask.inputs["amount"], mask.inputs["tint"]) == (0.5, (1.0, 0.0, 0.0))
+    assert mask.inputs["st"] == Coordinates("st")
+
+
+def test_an_expression_may_read_an_expression(write) -> None:
+    inner = expression("a * a", "float inputs:a = 3", "Inner")
+    mask = mask_of(write, expression("inner + 1", "float inputs:inner.connect = </M/Inner.outputs:result>"), inner)
+    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
+    assert float(inputs._read(mask, color=False)) == 10.0
+
+
+def test_a_parameter_may_be_an_expression(write) -> None:
+    color = "color3f inputs:baseColor.connect = </M/Expr.outputs:result>"
+    look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float inputs:a = 0.25", kind="color3f")))
+    inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
+    np.testing.assert_array_equal(inputs._read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
+
+
+FAULTS = {
+    "no text": (expression(""), "/M/Expr.inputs:expression", "holds no expression"),
+    "syntax": (expression("1 +"), "/M/Expr.inputs:expression", "^"),
+    "unknown name": (expression("dirt * 2"), "/M/Expr.inputs:dirt", "which is no input of its node"),
+    "unknown function": (expression("smothstep(1, 0, 1)"), "/M/Expr.inputs:expression", "smoothstep"),
+    "unused input": (expression("1", "float inputs:dirt = 1"), "/M/Expr.inputs:dirt", "unknown input"),
+    "unset input": (expression("dirt", "float inputs:dirt"), "/M/Expr.inputs:dirt", "neither set nor connected"),
+    "wrong type": (expression("dirt", "int inputs:dirt = 1"), "/M/Expr.inputs:dirt", "has type int"),
+    "a color for a mask": (expression("[1, 0, 0]"), "/M/Expr.inputs:expression", "luminance"),
+    "a color for a float": (
+        expression("noise(c)", "color3f inputs:c = (1, 0, 0)"),
+        "/M/Expr.inputs:expression",
+        "needs a float, this is a color",
+    ),
+    "cycle": (
+        expression("a", "float inputs:a.connect = </M/Expr.outputs:result>"),
+        "/M/Expr.inputs:a",
+        "reads its own result",
+    ),
+    "wrong output": (
+        expression("a", "float inputs:a.connect = </M/Other.outputs:value>")
+        + shader("Other", "LookdevExpression", 'string inputs:expression = "1"\nfloat outputs:value'),
+        "/M/Expr.inputs:a",
+        "use outputs:result",
+    ),
+}
+
+
+@pytest.mark.parametrize(("shaders", "where", "says"), FAULTS.values(), ids=FAULTS)
+def test_fault(write, shaders: str, where: str, says: str) -> None:
+    [(place, what, hint)] = faults_of(write(masked(shaders), STACK))
+    assert place == where
+    assert says in f"{what} ({hint})"
+
+
+def test_expressions_do_not_nest_without_end(write) -> None:
+    link = "float inputs:a.connect = </M/E{}.outputs:result>"
+    chain = "".join(expression("a", link.format(number + 1), f"E{number}") for number in range(40))
+    faults = faults_of(write(masked(expression("a", link.format(0)), chain), STACK))
+    assert "more than 32 expressions" in faults[0][1]
+
+
+def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:
+    for tile in ("1001", "1002", "1011"):
+        (tmp_path / f"dirt.{tile}.png").write_bytes((tmp_path / "gray.png").read_bytes())
+    mask = "float inputs:layer1Mask.connect = </M/Tex.outputs:r>\n"
+    body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"), ST)
+    texture = read_look(write(body, STACK)).layers[1].mask
+    assert isinstance(texture, Texture)
+    assert texture.file.name == "dirt.<UDIM>.png"
+    st = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5], [-0.5, 0.5]]
+    np.testing.assert_allclose(sample_texture(texture, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)

@@ -1,0 +1,311 @@
+"""Everything wrong with a look is found, whatever the file is, and what is right is left alone."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
+from typer.testing import CliRunner
+
+from lookdev.cli import app
+from lookdev.material import validate as validation
+from lookdev.material.validate import validate
+from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
+from lookdev.material.validate.report import Finding, Report
+
+ROOT = Path(__file__).parents[2]
+LOOKS = [*sorted((ROOT / "materials").glob("*.usda")), *sorted((ROOT / "materials" / "presets").glob("*.usda"))]
+
+
+def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:
+    """Return severity, place and text of what is found in a look."""
+    report = examine(file, **options)
+    return [(each.severity, f"{each.prim}.{each.input}".rstrip("."), each.what) for each in report.findings]
+
+
+@pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
+def test_a_shipped_look_is_clean(file: Path) -> None:
+    assert examine(file).findings == ()
+
+
+def layered(inputs: str, coat: str = "", base: str = "") -> str:
+    return stack(BASE + LAYER1 + inputs, disney(body=base), disney("Coat", coat))
+
+
+NOTES = {
+    "mask 0": (
+        layered("float inputs:layer1Mask = 0"),
+        "/M/Layers.inputs:layer1Mask",
+        "the layer never shows: its mask is 0",
+    ),
+    "presence 0": (
+        stack(
+            BASE + LAYER1 + "float inputs:layer1Mask = 0.5",
+            pixar(),
+            pixar("Coat", "float inputs:presence = 0"),
+        ),
+        "/M/Layers.inputs:layer1",
+        "the layer never shows: the presence of Coat is 0",
+    ),
+    "disabled": (
+        layered("bool inputs:layer1Enabled = 0"),
+        "/M/Layers.inputs:layer1Enabled",
+        "the layer is not enabled",
+    ),
+    "unread texture": (
+        layered("float inputs:layer1Mask = 0.5") + shader("Tex", "UsdUVTexture", "asset inputs:file = @./gray.png@"),
+        "/M/Tex",
+        "UsdUVTexture that nothing reads",
+    ),
+}
+
+
+@pytest.mark.parametrize(("body", "place", "what"), NOTES.values(), ids=NOTES)
+def test_note(write, body: str, place: str, what: str) -> None:
+    file = write(body, STACK)
+    assert findings(file) == [("note", place, what)]
+    assert not examine(file).has_errors
+
+
+def test_a_layer_without_a_mask_hides_those_beneath(write) -> None:
+    assert findings(write(layered(""), STACK)) == [
+        ("note", "/M/Layers.inputs:base", "the layer never shows: Coat covers it wholly"),
+        ("note", "/M/Layers.inputs:layer1Mask", "the mask is not connected, so the layer covers all beneath"),
+    ]
+
+
+def test_what_lets_light_through_hides_nothing(write) -> None:
+    mode = 'token inputs:layer1Mode = "transmit"'
+    assert findings(write(stack(BASE + LAYER1 + mode, pixar(), pixar("Coat")), STACK)) == []
+    assert findings(write(stack(BASE + LAYER1, pixar(), pixar("Coat", "float inputs:presence = 0.5")), STACK)) == []
+
+
+def test_a_disabled_layer_is_examined_too(write) -> None:
+    body = layered("bool inputs:layer1Enabled = 0", coat="float inputs:roughness = 2")
+    assert findings(write(body, STACK)) == [
+        ("warning", "/M/Coat.inputs:roughness", "2 is out of range (in a layer that is not enabled)"),
+        ("note", "/M/Layers.inputs:layer1Enabled", "the layer is not enabled"),
+    ]
+
+
+VARIANTS = """
+variantSet "wear" = {
+    "dusty" { %s }
+    "new" { %s }
+}
+"""
+WITH_VARIANTS = '(\n prepend variantSets = "wear"\n variants = { string wear = "new" }\n)'
+
+
+def rough(value: float) -> str:
+    return f'\nover "Base" {{\nfloat inputs:roughness = {value}\n}}\n'
+
+
+def test_every_variant_is_examined(write) -> None:
+    file = write(disney() + VARIANTS % (rough(2), rough(0.5)), material=WITH_VARIANTS)
+    report = examine(file)
+    assert report.findings == (
+        Finding(
+            "error", "/M/Base", "inputs:roughness", "2 is out of range", "it must be within [0, 1]", ("wear=dusty",)
+        ),
+    )
+    assert (report.materials, report.combinations) == (1, 2)
+    assert findings(file, variants={"wear": "new"}) == []
+    [(_, place, what)] = findings(file, variants={"ware": "new"})
+    assert (place, what) == ("/M", "has no variant set 'ware'")
+
+
+def test_what_every_variant_shares_is_told_once_and_what_one_leaves_unused_not(write) -> None:
+    switched = '\nover "Layers" {\nbool inputs:layer1Enabled = %d\n}\n'
+    body = layered("float inputs:layer1Mask = 0.5", base="float inputs:sheen = 7")
+    file = write(body + VARIANTS % (switched % 0, switched % 1), STACK, WITH_VARIANTS)
+    assert examine(file).findings == (
+        Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", "it must be within [0, 1]"),
+    )
+
+
+def test_a_variant_inside_a_variant_is_examined(write) -> None:
+    inner = (
+        '(\nprepend variantSets = "dirt"\n) {\nvariantSet "dirt" = {\n"mud" {%s}\n"none" { }\n}\n}\n' % rough(3)  # noqa: UP031
+    )
+    body = disney() + 'variantSet "wear" = {\n"dusty" ' + inner + '"new" { }\n}\n'
+    report = examine(write(body, material=WITH_VARIANTS))
+    assert [each.variants for each in report.findings] == [("wear=dusty, dirt=mud",)]
+    # With mud, without, with neither chosen as the file has it; and new.
+    assert report.combinations == 4
+
+
+def test_too_many_combinations_are_tried_one_by_one(write) -> None:
+    sets = "".join(f'variantSet "s{i}" = {{\n"a" {{ }}\n"b" {{ {rough(2) if i == 6 else ""} }}\n}}\n' for i in range(7))
+    names = ", ".join(f'"s{i}"' for i in range(7))
+    chosen = "".join(f'string s{i} = "a"\n' for i in range(7))
+    assert MOST_COMBINATIONS < 2**7
+    report = examine(
+        write(disney() + sets, material=f"(\nprepend variantSets = [{names}]\nvariants = {{\n{chosen}}}\n)")
+    )
+    error, note = report.findings
+    assert (error.input, error.variants) == ("inputs:roughness", ("s6=b",))
+    assert note.what == f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
+    assert report.combinations == 14
+
+
+USD_FINDINGS = {
+    "type in the preview": (
+        shader("P", "UsdPreviewSurface", "double inputs:roughness = 1\ntoken outputs:surface\n"),
+        ("error", "/M/P.inputs:roughness", "Incorrect type"),
+    ),
+    "another renderer's node": (
+        shader("P", "PxrSurface", "token outputs:surface\n"),
+        ("warning", "/M/P.info:id", "not found in sdrRegistry"),
+    ),
+    "a missing texture of the preview": (
+        shader("P", "UsdPreviewSurface", "color3f inputs:diffuseColor.connect = </M/Tex.outputs:rgb>")
+        + shader("Tex", "UsdUVTexture", "asset inputs:file = @./gone.png@\nfloat3 outputs:rgb\n"),
+        ("error", "", "unresolvable external dependency"),
+    ),
+    "geometry in a material": (
+        shader("P", "UsdPreviewSurface", "token outputs:surface\n") + 'def Xform "X" {\n}\n',
+        ("error", "/M", "not a valid descendant of Material"),
+    ),
+}
+
+
+@pytest.mark.parametrize(("body", "expected"), USD_FINDINGS.values(), ids=USD_FINDINGS)
+def test_usd_finds(write, body: str, expected: tuple[str, str, str]) -> None:
+    preview = "token outputs:surface.connect = </M/P.outputs:surface>\n"
+    [(severity, place, what)] = findings(write(preview + disney() + body))
+    assert (severity, place) == expected[:2]
+    assert expected[2] in what
+
+
+def test_what_usd_finds_too_is_told_once(write) -> None:
+    textured = disney(body="float inputs:roughness.connect = </M/Tex.outputs:r>\ndouble inputs:sheen = 1") + ST
+    image = "asset inputs:file = @./gone.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
+    gone = 'def "Gone" (\nreferences = @./gone.usda@\n) {\n}\n'
+    found = findings(write(textured + shader("Tex", "UsdUVTexture", image) + gone))
+    assert [place for _, place, _ in found] == ["/M/Gone", "/M/Tex.inputs:file", "/M/Base.inputs:sheen"]
+
+
+def test_only_the_material_named_is_examined(write) -> None:
+    other = 'def Material "N" {\ntoken outputs:lookdev:surface.connect = </N/Base.outputs:layer>\n%s}\n'
+    file = write(disney(), before=other % disney(body="float inputs:sheen = 7"))
+    assert [place for _, place, _ in findings(file)] == ["/N/Base.inputs:sheen"]
+    assert findings(file, prim="/M") == []
+    assert examine(file).materials == 2
+    [(_, place, what)] = findings(file, prim="/O")
+    assert (place, what) == ("/O", "no such prim")
+
+
+def test_a_preset_is_a_layer_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "preset.usda"
+    file.write_text('#usda 1.0\n(\ndefaultPrim = "Base"\n)\n' + disney(body="float inputs:sheen = 7"))
+    assert findings(file) == [("error", "/Base.inputs:sheen", "7 is out of range")]
+
+
+def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureFixture[str]) -> None:
+    unread = "".join(shader(f"B{i}", "LookdevDisney") for i in range(MOST_FINDINGS + 10))
+    report = examine(write(disney() + unread + 'def "X" (\nreferences = @./gone.usda@\n) {\n}\n'))
+    assert len(report.findings) == MOST_FINDINGS + 1
+    assert (report.findings[0].severity, report.findings[-1].what) == ("error", "11 more findings")
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_text_shows_an_expression_with_its_caret() -> None:
+    told = "an operator should stand here, not 'b'\n    a b\n      ^"
+    report = Report(
+        "look.usda",
+        (
+            Finding("error", "/M/X", "inputs:expression", told, "see the manual", tuple(f"s=v{i}" for i in range(6))),
+            Finding("note", "/M", "", "odd"),
+        ),
+        1,
+        6,
+    )
+    assert report.text() == (
+        "look.usda: 1 error, 1 note (1 material, 6 combinations of variants)\n"
+        "\n"
+        "/M\n"
+        "  note     odd\n"
+        "\n"
+        "/M/X\n"
+        "  error    inputs:expression: an operator should stand here, not 'b'\n"
+        "               a b\n"
+        "                 ^\n"
+        "           hint: see the manual\n"
+        "           in: s=v0 | s=v1 | s=v2 | s=v3 and 2 more"
+    )
+
+
+@pytest.mark.parametrize(
+    ("program", "seconds", "what"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", 60.0, "USD crashed reading it (SIGSEGV)"),
+        ("raise MemoryError", 60.0, "reading it failed: MemoryError"),
+        ("import time; time.sleep(60)", 0.2, "USD has not read it within 0.2 s"),
+    ],
+    ids=["crash", "exception", "hang"],
+)
+def test_a_file_that_kills_its_reader_is_a_finding(
+    write, monkeypatch: pytest.MonkeyPatch, program: str, seconds: float, what: str
+) -> None:
+    monkeypatch.setattr(validation, "_PROGRAM", (sys.executable, "-c", program))
+    report = validate(write(disney()), seconds=seconds)
+    assert [each.what for each in report.findings] == [what]
+    assert report.has_errors
+
+
+def test_validate_examines_in_a_process_of_its_own(write) -> None:
+    file = write(disney(body="float inputs:sheen = 7") + VARIANTS % (rough(2), ""), material=WITH_VARIANTS)
+    assert validate(file) == examine(file)
+    assert validate(file, "/M", {"wear": "new"}) == examine(file, "/M", {"wear": "new"})
+
+
+def test_the_verb(write) -> None:
+    run = CliRunner().invoke
+    good = run(app, ["validate", str(write(disney()))])
+    assert (good.exit_code, good.output) == (
+        0,
+        f"{write(disney())}: nothing wrong (1 material, 1 combination of variants)\n",
+    )
+    file = write(disney() + VARIANTS % (rough(2), ""), material=WITH_VARIANTS)
+    bad = run(app, ["validate", str(file), "--prim", "/M", "--variants", "wear=dusty", "--json"])
+    assert bad.exit_code == 1
+    assert Report.from_data(json.loads(bad.output)) == examine(file, "/M", {"wear": "dusty"})
+    assert run(app, ["validate", str(file), "--variants", "wear=new"]).exit_code == 0
+    assert run(app, ["validate", str(file), "--variants", "wear"]).exit_code == 2
+
+
+@pytest.fixture(scope="module")
+def malformed(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
+    """What became of every malformed file."""
+    folder = tmp_path_factory.mktemp("malformed") / "looks"
+    program = (sys.executable, "-W", "ignore", str(Path(__file__).with_name("run_malformed.py")), str(folder))
+    done = subprocess.run(program, capture_output=True, text=True, check=True, timeout=600)
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def test_malformed_looks_end_in_an_error_that_names_the_file(malformed: list[dict]) -> None:
+    faulty = [case for case in malformed if case["expected"] == "faulty"]
+    assert len(faulty) >= 200
+    told = [case for case in faulty if case["status"] == 0 and case["file"] in case["read"] and case["errors"]]
+    assert [case["name"] for case in faulty if case not in told] == []
+    assert [case["name"] for case in faulty if max(map(len, case["text"].splitlines())) > 2000] == []
+
+
+def test_odd_looks_that_are_right_are_read(malformed: list[dict]) -> None:
+    valid = [case for case in malformed if case["expected"] == "valid"]
+    assert len(valid) == 10
+    assert [case["name"] for case in valid if case["status"] or case["read"] or case["errors"]] == []
+
+
+def test_no_look_ends_in_a_traceback(malformed: list[dict]) -> None:
+    """Where a damaged binary file did kill its reader, `validate` still tells so."""
+    killed = [case for case in malformed if case["status"]]
+    assert {case["expected"] for case in killed} <= {"any"}
+    assert [case["name"] for case in killed if not validate(Path(case["file"])).has_errors] == []
+    said = {case["name"]: case["said"] for case in malformed}
+    assert [name for name, text in said.items() if "Traceback" in text or "Warning: in" in text] == []
