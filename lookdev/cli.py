@@ -36,6 +36,14 @@ class Backend(StrEnum):
     cycles = "cycles"
 
 
+class Depth(StrEnum):
+    """How much a check compares."""
+
+    quick = "quick"
+    default = "default"
+    full = "full"
+
+
 def main() -> None:
     """Run the command line; errors raised on purpose become a message and an exit code.
 
@@ -148,6 +156,58 @@ def validate(
     report = validate_looks(file, prim, _variants(variants))
     typer.echo(json.dumps(report.data(), indent=2) if as_json else report.text())
     raise typer.Exit(1 if report.has_errors else 0)
+
+
+@app.command()
+def check(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.", show_default=False),
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Write a page with plots too.", show_default=False)
+    ] = None,
+    only: Annotated[
+        str,
+        typer.Option(
+            "--only",
+            metavar="CHECKS",
+            help="Of points,albedo,image,stability; default: all but stability.",
+            show_default=False,
+        ),
+    ] = "",
+    stress: Annotated[
+        bool, typer.Option("--stress", help="As '--only stability': extremes of everything; without FILE, all models.")
+    ] = False,
+    depth: Annotated[Depth, typer.Option("--depth", help="How much is compared.")] = Depth.default,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Chooses cases, places and samples.")] = 0,
+    prim: Annotated[
+        str | None,
+        typer.Option("--prim", metavar="PATH", help="The material, where the file has several.", show_default=False),
+    ] = None,
+    variants: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--variants", metavar="SET=VARIANT", help="A variant of the look. Once for each set.", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Compare Cycles with the mathematics in float64; exit code 1 where they disagree."""
+    from rich.console import Console
+
+    from lookdev.batch.check import check_file
+    from lookdev.checks.report import print_findings, verdict, write_html
+
+    names = ["stability"] if stress else [name.strip() for name in only.split(",") if name.strip()]
+    findings = []
+    for finding in check_file(file, only=names, depth=depth.value, seed=seed, prim=prim, variants=_variants(variants)):
+        typer.echo(f"{finding.check}: {finding.subject}: {'agrees' if finding.passed else 'DISAGREES'}", err=True)
+        findings.append(finding)
+    print_findings(findings, Console())
+    if html is not None:
+        write_html(findings, html, f"lookdev check {file.name if file else '--stress'}")
+    typer.echo(verdict(findings))
+    raise typer.Exit(0 if all(finding.passed for finding in findings) else 1)
 
 
 @app.command()

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from lookdev.asset.mesh import Floats, Instance, Mesh
+from lookdev.asset.mesh import Asset, Floats, Instance, Mesh
 from lookdev.asset.normals import Doubles
 
 _ROUNDS = 100
@@ -63,6 +64,27 @@ def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tu
         center = np.round(center, 6 - int(np.floor(np.log10(radius)))) + 0.0
     x, y, z = center.tolist()
     return (x, y, z), cloud.farthest(center)[1]
+
+
+def about_origin(asset: Asset) -> Asset:
+    """Return the asset moved so that its bounding sphere lies about the origin, and each mesh about its own.
+
+    In float32, a metre that lies 100 km away is 128 steps long; a renderer that computes in it wants to be near.
+    The digest stays that of the asset as it was.
+    """
+    middles = [
+        0.5 * (np.float64(mesh.points.min(axis=0)) + np.float64(mesh.points.max(axis=0))) for mesh in asset.meshes
+    ]
+    meshes = [
+        replace(mesh, points=(mesh.points - middle).astype(np.float32))
+        for mesh, middle in zip(asset.meshes, middles, strict=True)
+    ]
+    instances = []
+    for instance in asset.instances:
+        matrix = instance.matrix.copy()
+        matrix[:3, 3] += matrix[:3, :3] @ middles[instance.mesh] - asset.center
+        instances.append(Instance(instance.mesh, matrix))
+    return replace(asset, meshes=tuple(meshes), instances=tuple(instances), center=(0.0, 0.0, 0.0))
 
 
 def _smallest_ball(support: Doubles, outside: Doubles) -> tuple[Doubles, Doubles, float]:

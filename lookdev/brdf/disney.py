@@ -17,7 +17,7 @@ import numpy as np
 
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import facing_viewer, to_local, unit_normal
-from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, scale
 
@@ -44,7 +44,7 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
         diffuse = mix(1.0, fd90, fi) * mix(1.0, fd90, fo)
         # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection by roughness,
         # 1.25 keeps the albedo.
-        fss = mix(1.0, retro, fi) * mix(1.0, retro, fo)
+        fss = schlick_blend(1.0, retro, d.cos_theta_i) * schlick_blend(1.0, retro, d.cos_theta_o)
         subsurface = 1.25 * (fss * (1.0 / np.maximum(d.cos_theta_i + d.cos_theta_o, TINY) - 0.5) + 0.5)
         # Burley 2012, addenda, "Sheen details".
         sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))

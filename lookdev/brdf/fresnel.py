@@ -4,19 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, mix_color
+from lookdev.brdf.vectors import Array, same
 
 
-# Schlick 1994, eq. 15, the weight between normal and grazing incidence.
-def schlick_weight(cos_theta: Array) -> Array:
-    """Return ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
+# Schlick 1994, eq. 15, the weights of normal and of grazing incidence.
+def schlick_weights(cos_theta: Array) -> tuple[Array, Array]:
+    """Return ``1 - (1 - cos_theta)^5`` and ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
     # The cosine of equal directions can round to above 1; the odd power would turn negative.
     m = np.maximum(1.0 - cos_theta, 0.0)
     m2 = m * m
-    return m2 * m2 * m
+    m4 = m2 * m2
+    # The first as a geometric sum: taken from 1, nothing would be left of it at grazing angles in float32.
+    return cos_theta * ((1.0 + m) * (1.0 + m2) + m4), m4 * m
+
+
+def schlick_weight(cos_theta: Array) -> Array:
+    """Return ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
+    return schlick_weights(cos_theta)[1]
+
+
+def schlick_blend(normal: Array, grazing: Array, cos_theta: Array) -> Array:
+    """Blend numbers (...) from normal to grazing incidence by a cosine (...)."""
+    if same(normal, grazing):
+        return normal + 0.0 * cos_theta  # of that shape, in as little code
+    at_normal, at_grazing = schlick_weights(cos_theta)
+    return normal * at_normal + grazing * at_grazing
 
 
 # Smits, "Useful Functions": Schlick's approximation between any two reflectances.
 def fresnel_blend(normal: Array, grazing: Array, cos_theta: Array) -> Array:
     """Blend colours (..., 3) from normal to grazing incidence by a cosine (...)."""
-    return mix_color(normal, grazing, schlick_weight(cos_theta))
+    return schlick_blend(normal, grazing, np.expand_dims(cos_theta, -1))

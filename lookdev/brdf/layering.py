@@ -46,6 +46,6 @@ def blend_parameters(
             blended[name] = lower
         else:
             t = mask if parameter.kind == "float" else np.expand_dims(mask, -1)
-            # a + (b - a) need not round to b. With a constant mask of 1 nothing below is read any more.
-            blended[name] = np.where(t >= 1.0, upper, mix(lower, upper, t))
+            # With a constant mask of 1 nothing below is read any more.
+            blended[name] = mix(lower, upper, t)
     return blended

@@ -19,7 +19,7 @@ import numpy as np
 
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import ZENITH, facing_viewer, to_local, unit_normal
-from lookdev.brdf.fresnel import fresnel_blend, schlick_weight
+from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.vectors import TINY, Array, dot, mean, mix, mix_color, reflect, scale
 
@@ -62,13 +62,15 @@ class Partition:
 
     terms : the six lobes by name, weights multiplied by `presence`.
     normals : unit vectors (..., 3) of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
-    presence : (...), how much of the surface is there.
+    presence, absence : (...), how much of the surface is there, and how much is not: float32 cannot tell one from the
+        other where it is small.
     """
 
     wo: Array
     terms: Mapping[str, Term]
     normals: Mapping[str, Array]
     presence: Array
+    absence: Array
 
     def cosine(self, name: str) -> Array:
         """Cosine of the view to the normal of a lobe, (...), 0 where it faces away."""
@@ -105,26 +107,29 @@ def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
     n_diffuse = np.minimum(p["normalScale"] * mix(0.05, 1.0, p["metallic"]), 1.0)
     g_refl = p["grazingScale"]
     # One interface lets the light in: conserving, it is that of the highlights for the diffuse lobes too.
-    s = schlick_weight(cosines["highlight" if conserving else "diffuse"])
-    enters = (1.0 - clear) * mix(1.0 - n_diffuse, 1.0 - g_refl, s)
+    at_interface = cosines["highlight" if conserving else "diffuse"]
+    enters = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
     d_n = scale(color, mix(enters * (1.0 - n_diffuse), 1.0, rough))
     d_g = scale(color, mix(enters * (1.0 - g_refl), 1.0, rough))
 
     # Smits, "Specular" and "Transmission": "reflRatio", and what it divides.
-    ratio = np.maximum(1.0 - 2.0 * rough, 0.0)
-    ratio = ratio * ratio * ratio
+    m = np.maximum(1.0 - 2.0 * rough, 0.0)
+    ratio = m * m * m
+    # 1 - ratio, of which float32 would leave nothing where the surface is smooth.
+    rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
     n_refl = np.minimum(scale(mix_color(0.05 * np.ones(3), color, p["metallic"]), p["normalScale"]), 1.0)
     reflected = n_refl, np.expand_dims(g_refl, -1) * np.ones(3)
     through = scale(color * (1.0 - n_refl), clear), scale(color, clear * (1.0 - g_refl))
     if conserving:
-        s = schlick_weight(cosines["highlight"])
-        reflected, through = ((mix_color(n, g, s),) * 2 for n, g in (reflected, through))
+        reflected, through = (
+            (fresnel_blend(normal, grazing, cosines["highlight"]),) * 2 for normal, grazing in (reflected, through)
+        )
 
     def term(weights: tuple[Array, Array], factor: Array, tint: Array, cone: Array = 0.0, bend: Array = 0.0) -> Term:
         n, g = (scale(tint * weight, factor * p["presence"]) for weight in weights)
         return Term(n, g, np.clip(cone, *_CONES), bend)
 
-    broad, tight = smooth * (1.0 - ratio), smooth * ratio
+    broad, tight = smooth * rest, smooth * ratio
     specular_cone = (30.0 * rough + 5.0) * p["specularConeScale"]
     reflection_cone = 10.0 * rough * p["reflectionConeScale"]
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
@@ -148,7 +153,7 @@ def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
             p["ior"] - 1.0,
         ),
     }
-    return Partition(wo, terms, normals, p["presence"])
+    return Partition(wo, terms, normals, p["presence"], 1.0 - p["presence"])
 
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:

@@ -15,7 +15,7 @@ import numpy as np
 
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.pixar import FRONT, THROUGH, Partition, Term, family
-from lookdev.brdf.vectors import Array, mix, normalize, same, scale
+from lookdev.brdf.vectors import Array, normalize, same, scale
 
 Mode = Literal["over", "transmit"]
 
@@ -59,9 +59,10 @@ def layer(above: Partition, below: Partition, mask: Array, mode: Mode) -> Partit
         shares += _scaled(above, THROUGH, mask)
     else:
         # Through a hole beneath, transmitted light leaves as it would without that layer.
-        shares += _scaled(above, THROUGH, mask * (1.0 - below.presence))
+        shares += _scaled(above, THROUGH, mask * below.absence)
         shares += _interactions(above, below, mask)
     names = (*FRONT, *THROUGH)
+    absence = uncovered * below.absence
     return Partition(
         above.wo,
         {name: _sum([share for share in shares if share.name == name]) for name in names},
@@ -69,7 +70,8 @@ def layer(above: Partition, below: Partition, mask: Array, mode: Mode) -> Partit
             kind: _mean_normal([share for share in shares if family(share.name) == kind])
             for kind in ("diffuse", "highlight")
         },
-        1.0 - uncovered * (1.0 - below.presence),
+        1.0 - absence,
+        absence,
     )
 
 
@@ -110,7 +112,9 @@ def _mean(values: Sequence[Array], energies: Sequence[Array]) -> Array:
     first, weight = kept[0]
     for value, energy in kept[1:]:
         total = weight + energy
-        first = first if same(first, value) else mix(first, value, _fraction(energy, total))
+        # Not by mix(), which would take the first fraction from 1: a bend may be all but averaged away.
+        if not same(first, value):
+            first = first * _fraction(weight, total) + value * _fraction(energy, total)
         weight = total
     return first
 

@@ -23,13 +23,14 @@ def scale(vector: Array, factor: Array) -> Array:
 
 
 def mix(a: Array, b: Array, t: Array) -> Array:
-    """Interpolate linearly: `a` at t = 0, `b` at t = 1."""
-    return a + (b - a) * t
+    """Interpolate linearly: exactly `a` at t = 0 and `b` at t = 1, however far apart they are."""
+    # Not a + (b - a) t, which leaves of a small b at t near 1 what rounding leaves of a.
+    return a + 0.0 * t if same(a, b) else a * (1.0 - t) + b * t
 
 
 def mix_color(a: Array, b: Array, t: Array) -> Array:
     """Interpolate colours (..., 3) by scalars (...)."""
-    return a + scale(b - a, t)
+    return mix(a, b, np.expand_dims(t, -1))
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -1,1 +1,1 @@
-"""Does it agree: error measures, and models evaluated at points."""
+"""Does it agree: error measures, models evaluated at points, and what `lookdev check` finds."""

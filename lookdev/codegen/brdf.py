@@ -68,8 +68,11 @@ def trace_lobes(graph: Graph, bsdf: Bsdf, keep: Callable[[Lobe], bool] = lambda 
         (share,) = elements_of(lobe.share)
         if keep(lobe) and (isinstance(share, Node) or share > 0.0):
             directions = Directions.of(*lobe.pair(wo, wi))
-            # A shader evaluates on the lobe's side of the surface only: a normal of the lobe's own leans out of it.
-            valid = True if same(lobe.normal, ZENITH) else directions.cos_theta_i > 0.0
+            # A shader evaluates on the lobe's side of the surface only: a normal of the lobe's own leans out of it, and
+            # was bent towards a grazing view by less than float32 knows.
+            valid: Any = True
+            if not same(lobe.normal, ZENITH):
+                valid = (directions.cos_theta_i > 0.0) & (directions.cos_theta_o > 0.0)
             f = scale(lobe.evaluate(directions), np.where(valid, directions.cos_theta_i, 0.0))
             (pdf,) = elements_of(np.where(valid, lobe.pdf(directions), 0.0))
             wi_drawn = tuple(elements_of(lobe.draw(u1, u2)))

@@ -22,7 +22,7 @@ from lookdev.codegen.brdf import WI, WO, BrdfCode, emit_brdf, trace_lobes
 from lookdev.codegen.graph import Graph
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.look import look_bsdf
-from lookdev.codegen.source import ShaderSource
+from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
@@ -102,6 +102,7 @@ def generate_surface(
                 f"#define IMAGE_HEIGHT {resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
+                f"#define LEANING {int(any(each.attribute == HANDEDNESS for each in attributes))}",
             ],
             "parameters": [
                 *(f'    string {binding.parameter} = "",' for binding in bound),

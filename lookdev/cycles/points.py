@@ -59,7 +59,9 @@ def _render(source: ShaderSource, table: Path, rows: int, what: int) -> NDArray[
     """Render a plane that fills the picture: one point a pixel."""
     scene = engine.empty_scene()
     engine.configure(scene, (_COLUMNS, rows), bounces=0)
-    # Near its pixel's centre: a sample within float32's rounding of the edge would read its neighbour's row.
+    # Near its pixel's centre: a sample within float32's rounding of the edge would read its neighbour's row. A box
+    # filter is always a pixel wide.
+    scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.cycles.filter_width = 0.01
     width, height = 1.0, rows / _COLUMNS
     mesh = bpy.data.meshes.new("points")

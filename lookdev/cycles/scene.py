@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
+from lookdev.asset.bounds import about_origin
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
 from lookdev.asset.tangents import handedness
@@ -28,7 +30,9 @@ class Scene:
         asset = read_asset(task.asset_file)
         attributes = {binding for shader in task.shaders for binding in shader.attributes}
         materials = [surface_material(shader, task.light) for shader in task.shaders]
-        self._objects = _add_asset(self.scene, asset, materials, attributes)
+        # Cycles computes in float32: far from the origin it would lose the asset.
+        self._origin = np.array(asset.center)
+        self._objects = _add_asset(self.scene, about_origin(asset), materials, attributes)
         self._camera = _add_camera(self.scene)
 
     def fits(self, task: SceneTask) -> bool:
@@ -37,7 +41,9 @@ class Scene:
 
     def pose(self, task: FrameTask) -> None:
         """Stand the camera where it shows this pose. The asset never moves: its acceleration structure stays."""
-        _place_camera(self._camera, task.scene.camera, task.pose)
+        camera = task.scene.camera
+        x, y, z = np.array(camera.target) - self._origin
+        _place_camera(self._camera, replace(camera, target=(float(x), float(y), float(z))), task.pose)
 
     def control(self, pose: Pose, seed: int, samples: int) -> None:
         """Tell the shaders what changes from render to render, through the colour of the objects.
@@ -80,8 +86,7 @@ def _share(scene: Any, data: Any, asset: Asset) -> None:
     in a picture; Cycles leaves out what no ray at all can see.
     """
     speck = bpy.data.objects.new("speck", data)
-    x, y, z = asset.center
-    speck.location = (x, y, z - 1e3 * asset.radius)
+    speck.location = (0.0, 0.0, -1e3 * asset.radius)
     speck.scale = (1e-6, 1e-6, 1e-6)
     speck.visible_camera = speck.visible_diffuse = speck.visible_glossy = False
     speck.visible_transmission = speck.visible_shadow = False

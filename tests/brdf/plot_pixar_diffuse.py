@@ -1,6 +1,6 @@
 """Draw the plot of Smits' section "Diffuse": the diffuse lobe's integral over incident angle and roughness.
 
-Run ``python tests/brdf/plot_pixar_diffuse.py [picture]``, with ``pip install -e '.[plot]'``; without a name it is
+Run ``python tests/brdf/plot_pixar_diffuse.py [picture]``; without a name it is
 ``docs/images/pixar_diffuse_integral.png``. "When the surface exhibits a lot of Fresnel behavior (roughness near 0) we
 should have a little less energy in the diffuse lobe, and significantly less at grazing angles."
 """

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.asset import load_asset, save_asset
+from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.batch.prepare import make_scene
 from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
 from lookdev.ibl import LightTables, load_environment, prepare_light
@@ -38,10 +38,10 @@ def light_of() -> Callable[[str], LightTables]:
 
 @pytest.fixture(scope="session")
 def render(worker: Worker) -> RenderScene:
-    """Return a function that renders layers, the same over all of a built-in asset."""
+    """Return a function that renders layers, the same over all of an asset or of a built-in one."""
 
     def render_one(
-        asset_name: str,
+        which: str | Asset,
         layers: Sequence[Layer],
         light: LightTables,
         *,
@@ -54,13 +54,13 @@ def render(worker: Worker) -> RenderScene:
         brdf_samples: int = 2,
         ibl_samples: int = 4,
     ) -> Rendered:
-        asset = load_asset(builtin=asset_name)
+        asset = load_asset(builtin=which) if isinstance(which, str) else which
         look = Look("look", tuple(layers))
         sampling = Sampling(samples, error, brdf_samples, ibl_samples, bounces, seed)
         camera = orbit_camera(asset.center, asset.radius)
         slots = [look] * len(asset.slots)
         scene = make_scene(asset, save_asset(asset), slots, light, camera, (size, size), sampling)
-        task = FrameTask(scene, pose, 0.0, f"{asset_name}{samples}{seed}", (Path("frame.exr"),), {})
+        task = FrameTask(scene, pose, 0.0, f"{asset.name}{samples}{seed}", (Path("frame.exr"),), {})
         worker.start()
         return worker.render(task, lambda progress: None)
 

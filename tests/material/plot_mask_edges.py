@@ -1,6 +1,6 @@
 """Measure every pair of presets across a blurred mask: `mask_edges.txt`, tables of docs/presets.md, and its picture.
 
-Run ``python tests/material/plot_mask_edges.py`` (some minutes), with ``pip install -e '.[plot]'``.
+Run ``python tests/material/plot_mask_edges.py`` (some minutes).
 """
 
 from __future__ import annotations

@@ -1,0 +1,308 @@
+"""Albedo: how much of the light from everywhere a look sends to a viewer, over the angle of view, found in three ways.
+
+By quadrature and by importance sampling in NumPy (`lookdev.reference.albedo`), and by Cycles: a card that wears the
+look, under light from its front, then from its back. A look that varies over a surface is taken at a few random
+points, as the constant look that it is there; the shader of that is the look's own with numbers for its textures.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NoReturn, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from lookdev.asset import load_asset, save_asset
+from lookdev.brdf import Bsdf
+from lookdev.checks.finding import Finding, Plot, Series
+from lookdev.checks.samples import case_layer, constant_look, sample_layers, varying
+from lookdev.codegen.surface import generate_surface
+from lookdev.ibl import EnvironmentMap, LightTables, load_environment, prepare_light
+from lookdev.ibl.environment import Repairs
+from lookdev.ibl.mapping import uv_to_direction
+from lookdev.material import Look
+from lookdev.plan.task import Camera, FrameTask, Pose, Sampling, SceneTask
+from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
+from lookdev.reference.surface import look_bsdf
+
+Floats = NDArray[np.float64]
+
+FALSE_ALARM = 1e-3
+"""Probability that noise alone fails a look."""
+
+ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
+"""Angles of view, degrees from the normal."""
+
+# What float32 loses, as in the points; and what the light's edge at the card's horizon blurs.
+_RELATIVE, _ABSOLUTE = 2e-4, 2e-5
+_SIZE = 16
+_SAMPLING = Sampling(samples=64, error=None, brdf_samples=4, ibl_samples=0, bounces=0, seed=0)
+_SCRAMBLES, _POINTS = 32, 512
+# As narrow as Blender's cameras get: the albedo hardly changes over it.
+_FOV, _DISTANCE = 0.4, 6.0
+# Half of the sphere is a matter of longitude alone, and the finer its edge, the less the light bleeds around the card.
+_LIGHT_SIZE = (16384, 2)
+_SIDES = ("reflected", "transmitted")
+_WORST = 5
+
+
+class Halves(Protocol):
+    """Two independent renders of a frame, (H, W, 3), premultiplied, without exposure, and their coverage (H, W)."""
+
+    @property
+    def a(self) -> NDArray[np.float32]: ...
+
+    @property
+    def b(self) -> NDArray[np.float32]: ...
+
+    @property
+    def alpha(self) -> NDArray[np.float32]: ...
+
+
+Render = Callable[[FrameTask], Halves]
+"""Renders a frame in Cycles."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Curves:
+    """One sample point: quadrature, sampling and Cycles over the views, value and error (views, 2, 3)."""
+
+    look: Look
+    azimuth: float
+    transmits: bool
+    quadrature: Albedo
+    sampled: Albedo
+    cycles: Albedo
+
+
+def check_albedo(
+    look: Look,
+    render: Render,
+    *,
+    points: int = 3,
+    angles: tuple[float, ...] = ANGLES,
+    seed: int = 0,
+    alter: Callable[[str], str] = lambda osl: osl,
+) -> Finding:
+    """Compare the albedo curves of a look.
+
+    Parameters
+    ----------
+    look
+        Its textures are read.
+    render
+        Renders a frame in Cycles.
+    points
+        Random points of the surface at which a look that varies is taken; one that does not has a single curve.
+    angles
+        Views, degrees from the normal, below 90.
+    seed
+        Chooses the points, the azimuths of the views and all samples.
+    alter
+        Is given the text of the shader and returns the one to run: how a test plants a fault.
+
+    Raises
+    ------
+    RenderError, WorkerError
+        Cycles failed.
+    """
+    rng = np.random.default_rng(seed)
+    layers = sample_layers(look, points, rng)
+    varies = any(varying(layer) for layer in layers)
+    looks = [constant_look(look, layers, index) for index in range(points if varies else 1)]
+    curves = [_measure(each, render, angles, rng, alter) for each in looks]
+    transmits = any(each.transmits for each in curves)
+    excess = _excess(curves, transmits)
+    worst = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    largest = float(excess[worst])
+    point, way, view, side, _ = (int(index) for index in worst)
+    at = f" of point {point}" if varies else ""
+    return Finding(
+        check="albedo",
+        subject=look.name,
+        passed=largest <= 1.0,
+        summary=(
+            f"{_places(len(curves), varies)}, {len(angles)} views; largest "
+            f"deviation {largest:.2f} of its band: {_WAYS[way]}, {_SIDES[side]}{at} at {angles[view]:g} degrees"
+        ),
+        figures={
+            "largest_deviation": largest,
+            "curves": float(len(curves)),
+            "largest_albedo": float(max(each.quadrature.value.sum(axis=1).max() for each in curves)),
+        },
+        details=tuple(_line(curves, angles, excess, int(index)) for index in np.argsort(-excess.ravel())[:_WORST]),
+        plots=tuple(
+            plot for number, each in enumerate(curves) for plot in _plots(each, angles, f", point {number}" * varies)
+        ),
+        skipped="" if transmits else "no light passes through: no curve of transmission",
+    )
+
+
+_WAYS = ("NumPy's samples", "Cycles")
+
+
+def _places(count: int, varies: bool) -> str:
+    return f"{count} random point{'s' * (count > 1)}" if varies else "a constant look"
+
+
+def _measure(
+    look: Look, render: Render, angles: tuple[float, ...], rng: np.random.Generator, alter: Callable[[str], str]
+) -> _Curves:
+    bsdf = look_bsdf(look, _Anywhere())
+    azimuth = float(rng.uniform(0.0, 360.0))
+    views = _views(angles, azimuth)
+    quadrature = _stacked([integrate_albedo(bsdf, wo) for wo in views])
+    sampled = _stacked([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for wo in views])
+    transmits = _transmits(bsdf)
+    # Blender takes seeds that float32 holds exactly.
+    seed = int(rng.integers(1 << 16))
+    return _Curves(
+        look, azimuth, transmits, quadrature, sampled, _rendered(look, render, views, transmits, seed, alter)
+    )
+
+
+class _Anywhere:
+    """A point of a constant look: nothing is asked of it but on which side v grows."""
+
+    def uv(self, name: str) -> NoReturn:
+        raise AssertionError(f"a constant look reads the UV set {name}")
+
+    def primvar(self, primvar: object) -> NoReturn:
+        raise AssertionError(f"a constant look reads {primvar}")
+
+    def handedness(self) -> Floats:
+        return np.ones(())
+
+
+def _views(angles: tuple[float, ...], azimuth: float) -> Floats:
+    """Return views (n, 3) in the card's frame: x right, y up, z towards its front."""
+    theta, phi = np.radians(angles), np.radians(azimuth)
+    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
+
+
+def _stacked(albedos: list[Albedo]) -> Albedo:
+    return Albedo(np.stack([each.value for each in albedos]), np.stack([each.error for each in albedos]))
+
+
+def _transmits(bsdf: Bsdf) -> bool:
+    view = np.array([0.0, 0.0, 1.0])
+    return any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in bsdf.lobes(view))
+
+
+def _rendered(
+    look: Look, render: Render, views: Floats, transmits: bool, seed: int, alter: Callable[[str], str]
+) -> Albedo:
+    """Render the views; each pixel has a scramble of its own, so their spread is the error of their mean."""
+    asset = load_asset(builtin="plane")
+    asset_file = save_asset(asset)
+    value, error = np.zeros((2, len(views), 2, 3))
+    for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (_white(),)):
+        shader = generate_surface(
+            look,
+            _no_image,
+            brdf_samples=_SAMPLING.brdf_samples,
+            ibl_samples=_SAMPLING.ibl_samples,
+            bounces=_SAMPLING.bounces,
+            light_size=(light.width, light.height),
+            light_entries=light.sample_count,
+            resolution=(_SIZE, _SIZE),
+        )
+        shader = replace(shader, osl=alter(shader.osl))
+        for number, wo in enumerate(views):
+            camera, pose = _standpoint(wo)
+            sampling = replace(_SAMPLING, seed=seed)
+            scene = SceneTask(asset_file, (shader,), light, (_SIZE, _SIZE), sampling, camera, "cpu")
+            name = f"albedo {look.name} {seed} {side} {number}"
+            halves = render(FrameTask(scene, pose, 0.0, name, (Path(f"{name}.exr"),), {}))
+            pixels = ((halves.a.astype(np.float64) + halves.b) / 2.0).reshape(-1, 3)
+            value[number, side] = pixels.mean(axis=0)
+            error[number, side] = pixels.std(axis=0, ddof=1) / np.sqrt(len(pixels))
+    return Albedo(value, error)
+
+
+def _no_image(source: object) -> NoReturn:
+    raise AssertionError(f"a constant look reads {source}")
+
+
+def _standpoint(wo: Floats) -> tuple[Camera, Pose]:
+    """Return where to see the card from along `wo`: its x, y, z are the world's x, z, -y. The light stays."""
+    x, y, z = wo
+    element = -90.0 - float(np.degrees(np.arctan2(-z, x)))
+    camera = Camera(_FOV, float(np.degrees(np.arcsin(y))), (0.0, 0.0, 0.0), _DISTANCE)
+    return camera, Pose(element % 360.0, element % 360.0)
+
+
+def _white() -> LightTables:
+    return prepare_light(load_environment(builtin="white"))
+
+
+def _half_light(*, front: bool) -> LightTables:
+    """Return light of radiance 1 from the half of the world that the card's front, or back, looks at."""
+    width, height = _LIGHT_SIZE
+    u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
+    lit = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
+    name = "front" if front else "back"
+    radiance = np.repeat(lit[..., None], 3, axis=-1).astype(np.float32)
+    return prepare_light(EnvironmentMap(name, radiance, Repairs(), f"half light from the {name}, {width} x {height}"))
+
+
+def _excess(curves: list[_Curves], transmits: bool) -> Floats:
+    """Return deviations from the quadrature over what noise and rounding explain: (points, ways, views, sides, 3)."""
+    sides = 2 if transmits else 1
+    count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
+    # Sidak: of all comparisons together, FALSE_ALARM of the looks have one beyond the limit.
+    quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM) ** (1.0 / count)) / 2.0
+    limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIZE * _SIZE - 1)]
+    excess = []
+    for each in curves:
+        exact = each.quadrature
+        floor = exact.error + _RELATIVE * exact.value + _ABSOLUTE
+        for way, limit in zip((each.sampled, each.cycles), limits, strict=True):
+            excess.append(np.abs(way.value - exact.value) / (limit * way.error + floor))
+    stacked: Floats = np.stack(excess)[:, :, :sides].reshape(len(curves), 2, -1, sides, 3)
+    return stacked
+
+
+def _line(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, index: int) -> str:
+    point, way, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
+    each = curves[point]
+    found = (each.sampled, each.cycles)[way]
+    layers = [case_layer(layer.model, layer.inputs, layer.mask, layer.mode) for layer in each.look.layers]
+    return json.dumps(
+        {
+            "deviation": float(excess[point, way, view, side, channel]),
+            "by": _WAYS[way],
+            "side": _SIDES[side],
+            "channel": "rgb"[channel],
+            "angle": angles[view],
+            "wo": _views(angles, each.azimuth)[view].tolist(),
+            "quadrature": float(each.quadrature.value[view, side, channel]),
+            "found": float(found.value[view, side, channel]),
+            "standard_error": float(found.error[view, side, channel]),
+            "layers": layers,
+        }
+    )
+
+
+def _plots(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[Plot, Plot]:
+    """Draw the curves, and what sets them apart, which is too little to be seen there."""
+    x = np.array(angles)
+    whole, apart = [], []
+    for side, name in enumerate(_SIDES[: 1 + curves.transmits]):
+        exact = curves.quadrature.value[:, side].mean(axis=-1)
+        whole.append(Series(f"{name}, quadrature", x, exact))
+        for way, found in zip(_WAYS, (curves.sampled, curves.cycles), strict=True):
+            y, band = found.value[:, side].mean(axis=-1), 3.0 * found.error[:, side].mean(axis=-1)
+            whole.append(Series(f"{name}, {way}", x, y, y - band, y + band, "points"))
+            y = y - exact
+            apart.append(Series(f"{name}, {way}", x, y, y - band, y + band))
+    x_label, what = "angle of view, degrees", "mean of the channels, three standard errors"
+    return (
+        Plot(f"Albedo{suffix}: {what}", x_label, "albedo", tuple(whole)),
+        Plot(f"Minus the quadrature{suffix}: {what}", x_label, "difference", tuple(apart)),
+    )

@@ -1,0 +1,247 @@
+"""Does a frame show what the float64 reference computes: t-tests on a random subset of its pixels.
+
+A frame comes as independent halves, whose spread is its noise; the reference has a standard error of its own. Both are
+known from few values, so a difference over its error follows Student's t, with the freedom that Welch (1947) and
+Satterthwaite (1946) give it. Light that comes by rare bright paths makes noise of long tails: a pixel whose halves all
+missed such a path seems sure of too low a value. The reference has taken more samples, and says how noisy it must be.
+
+Noise alone fails each of three tests once in `1 / LEVEL` frames:
+
+- every channel of every pixel: no |t| beyond the quantile of that many tests (Šidák 1967), which finds what is wrong at
+  one place;
+- the number of pixels beyond a quantile in the middle of the distribution, which finds what is wrong at many places a
+  little, in either direction;
+- the mean relative difference of each channel, which finds what is far below the noise of a pixel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+from scipy.ndimage import binary_dilation
+
+from lookdev.checks.error import EPSILON
+from lookdev.checks.finding import Finding, Picture, Plot, Series
+from lookdev.errors import RenderError
+from lookdev.reference.render import Estimate
+
+Floats = NDArray[np.floating[Any]]
+Doubles = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LEVEL = 3e-4
+"""How often noise alone fails each test."""
+
+FEWEST_HALVES = 8
+"""Below, the quantiles of Student's t are so far out that nothing fails."""
+
+_MIDDLE = 0.2  # the share of pixels that noise puts beyond the quantile which they are counted at
+_DIRECTIONS = 4.0  # that a shading point of a frame sends out for each one of the reference, at most
+_FLOOR = 1e-6  # of an error, where neither side has any: float32 rounding of a value of 1, tenfold
+_WORST = 5
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """What a frame and the reference differ by, at P pixels.
+
+    difference, error, t, freedom (P, 3): frame minus reference, its standard error, their quotient, and the degrees
+    of freedom of the error; claimed (P, 3): the frame's own standard error.
+    """
+
+    difference: Doubles
+    error: Doubles
+    t: Doubles
+    freedom: Doubles
+    claimed: Doubles
+
+
+def choose_pixels(alpha: Floats, count: int, seed: int = 0) -> Ints:
+    """Choose pixels (P, 2), column and row, at random among those that the asset can cover.
+
+    Neighbours of covered pixels (`alpha`, (H, W)) are among them: those that a frame found covered by chance alone
+    would be too bright. P is `count`, or fewer where the asset covers fewer.
+    """
+    rows, columns = np.nonzero(binary_dilation(alpha > 0.0, np.ones((3, 3))))
+    chosen = np.random.default_rng(seed).permutation(len(rows))[:count]
+    return np.asarray(np.stack([columns, rows], axis=-1)[chosen], np.int64)
+
+
+def compare_pixels(halves: Floats, samples: int, reference: Estimate) -> Agreement:
+    """Compare pixels of a frame with the reference.
+
+    Parameters
+    ----------
+    halves : (K, P, 3)
+        Independent renders of equal cost of the same pixels, premultiplied, exposure 0.
+    samples
+        A pixel, over all of them together.
+    reference
+        Of the same pixels.
+
+    Raises
+    ------
+    RenderError
+        There are fewer than `FEWEST_HALVES` renders.
+    """
+    count = len(halves)
+    if count < FEWEST_HALVES:
+        raise RenderError(f"{count} independent renders say too little of their noise; {FEWEST_HALVES} would be right")
+    halves = halves.astype(np.float64)
+    own = halves.var(axis=0, ddof=1) / count
+    least = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
+    ours, theirs = np.maximum(own, least), reference.error**2
+    error = np.maximum(np.sqrt(ours + theirs), _FLOOR)
+    spread = ours**2 / (count - 1) + theirs**2 / (reference.scrambles - 1)
+    freedom = np.where(spread > 0.0, (ours + theirs) ** 2 / np.where(spread > 0.0, spread, 1.0), count - 1.0)
+    difference = halves.mean(axis=0) - reference.value
+    return Agreement(difference, error, difference / error, freedom, np.sqrt(own))
+
+
+def check_frame(
+    subject: str,
+    halves: Floats,
+    alpha: Floats,
+    samples: int,
+    pixels: Ints,
+    reference: Estimate,
+    converged: Floats | None = None,
+) -> Finding:
+    """Check a frame against the reference.
+
+    Parameters
+    ----------
+    subject
+        Look, light and pose, for the report.
+    halves : (K, H, W, 3)
+        Independent renders of equal cost, premultiplied, exposure 0; at least `FEWEST_HALVES`.
+    alpha : (H, W)
+        Coverage.
+    samples
+        A pixel, over all of the halves together.
+    pixels : (P, 2)
+        Column and row of those that `reference` has; of `choose_pixels`.
+    reference
+        Those pixels in float64.
+    converged : (H, W, 3)
+        The same frame at many more samples: how a person sees the difference is told as FLIP.
+
+    Raises
+    ------
+    RenderError
+        There are fewer than `FEWEST_HALVES` halves.
+    """
+    columns, rows = pixels.T
+    broken = pixels[~np.isfinite(halves[:, rows, columns]).all(axis=(0, 2))]
+    if len(broken):
+        details = tuple(f"pixel {column},{row}: not finite" for column, row in broken[:_WORST])
+        summary = f"{len(broken)} of {len(pixels)} pixels are not finite"
+        return Finding("image", subject, False, summary, {"broken": float(len(broken))}, details)
+    found = compare_pixels(halves[:, rows, columns], samples, reference)
+    tests = found.t.size
+    # Pixel by pixel: the probability that noise alone is this far out, and the lowest that is not suspicious.
+    odds = 2.0 * stats.t.sf(np.abs(found.t), found.freedom)
+    least = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
+    suspicious = int((odds < least).any(axis=-1).sum())
+    # Channels of a pixel share their samples: one number a pixel, the median of its channels.
+    beyond = int((np.median(odds, axis=-1) < _MIDDLE).sum())
+    most = int(stats.binom.ppf(1.0 - LEVEL, len(pixels), _MIDDLE))
+    scale = np.sqrt(reference.value**2 + EPSILON)
+    bias, bias_error, bias_limit = _bias(found, scale)
+    relmse = float(np.mean((found.difference / scale) ** 2 - (reference.error / scale) ** 2))
+    worst_bias = int(np.abs(bias / bias_limit).argmax())
+    figures = {
+        "pixels": float(len(pixels)),
+        "suspicious": float(suspicious),
+        "largest_t": float(np.abs(found.t).max()),
+        "beyond": beyond / len(pixels),
+        "beyond_limit": most / len(pixels),
+        "bias": float(bias[worst_bias]),
+        "bias_error": float(bias_error[worst_bias]),
+        "bias_limit": float(bias_limit[worst_bias]),
+        "relmse": max(relmse, 0.0),
+        "relmse_claimed": float(np.mean((found.claimed / scale) ** 2)),
+    }
+    pictures = [_picture(halves.mean(axis=0)), _difference_picture(found, alpha.shape, pixels)]
+    skipped = ""
+    if converged is None:
+        skipped = "FLIP: no converged frame to compare with"
+    else:
+        figures["flip"], seen = flip(halves.mean(axis=0), converged)
+        pictures.append(Picture("FLIP", seen, 0.0, 1.0))
+    passed = suspicious == 0 and beyond <= most and bool((np.abs(bias) <= bias_limit).all())
+    summary = (
+        f"{len(pixels)} pixels: {suspicious} beyond noise (largest t {figures['largest_t']:.1f}), "
+        f"{figures['beyond']:.0%} beyond the middle (noise {_MIDDLE:.0%}, at most {figures['beyond_limit']:.0%}), "
+        f"bias {figures['bias']:+.2%} ± {figures['bias_limit']:.2%}, relMSE {figures['relmse']:.2g}"
+    )
+    plots = (_scatter(found, reference), _histogram(found), Plot("The frame", pictures=tuple(pictures)))
+    details = tuple(_detail(found, pixels, reference, index) for index in np.argsort(odds.min(axis=-1))[:_WORST])
+    return Finding("image", subject, passed, summary, figures, details, plots, skipped)
+
+
+def flip(image: Floats, converged: Floats) -> tuple[float, Doubles]:
+    """Return the mean HDR-FLIP of an image (H, W, 3) against a converged one, and its map (H, W), both in [0, 1].
+
+    Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images": how different two pictures look
+    to a person who flips between them, over the exposures at which either shows anything.
+    """
+    # Loaded here: nothing else needs it.
+    import flip_evaluator
+
+    test, reference = (np.ascontiguousarray(np.maximum(each, 0.0), np.float32) for each in (image, converged))
+    seen, mean, _ = flip_evaluator.evaluate(reference, test, "HDR", applyMagma=False)
+    return float(mean), np.asarray(seen, np.float64).reshape(image.shape[:2])
+
+
+def _bias(found: Agreement, scale: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+    """Return the mean relative difference of each channel, (3,), its error, and how large noise alone makes it."""
+    variance = (found.error / scale) ** 2
+    bias, error = np.mean(found.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
+    freedom = variance.sum(axis=0) ** 2 / (variance**2 / found.freedom).sum(axis=0)
+    limit = stats.t.isf((1.0 - (1.0 - LEVEL) ** (1.0 / 3.0)) / 2.0, freedom) * error
+    return bias, error, limit
+
+
+def _detail(found: Agreement, pixels: Ints, reference: Estimate, index: int) -> str:
+    def numbers(values: Sequence[float] | Doubles) -> str:
+        return " ".join(f"{value:.4g}" for value in values)
+
+    value = reference.value[index]
+    return (
+        f"pixel {pixels[index, 0]},{pixels[index, 1]}: frame {numbers(value + found.difference[index])}, "
+        f"reference {numbers(value)}, error {numbers(found.error[index])}, t {numbers(found.t[index])}"
+    )
+
+
+def _scatter(found: Agreement, reference: Estimate) -> Plot:
+    x = reference.value.mean(axis=-1)
+    scale = np.sqrt(x**2 + EPSILON)
+    y, error = found.difference.mean(axis=-1) / scale, 2.0 * found.error.mean(axis=-1) / scale
+    series = Series("pixels, two standard errors", x, y, y - error, y + error, "points")
+    return Plot("Frame minus reference", "reference, mean of channels", "relative difference", (series,))
+
+
+def _histogram(found: Agreement) -> Plot:
+    """Draw t as normal deviates of the same odds, so that pixels of different freedom share one scale."""
+    deviates = np.sign(found.t) * stats.norm.isf(np.maximum(stats.t.sf(np.abs(found.t), found.freedom), 1e-300))
+    edges = np.linspace(-6.0, 6.0, 49)
+    density = np.histogram(np.clip(deviates, -6.0, 6.0), edges)[0] / (deviates.size * (edges[1] - edges[0]))
+    noise = np.linspace(-6.0, 6.0, 121)
+    series = Series("channels of pixels", edges, density, style="bars"), Series("noise", noise, stats.norm.pdf(noise))
+    return Plot("How far out differences are", "standard errors", "density", series)
+
+
+def _picture(image: Floats) -> Picture:
+    return Picture("frame", np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
+
+
+def _difference_picture(found: Agreement, shape: tuple[int, ...], pixels: Ints) -> Picture:
+    canvas = np.full(shape, np.nan)
+    canvas[pixels[:, 1], pixels[:, 0]] = found.t.mean(axis=-1)
+    return Picture("t of the pixels compared", canvas, -6.0, 6.0)

@@ -1,0 +1,214 @@
+"""Point values: a look's own generated OSL inside Cycles, in float32, against NumPy in float64.
+
+Inputs of the look that vary are read from a table, so that each case is known exactly; they take the values that the
+look has at random points. Its constants fold as in the shader that renders it: the code under test is the look's own.
+Both sides start from the same float32 numbers.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+
+from lookdev.brdf import Bsdf, evaluate, pdf, sample
+from lookdev.brdf.frames import ZENITH
+from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
+from lookdev.checks.finding import Finding, Plot, Series
+from lookdev.checks.samples import case_layer, constant, sample_layers, tokens, varying
+from lookdev.codegen.surface import PointLayer
+from lookdev.material import Look
+
+TOLERANCE = 2e-4
+"""Relative: from the same float32 inputs the formulas lose at most some hundred units in the last place (6e-8)."""
+
+VISIBLE = 1e-4
+"""1/sr: below it the tolerance is absolute, that of this value."""
+
+_WORST = 5
+# Turning a direction into the frame of a leaning normal, or refracting it by an averaged index, rounds it by up to so
+# many units in the last place.
+_TURN = 4.0 * 2.0**-24
+_EDGES = np.linspace(-9.0, 0.0, 37)
+
+
+def check_points(
+    look: Look,
+    *,
+    count: int = 40_000,
+    seed: int = 0,
+    tolerance: float = TOLERANCE,
+    alter: Callable[[str], str] = lambda osl: osl,
+) -> Finding:
+    """Compare f and pdf of a look at random points and directions.
+
+    Parameters
+    ----------
+    look
+        Its textures are read; whatever varies is drawn over the values that it takes.
+    count
+        Cases.
+    seed
+        Another seed, other cases.
+    tolerance
+        Relative error allowed where the value is above `VISIBLE`.
+    alter
+        Is given the text of the shader and returns the one to run: how a test plants a fault.
+
+    Raises
+    ------
+    WorkerError
+        Cycles failed.
+    """
+    batch = look_batch(look, count, np.random.default_rng(seed))
+    got = _columns(*evaluate_cycles(batch, alter=alter))
+    wanted = _columns(*_reference(batch, batch.wo, batch.wi))
+    allowed = tolerance * np.maximum(wanted, VISIBLE)
+    leans = _leans(batch)
+    if leans:
+        allowed += _rounding(batch, wanted)
+    sound = np.isfinite(got) & (got >= 0.0)
+    error = np.abs(np.where(sound, got, 0.0) - wanted)
+    # Of `allowed`: beyond 1 a case fails. What is not a value at all is as wrong as can be.
+    excess = np.where(sound, error / allowed, np.inf)
+    visible = wanted > VISIBLE
+    relative = error[visible] / wanted[visible]
+    worst = np.argsort(-excess.max(axis=-1), kind="stable")[:_WORST]
+    failed = int(np.count_nonzero((excess > 1.0).any(axis=-1)))
+    largest = float(relative.max(initial=0.0))
+    extra = ", more where a normal or an averaged index turns directions" if leans else ""
+    summary = (
+        f"{count} cases, {failed} beyond {tolerance:.0e}{extra}; "
+        f"relative error at most {largest:.1e}, median {float(np.median(relative)) if relative.size else 0.0:.1e}"
+    )
+    return Finding(
+        check="points",
+        subject=look.name,
+        passed=failed == 0,
+        summary=summary,
+        figures={
+            "cases": float(count),
+            "visible_values": float(relative.size),
+            "failed": float(failed),
+            "largest_relative_error": largest,
+            "largest_excess": float(excess.max()),
+        },
+        details=tuple(_line(batch, int(index), got, wanted, excess) for index in worst),
+        plots=(_histogram(error, wanted, tolerance),),
+    )
+
+
+def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
+    """Return random cases of a look, rounded to float32: half of them as some point has them, half recombined."""
+    layers = sample_layers(look, count, rng)
+    numbers = tuple({name: _recombined(value, rng) for name, value in varying(layer).items()} for layer in layers)
+    kinds = tuple(PointLayer(layer.model, tokens(layer), layer.mode, constant(layer)) for layer in layers)
+    numbers = tuple({name: _float32(value) for name, value in each.items()} for each in numbers)
+    nothing = np.tile(ZENITH, (count, 1))
+    bsdf = Batch(kinds, nothing, nothing, numbers).bsdf()
+    wo, wi = (_float32(w) for w in _directions(bsdf, count, rng))
+    return Batch(kinds, wo, wi, numbers)
+
+
+def _recombined(values: Floats, rng: np.random.Generator) -> Floats:
+    """Shuffle the second half: inputs there meet values of each other that they have at other points."""
+    half = len(values) // 2
+    return np.concatenate([values[:half], rng.permutation(values[half:])])
+
+
+def _directions(bsdf: Bsdf, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Draw views, a quarter grazing down to 1e-4, and lights: half of them where the surface sends light.
+
+    The other lights: near the mirror direction, nearly opposite to the view, on the horizon, anywhere. A two-sided
+    surface is also seen from behind, and lit from there.
+    """
+    wo, wi = _upper(rng, count), _upper(rng, count)
+    part = count // 16
+    drawn = sample(bsdf, wo, rng.random((count, 2)))
+    half = 8 * part
+    wi[:half] = np.where(drawn[:half, 2:] != 0.0, drawn[:half], wi[:half])
+    mirror = slice(half, half + 3 * part)
+    spread = 10.0 ** rng.uniform(-5.0, 0.0, (3 * part, 1))
+    wi[mirror] = wo[mirror] * [-1.0, -1.0, 1.0] + rng.normal(size=(3 * part, 3)) * spread
+    opposite = slice(mirror.stop, mirror.stop + part)
+    wo[opposite, 2] = wi[opposite, 2] = 1e-3
+    wi[opposite, :2] = -wo[opposite, :2] + rng.normal(size=(part, 2)) * 1e-3
+    horizon = slice(opposite.stop, opposite.stop + part)
+    wi[horizon, 2] *= rng.choice([0.0, -1.0], part)
+    if bsdf.two_sided:
+        wi[horizon.stop :: 2, 2] *= -1.0
+        behind = rng.random(count) < 1.0 / 16.0
+        wo[behind], wi[behind] = -wo[behind], -wi[behind]
+    return _unit(wo), _unit(wi)
+
+
+def _upper(rng: np.random.Generator, count: int) -> Floats:
+    cos = rng.random(count)
+    quarter = rng.permutation(count)[: count // 4]
+    cos[quarter] = 10.0 ** rng.uniform(-4.0, 0.0, quarter.size)
+    phi = rng.uniform(0.0, 2.0 * np.pi, count)
+    sin = np.sqrt(1.0 - cos * cos)
+    return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
+
+
+def _unit(w: Floats) -> Floats:
+    return np.asarray(w / np.linalg.norm(w, axis=-1, keepdims=True))
+
+
+def _float32(values: Floats) -> Floats:
+    return values.astype(np.float32).astype(np.float64)
+
+
+def _reference(batch: Batch, wo: Floats, wi: Floats) -> tuple[Floats, Floats]:
+    bsdf = batch.bsdf()
+    return evaluate(bsdf, wo, wi), pdf(bsdf, wo, wi)
+
+
+def _columns(f: Floats, density: Floats) -> Floats:
+    return np.concatenate([f, density[:, None]], axis=-1)
+
+
+def _leans(batch: Batch) -> bool:
+    """Tell whether directions are turned before lobes see them: leaning normals, indices averaged over layers."""
+    for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
+        for name in layer.shapes():
+            normal = numbers.get(name, np.asarray(layer.constants.get(name, ZENITH)))
+            if name.lower().endswith("normal") and np.any(normal[..., :2] != 0.0):
+                return True
+    return [layer.mode for layer in batch.layers].count("transmit") > 1
+
+
+def _rounding(batch: Batch, wanted: Floats) -> Floats:
+    """Return by how much values change, at the first order, where directions are rounded by `_TURN`."""
+    total = np.zeros_like(wanted)
+    for axis in range(3):
+        step = _TURN * np.eye(3)[axis]
+        for wo, wi in ((batch.wo + step, batch.wi), (batch.wo, batch.wi + step)):
+            total += np.abs(_columns(*_reference(batch, wo, wi)) - wanted)
+    return total
+
+
+def _line(batch: Batch, index: int, got: Floats, wanted: Floats, excess: Floats) -> str:
+    """Write one case as a line that `lookdev eval` takes."""
+    layers = []
+    for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
+        values = dict(layer.constants) | {name: value[index].tolist() for name, value in numbers.items()}
+        mask = values.pop("mask")
+        layers.append(case_layer(layer.model, {**layer.tokens, **values}, mask, layer.mode))
+    case = {"model": "stack", "layers": layers, "wo": batch.wo[index].tolist(), "wi": batch.wi[index].tolist()}
+    values_of = {"numpy": wanted[index].tolist(), "cycles": [float(value) for value in got[index]]}
+    return json.dumps(case | {"excess": float(excess[index].max()), "f_and_pdf": values_of})
+
+
+def _histogram(error: Floats, wanted: Floats, tolerance: float) -> Plot:
+    series = []
+    for name, columns in (("f", slice(0, 3)), ("pdf", slice(3, 4))):
+        visible = wanted[:, columns] > VISIBLE
+        relative = error[:, columns][visible] / wanted[:, columns][visible]
+        logarithm = np.log10(np.clip(relative, 10.0 ** _EDGES[0], 10.0 ** _EDGES[-1]))
+        heights = np.histogram(logarithm, _EDGES)[0].astype(np.float64)
+        series.append(Series(name, _EDGES, heights, style="bars"))
+    top = max(float(each.y.max(initial=1.0)) for each in series)
+    limit = Series("tolerance", np.full(2, np.log10(tolerance)), np.array([0.5, max(top, 1.0)]))
+    return Plot("Relative error", "log10 of the relative error", "values", (*series, limit), log_y=True)

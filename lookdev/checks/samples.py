@@ -1,0 +1,116 @@
+"""A look at random points of a surface: every value that its inputs take, as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf import PARAMETERS, StackLayer
+from lookdev.material import Look, Primvar
+from lookdev.reference.surface import look_layers
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _RandomPoints:
+    """Points anywhere on a surface that carries whatever is asked for: UVs in [0, 1), primvars in [0, 1].
+
+    A quarter of the points lacks a primvar, and one in two has mirrored UVs.
+    """
+
+    rng: np.random.Generator
+    count: int
+    _known: dict[object, Floats] = field(default_factory=dict)
+
+    def uv(self, name: str) -> Floats:
+        return self._keep(("uv", name), lambda: self.rng.random((self.count, 2)))
+
+    def primvar(self, primvar: Primvar) -> Floats:
+        shape = (self.count, 3) if isinstance(primvar.fallback, tuple) else (self.count,)
+
+        def draw() -> Floats:
+            values = self.rng.random(shape)
+            values[: self.count // 4] = primvar.fallback
+            return values
+
+        return self._keep(primvar, draw)
+
+    def handedness(self) -> Floats:
+        return self._keep("handedness", lambda: self.rng.choice([-1.0, 1.0], self.count))
+
+    def _keep(self, key: object, draw: Any) -> Floats:
+        if key not in self._known:
+            self._known[key] = draw()
+        return self._known[key]
+
+
+def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
+    """Return the layers of a look at random points, (count,): textures and primvars where they vary, else constants.
+
+    Raises
+    ------
+    ModelError, TextureError
+        As `lookdev.reference.surface.look_bsdf`.
+    """
+    return look_layers(look, _RandomPoints(rng, count))
+
+
+def varying(layer: StackLayer) -> dict[str, Floats]:
+    """Return the mask and the numbers of a layer that differ from point to point, by name."""
+    return {name: value for name, value in _numbers(layer).items() if value.ndim > len(_shape(layer, name))}
+
+
+def constant(layer: StackLayer) -> dict[str, float | list[float]]:
+    """Return the mask and the numbers of a layer that are the same everywhere, by name."""
+    return {name: value.tolist() for name, value in _numbers(layer).items() if value.ndim == len(_shape(layer, name))}
+
+
+def tokens(layer: StackLayer) -> dict[str, str]:
+    """Return the tokens of a layer, by name."""
+    return {name: value for name, value in layer.parameters.items() if isinstance(value, str)}
+
+
+def constant_look(look: Look, layers: list[StackLayer], index: int) -> Look:
+    """Return the look that is everywhere as `layers` are at one of their points."""
+    at = [constant(layer) | {name: value[index].tolist() for name, value in varying(layer).items()} for layer in layers]
+    return replace(
+        look,
+        layers=tuple(
+            replace(
+                layer,
+                mask=numbers["mask"],
+                inputs=tokens(values)
+                | {
+                    name: tuple(value) if isinstance(value, list) else value
+                    for name, value in numbers.items()
+                    if name != "mask"
+                },
+            )
+            for layer, values, numbers in zip(look.layers, layers, at, strict=True)
+        ),
+    )
+
+
+def case_layer(model: str, inputs: Mapping[str, Any], mask: Any, mode: str) -> dict[str, Any]:
+    """Return a layer as `lookdev eval` takes it; inputs that have their default are left out."""
+    known = PARAMETERS[model]
+    plain = {name: list(value) if isinstance(value, tuple) else value for name, value in inputs.items()}
+    default = {
+        name: list(each.default) if isinstance(each.default, tuple) else each.default for name, each in known.items()
+    }
+    params = {name: value for name, value in plain.items() if value != default[name]}
+    return {"model": model, "params": params, "mask": mask, "mode": mode}
+
+
+def _numbers(layer: StackLayer) -> dict[str, Floats]:
+    values = {"mask": layer.mask, **layer.parameters}
+    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items() if not isinstance(value, str)}
+
+
+def _shape(layer: StackLayer, name: str) -> tuple[int, ...]:
+    return () if name == "mask" or PARAMETERS[layer.model][name].kind == "float" else (3,)

@@ -1,0 +1,382 @@
+"""Stability: no parameter, direction, light or geometry breaks a model, in NumPy or inside Cycles.
+
+At points, a value must be finite and not negative on both sides. What float32 makes of a case is judged by backward
+error (Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5): it may be as wrong as the exact value of
+inputs that differ by `UNITS` roundings. Where a highlight of 0.25 degrees meets the horizon that is a lot, and no
+formula does better; everywhere else it is little, and the relative error is reported beside it.
+
+In scenes, pictures that must be alike are compared by what their own halves say of their noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, save_asset
+from lookdev.brdf import PARAMETERS, evaluate_cosine, pdf, sample
+from lookdev.checks.albedo import Halves, Render
+from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
+from lookdev.checks.extremes import (
+    SceneCase,
+    case_line,
+    extreme_cases,
+    hostile_scenes,
+    moderate_numbers,
+    scene_cases,
+)
+from lookdev.checks.finding import Finding
+from lookdev.checks.samples import constant, sample_layers, tokens
+from lookdev.codegen.surface import PointLayer, generate_surface
+from lookdev.errors import RenderError, WorkerError
+from lookdev.ibl import prepare_light
+from lookdev.material import Bump, Layer, Look, Texture
+from lookdev.material.textures import linear_texture, slope_texture
+from lookdev.plan.task import Camera, FrameTask, Pose, Sampling, SceneTask
+
+Floats = NDArray[np.float64]
+Depth = Literal["quick", "default", "full"]
+
+RELATIVE = 2e-4
+"""Relative error that a float32 value may have, whatever its case."""
+
+VISIBLE = 1e-4
+"""1/sr: below it, errors are relative to this value."""
+
+UNITS = 64.0
+"""Backward error that a float32 value may have: a formula is some ten operations long, of a rounding each."""
+
+ALIKE = 2.0
+"""Squared difference of two pictures of one thing over that of their halves: 1 but for chance, heavy tails included."""
+
+_ROUNDING = 2.0**-24
+_PERTURBATIONS = 8
+_WORST = 5
+_COUNTS: dict[Depth, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
+# Of sets of parameters, and of samples at each view of each.
+_ENERGY: dict[Depth, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
+_VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
+# As published, neither model conserves energy. Pixar's: docs/models.md, 1.87 at most. Disney's: saturated tints are
+# brighter than white, up to ten times, and a rough surface retroreflects; 2.5 at most was found.
+_MOST = {"disney": 4.0, "pixar": 2.0}
+_SIZE = (32, 32)
+_SAMPLING = Sampling(samples=32, error=None, brdf_samples=2, ibl_samples=2, bounces=1, seed=0)
+# Every lobe of a model, and nothing that has a direction.
+_PROBES: dict[str, dict[str, float]] = {
+    "disney": {"roughness": 0.4, "clearcoat": 0.5, "sheen": 0.5},
+    "pixar": {"roughness": 0.3, "clear": 0.5, "back": 0.5, "presence": 0.8},
+}
+
+
+def stress(
+    subjects: Sequence[str | Look], render: Render, *, seed: int = 0, depth: Depth = "default"
+) -> Iterator[Finding]:
+    """Stress models and looks.
+
+    Parameters
+    ----------
+    subjects
+        Names of models, stressed alone, in every form that tokens give them, and in stacks; and looks, stressed as
+        they are: what is constant in them stays, what varies takes any value of its range.
+    render
+        Renders a frame in Cycles.
+    seed
+        Another seed, other cases.
+    depth
+        How many cases: 4,000, 20,000 or 200,000 a stack.
+
+    Yields
+    ------
+    Finding
+        One a stack, one a look and one a scene.
+
+    Raises
+    ------
+    WorkerError
+        Points could not be evaluated inside Cycles. A picture that fails is a finding.
+    """
+    rng = np.random.default_rng(seed)
+    for subject in subjects:
+        if isinstance(subject, Look):
+            yield check_stack(subject.name, look_stack(subject), rng, depth)
+            yield from check_scenes(subject, hostile_scenes(), render)
+        else:
+            for name, layers in model_stacks(subject).items():
+                yield check_stack(name, layers, rng, depth)
+            probe = Look(subject, (Layer("Probe", subject, dict(_PROBES.get(subject, {}))),))
+            yield from check_scenes(probe, scene_cases(), render)
+
+
+def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
+    """Return a model in every form, over itself and, of all others, over each; by name."""
+
+    def plain(name: str) -> PointLayer:
+        return PointLayer(name, {each.name: each.choices[0] for each in PARAMETERS[name].values() if each.choices})
+
+    choices = {each.name: each.choices for each in PARAMETERS[model].values() if each.choices}
+    stacks: dict[str, tuple[PointLayer, ...]] = {}
+    for values in product(*choices.values()):
+        form = dict(zip(choices, values, strict=True))
+        stacks[" ".join([model, *form.values()])] = (PointLayer(model, form),)
+    stacks[f"{model} over {model}"] = (plain(model), plain(model))
+    if model == "pixar":
+        above = replace(plain(model), mode="transmit")
+        stacks["pixar transmitting to pixar, twice"] = (plain(model), above, above)
+    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in PARAMETERS if other != model}
+
+
+def look_stack(look: Look) -> tuple[PointLayer, ...]:
+    """Return the layers of a look with what is constant in them, as float32 has it."""
+    layers = sample_layers(look, 2, np.random.default_rng(0))
+    return tuple(
+        PointLayer(
+            layer.model,
+            tokens(layer),
+            layer.mode,
+            {name: np.asarray(value, dtype=np.float32).tolist() for name, value in constant(layer).items()},
+        )
+        for layer in layers
+    )
+
+
+def check_stack(
+    name: str,
+    layers: Sequence[PointLayer],
+    rng: np.random.Generator,
+    depth: Depth,
+    alter: Callable[[str], str] = lambda osl: osl,
+) -> Finding:
+    """Evaluate extreme cases of a stack in NumPy and inside Cycles, and sample moderate ones in NumPy.
+
+    `alter` is given the text of the shader and returns the one to run: how a test plants a fault.
+    """
+    cases = extreme_cases(layers, _COUNTS[depth], rng)
+    with np.errstate(all="ignore"):
+        wanted = _columns(*evaluate_numpy(cases.batch))
+    got = _columns(*evaluate_cycles(cases.batch, alter=alter))
+    unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", wanted), ("Cycles", got))}
+    broken = unsound["NumPy"] | unsound["Cycles"]
+    # A density matters where it divides something; it is what sampling uses, so its own error cancels.
+    seen = cases.comparable & ~broken & (wanted[:, :3] > VISIBLE).any(axis=-1)
+    error = _judge(_chosen(cases.batch, seen), got[seen], wanted[seen], rng)
+    wrong = np.zeros(len(broken))
+    wrong[seen] = error.excess
+    wrong[broken] = np.inf
+    most, albedo = _most(layers), _largest_albedo(layers, rng, depth)
+    failed = int(np.count_nonzero(wrong > 1.0))
+    worst = [index for index in np.argsort(-wrong, kind="stable")[:_WORST].tolist() if wrong[index] > 0.0]
+    return Finding(
+        check="stability",
+        subject=name,
+        passed=failed == 0 and albedo <= most,
+        summary=(
+            f"{len(broken)} cases, {int(broken.sum())} not finite or negative, {failed} wrong in all; float32 against "
+            f"float64: median {error.median:.1e}, {100.0 * error.ill:.2g} % above {RELATIVE:.0e}, where inputs off by "
+            f"{error.units:.0f} roundings give as much ({UNITS:.0f} allowed); albedo at most {albedo:.2f} of {most:g}"
+        ),
+        figures={
+            "cases": float(len(broken)),
+            "unsound_numpy": float(unsound["NumPy"].sum()),
+            "unsound_cycles": float(unsound["Cycles"].sum()),
+            "failed": float(failed),
+            "median_relative_error": error.median,
+            "ill_conditioned": error.ill,
+            "largest_backward_error": error.units,
+            "largest_albedo": albedo,
+        },
+        details=tuple(
+            case_line(
+                cases.batch, index, excess=float(wrong[index]), numpy=wanted[index].tolist(), cycles=got[index].tolist()
+            )
+            for index in worst
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Error:
+    """Error over what is allowed (n,), above 1 wrong; median relative error; share beyond `RELATIVE`; roundings."""
+
+    excess: Floats
+    median: float
+    ill: float
+    units: float
+
+
+def _judge(batch: Batch, got: Floats, wanted: Floats, rng: np.random.Generator) -> _Error:
+    if not len(got):
+        return _Error(np.zeros(0), 0.0, 0.0, 0.0)
+    size = np.maximum(wanted, VISIBLE)
+    # By how much the exact value changes where every input is off by a rounding.
+    unit = _ROUNDING * size
+    for _ in range(_PERTURBATIONS):
+        unit = np.maximum(unit, np.abs(_columns(*evaluate_numpy(_perturbed(batch, rng))) - wanted) + _ROUNDING * size)
+    error = np.abs(got - wanted)
+    relative, units = error / size, error / unit
+    well = relative <= RELATIVE
+    return _Error(
+        excess=np.minimum(relative / RELATIVE, units / UNITS).max(axis=-1),
+        median=float(np.median(relative[wanted > VISIBLE])),
+        ill=float((~well).mean()),
+        units=float(np.max(units, where=~well, initial=0.0)),
+    )
+
+
+def _perturbed(batch: Batch, rng: np.random.Generator) -> Batch:
+    """Put every input off by a rounding.
+
+    Of directions the cosine only, for sums of two are exact where it matters: in the half vector of opposite ones. The
+    rest too where light passes through, as the view is refracted; by a rounding of 1 where they are turned into the
+    frame of a leaning normal.
+    """
+
+    def off(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
+        return np.clip(values * (1.0 + rng.choice([-_ROUNDING, _ROUNDING], values.shape)), low, high)
+
+    numbers = tuple(
+        {
+            name: off(value, *(PARAMETERS[layer.model][name].hard if name != "mask" else (0.0, 1.0)))
+            for name, value in each.items()
+        }
+        for layer, each in zip(batch.layers, batch.numbers, strict=True)
+    )
+    leaning = _leaning(batch)[:, None]
+    moved = (batch.wo * batch.wi < 0.0)[:, 2:] | np.array([False, False, True])
+    wo, wi = (
+        np.where(leaning, w + rng.choice([-_ROUNDING, _ROUNDING], w.shape), np.where(moved, off(w), w))
+        for w in (batch.wo, batch.wi)
+    )
+    return replace(batch, wo=wo, wi=wi, numbers=numbers)
+
+
+def _leaning(batch: Batch) -> NDArray[np.bool_]:
+    """Return which cases (n,) have a normal of a lobe's own."""
+    leaning = np.zeros(len(batch.wo), np.bool_)
+    for layer, each in zip(batch.layers, batch.numbers, strict=True):
+        for name, parameter in PARAMETERS[layer.model].items():
+            if parameter.kind == "normal":
+                normal = each.get(name, np.asarray(layer.constants.get(name, parameter.default)))
+                leaning |= (normal[..., :2] != 0.0).any(axis=-1)
+    return leaning
+
+
+def _chosen(batch: Batch, mask: NDArray[np.bool_]) -> Batch:
+    numbers = tuple({name: value[mask] for name, value in each.items()} for each in batch.numbers)
+    return replace(batch, wo=batch.wo[mask], wi=batch.wi[mask], numbers=numbers)
+
+
+def _columns(f: Floats, density: Floats) -> Floats:
+    return np.concatenate([f, density[:, None]], axis=-1)
+
+
+def _most(layers: Sequence[PointLayer]) -> float:
+    conserves = all(layer.tokens.get("energy") == "conserving" for layer in layers)
+    return 1.0 if conserves else max(_MOST[layer.model] for layer in layers)
+
+
+def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth) -> float:
+    """Return the most that a set of moderate parameters sends to a view, less five standard errors."""
+    sets, samples = _ENERGY[depth]
+    numbers = moderate_numbers(layers, sets, rng)
+    repeated = tuple({name: np.repeat(value, samples, axis=0) for name, value in each.items()} for each in numbers)
+    largest = 0.0
+    for cosine in _VIEWS:
+        wo = np.tile([np.sqrt(1.0 - cosine * cosine), 0.0, cosine], (sets * samples, 1))
+        bsdf = Batch(tuple(layers), wo, wo, repeated).bsdf()
+        wi = sample(bsdf, wo, rng.random((len(wo), 2)))
+        density = pdf(bsdf, wo, wi)
+        drawn = density > 0.0
+        weight = evaluate_cosine(bsdf, wo, wi) * (drawn / np.where(drawn, density, 1.0))[:, None]
+        weight = weight.reshape(sets, samples, 3)
+        sure = weight.mean(axis=1) - 5.0 * weight.std(axis=1, ddof=1) / np.sqrt(samples)
+        # What is not finite is no albedo at all.
+        largest = max(largest, float(np.where(np.isfinite(sure), sure, np.inf).max()) - 1e-9)
+    return largest
+
+
+def check_scenes(look: Look, cases: Sequence[SceneCase], render: Render) -> Iterator[Finding]:
+    """Render a look in hostile scenes; pictures are finite, not negative, within bounds and like one another."""
+    shown: dict[str, Halves] = {}
+    for case in cases:
+        subject = f"{look.name}, {case.name}"
+        try:
+            halves = shown[case.name] = render(_task(look, case))
+        except (RenderError, WorkerError) as error:
+            yield Finding("stability", subject, passed=False, summary=f"no picture: {error}")
+            continue
+        if case.like and case.like not in shown:
+            yield Finding("stability", subject, passed=False, summary=f"nothing to compare with: no '{case.like}'")
+        else:
+            yield _judge_picture(look, case, subject, halves, shown.get(case.like))
+
+
+def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, like: Halves | None) -> Finding:
+    a, b, alpha = (np.asarray(array, dtype=np.float64) for array in (halves.a, halves.b, halves.alpha))
+    pixels = np.stack([a, b])
+    covered = float(alpha.sum())
+    mean = float(pixels.mean(axis=(0, -1)).sum()) / covered if covered else 0.0
+    faults = []
+    if not covered:
+        faults.append("nothing is to be seen")
+    if not (np.isfinite(pixels).all() and (pixels >= 0.0).all()):
+        faults.append("pixels are not finite or negative")
+    if case.black and pixels.any():
+        faults.append("light comes from nowhere")
+    figures = {"mean": mean}
+    most = max(_MOST[layer.model] for layer in look.layers)
+    if case.white and mean > most:
+        faults.append(f"{mean:.3g} of the light is sent back, at most {most:g} would be right")
+    if like is not None:
+        figures["difference"] = _difference(case.gain, halves, like)
+        if not figures["difference"] < ALIKE:
+            faults.append(f"it is not like '{case.like}'")
+    said = f"mean {mean:.3g}" + (f", difference {figures['difference']:.2f} of {ALIKE:g}" if like is not None else "")
+    return Finding("stability", subject, not faults, "; ".join([said, *faults]), figures)
+
+
+def _difference(gain: float, halves: Halves, like: Halves) -> float:
+    """Return the squared difference of two pictures over what their halves say of their noise, coverage included."""
+    a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
+    c, d = np.float64(like.a), np.float64(like.b)
+    noise = float((((a - b) ** 2 + (c - d) ** 2) / 4.0).sum())
+    squares = float((((a + b - c - d) / 2.0) ** 2).sum())
+    # A silhouette of another shape may be as dark.
+    coverage = float(np.abs(np.float64(halves.alpha) - like.alpha).sum() / np.float64(like.alpha).sum())
+    return np.inf if coverage > 0.05 else squares / noise if noise else (np.inf if squares else 0.0)
+
+
+def _task(look: Look, case: SceneCase) -> FrameTask:
+    light = prepare_light(case.light)
+    shader = generate_surface(
+        look,
+        _image_file,
+        brdf_samples=_SAMPLING.brdf_samples,
+        ibl_samples=_SAMPLING.ibl_samples,
+        bounces=_SAMPLING.bounces,
+        light_size=(light.width, light.height),
+        light_entries=light.sample_count,
+        resolution=_SIZE,
+    )
+    asset = _carrying(case.asset, [each.attribute for each in shader.attributes if each.kind == "uv"])
+    camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
+    scene = SceneTask(save_asset(asset), (shader,), light, _SIZE, _SAMPLING, camera, "cpu")
+    name = f"stress {look.name}, {case.name}"
+    return FrameTask(scene, Pose(30.0, 75.0), 0.0, name, (Path(f"{name}.exr"),), {})
+
+
+def _carrying(asset: Asset, uv_sets: Sequence[str]) -> Asset:
+    """Give the asset's mesh the UV sets that a look reads, each like its own."""
+    mesh = asset.meshes[0]
+    uvs = mesh.uvs | dict.fromkeys(uv_sets, mesh.uvs["st"])
+    # Named by its content anew: an empty digest is made when it is saved.
+    return replace(asset, meshes=(replace(mesh, uvs=uvs),), digest="")
+
+
+def _image_file(source: Texture | Bump) -> Path:
+    return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)

@@ -1,0 +1,132 @@
+"""Directional albedo: how much of the light from everywhere a surface sends to a viewer, from its front and its back.
+
+Two ways that share only the BSDF: a quadrature, which knows nothing of its sampling and density, and importance
+sampling. What a surface's presence leaves out goes on unchanged and is in neither.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from lookdev.brdf import Bsdf, Lobe, evaluate_cosine, pdf, sample
+from lookdev.brdf.frames import to_local
+
+Floats = NDArray[np.float64]
+
+# Half the smallest alpha that the models allow, squared.
+_T0 = 0.0005**2
+_CELLS = (128, 96)
+
+
+@dataclass(frozen=True, eq=False)
+class Albedo:
+    """Shares of the light that are reflected and transmitted, (2, 3), and their errors, (2, 3).
+
+    An error is a bound for a quadrature, a standard error for sampling.
+    """
+
+    value: Floats
+    error: Floats
+
+
+def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = _CELLS) -> Albedo:
+    """Integrate f times the cosine over the sphere, for one view.
+
+    Parameters
+    ----------
+    bsdf
+        A surface of constant parameters.
+    wo : (3,)
+        Unit direction to the viewer, above the horizon.
+    cells
+        Of the grid of half vectors, along slope and azimuth, both even; the error is what halving them changes.
+    """
+    fine, coarse = (_quadrature(bsdf, wo, (cells[0] // k, cells[1] // k)) for k in (1, 2))
+    return Albedo(fine, np.abs(fine - coarse))
+
+
+def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.random.Generator) -> Albedo:
+    """Estimate the same with the BSDF's own samples and density.
+
+    Parameters
+    ----------
+    bsdf, wo
+        As for `integrate_albedo`.
+    samples, scrambles
+        A power of two of Sobol points in each of so many independent sets, whose spread is the standard error.
+    rng
+        Chooses the scrambles.
+    """
+    u = np.stack([qmc.Sobol(2, rng=each).random(samples) for each in rng.spawn(scrambles)])
+    view = np.broadcast_to(wo, (*u.shape[:2], 3))
+    wi = sample(bsdf, view, u)
+    density = pdf(bsdf, view, wi)
+    drawn = density > 0.0
+    weight = evaluate_cosine(bsdf, view, wi) / np.where(drawn, density, 1.0)[..., None] * drawn[..., None]
+    above = (wi[..., 2:] > 0.0).astype(np.float64)
+    sets = np.stack([weight * above, weight * (1.0 - above)]).mean(axis=2)
+    return Albedo(sets.mean(axis=1), sets.std(axis=1, ddof=1) / np.sqrt(scrambles))
+
+
+def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
+    total = np.zeros((2, 3))
+    for lobe in bsdf.lobes(wo):
+        view = to_local(lobe.normal, wo)
+        if view[2] > 0.0:
+            wi, weight = _half_vector_grid(_seen_view(lobe, view), cells)
+            wi = _from_lobe(lobe, wi)
+            alone = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
+            total[int(lobe.transmits)] += (evaluate_cosine(alone, wo, wi) * weight[:, None]).sum(axis=0)
+    return total
+
+
+def _seen_view(lobe: Lobe, view: Floats) -> Floats:
+    """Return the view that a lobe's peak mirrors: a transmitting lobe may bend it. It only places the nodes."""
+    if not lobe.transmits:
+        return view
+    u = (np.arange(256) + 0.5) / 256
+    drawn = lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0)
+    mean = np.broadcast_to(drawn, (256, 3)).mean(axis=0) * (-1.0, -1.0, 1.0)
+    return np.asarray(mean / np.linalg.norm(mean))
+
+
+def _from_lobe(lobe: Lobe, wi: Floats) -> Floats:
+    """Bring directions (n, 3) from a lobe's frame, where all of them reflect, into the surface's."""
+    # to_local is a rotation: its rows are what it makes of the axes.
+    rotation = to_local(lobe.normal, np.eye(3)).T
+    mirrored = wi * (1.0, 1.0, -1.0) if lobe.transmits else wi
+    return np.asarray(mirrored @ rotation)
+
+
+def _half_vector_grid(view: Floats, cells: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Return directions (n, 3) above the horizon and their quadrature weights (n,) in steradians.
+
+    Two Gauss nodes a cell along slope and azimuth of the half vector. With ``t = tan^2 theta_h`` the first coordinate
+    is ``log(1 + t / t0) / L``: even within the narrowest lobe, logarithmic beyond. A direction above the horizon has
+    ``tan theta_h < 2 / view_z``, which is where the grid ends.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]
+    a, phi = (((np.arange(n)[:, None] + 0.5 * (nodes + 1.0)) / n).ravel() for n in cells)
+    weight = np.outer(*(np.tile(0.5 * weights, n) / n for n in cells))
+    length = np.log1p((2.0 / view[2]) ** 2 / _T0)
+    grown = np.exp(a * length)
+    t = _T0 * (grown - 1.0)
+    # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
+    weight *= (np.pi * _T0 * length * grown / (1.0 + t) ** 1.5)[:, None]
+    cos_h = 1.0 / np.sqrt(1.0 + t)
+    sin_h = np.sqrt(t) * cos_h
+    azimuth = 2.0 * np.pi * phi
+    wm = np.stack(
+        [np.outer(sin_h, np.cos(azimuth)), np.outer(sin_h, np.sin(azimuth)), np.outer(cos_h, np.ones_like(azimuth))],
+        axis=-1,
+    )
+    cos_d = wm @ view
+    wi = 2.0 * cos_d[..., None] * wm - view
+    # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
+    weight = weight * 4.0 * cos_d
+    above = (wi[..., 2] > 0.0) & (cos_d > 0.0)
+    return wi[above], weight[above]

@@ -1,0 +1,279 @@
+"""An asset as triangles that rays meet: found by Embree in float32, met in float64.
+
+Polygons are split as Cycles splits them: a quad along the diagonal from its first corner, unless that lies outside it.
+Everything that the corners carry is interpolated linearly over a triangle. A ray that leaves a triangle never meets
+that triangle, whatever rounding says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, Mesh
+from lookdev.asset.normals import area_vectors, face_starts
+from lookdev.asset.tangents import handedness
+from lookdev.brdf import Bsdf
+from lookdev.errors import AssetError
+from lookdev.material import Look, Primvar
+from lookdev.reference.surface import look_bsdf
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Places = NDArray[Any]
+
+_PLACE = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
+_LEAST_COSINE = 1e-4  # to which a normal is bent that leans away from its viewer
+_LIFT = 3e-7  # in the asset's size: above the rounding to float32 of a place and of its wall
+
+
+class MeshScene:
+    """An asset and the looks of its slots. A place, one row of an array, is a triangle and weights of its corners."""
+
+    def __init__(self, asset: Asset, looks: Sequence[Look]) -> None:
+        self._asset, self._looks = asset, tuple(looks)
+        self._first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
+        split = [corner_triangles(mesh) for mesh in asset.meshes]
+        positions, corners, slots, owners = [], [], [], []
+        for number, instance in enumerate(asset.instances):
+            mesh, (triangles, faces) = asset.meshes[instance.mesh], split[instance.mesh]
+            points = mesh.points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
+            positions.append(points[mesh.corner_points[triangles]])
+            corners.append(triangles + self._first_corner[instance.mesh])
+            slots.append(mesh.face_slots[faces])
+            owners.append(np.full(len(faces), number))
+        self._positions = np.concatenate(positions)
+        edges = self._positions[:, 1:] - self._positions[:, :1]
+        normals = np.cross(edges[:, 0], edges[:, 1])
+        area = np.linalg.norm(normals, axis=-1, keepdims=True)
+        met = area[:, 0] > 0.0
+        self._positions, self._facets = self._positions[met], normals[met] / area[met]
+        self._corners, self._slots, self._owners = (
+            np.concatenate(arrays)[met].astype(np.int64) for arrays in (corners, slots, owners)
+        )
+        self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
+        self._inverse = np.linalg.inv(self._linear)
+        # A reflected instance turns its bitangents about.
+        self._reflected = np.linalg.det(self._linear) < 0.0
+        self._normals = np.concatenate([mesh.normals for mesh in asset.meshes]).astype(np.float64)
+        self._tangents = np.concatenate([mesh.tangents for mesh in asset.meshes]).astype(np.float64)
+        self._carried: dict[object, Floats] = {}
+        # Embree counts in float32: about the asset's own middle and in its own size.
+        self._embree = EmbreeScene(robust=True)
+        TriangleMesh(self._embree, self._local(self._positions))
+
+    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
+        """Return which rays (N, 3) from `origin` (3,) meet the asset, (N,), and where first."""
+        origins = np.broadcast_to(origin, ray.shape)
+        return self._meet(origins, self._local(origins), ray, np.full(len(ray), -1))
+
+    def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
+        """Return which rays that leave `place` along `direction` (N, 3) meet the asset again, (N,), and where."""
+        origin, facet = self.points(place), self._facets[place["triangle"]]
+        # Rounded, a place can lie behind its wall, which neighbours in its plane continue: it is lifted off that far.
+        lifted = self._local(origin) + np.copysign(_LIFT, _dot(facet, direction)) * facet
+        return self._meet(origin, lifted.astype(np.float32), direction, place["triangle"])
+
+    def points(self, place: Places) -> Floats:
+        """Return places in world space, (N, 3) metres."""
+        return self._mean(self._positions[place["triangle"]], place)
+
+    def frame(self, place: Places, wo: Floats) -> tuple[Floats, Floats]:
+        """Return the shading frames (N, 3, 3), rows as of `shapes.Shape.frame`, and the facets' normals (N, 3).
+
+        Both are on the side of the viewer along `wo` (N, 3). An interpolated normal that leans away from a viewer who
+        sees the facet is bent until it does not.
+        """
+        triangle = place["triangle"]
+        owner, corners = self._owners[triangle], self._corners[triangle]
+        n = np.einsum("nji,nj->ni", self._inverse[owner], self._mean(self._normals[corners], place))
+        t = np.einsum("nij,nj->ni", self._linear[owner], self._mean(self._tangents[corners], place))
+        facet = self._facets[triangle]
+        facet = np.where(_dot(facet, wo) < 0.0, -facet, facet)
+        n = _unit(n)
+        side = np.where(self._reflected[owner], -1.0, 1.0)[:, None]
+        behind = _dot(n, facet) < 0.0
+        n, t, side = (np.where(behind, -each, each) for each in (n, t, side))
+        n = _unit(n + np.maximum(_LEAST_COSINE - _dot(n, wo), 0.0) * wo)
+        t = _unit(t - _dot(t, n) * n)
+        return np.stack([t, side * np.cross(n, t), n], axis=1), facet
+
+    def bsdfs(self, place: Places) -> Iterator[tuple[Ints, Bsdf]]:
+        """Yield which of the places wear the same look, and its BSDF there."""
+        slots = self._slots[place["triangle"]]
+        for slot in np.unique(slots):
+            index = np.flatnonzero(slots == slot)
+            yield index, look_bsdf(self._looks[slot], _Points(self, place[index]))
+
+    def uv(self, place: Places, name: str) -> Floats:
+        """Return the coordinates (N, 2) of a UV set."""
+        values = [mesh.uvs.get(name) for mesh in self._asset.meshes]
+        return self._interpolated(place, name, f"UV set '{name}'", values, 2)
+
+    def primvar(self, place: Places, primvar: Primvar) -> Floats:
+        """Return a primvar, (N,) or (N, 3), its fallback where the mesh has none."""
+        fallback = np.atleast_1d(np.asarray(primvar.fallback, np.float64))
+        values = [
+            mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
+            for mesh in self._asset.meshes
+        ]
+        value = self._interpolated(place, primvar, f"primvar '{primvar.name}'", values, len(fallback))
+        return value if isinstance(primvar.fallback, tuple) else value[:, 0]
+
+    def handedness(self, place: Places) -> Floats:
+        """Return the handedness (N,) of the UVs."""
+        values = [handedness(mesh) for mesh in self._asset.meshes]
+        return self._interpolated(place, handedness, "handedness", values, 1)[:, 0]
+
+    def _interpolated(
+        self, place: Places, key: object, what: str, values: Sequence[NDArray[Any] | None], width: int
+    ) -> Floats:
+        """Interpolate what the corners of each mesh carry, known by `key`; None where a mesh has nothing."""
+        if key not in self._carried:
+            columns = []
+            for mesh, value in zip(self._asset.meshes, values, strict=True):
+                count = len(mesh.corner_points)
+                if value is not None and value.size != count * width:
+                    found = value.size // count
+                    raise AssetError(f"{mesh.name}: {what} has {found} numbers a corner, the look reads {width}")
+                columns.append(np.full((count, width), np.nan) if value is None else value.reshape(count, width))
+            self._carried[key] = np.concatenate(columns).astype(np.float64)
+        value = self._mean(self._carried[key][self._corners[place["triangle"]]], place)
+        if (missing := np.isnan(value).any(axis=-1)).any():
+            owner = self._owners[place["triangle"][missing][0]]
+            mesh = self._asset.meshes[self._asset.instances[owner].mesh]
+            raise AssetError(f"{mesh.name}: no {what}; it has: {', '.join(mesh.uvs)}")
+        return value
+
+    def _mean(self, corners: Floats, place: Places) -> Floats:
+        return np.asarray(np.einsum("nk,nkj->nj", place["weights"], corners))
+
+    def _local(self, points: Floats) -> NDArray[np.float32]:
+        local = (points - np.array(self._asset.center)) / self._asset.radius
+        return np.asarray(local, np.float32)
+
+    def _meet(
+        self, origin: Floats, start: NDArray[np.float32], direction: Floats, leaving: Ints
+    ) -> tuple[Mask, Places]:
+        """Follow rays to the first triangle but the one that they leave, -1 for none; `start` is where in float32."""
+        along = direction.astype(np.float32)
+        found = self._embree.run(start, along, output=True)
+        triangle, distance, step = found["primID"].astype(np.int64), found["tfar"], _LIFT
+        # A triangle is flat: where a ray seems to meet the one that it leaves, all that it can meet is beyond.
+        while len(again := np.flatnonzero((triangle >= 0) & (triangle == leaving))):
+            start[again] += (distance[again, None] + np.float32(step)) * along[again]
+            found = self._embree.run(start[again], along[again], output=True)
+            triangle[again], distance[again] = found["primID"], found["tfar"]
+            step *= 2.0
+        hit = triangle >= 0
+        place = np.zeros(len(along), _PLACE)
+        place["triangle"][hit] = triangle[hit]
+        place["weights"][hit] = self._weights(triangle[hit], origin[hit], direction[hit])
+        return hit, place
+
+    def _weights(self, triangle: Ints, origin: Floats, direction: Floats) -> Floats:
+        """Return where rays meet triangles, as weights (N, 3) of the corners (Möller and Trumbore 1997)."""
+        corners = self._positions[triangle]
+        edge1, edge2, start = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], origin - corners[:, 0]
+        p, q = np.cross(direction, edge2), np.cross(start, edge1)
+        determinant = _dot(edge1, p)
+        # A ray along its triangle meets all of a line; and the triangle that Embree met can be the neighbour.
+        inverse = 1.0 / np.where(determinant == 0.0, 1.0, determinant)
+        w1 = np.clip(_dot(start, p) * inverse, 0.0, 1.0)
+        w2 = np.clip(_dot(direction, q) * inverse, 0.0, 1.0 - w1)
+        return np.concatenate([1.0 - w1 - w2, w1, w2], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Points:
+    """Places of a scene, as a look reads them."""
+
+    scene: MeshScene
+    place: Places
+
+    def uv(self, name: str) -> Floats:
+        return self.scene.uv(self.place, name)
+
+    def primvar(self, primvar: Primvar) -> Floats:
+        return self.scene.primvar(self.place, primvar)
+
+    def handedness(self) -> Floats:
+        return self.scene.handedness(self.place)
+
+
+def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
+    """Split the polygons of a mesh.
+
+    Returns
+    -------
+    (T, 3), (T,)
+        The corners of each triangle, as indices of corners, and its face. A polygon is a fan about its first corner
+        where that stays inside it; else a quad is split along its other diagonal, and larger ones ear by ear.
+    """
+    sizes, starts = mesh.face_sizes.astype(np.int64), face_starts(mesh.face_sizes)
+    positions = mesh.points[mesh.corner_points].astype(np.float64)
+    counts = sizes - 2
+    faces = np.repeat(np.arange(len(sizes)), counts)
+    number = np.arange(len(faces)) - np.repeat(np.cumsum(counts) - counts, counts)
+    first = starts[faces]
+    triangles = np.stack([first, first + number + 1, first + number + 2], axis=-1)
+    corners = positions[triangles]
+    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    # Of a quad, Blender compares the two halves with each other.
+    whole = area_vectors(positions, mesh.face_sizes)[faces]
+    other = np.roll(areas, 1, axis=0)
+    outside = np.where(
+        sizes[faces] == 4, (number == 1) & (_dot(areas, other)[:, 0] < 0.0), _dot(areas, whole)[:, 0] < 0
+    )
+    for face in np.unique(faces[outside & (sizes[faces] > 3)]):
+        mine = starts[face] + np.arange(sizes[face])
+        if sizes[face] == 4:
+            triangles[faces == face] = mine[[[0, 1, 3], [1, 2, 3]]]
+        else:
+            normal = area_vectors(positions[mine], np.array([sizes[face]], np.int32))[0]
+            triangles[faces == face] = mine[_ears(positions[mine], normal)]
+    return triangles, faces
+
+
+def _ears(polygon: Floats, normal: Floats) -> Ints:
+    """Cut a polygon (n, 3) into n - 2 triangles: each time the corner of the best shape whose triangle is empty."""
+    # As its shadow along the axis that the normal is nearest to, counter-clockwise.
+    axis = int(np.abs(normal).argmax())
+    kept = [(axis + 1) % 3, (axis + 2) % 3]
+    flat = polygon[:, kept if normal[axis] > 0.0 else kept[::-1]]
+    left = np.arange(len(polygon))
+    ears = []
+    while len(left) > 3:
+        before, after = np.roll(left, 1), np.roll(left, -1)
+        a, b, c, p = flat[before, None], flat[left, None], flat[after, None], flat[None, left]
+        inside = (_turn(a, b, p) >= 0.0) & (_turn(b, c, p) >= 0.0) & (_turn(c, a, p) >= 0.0)
+        inside &= (left != before[:, None]) & (left != left[:, None]) & (left != after[:, None])
+        longest = np.max([((x - y) ** 2).sum(axis=-1)[:, 0] for x, y in ((a, b), (b, c), (c, a))], axis=0)
+        # A polygon that crosses itself may have no ear: then the least wrong one is cut.
+        shape = _turn(a, b, c)[:, 0] / np.where(longest > 0.0, longest, 1.0) - 2.0 * inside.any(axis=1)
+        best = int(shape.argmax())
+        ears.append([before[best], left[best], after[best]])
+        left = np.delete(left, best)
+    return np.array([*ears, left], np.int64)
+
+
+def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Return twice the area of triangles in the plane, positive counter-clockwise."""
+    ab, ac = b - a, c - a
+    return np.asarray(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Return the dot product over the last axis, kept as an axis of length 1."""
+    return np.asarray(np.einsum("ni,ni->n", a, b)[:, None])
+
+
+def _unit(vectors: Floats) -> Floats:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -1,0 +1,135 @@
+"""Which looks and frames `check_file` hands to the checks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.batch import check
+from lookdev.batch.check import check_file
+from lookdev.brdf import PARAMETERS
+from lookdev.checks.finding import Finding
+from lookdev.errors import FaultsError
+from lookdev.material import Look
+from lookdev.plan.task import FrameTask
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+JOB = f"""
+output = "out"
+[asset]
+builtin = "sphere"
+[[look]]
+name = "leaf"
+material = "{MATERIALS}/leaf.usda"
+[[look]]
+name = "gold"
+material = "{MATERIALS}/brushed_metal.usda"
+[[ibl]]
+name = "white"
+builtin = "white"
+[[ibl]]
+name = "studio"
+builtin = "studio"
+[[turntable]]
+kind = "element"
+frames = 5
+[render]
+resolution = [400, 200]
+samples = 64
+seed = 3
+"""
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Path:
+    path = tmp_path / "job.toml"
+    path.write_text(JOB)
+    return path
+
+
+@pytest.fixture
+def rendered(monkeypatch: pytest.MonkeyPatch) -> list[FrameTask]:
+    """Let every check agree without Cycles or the reference; return what was rendered."""
+    tasks: list[FrameTask] = []
+
+    def render(task: FrameTask) -> SimpleNamespace:
+        tasks.append(task)
+        width, height = task.scene.resolution
+        image = np.ones((height, width, 3), np.float32)
+        return SimpleNamespace(a=image, b=image, alpha=image[..., 0])
+
+    @contextmanager
+    def renderer() -> Iterator[Callable[[FrameTask], SimpleNamespace]]:
+        yield render
+
+    def agree(name: str) -> Callable[..., Finding]:
+        return lambda look, *rest, **options: Finding(name, look.name if isinstance(look, Look) else look, True, "")
+
+    monkeypatch.setattr(check, "_renderer", renderer)
+    monkeypatch.setattr(check, "check_points", agree("points"))
+    monkeypatch.setattr(check, "check_albedo", agree("albedo"))
+    monkeypatch.setattr(check, "check_frame", agree("image"))
+    monkeypatch.setattr(check, "frame_pixels", lambda *rest, **options: None)
+    return tasks
+
+
+def found(file: Path | None, **options: Any) -> list[tuple[str, str]]:
+    return [(finding.check, finding.subject) for finding in check_file(file, **options)]
+
+
+@pytest.mark.usefixtures("rendered")
+def test_a_job_has_each_look_checked_and_a_frame_of_each_look_and_light(job: Path) -> None:
+    assert found(job) == [
+        *((name, look) for name in ("points", "albedo") for look in ("leaf", "gold")),
+        *(("image", f"{look}, {ibl}") for look in ("leaf", "gold") for ibl in ("white", "studio")),
+    ]
+    assert found(job, only=["albedo"]) == [("albedo", "leaf"), ("albedo", "gold")]
+
+
+def test_frames_are_the_jobs_own_but_small_and_of_other_seeds(job: Path, rendered: list[FrameTask]) -> None:
+    found(job, only=["image"], seed=5)
+    assert len(rendered) == 4 * 4
+    for task in rendered:
+        assert task.scene.resolution == (128, 64)
+        assert task.scene.sampling.error is None
+        assert task.pose.element % 72.0 == 0.0
+    first = rendered[:4]
+    assert len({task.scene.sampling.seed for task in first}) == 4
+    assert len({task.digest for task in rendered}) == len(rendered)
+    assert len({(task.scene.asset_file, task.pose, task.scene.camera) for task in first}) == 1
+
+
+def test_stability_is_asked_of_the_models_or_of_the_looks(
+    job: Path, rendered: list[FrameTask], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stress(subjects: list[str | Look], render: object, **options: object) -> Iterator[Finding]:
+        for subject in subjects:
+            yield Finding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
+
+    monkeypatch.setattr(check, "stress", stress)
+    assert found(None, only=["stability"]) == [("stability", model) for model in PARAMETERS]
+    assert found(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
+
+
+def test_a_text_can_be_altered(job: Path, rendered: list[FrameTask]) -> None:
+    found(job, only=["image"], alter=lambda osl: osl.replace("direct +=", "direct -="))
+    assert all("direct -=" in shader.osl for task in rendered for shader in task.scene.shaders)
+
+
+@pytest.mark.usefixtures("rendered")
+def test_a_look_alone_takes_its_variant_and_prim() -> None:
+    file = MATERIALS / "brushed_metal.usda"
+    assert found(file, only=["points", "image"], variants={"metal": "copper"}) == [
+        ("points", "brushed_metal"),
+        ("image", "brushed_metal, city"),
+    ]
+    with pytest.raises(FaultsError, match="mithril"):
+        found(file, variants={"metal": "mithril"})
+    with pytest.raises(FaultsError, match="/Nowhere"):
+        found(file, prim="/Nowhere")

@@ -1,0 +1,82 @@
+"""The albedo check: a look agrees in three ways, and a wrong density or lobe is found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
+from lookdev.checks.albedo import check_albedo
+from lookdev.material import Layer, Look, Primvar
+from lookdev.plan.task import FrameTask
+
+GLOSSY = Look("glossy", (Layer("Base", "disney", {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.3}),))
+LEAF = Look("leaf", (Layer("Leaf", "pixar", {"back": 0.4, "clear": 0.3, "roughness": Primvar("rough", 0.3)}),))
+ANGLES = (0.0, 50.0, 80.0)
+
+
+def same(value: float) -> Rendered:
+    image = np.full((4, 4, 3), value, np.float32)
+    return Rendered(image, image, np.ones((4, 4), np.float32), 2, 0.0, 0.0, "4.5")
+
+
+def test_another_albedo_fails() -> None:
+    finding = check_albedo(GLOSSY, lambda task: same(0.3), angles=ANGLES)
+    assert not finding.passed
+    assert "Cycles, reflected" in finding.summary
+    worst = json.loads(finding.details[0])
+    assert worst["found"] == pytest.approx(0.3)
+    assert worst["layers"][0]["params"] == {"baseColor": [0.5, 0.2, 0.1], "roughness": 0.3}
+
+
+def test_the_card_is_seen_from_every_angle_in_light_that_stays() -> None:
+    tasks: list[FrameTask] = []
+
+    def render(task: FrameTask) -> Rendered:
+        tasks.append(task)
+        return same(0.0)
+
+    check_albedo(LEAF, render, points=2, angles=ANGLES)
+    assert len(tasks) == 2 * 2 * len(ANGLES)
+    assert len({task.scene.light.digest for task in tasks}) == 2
+    for task in tasks:
+        assert task.pose.element == task.pose.lighting
+    assert tasks[0].pose.element == pytest.approx(0.0)
+
+
+@pytest.fixture(scope="module")
+def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    folder = tmp_path_factory.mktemp("worker")
+    with Worker(WORKER_COMMAND, Path(folder, "worker.log"), folder, 300.0) as process:
+        process.start()
+        yield process
+
+
+@pytest.mark.cycles
+def test_a_look_that_transmits_agrees_on_both_sides(worker: Worker) -> None:
+    finding = check_albedo(LEAF, lambda task: worker.render(task, lambda progress: None), points=1, angles=ANGLES)
+    assert finding.passed, finding.summary
+    assert not finding.skipped
+    assert [series.name for series in finding.plots[0].series if "Cycles" in series.name] == [
+        "reflected, Cycles",
+        "transmitted, Cycles",
+    ]
+
+
+@pytest.mark.cycles
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [("f += color(", "f += 1.01 * color("), ("pdf /= shares;", "pdf /= 1.01 * shares;"), ("u1 *= shares;", "")],
+)
+def test_a_fault_in_the_text_is_found(right: str, wrong: str, worker: Worker) -> None:
+    def alter(osl: str) -> str:
+        assert right in osl
+        return osl.replace(right, wrong)
+
+    finding = check_albedo(GLOSSY, lambda task: worker.render(task, lambda progress: None), angles=ANGLES, alter=alter)
+    assert not finding.passed
+    assert finding.skipped == "no light passes through: no curve of transmission"

@@ -1,0 +1,182 @@
+"""The image check on made-up frames: right ones pass, wrong ones do not, whatever is wrong with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lookdev.checks.images import LEVEL, check_frame, choose_pixels, compare_pixels, flip
+from lookdev.errors import RenderError
+from lookdev.reference.render import Estimate
+
+SIZE, COUNT, HALVES, SAMPLES = 32, 100, 16, 256
+
+
+def disc():
+    y, x = np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2
+    return (np.hypot(x, y) < 0.4 * SIZE).astype(float)
+
+
+class Case:
+    """A frame and a reference of known values, with the noise of as many draws; of rare bright ones if `tails`."""
+
+    def __init__(self, seed=0, tails=False):
+        rng = np.random.default_rng(seed)
+        self.alpha = disc()
+        self.truth = rng.uniform(0.05, 1.0, (SIZE, SIZE, 3)) * self.alpha[..., None]
+        self.pixels = choose_pixels(self.alpha, COUNT, seed)
+
+        def values(sets, draws, shape, truth):
+            if tails:
+                # One draw in forty finds a lamp that is as bright as everything else of the pixel.
+                found = rng.binomial(draws, 0.025, (sets, *shape, 1)) / (0.025 * draws)
+                return truth * (0.5 + 0.5 * found)
+            return truth * (1.0 + rng.normal(0.0, 1.0 / np.sqrt(draws), (sets, *shape, 3)))
+
+        self.halves = values(HALVES, SAMPLES // HALVES, (SIZE, SIZE), self.truth)
+        columns, rows = self.pixels.T
+        known = values(8, 128, (COUNT,), self.truth[rows, columns])
+        self.reference = Estimate(known.mean(axis=0), known.std(axis=0, ddof=1) / np.sqrt(8), 128, 8)
+
+    @property
+    def brightest(self):
+        return self.pixels[self.reference.value.mean(axis=-1).argmax()]
+
+    def check(self, halves=None):
+        halves = self.halves if halves is None else halves
+        return check_frame("look", halves, self.alpha, SAMPLES, self.pixels, self.reference)
+
+
+@pytest.mark.parametrize("tails", [False, True])
+def test_a_hundred_right_frames_pass(tails):
+    # Three tests of LEVEL each: that more than one in a hundred fails has a probability of 4e-3.
+    assert LEVEL <= 3e-4
+    assert sum(not Case(seed, tails).check().passed for seed in range(100)) <= 1
+
+
+def test_what_a_right_frame_is_told():
+    found = Case().check()
+    assert found.check == "image"
+    assert found.figures["pixels"] == COUNT
+    assert found.figures["suspicious"] == 0
+    # The variance of a mean of 256 draws of unit variance, over values of 0.05 to 1 against a floor of 0.1.
+    assert 0.5 / 256 < found.figures["relmse_claimed"] < 1.0 / 256
+    assert found.figures["relmse"] == pytest.approx(found.figures["relmse_claimed"], rel=0.5)
+    assert "FLIP" in found.skipped
+    assert len(found.details) == 5
+    assert len(found.plots) == 3
+
+
+def darker(case):
+    return case.halves * 0.96
+
+
+def one_pixel(case):
+    halves = case.halves.copy()
+    column, row = case.brightest
+    halves[:, row, column] *= 0.3
+    return halves
+
+
+def texture_moved(case):
+    """As bright on the whole, but every pixel a little off."""
+    return case.halves * (1.0 + 0.15 * np.sign(np.random.default_rng(1).normal(size=(SIZE, SIZE, 1))))
+
+
+def channels_swapped(case):
+    return case.halves[..., [2, 1, 0]]
+
+
+def one_channel(case):
+    return case.halves * (1.0, 1.0, 0.95)
+
+
+def mirrored(case):
+    return case.halves[:, :, ::-1]
+
+
+@pytest.mark.parametrize("fault", [darker, one_pixel, texture_moved, channels_swapped, one_channel, mirrored])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_fault_is_found(fault, seed):
+    case = Case(seed)
+    assert not case.check(fault(case)).passed
+
+
+def test_each_test_finds_what_it_is_for():
+    case = Case()
+    pixel, moved, dark = (case.check(fault(case)).figures for fault in (one_pixel, texture_moved, darker))
+    assert pixel["suspicious"] == 1
+    assert pixel["beyond"] <= pixel["beyond_limit"]
+    assert moved["beyond"] > moved["beyond_limit"]
+    assert abs(dark["bias"]) > dark["bias_limit"]
+    assert dark["bias"] == pytest.approx(-0.04, abs=0.02)
+    assert dark["suspicious"] == 0
+
+
+def test_the_worst_pixel_is_told_first():
+    case = Case()
+    column, row = case.brightest
+    assert case.check(one_pixel(case)).details[0].startswith(f"pixel {column},{row}: frame ")
+
+
+def test_a_frame_that_missed_a_rare_path_knows_less_than_it_seems():
+    # 256 draws, none of which found what one in 200 does; the reference found it, and knows how noisy that is.
+    halves = np.full((HALVES, 1, 3), 0.5)
+    reference = Estimate(np.full((1, 3), 0.51), np.full((1, 3), 0.01 * np.sqrt(200 / 1024)), 128, 8)
+    assert (np.abs(compare_pixels(halves, SAMPLES, reference).t) < 3.0).all()
+
+
+def test_freedom_is_that_of_the_noisier_side():
+    halves = 0.5 + np.random.default_rng(1).normal(0.0, 0.1, (HALVES, 50, 3))
+    exact = Estimate(np.full((50, 3), 0.5), np.full((50, 3), 1e-9), 128, 8)
+    np.testing.assert_allclose(compare_pixels(halves, SAMPLES, exact).freedom, HALVES - 1, rtol=1e-6)
+    rough = Estimate(np.full((50, 3), 0.5), np.full((50, 3), 1.0), 1, 8)
+    # 7 of the reference alone; what it says of the frame's noise, 2^-7 of its own variance, adds next to nothing.
+    np.testing.assert_allclose(compare_pixels(halves, SAMPLES, rough).freedom, 7.0, rtol=0.1)
+
+
+def test_pixels_that_are_not_finite_fail():
+    case = Case()
+    column, row = case.pixels[3]
+    case.halves[2, row, column, 1] = np.nan
+    found = case.check()
+    assert not found.passed
+    assert found.details == (f"pixel {column},{row}: not finite",)
+
+
+def test_black_frames_agree():
+    halves, pixels = np.zeros((HALVES, SIZE, SIZE, 3)), choose_pixels(disc(), 50)
+    black = Estimate(np.zeros((50, 3)), np.zeros((50, 3)), 128, 8)
+    assert check_frame("look", halves, disc(), SAMPLES, pixels, black).passed
+
+
+def test_too_few_halves_are_refused():
+    case = Case()
+    with pytest.raises(RenderError, match="2 independent renders"):
+        case.check(case.halves[:2])
+
+
+def test_pixels_are_chosen_from_the_asset_and_its_rim():
+    alpha = np.zeros((9, 12))
+    alpha[3:5, 6:9] = 0.5
+    chosen = choose_pixels(alpha, 1000, 1)
+    assert sorted(map(tuple, chosen.tolist())) == [(x, y) for x in range(5, 10) for y in range(2, 6)]
+    few = choose_pixels(alpha, 6, 1)
+    assert len(np.unique(few, axis=0)) == 6
+    assert (few == choose_pixels(alpha, 6, 1)).all()
+    assert (few != choose_pixels(alpha, 6, 2)).any()
+
+
+def test_flip_sees_what_differs():
+
+    case = Case()
+    assert flip(case.truth, case.truth)[0] == 0.0
+    changed = case.truth.copy()
+    changed[:, : SIZE // 2] *= 0.5
+    mean, seen = flip(changed, case.truth)
+    assert seen.shape == (SIZE, SIZE)
+    assert mean == pytest.approx(seen.mean(), rel=1e-4)
+    assert seen[:, : SIZE // 2 - 4].mean() > 5.0 * seen[:, SIZE // 2 + 4 :].mean()
+    found = check_frame("look", case.halves, case.alpha, SAMPLES, case.pixels, case.reference, case.truth)
+    assert 0.0 < found.figures["flip"] < 1.0
+    assert found.skipped == ""

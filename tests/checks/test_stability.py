@@ -1,0 +1,279 @@
+"""The stress test: that its cases are as extreme as said, that it finds what it looks for, and that models pass."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lookdev.batch.worker import WORKER_COMMAND, Worker
+from lookdev.brdf import PARAMETERS, pixar
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.vectors import Array, mix_color
+from lookdev.checks import stability
+from lookdev.checks.albedo import Render
+from lookdev.checks.evaluate import Batch, evaluate_lines, evaluate_numpy
+from lookdev.checks.extremes import SceneCase, case_line, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
+from lookdev.checks.finding import Finding
+from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
+from lookdev.codegen.surface import PointLayer
+from lookdev.errors import WorkerError
+from lookdev.material import Layer, Look, Texture
+from lookdev.plan.task import FrameTask
+
+Floats = NDArray[np.float64]
+
+STACKS = {name: layers for model in PARAMETERS for name, layers in model_stacks(model).items()}
+GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+@pytest.mark.parametrize("layers", STACKS.values(), ids=STACKS)
+def test_cases_are_extreme_and_legal(layers: tuple[PointLayer, ...]) -> None:
+    cases = extreme_cases(layers, 4000, rng())
+    wo, wi = cases.batch.wo, cases.batch.wi
+    for w in (wo, wi):
+        np.testing.assert_allclose(np.linalg.norm(w, axis=-1), 1.0, rtol=1e-6)
+        np.testing.assert_array_equal(w, w.astype(np.float32))
+    grazing = np.abs(wo[:, 2]) < 1.1e-7
+    assert (grazing & cases.comparable).any()
+    assert (np.abs(wo[cases.comparable][:, 2]) > 9e-8).all()
+    assert ((np.abs(wo[:, 2]) < 2.0**-126) & (wo[:, 2] != 0.0)).any()
+    assert (wo == wi).all(axis=-1).any()
+    assert ((wo + wi)[:, :2] == 0.0).all(axis=-1).any()
+    for layer, numbers in zip(layers, cases.batch.numbers, strict=True):
+        for name, parameter in PARAMETERS[layer.model].items():
+            if parameter.kind != "token":
+                low, high = parameter.hard
+                value = numbers[name]
+                assert ((value >= low) & (value <= high)).all()
+                assert parameter.kind == "normal" or {low, high} <= set(value.ravel().tolist())
+        denormal = [(np.abs(value) < 2.0**-126) & (value != 0.0) for value in numbers.values()]
+        assert any(each.any() for each in denormal)
+        assert not any(each[cases.comparable].any() for each in denormal)
+
+
+def test_moderate_numbers_amplify_nothing() -> None:
+    for numbers in moderate_numbers(STACKS["pixar over disney"], 200, rng()):
+        for name, value in numbers.items():
+            assert name == "ior" or value.max() <= 1.0
+
+
+def test_a_case_replays() -> None:
+    cases = extreme_cases(STACKS["disney over pixar"], 50, rng())
+    lines = [case_line(cases.batch, index, excess=2.0) for index in range(50)]
+    got = [json.loads(line) for line in evaluate_lines(lines, "numpy")]
+    f, density = evaluate_numpy(cases.batch)
+    np.testing.assert_array_equal([each["f"] for each in got], f)
+    np.testing.assert_array_equal([each["pdf"] for each in got], density)
+    assert got[0]["excess"] == 2.0
+
+
+def test_what_a_look_fixes_stays() -> None:
+    look = Look(
+        "rusty", (Layer("Metal", "disney", {"metallic": 0.1, "baseColor": (0.1, 0.2, 0.3), "variant": "2012"}),)
+    )
+    (layer,) = look_stack(look)
+    assert layer.tokens == {"variant": "2012"}
+    assert layer.constants["metallic"] == np.float32(0.1)
+    cases = extreme_cases((layer,), 100, rng())
+    assert cases.batch.numbers == ({},)
+    varied = replace(look, layers=(replace(look.layers[0], mask=1.0, inputs={"metallic": _texture()}),))
+    with pytest.raises(Exception, match=r"none\.png"):
+        look_stack(varied)
+
+
+def _texture() -> Texture:
+    return Texture(Path("none.png"), "r", "raw")
+
+
+def _fake(batch: Batch, change: str) -> tuple[Floats, Floats]:
+    f, density = evaluate_numpy(batch)
+    usual = int(np.argmin(np.abs(f[: len(f) // 2] - 0.3).max(axis=-1)))
+    match change:
+        case "nan":
+            f[7, 1] = np.nan
+        case "negative":
+            density[7] = -1e-30
+        case "infinite":
+            f[-1, 0] = np.inf
+        case "wrong":
+            f[usual] *= 1.01
+    return f, density
+
+
+@pytest.mark.parametrize("change", ["", "nan", "negative", "infinite", "wrong"])
+def test_one_bad_value_fails_a_stack(change: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stability, "evaluate_cycles", lambda batch, alter: _fake(batch, change))
+    finding = check_stack("disney", STACKS["disney 2014"], rng(), "quick")
+    assert finding.passed is (change == "")
+    assert finding.figures["failed"] == float(change != "")
+    assert finding.figures["unsound_cycles"] == float(change in ("nan", "negative", "infinite"))
+    if change:
+        assert json.loads(finding.details[0])["excess"] > 1.0
+
+
+def test_too_much_light_fails_a_stack(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stability, "evaluate_cycles", lambda batch, alter: evaluate_numpy(batch))
+    monkeypatch.setitem(stability._MOST, "disney", 1.0)
+    finding = check_stack("disney", STACKS["disney 2014"], rng(), "quick")
+    assert not finding.passed
+    assert finding.figures["failed"] == 0.0
+    assert finding.figures["largest_albedo"] > 1.0
+
+
+@dataclass(frozen=True)
+class Picture:
+    a: NDArray[np.float32]
+    b: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+
+
+def picture(value: float = 0.5, seed: int = 0, alpha: float = 1.0) -> Picture:
+    a, b = np.random.default_rng(seed).normal(value, 0.01, (2, 8, 8, 3)).astype(np.float32)
+    return Picture(a, b, np.full((8, 8), alpha, np.float32))
+
+
+CASES = {case.name: case for case in scene_cases()}
+
+
+def judged(name: str, shown: Picture) -> Finding:
+    case = CASES[name]
+    pictures = {"usual": picture(seed=1), case.name: shown}
+    cases = [CASES[each] for each in dict.fromkeys([case.like or case.name, case.name])]
+    *_, finding = check_scenes(GREY, cases, lambda task: pictures[task.digest.partition(", ")[2]])
+    return finding
+
+
+def _with(shown: Picture, value: float) -> Picture:
+    a = shown.a.copy()
+    a[3, 3, 1] = value
+    return replace(shown, a=a)
+
+
+BLACK = Picture(*np.zeros((2, 8, 8, 3), np.float32), np.ones((8, 8), np.float32))
+
+
+@pytest.mark.parametrize(
+    ("name", "shown", "passed"),
+    [
+        ("usual", picture(), True),
+        ("usual", _with(picture(), np.nan), False),
+        ("usual", _with(picture(), np.inf), False),
+        ("usual", _with(picture(), -1e-30), False),
+        ("usual", replace(picture(), alpha=np.zeros((8, 8), np.float32)), False),
+        ("10 km", picture(), True),
+        ("10 km", picture(0.53), False),
+        ("10 km", picture(alpha=0.9), False),
+        ("light times 1e6", replace(picture(), a=1e6 * picture().a, b=1e6 * picture().b), True),
+        ("light times 1e6", picture(), False),
+        ("black", BLACK, True),
+        ("black", _with(BLACK, 1e-30), False),
+        ("white", picture(0.9), True),
+        ("white", picture(4.1), False),
+    ],
+)
+def test_a_picture_is_judged(name: str, shown: Picture, passed: bool) -> None:
+    assert judged(name, shown).passed is passed
+
+
+def test_no_picture_is_a_finding() -> None:
+    def render(task: FrameTask) -> Picture:
+        raise WorkerError("the render worker's array 'a' has pixels that are not finite")
+
+    findings = list(check_scenes(GREY, [CASES["usual"], CASES["10 km"]], render))
+    assert [finding.passed for finding in findings] == [False, False]
+    assert "not finite" in findings[0].summary
+
+
+def test_scenes_are_what_they_say() -> None:
+    for case in CASES.values():
+        assert not case.like or case.like in CASES
+    mesh = CASES["degenerate triangles"].asset.meshes[0]
+    triangles = mesh.corner_points[-3 * 100 :].reshape(-1, 3)
+    assert all(len(set(triangle)) < 3 for triangle in triangles.tolist())
+    flat = CASES["zero-area UVs"].asset.meshes[0]
+    assert np.ptp(flat.uvs["st"]) == 0.0
+    np.testing.assert_allclose(np.linalg.norm(flat.tangents, axis=-1), 1.0, rtol=1e-6)
+    assert CASES["0.1 mm, 100 km away"].asset.radius < 2e-4
+    assert np.linalg.norm(CASES["0.1 mm, 100 km away"].asset.center) > 1e5
+    assert CASES["sun of a texel, 1e6"].light.radiance.max() == 1e6
+
+
+@pytest.fixture(scope="module")
+def render(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Render]:
+    folder = tmp_path_factory.mktemp("stress")
+    with Worker(WORKER_COMMAND, folder / "worker.log", folder, 120.0) as worker:
+
+        def render_one(task: FrameTask) -> object:
+            worker.start()
+            return worker.render(task, lambda progress: None)
+
+        yield render_one  # type: ignore[misc]
+
+
+def _scenes(*names: str) -> list[SceneCase]:
+    return [CASES[name] for name in names]
+
+
+@pytest.mark.cycles
+def test_far_and_tiny_is_like_near_and_usual(render: Render) -> None:
+    # Cycles' float32 has steps of 1/128 m there: nothing was left of an asset of 0.1 mm.
+    names = ("usual", "100 km away", "0.1 mm, 100 km away", "flipped normals")
+    findings = list(check_scenes(GREY, _scenes(*names), render))
+    assert [finding.summary for finding in findings if not finding.passed] == []
+
+
+@pytest.mark.cycles
+def test_another_picture_is_found(render: Render) -> None:
+    other = replace(CASES["10 km"], asset=hostile_scenes()[0].asset)
+    findings = list(check_scenes(GREY, [CASES["usual"], other], render))
+    assert [finding.passed for finding in findings] == [True, False]
+
+
+@pytest.mark.cycles
+def test_a_look_of_constants_passes(render: Render) -> None:
+    look = Look("lacquer", (Layer("Lacquer", "pixar", {"roughness": 0.0, "clear": 1.0, "energy": "conserving"}),))
+    findings = list(stress([look], render, depth="quick"))
+    assert [finding.subject for finding in findings] == [
+        "lacquer", "lacquer, normals anywhere", "lacquer, normals anywhere, sun of 1e6"
+    ]  # fmt: skip
+    assert [finding.summary for finding in findings if not finding.passed] == []
+
+
+def _cancelling(normal: Array, grazing: Array, cos_theta: Array) -> Array:
+    return mix_color(normal, grazing, schlick_weight(cos_theta))
+
+
+@pytest.mark.cycles
+def test_a_formula_that_cancels_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    layers = STACKS["pixar published"]
+    assert check_stack("pixar", layers, rng(), "default").passed
+    monkeypatch.setattr(pixar, "fresnel_blend", _cancelling)
+    finding = check_stack("pixar", layers, rng(), "default")
+    assert not finding.passed
+    assert finding.figures["unsound_numpy"] == 0.0
+
+
+@pytest.mark.cycles
+def test_a_normal_bent_by_less_than_float32_knows_gives_no_negative_light() -> None:
+    case = {
+        "model": "disney",
+        "params": {
+            "baseColor": [1.0, 0.8, 0.5],
+            "subsurface": 1.0,
+            "normal": [-0.36725595593452454, 0.2055877447128296, 0.8102683424949646],
+        },
+        "wo": [0.747011661529541, -0.6648108959197998, 9.999999682655225e-21],
+        "wi": [-0.747011661529541, 0.6648108959197998, 9.999999682655225e-21],
+    }
+    (line,) = evaluate_lines([json.dumps(case)], "cycles")
+    assert min(json.loads(line)["f"]) >= 0.0

@@ -1,0 +1,113 @@
+"""Frames of meshes against the float64 reference: textures, masks and normals of several layers, and bounces."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from conftest import POSE, RenderScene, orbit_camera
+
+from lookdev.asset import Asset, load_asset
+from lookdev.asset.mesh import Instance
+from lookdev.asset.store import make_asset
+from lookdev.checks.images import check_frame, choose_pixels
+from lookdev.ibl import LightTables, read_distribution
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Texture
+from lookdev.material.expression import parse
+from lookdev.reference.render import frame_pixels
+
+pytestmark = pytest.mark.cycles
+
+SIZE, SAMPLES, SEEDS, BOUNCES, PIXELS = 48, 32, 6, 2, 80
+
+
+def image(file: Path, seed: int) -> Path:
+    """Write a noise of 8 x 8 blocks, so that no look-up depends on the last digit of a coordinate."""
+    blocks = np.random.default_rng(seed).integers(0, 256, (8, 8, 3)).astype(np.uint8)
+    pixels = np.kron(blocks, np.ones((2, 2, 1), np.uint8))
+    buffer = oiio.ImageBuf(oiio.ImageSpec(16, 16, 3, oiio.UINT8))
+    buffer.set_pixels(buffer.roi, pixels)
+    assert buffer.write(str(file))
+    return file
+
+
+def painted(folder: Path) -> tuple[Layer, ...]:
+    """Worn Disney paint with a normal map under dust that an expression places."""
+    color = Texture(image(folder / "color.png", 1), "rgb", "sRGB")
+    grain = image(folder / "grain.png", 2)
+    rough = Texture(
+        grain, "r", "raw", wrap_s="mirror", transform=(2.0, 0.0, 0.1, 0.0, 3.0, 0.2), scale=(0.6,) * 4, bias=(0.2,) * 4
+    )
+    normal = Texture(grain, "rgb", "raw", scale=(0.6, 0.6, 0.2, 1.0), bias=(-0.3, -0.3, 0.8, 0.0))
+    mask = Formula(
+        parse("smoothstep(t[0], 0.3, 0.7) * m"),
+        {"t": Coordinates("st", (5.0, 0.0, 0.0, 0.0, 5.0, 0.0)), "m": rough},
+        {"t": "color", "m": "float"},
+    )
+    return (
+        Layer("Paint", "disney", {"baseColor": color, "roughness": rough, "metallic": 0.3, "normal": normal}),
+        Layer("Dust", "disney", {"baseColor": (0.1, 0.4, 0.2), "roughness": 0.8}, mask),
+    )
+
+
+def embossed(folder: Path) -> tuple[Layer, ...]:
+    """Pixar's model, half metal, whose highlights follow a height map."""
+    height = Texture(image(folder / "height.png", 3), "g", "raw", transform=(2.0, 1.0, 0.0, -1.0, 2.0, 0.0))
+    color = Texture(image(folder / "color.png", 1), "rgb", "sRGB")
+    inputs = {"surfaceColor": color, "roughness": 0.4, "metallic": 0.5, "highlightNormal": Bump(height, 0.01)}
+    return (Layer("Emboss", "pixar", inputs),)
+
+
+@pytest.mark.parametrize(
+    ("name", "look"),
+    [
+        ("suzanne", painted),
+        pytest.param("shaderball", painted, marks=pytest.mark.slow),
+        pytest.param("suzanne", embossed, marks=pytest.mark.slow),
+        ("shaderball", embossed),
+    ],
+)
+def test_meshes_agree_within_their_own_noise(name: str, look, render: RenderScene, light_of, tmp_path: Path) -> None:
+    assert_agreement(render, load_asset(builtin=name), look(tmp_path), light_of("city"))
+
+
+def test_a_reflected_instance_has_its_bitangent_on_the_other_side(render: RenderScene, light_of) -> None:
+    suzanne = load_asset(builtin="suzanne")
+    reflected = make_asset("reflected", suzanne.meshes, [Instance(0, np.diag([-1.0, 1.0, 1.0, 1.0]))], suzanne.slots)
+    inputs = {"baseColor": (0.5, 0.5, 0.5), "roughness": 0.5, "normal": (0.0, 0.6, 0.8)}
+    assert_agreement(render, reflected, (Layer("Leaning", "disney", inputs),), light_of("city"))
+
+
+def assert_agreement(render: RenderScene, asset: Asset, layers: tuple[Layer, ...], light: LightTables) -> None:
+    frames = [
+        render(asset, layers, light, samples=SAMPLES, seed=seed, size=SIZE, bounces=BOUNCES) for seed in range(SEEDS)
+    ]
+    pixels = choose_pixels(frames[0].alpha, PIXELS, seed=1)
+    reference = frame_pixels(
+        asset,
+        [Look("look", layers)] * len(asset.slots),
+        read_distribution(light),
+        orbit_camera(asset.center, asset.radius),
+        POSE,
+        (SIZE, SIZE),
+        pixels,
+        bounces=BOUNCES,
+    )
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
+    found = check_frame(asset.name, halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
+    assert found.passed, "\n".join((found.summary, *found.details))
+    # What was compared was known well enough for a fault of a few percent to show.
+    assert found.figures["bias_limit"] < 0.05
+    # Light that is not there: the same frame without its indirect part is another.
+    direct = frame_pixels(
+        asset,
+        [Look("look", layers)] * len(asset.slots),
+        read_distribution(light),
+        orbit_camera(asset.center, asset.radius),
+        POSE,
+        (SIZE, SIZE),
+        pixels,
+    )
+    assert not check_frame(asset.name, halves, frames[0].alpha, SEEDS * SAMPLES, pixels, direct).passed

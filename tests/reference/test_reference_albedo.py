@@ -1,0 +1,59 @@
+"""Albedo by quadrature against closed forms, and by sampling against quadrature."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
+from lookdev.reference.albedo import integrate_albedo, sample_albedo
+
+
+def bsdf_of(model: str, **inputs: Any) -> Bsdf:
+    return stack_bsdf([StackLayer(model, complete_parameters(model, inputs))])
+
+
+def view(degrees: float) -> np.ndarray:
+    theta, phi = np.radians(degrees), 0.7
+    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+
+
+@pytest.mark.parametrize("degrees", [0.0, 40.0, 85.0])
+def test_a_diffuser_sends_what_its_color_and_presence_say_to_each_side(degrees: float) -> None:
+    # Rough all over, Pixar's model is Lambertian: its color, shared between both sides.
+    color = np.array([0.2, 0.5, 0.8])
+    bsdf = bsdf_of("pixar", surfaceColor=tuple(color), roughness=1.0, back=0.25, presence=0.5)
+    found = integrate_albedo(bsdf, view(degrees))
+    np.testing.assert_allclose(found.value, 0.5 * np.stack([0.75 * color, 0.25 * color]), rtol=3e-4)
+    assert (np.abs(found.value - 0.5 * np.stack([0.75 * color, 0.25 * color])) <= found.error + 1e-12).all()
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0])
+@pytest.mark.parametrize("cone_scale", [0.0, 1.0])
+def test_a_tight_highlight_reflects_its_fresnel_term(degrees: float, cone_scale: float) -> None:
+    # A lobe of 0.25 degrees is a mirror: (1 - cos)^5 blends its color to white; the cone widens that by about
+    # sin^2(0.25 degrees).
+    bsdf = bsdf_of("pixar", surfaceColor=(0.9, 0.5, 0.1), metallic=1.0, roughness=0.0, reflectionConeScale=cone_scale)
+    color = np.array([0.9, 0.5, 0.1])
+    expected = color + (1.0 - color) * (1.0 - np.cos(np.radians(degrees))) ** 5
+    np.testing.assert_allclose(integrate_albedo(bsdf, view(degrees)).value[0], expected, rtol=1e-4)
+
+
+SURFACES = {
+    "brushed": bsdf_of("disney", metallic=1.0, roughness=0.3, anisotropic=1.0, clearcoat=1.0, clearcoatGloss=1.0),
+    "leaning": bsdf_of(
+        "pixar", roughness=0.3, clear=0.5, back=0.3, diffuseNormal=(0.3, -0.2, 0.9), highlightNormal=(-0.4, 0.3, 0.8)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize("degrees", [10.0, 75.0])
+def test_samples_agree_with_the_quadrature(name: str, degrees: float) -> None:
+    exact = integrate_albedo(SURFACES[name], view(degrees))
+    found = sample_albedo(SURFACES[name], view(degrees), 1024, 16, np.random.default_rng(3))
+    # Student's t with 15 degrees of freedom: beyond 6 once in 40,000.
+    assert (np.abs(found.value - exact.value) <= 6.0 * found.error + exact.error).all()
+    assert (found.error < 2e-3).all()

@@ -1,0 +1,257 @@
+"""Triangle meshes against the exact shapes, against furnaces, and against what each rule says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lookdev.asset import Instance, Mesh, Slot, load_asset
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.store import make_asset
+from lookdev.brdf import MODELS, complete_parameters
+from lookdev.errors import AssetError
+from lookdev.ibl import load_environment
+from lookdev.ibl.tables import build_distribution
+from lookdev.material import Layer, Look, Primvar
+from lookdev.plan.camera import camera_rays
+from lookdev.plan.task import Camera, Pose
+from lookdev.reference.mesh import MeshScene, corner_triangles
+from lookdev.reference.render import frame_pixels, shape_pixels
+from lookdev.reference.shapes import Plane, Sphere
+
+POSE = Pose(30.0, 75.0)
+CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
+SIZE = (64, 64)
+INSIDE = np.array([[32, 32], [25, 36], [38, 22]])
+GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
+# Roughness 1 leaves the diffuse lobes only, and back 0.5 sends half of what is scattered to the other side.
+LEAF = Look("leaf", (Layer("Leaf", "pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5}),))
+
+
+@pytest.fixture(scope="module")
+def lights():
+    return {name: build_distribution(load_environment(builtin=name)) for name in ("white", "forest")}
+
+
+def polygons(points, faces, **changes):
+    """Return a mesh of flat polygons, one a slot, whose u runs along x and v along y."""
+    points, corners = np.array(points, np.float32), np.concatenate(faces).astype(np.int32)
+    sizes = np.array([len(face) for face in faces], np.int32)
+    edges = [points[face[1:3]] - points[face[0]] for face in faces]
+    normals = np.repeat([np.cross(*edge) / np.linalg.norm(np.cross(*edge)) for edge in edges], sizes, axis=0)
+    tangents = np.repeat([edge[0] / np.linalg.norm(edge[0]) for edge in edges], sizes, axis=0)
+    mesh = Mesh(
+        "/mesh",
+        points,
+        corners,
+        sizes,
+        np.arange(len(faces), dtype=np.int32),
+        normals.astype(np.float32),
+        tangents.astype(np.float32),
+        {"st": points[corners][:, :2]},
+    )
+    return replace(mesh, **changes)
+
+
+def box_mesh():
+    points = np.stack(np.meshgrid([-1, 1], [-1, 1], [-1, 1], indexing="ij"), axis=-1).reshape(-1, 3)
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return polygons(points, [np.array(face) for face in faces])
+
+
+def box_asset(matrix=None, mesh=None):
+    mesh = mesh or box_mesh()
+    return make_asset("box", [mesh], [Instance(0, np.eye(4) if matrix is None else matrix)], [Slot("/box")] * 6)
+
+
+def box_scene(matrix=None, mesh=None):
+    return MeshScene(box_asset(matrix, mesh), [GREY] * 6)
+
+
+def places_in(scene, count, rng):
+    """Return places on the scene that rays from around its middle meet, and the directions back."""
+    ray = rng.normal(size=(count, 3))
+    ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+    hit, place = scene.hit(scene._asset.center + 0.02 * scene._asset.radius * rng.normal(size=3), ray)
+    assert hit.all()
+    return place, -ray
+
+
+# Polygons in the plane z = 0, counter-clockwise: a fan serves, a dart from its tip, a dart from its side, an L, a star.
+STAR = [(np.cos(a) * r, np.sin(a) * r) for a, r in zip(np.arange(10) * np.pi / 5, [1.0, 0.3] * 5, strict=True)]
+POLYGONS = {
+    "square": [(0, 0), (1, 0), (1, 1), (0, 1)],
+    "dart": [(0, 0), (2, 1), (0, 2), (0.5, 1)],
+    "turned dart": [(0.5, 1), (0, 0), (2, 1), (0, 2)],
+    "other dart": [(2, 1), (0, 2), (0.5, 1), (0, 0)],
+    "hexagon": [(np.cos(a), np.sin(a)) for a in np.arange(6) * np.pi / 3],
+    "L": [(1, 2), (0, 2), (0, 0), (2, 0), (2, 1), (1, 1)],
+    "star": STAR,
+}
+
+
+@pytest.mark.parametrize("name", POLYGONS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_triangles_fill_their_polygon(name, turned):
+    flat = np.array(POLYGONS[name], float)
+    x, y = flat.T
+    area = 0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1))
+    points = np.stack([x, y, 0 * x] if not turned else [0 * x, y, x], axis=-1)
+    mesh = polygons(points, [np.arange(len(flat))])
+    triangles, faces = corner_triangles(mesh)
+    corners = mesh.points[triangles].astype(float)
+    vectors = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sign = vectors @ (np.array([0, 0, 1.0]) if not turned else np.array([-1.0, 0, 0]))
+    assert len(triangles) == len(flat) - 2
+    assert (faces == 0).all()
+    # No triangle is turned over, and together they have the area: so none lies outside, and none over another.
+    assert (sign >= 0.0).all()
+    assert sign.sum() == pytest.approx(area, rel=1e-6)
+
+
+def test_a_square_is_split_from_its_first_corner_and_a_dart_from_its_dent():
+    square, dart = (polygons([(x, y, 0) for x, y in POLYGONS[name]], [np.arange(4)]) for name in ("square", "dart"))
+    assert corner_triangles(square)[0].tolist() == [[0, 1, 2], [0, 2, 3]]
+    assert corner_triangles(dart)[0].tolist() == [[0, 1, 3], [1, 2, 3]]
+
+
+@pytest.mark.parametrize(("name", "shape"), [("plane", Plane()), ("sphere", Sphere())])
+@pytest.mark.parametrize("model", ["disney", "pixar"])
+def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
+    layers = {
+        "disney": {"metallic": 1.0, "roughness": 0.4, "anisotropic": 0.8},
+        "pixar": {"roughness": 0.6, "back": 0.4, "clear": 0.3, "presence": 0.7, "highlightNormal": (0.2, 0.1, 0.9)},
+    }
+    asset = make_sphere(128, 64) if name == "sphere" else load_asset(builtin=name)
+    look = Look("look", (Layer("Layer", model, layers[model]),))
+    options = {"bounces": 1, "samples": 256, "scrambles": 4}
+    mesh = frame_pixels(asset, [look], lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
+    bsdf = MODELS[model](complete_parameters(model, layers[model]))
+    exact = shape_pixels(bsdf, shape, lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
+    # The same directions are drawn, so that noise cancels. 64 rings are up to 3e-4 off the sphere and their facets
+    # 1.4 degrees off its normals, so that a few paths end elsewhere; the card is exact but for float32 tangents.
+    tolerance = 0.25 * exact.error if name == "sphere" else 1e-6
+    assert (np.abs(mesh.value - exact.value) <= tolerance).all()
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 4])
+def test_a_lossless_box_in_a_furnace_lacks_what_is_still_inside(bounces, lights):
+    got = frame_pixels(
+        box_asset(), [LEAF] * 6, lights["white"], CAMERA, POSE, SIZE, INSIDE, bounces=bounces, samples=64, scrambles=16
+    )
+    # Half of what is inside leaves at every wall. Sixteen scrambles: beyond five errors is one in six thousand.
+    assert (np.abs(got.value - (1.0 - 0.5 ** (bounces + 1))) <= 5.0 * got.error + 1e-9).all()
+    assert (got.error < 0.02).all()
+
+
+def test_every_slot_wears_its_own_look(lights):
+    black = Look("black", (Layer("Black", "pixar", {"surfaceColor": (0.0,) * 3, "normalScale": 0.0}),))
+    camera, pose = Camera(20.0, 0.0, (0.0, 0.0, 0.0), 8.0), Pose(0.0, 0.0)  # sees the wall of -y, the third
+    for wearing in range(6):
+        looks = [LEAF if slot == wearing else black for slot in range(6)]
+        options = {"bounces": 0, "samples": 16, "scrambles": 2}
+        got = frame_pixels(box_asset(), looks, lights["white"], camera, pose, SIZE, INSIDE[:1], **options)
+        assert (got.value > 0.4).all() == (wearing == 2)
+
+
+@pytest.mark.parametrize(("size", "place"), [(1.0, 0.0), (1e-4, 0.0), (1.0, 1e5), (1e4, -3e5)])
+def test_a_ray_never_meets_the_triangle_that_it_leaves(size, place):
+    matrix = np.diag([size, size, size, 1.0])
+    matrix[:3, 3] = place
+    scene = box_scene(matrix)
+    rng = np.random.default_rng(4)
+    places, inward = places_in(scene, 2000, rng)
+    frame, _ = scene.frame(places, inward)
+    # From steep to grazing, inwards and outwards.
+    angle, z = rng.uniform(0.0, 2.0 * np.pi, 2000), 10.0 ** rng.uniform(-6.0, -0.01, 2000)
+    side = np.sqrt(1.0 - z**2)
+    local = np.stack([side * np.cos(angle), side * np.sin(angle), z], axis=-1)
+    met, far = scene.onward(places, np.einsum("nji,nj->ni", frame, local))
+    assert met.all()
+    assert (far["triangle"] != places["triangle"]).all()
+    outward = np.einsum("nji,nj->ni", frame, local * (1.0, 1.0, -1.0))
+    assert not scene.onward(places, outward)[0].any()
+
+
+def test_hits_are_exact_to_float64():
+    scene = box_scene()
+    origin, ray = camera_rays(CAMERA, POSE, SIZE, *np.random.default_rng(2).uniform(20.0, 44.0, (2, 500)))
+    hit, place = scene.hit(origin, ray)
+    points = scene.points(place)[hit]
+    across = np.linalg.norm(np.cross(points - origin, ray[hit]), axis=-1)
+    assert hit.sum() > 400
+    assert (np.abs(np.abs(points).max(axis=-1) - 1.0) < 1e-12).all()
+    assert (across < 1e-12).all()
+
+
+def test_frames_stay_orthonormal_and_normals_perpendicular_under_any_matrix():
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.array([[1.0, 0.4, 0.0], [0.0, 0.5, 0.1], [0.2, 0.0, 2.0]])
+    scene = box_scene(matrix)
+    places, wo = places_in(scene, 300, np.random.default_rng(7))
+    frame, facet = scene.frame(places, wo)
+    np.testing.assert_allclose(frame @ frame.swapaxes(1, 2), np.tile(np.eye(3), (300, 1, 1)), atol=1e-12)
+    np.testing.assert_allclose(frame[:, 2], facet, atol=1e-6)
+    assert ((frame[:, 2] * wo).sum(axis=-1) > 0.0).all()
+
+
+def test_a_reflected_instance_reflects_its_frames():
+    rng = np.random.default_rng(8)
+    plain, mirror = box_scene(), box_scene(np.diag([-1.0, 1.0, 1.0, 1.0]))
+    places, wo = places_in(plain, 50, rng)
+    reflection = np.array([-1.0, 1.0, 1.0])
+    frame, _ = plain.frame(places, wo)
+    reflected, _ = mirror.frame(places, wo * reflection)
+    np.testing.assert_allclose(reflected, frame * reflection, atol=1e-12)
+
+
+def test_a_normal_that_leans_away_is_bent_towards_its_viewer():
+    mesh = box_mesh()
+    leaning = mesh.normals + 3.0 * mesh.tangents
+    leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
+    scene = box_scene(mesh=replace(mesh, normals=leaning.astype(np.float32)))
+    places, wo = places_in(scene, 400, np.random.default_rng(9))
+    frame, facet = scene.frame(places, wo)
+    lean = (frame[:, 2] * wo).sum(axis=-1)
+    assert ((facet * wo).sum(axis=-1) > 0.0).all()
+    assert (lean > 0.99e-4).all()
+    # Some are bent and some need not be.
+    assert 0 < (lean < 1.01e-4).sum() < 400
+
+
+def test_what_corners_carry_is_interpolated():
+    mesh = box_mesh()
+    height = mesh.points[mesh.corner_points, 2]
+    scene = box_scene(mesh=replace(mesh, primvars={"height": height, "point": mesh.points[mesh.corner_points]}))
+    places, _ = places_in(scene, 100, np.random.default_rng(5))
+    points = scene.points(places)
+    np.testing.assert_allclose(scene.uv(places, "st"), points[:, :2], atol=1e-12)
+    np.testing.assert_allclose(scene.primvar(places, Primvar("height", 0.0)), points[:, 2], atol=1e-12)
+    np.testing.assert_allclose(scene.primvar(places, Primvar("point", (0.0, 0.0, 0.0))), points, atol=1e-12)
+    for fallback in (0.25, 0.75, (0.5, 0.25, 0.125)):
+        value = scene.primvar(places, Primvar("none", fallback))
+        np.testing.assert_allclose(value, np.broadcast_to(fallback, value.shape), atol=1e-12)
+    # The x axis is u's and y is v's, as seen from +z: from -z the UVs are mirrored, and side walls have no area.
+    below = (points[:, 2] < -0.999) & (np.abs(points[:, :2]) < 0.999).all(axis=-1)
+    assert below.any()
+    np.testing.assert_allclose(scene.handedness(places), np.where(below, -1.0, 1.0), atol=1e-12)
+
+
+def test_a_look_that_reads_what_is_not_there_is_refused():
+    mesh = box_mesh()
+    scene = box_scene(mesh=replace(mesh, primvars={"height": mesh.points[mesh.corner_points, 2]}))
+    places, _ = places_in(scene, 10, np.random.default_rng(5))
+    with pytest.raises(AssetError, match=r"/mesh: no UV set 'other'; it has: st"):
+        scene.uv(places, "other")
+    with pytest.raises(AssetError, match=r"/mesh: primvar 'height' has 1 numbers a corner, the look reads 3"):
+        scene.primvar(places, Primvar("height", (0.0, 0.0, 0.0)))
+
+
+def test_triangles_without_area_are_not_there():
+    mesh = polygons([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 0, 0)], [np.arange(3), np.array([0, 1, 2])])
+    line = replace(mesh, corner_points=np.array([0, 1, 2, 0, 1, 3], np.int32))
+    scene = MeshScene(make_asset("line", [line], [Instance(0, np.eye(4))], [Slot("/a"), Slot("/b")]), [GREY, GREY])
+    hit, _ = scene.hit(np.array([1.5, 0.0, 1.0]), np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)]))
+    assert hit.tolist() == [False, True]
