@@ -10,15 +10,14 @@ from pathlib import Path
 
 from lookdev.asset import Asset, Slot, load_asset, save_asset
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.surface import generate_surface
 from lookdev.errors import AssetError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
 from lookdev.ibl import LightTables, load_environment, prepare_light
 from lookdev.job import Job, JobLook, load_job
-from lookdev.material import Bump, Layer, Look, Texture
-from lookdev.material.textures import linear_texture, slope_texture
+from lookdev.material import Layer, Look
 from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
+from lookdev.plan.shader import surface_shader
 from lookdev.plan.task import Camera, Sampling, SceneTask
 
 # What stands where a job gives a part no look: the grey of a photographer's card, without gloss.
@@ -85,34 +84,18 @@ def make_scene(
     # Slots that share a look share its shader.
     different = {id(look): look for look in slots}
 
-    def generate(bounces: int) -> dict[int, ShaderSource]:
-        return {
-            key: generate_surface(
-                look,
-                _image_file,
-                brdf_samples=sampling.brdf_samples,
-                ibl_samples=sampling.ibl_samples,
-                bounces=bounces,
-                light_size=(light.width, light.height),
-                light_entries=light.sample_count,
-                resolution=resolution,
-            )
-            for key, look in different.items()
-        }
+    def generate(sampling: Sampling) -> dict[int, ShaderSource]:
+        return {key: surface_shader(look, light, resolution, sampling) for key, look in different.items()}
 
-    shaders = generate(sampling.bounces)
     # Light that a convex asset reflects never meets it again; light that passes through meets a closed one from inside.
-    passes_through = any(shader.transmits or shader.see_through for shader in shaders.values())
-    if sampling.bounces and asset.convex and (asset.sheet or not passes_through):
-        sampling = replace(sampling, bounces=0)
-        shaders = generate(0)
+    chosen = replace(sampling, bounces=0) if asset.convex else sampling
+    shaders = generate(chosen)
+    if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in shaders.values()):
+        chosen = sampling
+        shaders = generate(sampling)
     return SceneTask(
-        asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, sampling, camera, device="cpu"
+        asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, chosen, camera, device="cpu"
     )
-
-
-def _image_file(source: Texture | Bump) -> Path:
-    return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)
 
 
 @contextmanager

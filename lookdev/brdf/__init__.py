@@ -11,7 +11,7 @@ import numpy as np
 
 from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
 from lookdev.brdf.lobes import Bsdf, Lobe, evaluate, evaluate_cosine, pdf, sample
-from lookdev.brdf.parameters import Parameter, Value
+from lookdev.brdf.parameters import MASK, Parameter, Value
 from lookdev.brdf.pixar_parameters import PIXAR_PARAMETERS
 from lookdev.brdf.stack import StackLayer, stack_bsdf
 from lookdev.brdf.vectors import Array
@@ -70,6 +70,7 @@ def _checked(model: str, parameter: Parameter, value: object) -> Array:
 
 
 __all__ = [
+    "MASK",
     "MODELS",
     "PARAMETERS",
     "Bsdf",

@@ -28,3 +28,7 @@ class Parameter:
     soft: tuple[float, float] = (0.0, 1.0)
     choices: tuple[str, ...] = ()
     help: str = ""
+
+
+MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")
+"""The mask of a layer, of whatever model."""

@@ -21,11 +21,11 @@ from lookdev.asset import load_asset, save_asset
 from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.samples import case_layer, constant_look, sample_layers, varying
-from lookdev.codegen.surface import generate_surface
 from lookdev.ibl import EnvironmentMap, LightTables, load_environment, prepare_light
 from lookdev.ibl.environment import Repairs
 from lookdev.ibl.mapping import uv_to_direction
 from lookdev.material import Look
+from lookdev.plan.shader import surface_shader
 from lookdev.plan.task import Camera, FrameTask, Pose, Sampling, SceneTask
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.reference.surface import look_bsdf
@@ -202,16 +202,7 @@ def _rendered(
     asset_file = save_asset(asset)
     value, error = np.zeros((2, len(views), 2, 3))
     for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (_white(),)):
-        shader = generate_surface(
-            look,
-            _no_image,
-            brdf_samples=_SAMPLING.brdf_samples,
-            ibl_samples=_SAMPLING.ibl_samples,
-            bounces=_SAMPLING.bounces,
-            light_size=(light.width, light.height),
-            light_entries=light.sample_count,
-            resolution=(_SIZE, _SIZE),
-        )
+        shader = surface_shader(look, light, (_SIZE, _SIZE), _SAMPLING, _no_image)
         shader = replace(shader, osl=alter(shader.osl))
         for number, wo in enumerate(views):
             camera, pose = _standpoint(wo)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -137,17 +136,6 @@ def _normals(count: int, straight: Mask, rng: Rng) -> Floats:
 
 def _float32(values: Floats) -> Floats:
     return values.astype(np.float32).astype(np.float64)
-
-
-def case_line(batch: Batch, index: int, **extra: object) -> str:
-    """Write one case as a line that `lookdev eval` takes; `extra` is handed through."""
-    layers = []
-    for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
-        values = {**layer.constants, **{name: value[index].tolist() for name, value in numbers.items()}}
-        mask = values.pop("mask")
-        layers.append({"model": layer.model, "params": {**layer.tokens, **values}, "mask": mask, "mode": layer.mode})
-    case = {"model": "stack", "layers": layers, "wo": batch.wo[index].tolist(), "wi": batch.wi[index].tolist()}
-    return json.dumps(case | extra)
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ Both sides start from the same float32 numbers.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 
 import numpy as np
@@ -16,7 +15,7 @@ from lookdev.brdf import Bsdf, evaluate, pdf, sample
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
 from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.samples import case_layer, constant, sample_layers, tokens, varying
+from lookdev.checks.samples import case_line, constant, sample_layers, tokens, varying
 from lookdev.codegen.surface import PointLayer
 from lookdev.material import Look
 
@@ -191,14 +190,8 @@ def _rounding(batch: Batch, wanted: Floats) -> Floats:
 
 def _line(batch: Batch, index: int, got: Floats, wanted: Floats, excess: Floats) -> str:
     """Write one case as a line that `lookdev eval` takes."""
-    layers = []
-    for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
-        values = dict(layer.constants) | {name: value[index].tolist() for name, value in numbers.items()}
-        mask = values.pop("mask")
-        layers.append(case_layer(layer.model, {**layer.tokens, **values}, mask, layer.mode))
-    case = {"model": "stack", "layers": layers, "wo": batch.wo[index].tolist(), "wi": batch.wi[index].tolist()}
     values_of = {"numpy": wanted[index].tolist(), "cycles": [float(value) for value in got[index]]}
-    return json.dumps(case | {"excess": float(excess[index].max()), "f_and_pdf": values_of})
+    return case_line(batch, index, excess=float(excess[index].max()), f_and_pdf=values_of)
 
 
 def _histogram(error: Floats, wanted: Floats, tolerance: float) -> Plot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import PARAMETERS, StackLayer
+from lookdev.checks.evaluate import Batch
 from lookdev.material import Look, Primvar
 from lookdev.reference.surface import look_layers
 
@@ -105,6 +107,17 @@ def case_layer(model: str, inputs: Mapping[str, Any], mask: Any, mode: str) -> d
     }
     params = {name: value for name, value in plain.items() if value != default[name]}
     return {"model": model, "params": params, "mask": mask, "mode": mode}
+
+
+def case_line(batch: Batch, index: int, **extra: object) -> str:
+    """Write one case as a line that `lookdev eval` takes; `extra` is handed through."""
+    layers = []
+    for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
+        values = {**layer.constants, **{name: value[index].tolist() for name, value in numbers.items()}}
+        mask = values.pop("mask")
+        layers.append(case_layer(layer.model, {**layer.tokens, **values}, mask, layer.mode))
+    case = {"model": "stack", "layers": layers, "wo": batch.wo[index].tolist(), "wi": batch.wi[index].tolist()}
+    return json.dumps(case | extra)
 
 
 def _numbers(layer: StackLayer) -> dict[str, Floats]:

@@ -25,19 +25,18 @@ from lookdev.checks.albedo import Halves, Render
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import (
     SceneCase,
-    case_line,
     extreme_cases,
     hostile_scenes,
     moderate_numbers,
     scene_cases,
 )
 from lookdev.checks.finding import Finding
-from lookdev.checks.samples import constant, sample_layers, tokens
-from lookdev.codegen.surface import PointLayer, generate_surface
+from lookdev.checks.samples import case_line, constant, sample_layers, tokens
+from lookdev.codegen.surface import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.ibl import prepare_light
-from lookdev.material import Bump, Layer, Look, Texture
-from lookdev.material.textures import linear_texture, slope_texture
+from lookdev.material import Layer, Look
+from lookdev.plan.shader import surface_shader
 from lookdev.plan.task import Camera, FrameTask, Pose, Sampling, SceneTask
 
 Floats = NDArray[np.float64]
@@ -353,16 +352,7 @@ def _difference(gain: float, halves: Halves, like: Halves) -> float:
 
 def _task(look: Look, case: SceneCase) -> FrameTask:
     light = prepare_light(case.light)
-    shader = generate_surface(
-        look,
-        _image_file,
-        brdf_samples=_SAMPLING.brdf_samples,
-        ibl_samples=_SAMPLING.ibl_samples,
-        bounces=_SAMPLING.bounces,
-        light_size=(light.width, light.height),
-        light_entries=light.sample_count,
-        resolution=_SIZE,
-    )
+    shader = surface_shader(look, light, _SIZE, _SAMPLING)
     asset = _carrying(case.asset, [each.attribute for each in shader.attributes if each.kind == "uv"])
     camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
     scene = SceneTask(save_asset(asset), (shader,), light, _SIZE, _SAMPLING, camera, "cpu")
@@ -376,7 +366,3 @@ def _carrying(asset: Asset, uv_sets: Sequence[str]) -> Asset:
     uvs = mesh.uvs | dict.fromkeys(uv_sets, mesh.uvs["st"])
     # Named by its content anew: an empty digest is made when it is saved.
     return replace(asset, meshes=(replace(mesh, uvs=uvs),), digest="")
-
-
-def _image_file(source: Texture | Bump) -> Path:
-    return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)

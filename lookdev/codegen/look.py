@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lookdev.brdf import PARAMETERS, Bsdf, Parameter, StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf import MASK, PARAMETERS, Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.codegen.inputs import Inputs
-from lookdev.material import Bump, Formula, Layer, Look, Primvar, Texture
-
-VARYING = Texture | Bump | Primvar | Formula
-_MASK = Parameter("mask", "float", 1.0)
+from lookdev.material import Layer, Look, Varying
 
 
 def look_bsdf(look: Look, inputs: Inputs) -> Bsdf:
@@ -22,14 +19,14 @@ def look_bsdf(look: Look, inputs: Inputs) -> Bsdf:
     """
     return stack_bsdf(
         [
-            StackLayer(layer.model, _layer_parameters(layer, inputs), inputs.value(layer.mask, _MASK), layer.mode)
+            StackLayer(layer.model, _layer_parameters(layer, inputs), inputs.value(layer.mask, MASK), layer.mode)
             for layer in look.layers
         ]
     )
 
 
 def _layer_parameters(layer: Layer, inputs: Inputs) -> dict[str, Any]:
-    varying = {name: value for name, value in layer.inputs.items() if isinstance(value, VARYING)}
+    varying = {name: value for name, value in layer.inputs.items() if isinstance(value, Varying)}
     constant = {name: value for name, value in layer.inputs.items() if name not in varying}
     parameters = complete_parameters(layer.model, constant)
     known = PARAMETERS[layer.model]

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, stack_bsdf
+from lookdev.brdf import PARAMETERS, StackLayer, stack_bsdf
 from lookdev.brdf.pixar_layering import Mode
 from lookdev.cache import file_digest
 from lookdev.codegen.brdf import WI, WO, BrdfCode, emit_brdf, trace_lobes
@@ -74,7 +74,8 @@ def generate_surface(
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    code = _trace(graph, look_bsdf(look, inputs))
+    bsdf = look_bsdf(look, inputs)
+    code = emit_brdf(trace_lobes(graph, bsdf), *elements_of(bsdf.presence))
     attributes = inputs.read_by(code.inputs)
     sections = _sections(code)
     # Numbered as they appear in the code, so that what is not needed leaves no trace.
@@ -190,10 +191,6 @@ def point_cells(layers: Sequence[PointLayer]) -> int:
     A power of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
     """
     return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
-
-
-def _trace(graph: Graph, bsdf: Bsdf) -> BrdfCode:
-    return emit_brdf(trace_lobes(graph, bsdf), *elements_of(bsdf.presence))
 
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color"}

@@ -1,5 +1,31 @@
 """What a look is: layers, inputs, textures and masks; `usd` reads them, `textures` makes them linear."""
 
-from lookdev.material.look import Bump, Color, Coordinates, Formula, Input, Layer, Look, Primvar, Source, Texture, Wrap
+from lookdev.material.look import (
+    Bump,
+    Color,
+    Coordinates,
+    Formula,
+    Input,
+    Layer,
+    Look,
+    Primvar,
+    Source,
+    Texture,
+    Varying,
+    Wrap,
+)
 
-__all__ = ["Bump", "Color", "Coordinates", "Formula", "Input", "Layer", "Look", "Primvar", "Source", "Texture", "Wrap"]
+__all__ = [
+    "Bump",
+    "Color",
+    "Coordinates",
+    "Formula",
+    "Input",
+    "Layer",
+    "Look",
+    "Primvar",
+    "Source",
+    "Texture",
+    "Varying",
+    "Wrap",
+]

@@ -79,7 +79,10 @@ Color = tuple[float, float, float]
 Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | Formula"
 """What an expression reads."""
 
-Input = float | Color | str | Texture | Primvar | Bump | Formula
+Varying = Texture | Primvar | Bump | Formula
+"""What differs over a surface."""
+
+Input = float | Color | str | Varying
 """A constant, a token (``variant = "2012"``), or something that varies over the surface.
 
 A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lookdev.cache import atomic_path, cache_dir, file_digest
 from lookdev.errors import TextureError
-from lookdev.material.look import Texture, Wrap
+from lookdev.material.look import Bump, Texture, Wrap
 
 CONVERTER_VERSION = 1
 """Part of a linear texture's name: raise it when the conversion changes."""
@@ -174,6 +174,11 @@ def slope_texture(height: Texture) -> Path:
         dh_dt = (down[:-2] - down[2:]) * (0.5 * rows)  # row 0 is the top of the image
         _write_exr(slopes, np.stack([dh_ds, dh_dt, np.zeros_like(h), np.ones_like(h)], axis=-1))
     return slopes
+
+
+def image_file(source: Texture | Bump) -> Path:
+    """Return the image that a shader reads: a texture's linear one, a height map's slopes; errors as theirs."""
+    return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)
 
 
 def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:

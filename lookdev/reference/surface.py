@@ -6,21 +6,17 @@ The rules are those by which `lookdev.codegen.inputs` writes shader code; nothin
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf import PARAMETERS, Bsdf, Parameter, StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf import MASK, PARAMETERS, Bsdf, Parameter, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.vectors import Array
-from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Source, Texture
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Source, Texture, Varying
 from lookdev.material.textures import sample_slopes, sample_texture
 
 Floats = NDArray[np.float64]
-
-Varying: TypeAlias = Texture | Primvar | Bump | Formula
-
-_MASK = Parameter("mask", "float", 1.0)
 
 
 class SurfacePoints(Protocol):
@@ -66,7 +62,7 @@ def look_layers(look: Look, points: SurfacePoints) -> list[StackLayer]:
     """
     values = _Values(points)
     return [
-        StackLayer(layer.model, _parameters(layer, values), values.value(layer.mask, _MASK), layer.mode)
+        StackLayer(layer.model, _parameters(layer, values), values.value(layer.mask, MASK), layer.mode)
         for layer in look.layers
     ]
 

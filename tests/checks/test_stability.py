@@ -18,8 +18,9 @@ from lookdev.brdf.vectors import Array, mix_color
 from lookdev.checks import stability
 from lookdev.checks.albedo import Render
 from lookdev.checks.evaluate import Batch, evaluate_lines, evaluate_numpy
-from lookdev.checks.extremes import SceneCase, case_line, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
+from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
+from lookdev.checks.samples import case_line
 from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
 from lookdev.codegen.surface import PointLayer
 from lookdev.errors import WorkerError

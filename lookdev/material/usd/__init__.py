@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import PARAMETERS, Parameter
+from lookdev.brdf import MASK, PARAMETERS
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mode, Primvar, Texture
 from lookdev.material.usd.file import open_stage, reading, usd_words
@@ -31,7 +31,6 @@ _LAYERS = " or ".join(MODELS)
 
 _TERMINAL = "outputs:lookdev:surface"
 _LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
-_MASK = Parameter("mask", "float", 1.0)
 _MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
@@ -324,7 +323,7 @@ def _check_tokens(network: Network, place: Usd.Attribute, layer: Layer, base: La
 
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
-    mask = None if attribute is None else read_input(network, attribute, _MASK)
+    mask = None if attribute is None else read_input(network, attribute, MASK)
     return mask if isinstance(mask, float | Texture | Primvar | Formula) else 1.0
 
 

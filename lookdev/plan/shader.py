@@ -1,0 +1,33 @@
+"""The shader of a look, for a light, a picture and a way of sampling."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.surface import generate_surface
+from lookdev.ibl import LightTables
+from lookdev.material import Bump, Look, Texture
+from lookdev.material.textures import image_file
+from lookdev.plan.task import Sampling
+
+
+def surface_shader(
+    look: Look,
+    light: LightTables,
+    resolution: tuple[int, int],
+    sampling: Sampling,
+    resolve: Callable[[Texture | Bump], Path] = image_file,
+) -> ShaderSource:
+    """Generate the light integral shader of a look, as `generate_surface` does."""
+    return generate_surface(
+        look,
+        resolve,
+        brdf_samples=sampling.brdf_samples,
+        ibl_samples=sampling.ibl_samples,
+        bounces=sampling.bounces,
+        light_size=(light.width, light.height),
+        light_entries=light.sample_count,
+        resolution=resolution,
+    )
