@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
-from lookdev.brdf.lobes import Bsdf, Lobe, evaluate, evaluate_cosine, pdf, sample
+from lookdev.brdf.lobes import Bsdf, Lobe, evaluate, evaluate_cosine, pdf, sample, seen_along
 from lookdev.brdf.parameters import MASK, Parameter, Value
 from lookdev.brdf.pixar_parameters import PIXAR_PARAMETERS
 from lookdev.brdf.stack import StackLayer, stack_bsdf
@@ -83,5 +83,6 @@ __all__ = [
     "evaluate_cosine",
     "pdf",
     "sample",
+    "seen_along",
     "stack_bsdf",
 ]

@@ -8,7 +8,7 @@ guards it by an ``if`` when it varies over the surface.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -99,6 +99,12 @@ def _from_the_front(bsdf: Bsdf, wo: Array, *others: Array) -> tuple[Array, ...]:
         return wo, *others
     behind = wo[..., 2:] < 0.0
     return tuple(np.where(behind, -w, w) for w in (wo, *others))
+
+
+def seen_along(bsdf: Bsdf, wo: Array) -> Bsdf:
+    """Return a BSDF for this one view, (..., 3), above the horizon or of a two-sided surface: lobes derived once."""
+    lobes = bsdf.lobes(_from_the_front(bsdf, wo)[0])
+    return replace(bsdf, lobes=lambda _: lobes)
 
 
 def _pairs(bsdf: Bsdf, wo: Array, wi: Array) -> Iterator[tuple[Lobe, Directions, Array]]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lookdev.brdf import Bsdf, Lobe, evaluate_cosine, pdf, sample
+from lookdev.brdf import Bsdf, Lobe, evaluate_cosine, pdf, sample, seen_along
 from lookdev.brdf.frames import to_local
 
 Floats = NDArray[np.float64]
@@ -63,6 +63,7 @@ def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.
     """
     u = np.stack([qmc.Sobol(2, rng=each).random(samples) for each in rng.spawn(scrambles)])
     view = np.broadcast_to(wo, (*u.shape[:2], 3))
+    bsdf = seen_along(bsdf, wo)
     wi = sample(bsdf, view, u)
     density = pdf(bsdf, view, wi)
     drawn = density > 0.0

@@ -7,7 +7,7 @@ that triangle, whatever rounding says.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,32 +114,30 @@ class MeshScene:
 
     def uv(self, place: Places, name: str) -> Floats:
         """Return the coordinates (N, 2) of a UV set."""
-        values = [mesh.uvs.get(name) for mesh in self._asset.meshes]
-        return self._interpolated(place, name, f"UV set '{name}'", values, 2)
+        return self._interpolated(place, name, f"UV set '{name}'", lambda mesh: mesh.uvs.get(name), 2)
 
     def primvar(self, place: Places, primvar: Primvar) -> Floats:
         """Return a primvar, (N,) or (N, 3), its fallback where the mesh has none."""
         fallback = np.atleast_1d(np.asarray(primvar.fallback, np.float64))
-        values = [
-            mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
-            for mesh in self._asset.meshes
-        ]
-        value = self._interpolated(place, primvar, f"primvar '{primvar.name}'", values, len(fallback))
+
+        def read(mesh: Mesh) -> NDArray[Any]:
+            return mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
+
+        value = self._interpolated(place, primvar, f"primvar '{primvar.name}'", read, len(fallback))
         return value if isinstance(primvar.fallback, tuple) else value[:, 0]
 
     def handedness(self, place: Places) -> Floats:
         """Return the handedness (N,) of the UVs."""
-        values = [handedness(mesh) for mesh in self._asset.meshes]
-        return self._interpolated(place, handedness, "handedness", values, 1)[:, 0]
+        return self._interpolated(place, handedness, "handedness", handedness, 1)[:, 0]
 
     def _interpolated(
-        self, place: Places, key: object, what: str, values: Sequence[NDArray[Any] | None], width: int
+        self, place: Places, key: object, what: str, read: Callable[[Mesh], NDArray[Any] | None], width: int
     ) -> Floats:
-        """Interpolate what the corners of each mesh carry, known by `key`; None where a mesh has nothing."""
+        """Interpolate what the corners of each mesh carry, `read` once, known by `key`; None where it has nothing."""
         if key not in self._carried:
             columns = []
-            for mesh, value in zip(self._asset.meshes, values, strict=True):
-                count = len(mesh.corner_points)
+            for mesh in self._asset.meshes:
+                value, count = read(mesh), len(mesh.corner_points)
                 if value is not None and value.size != count * width:
                     found = value.size // count
                     raise AssetError(f"{mesh.name}: {what} has {found} numbers a corner, the look reads {width}")

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.asset import Asset
-from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
+from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample, seen_along
 from lookdev.ibl import LightDistribution
 from lookdev.ibl.mapping import rotate_z
 from lookdev.material import Look
@@ -282,7 +282,9 @@ class _Surface:
     def seen(cls, scene: Scene, place: Places, viewer: Floats) -> _Surface:
         """Look at places along directions (N, 3) of the world."""
         frame, facet = scene.frame(place, viewer)
-        return cls(scene, place, frame, facet, _turned(frame, viewer), tuple(scene.bsdfs(place)))
+        wo = _turned(frame, viewer)
+        parts = tuple((part, seen_along(bsdf, wo[part])) for part, bsdf in scene.bsdfs(place))
+        return cls(scene, place, frame, facet, wo, parts)
 
     @property
     def presence(self) -> Floats:

@@ -345,6 +345,14 @@ def test_several_materials_and_no_default(tmp_path: Path) -> None:
     ]
 
 
+def test_a_preset_is_no_look(tmp_path: Path) -> None:
+    file = tmp_path / "gold.usda"
+    file.write_text('#usda 1.0\n(\n    defaultPrim = "Gold"\n)\ndef Shader "Gold"\n{\n}\n')
+    ((place, what, hint),) = faults_of(file)
+    assert (place, what) == ("/Gold", "is a preset: a layer, not a material")
+    assert hint == f"make a look of it: lookdev materials new LOOK.usda {file}"
+
+
 @pytest.mark.parametrize("text", [None, "#usda 1.0\ndef nonsense", ""])
 def test_unreadable_file(tmp_path: Path, text: str | None) -> None:
     file = tmp_path / "look.usda"

@@ -194,6 +194,10 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
     found = materials(stage)
     if len(found) == 1:
         return found[0]
+    if default and default.IsA(UsdShade.Shader) and not found:
+        hint = f"make a look of it: lookdev materials new LOOK.usda {stage.GetRootLayer().realPath}"
+        network.fault(default.GetPath(), "is a preset: a layer, not a material", hint)
+        return None
     known = f"name one with prim: {', '.join(map(str, found[:8]))}{', ...' * (len(found) > 8)}" if found else ""
     network.fault("", f"holds {len(found)} materials and none is the default prim", known)
     return None
