@@ -40,7 +40,7 @@ def make_sphere(segments: int = 512, rings: int = 256) -> Asset:
     theta = np.pi * np.arange(rings + 1) / rings
     points = np.stack([np.sin(theta), -np.cos(theta)], axis=-1)
     mesh = revolve("/sphere", Profile(points, points, theta / np.pi), segments)
-    return make_asset("sphere", [mesh], [Instance(0, np.eye(4))], [Slot("/sphere")], convex=True)
+    return make_asset("sphere", [mesh], [Instance(0, np.eye(4))], [Slot("/sphere")], convex=True, revolved=True)
 
 
 def make_suzanne() -> Asset:

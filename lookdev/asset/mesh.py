@@ -63,6 +63,7 @@ class Asset:
     `convex` is True only where light that the surface reflects never meets it again, `sheet` only where light
     that it transmits does not either: a closed surface meets that from inside, a flat card never. Both leave out
     indirect light that is not there.
+    `revolved` is True only where turning it about the vertical through `center` moves it, slots included, onto itself.
     `digest` is the SHA-256 over all arrays and placements.
     """
 
@@ -74,4 +75,5 @@ class Asset:
     radius: float
     convex: bool = False
     sheet: bool = False
+    revolved: bool = False
     digest: str = ""

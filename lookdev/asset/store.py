@@ -18,7 +18,7 @@ from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
 
-_FORMAT = 2
+_FORMAT = 3
 _ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals", "tangents")
 
 
@@ -30,6 +30,7 @@ def make_asset(
     *,
     convex: bool = False,
     sheet: bool = False,
+    revolved: bool = False,
 ) -> Asset:
     """Put an asset together, with its bounding sphere and its digest.
 
@@ -43,7 +44,7 @@ def make_asset(
     center, radius = bounding_sphere(meshes, instances)
     if not radius > 0.0:
         raise AssetError(f"{name}: all points lie in one place, {center}; the surface needs an extent")
-    asset = Asset(name, tuple(meshes), tuple(instances), tuple(slots), center, radius, convex, sheet)
+    asset = Asset(name, tuple(meshes), tuple(instances), tuple(slots), center, radius, convex, sheet, revolved)
     return dataclasses.replace(asset, digest=asset_digest(asset))
 
 
@@ -92,6 +93,7 @@ def _description(asset: Asset) -> dict[str, Any]:
         "name": asset.name,
         "convex": asset.convex,
         "sheet": asset.sheet,
+        "revolved": asset.revolved,
         "slots": [[slot.path, slot.material] for slot in asset.slots],
         "meshes": [
             {"name": mesh.name, "uvs": list(mesh.uvs), "primvars": list(mesh.primvars)} for mesh in asset.meshes
@@ -134,5 +136,6 @@ def _assembled(arrays: dict[str, NDArray[Any]]) -> Asset:
         radius=head["radius"],
         convex=head["convex"],
         sheet=head["sheet"],
+        revolved=head["revolved"],
         digest=head["digest"],
     )

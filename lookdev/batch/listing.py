@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 
@@ -43,13 +43,15 @@ def plan_ranges(plan: Plan, output: Path) -> Iterator[Range]:
 
 
 def plan_text(plan: Plan, output: Path) -> str:
-    """Write a plan as an aligned table with a line of sums below."""
+    """Write a plan as an aligned table; below, a line for each scene that leaves something out, and one of sums."""
     rows = [("turntable", "frames", "state", "reason")]
     for part in plan_ranges(plan, output):
         numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
         rows.append((part.turntable, numbers, part.state, part.reason))
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    for (look, ibl), skips in groupby(plan.skips, key=lambda skip: (skip.look, skip.ibl)):
+        lines.append(f"{look}/{ibl} skipped: {', '.join(map(str, skips))}")
     counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
     lines.append(f"{len(plan.pending())} of {len(plan.frames)} frames to render (files: {counts})")
     if plan.pictures:
@@ -58,7 +60,7 @@ def plan_text(plan: Plan, output: Path) -> str:
 
 
 def plan_data(plan: Plan, output: Path) -> dict[str, object]:
-    """Return a plan as plain data for JSON: a record a file, paths relative to `output`, and the sums."""
+    """Return a plan as plain data for JSON: a record a file and one a skip, paths relative to `output`, the sums."""
 
     def name(path: Path) -> str:
         return path.relative_to(output).as_posix()
@@ -79,5 +81,6 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
         ],
         "links": [{"source": name(copy.source), "target": name(copy.target)} for copy in plan.copies()],
         "pictures": [name(path.with_suffix(".png")) for path in plan.pictures],
+        "skipped": [asdict(skip) for skip in plan.skips],
         "render": len(plan.pending()),
     }

@@ -18,6 +18,7 @@ from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
 from lookdev.plan.shader import surface_shader
+from lookdev.plan.skips import find_skips, same_all_around
 from lookdev.plan.task import Camera, Sampling, SceneTask
 
 # What stands where a job gives a part no look: the grey of a photographer's card, without gloss.
@@ -68,7 +69,9 @@ def prepare_job(path: Path) -> Prepared:
                 faults += _attribute_faults(asset, scene.shaders)
                 scenes[look.name, ibl] = scene
     _raise_all(faults)
-    return Prepared(job, build_plan(job, scenes, read_header), tuple(notes), looks)
+    around = {key for key, scene in scenes.items() if asset.revolved and same_all_around(looks[key[0]], scene.shaders)}
+    plan = build_plan(job, scenes, read_header, around)
+    return Prepared(job, replace(plan, skips=tuple(find_skips(job, scenes, looks, around))), tuple(notes), looks)
 
 
 def make_scene(

@@ -55,6 +55,7 @@ class Done(BaseModel):
     samples: int
     seconds: float
     relmse: float
+    memory: int
 
 
 class Failed(BaseModel):
@@ -72,7 +73,8 @@ class Rendered:
     """What the worker made of a frame.
 
     `a`, `b` (H, W, 3) are independent half renders, premultiplied, without exposure; `alpha` (H, W).
-    `samples` per pixel over both halves; `seconds` in the worker; `relmse` is the frame's own estimate.
+    `samples` per pixel over both halves; `seconds` in the worker; `relmse` is the frame's own estimate; `memory` the
+    most bytes that the worker has held so far.
     """
 
     a: NDArray[np.float32]
@@ -82,6 +84,7 @@ class Rendered:
     seconds: float
     relmse: float
     blender: str
+    memory: int
 
 
 class Worker:
@@ -279,6 +282,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
         seconds=done.seconds,
         relmse=done.relmse,
         blender=blender,
+        memory=done.memory,
     )
 
 

@@ -57,6 +57,7 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / PI),
         sample=mf.sample_cosine,
+        broad=True,
     )
 
 

@@ -51,6 +51,8 @@ class Lobe:
 
     A lobe that `transmits` sends light to the side that the viewer is not on. It is written as if it reflected:
     its `wi` is mirrored to the viewer's side.
+
+    A `broad` lobe is nearly constant: directions in proportion to light times cosine suit it as well as its own.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Lobe:
     sample: Callable[[Array, Array], Array]
     transmits: bool = False
     normal: Array = field(default_factory=lambda: ZENITH)
+    broad: bool = False
 
     def pair(self, wo: Array, wi: Array) -> tuple[Array, Array]:
         """Bring directions of the surface's frame into the lobe's."""

@@ -174,7 +174,7 @@ def _diffuse(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -
 
     # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
     share = mean(term.normal) * (20.0 / 21.0) + mean(term.grazing) * (1.0 / 21.0)
-    return Lobe(name, share, evaluate, lambda d: d.cos_theta_i * (1.0 / PI), mf.sample_cosine, transmits, normal)
+    return Lobe(name, share, evaluate, lambda d: d.cos_theta_i * (1.0 / PI), mf.sample_cosine, transmits, normal, True)
 
 
 def _highlight(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -> Lobe:

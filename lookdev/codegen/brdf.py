@@ -38,6 +38,7 @@ class TracedLobe:
 
     name: str
     transmits: bool
+    broad: bool
     share: Any
     f: tuple[Any, ...]
     pdf: Any
@@ -59,13 +60,18 @@ class BrdfCode:
     see_through: bool
 
 
-def trace_lobes(graph: Graph, bsdf: Bsdf, keep: Callable[[Lobe], bool] = lambda lobe: True) -> tuple[TracedLobe, ...]:
-    """Trace the lobes of a BSDF that are to be kept; those whose share folds to zero vanish, with all they read."""
+def trace_lobes(
+    graph: Graph, bsdf: Bsdf, keep: Callable[[Lobe], bool] = lambda lobe: True, broad_share: float = 1.0
+) -> tuple[TracedLobe, ...]:
+    """Trace the lobes of a BSDF that are to be kept; those whose share folds to zero vanish, with all they read.
+
+    Broad lobes get `broad_share` times their share.
+    """
     wo, wi = symbols(graph, WO), symbols(graph, WI)
     u1, u2 = symbol(graph, "u1"), symbol(graph, "u2")
     traced = []
     for lobe in bsdf.lobes(wo):
-        (share,) = elements_of(lobe.share)
+        (share,) = elements_of(lobe.share * broad_share if lobe.broad else lobe.share)
         if keep(lobe) and (isinstance(share, Node) or share > 0.0):
             directions = Directions.of(*lobe.pair(wo, wi))
             # A shader evaluates on the lobe's side of the surface only: a normal of the lobe's own leans out of it, and
@@ -76,7 +82,9 @@ def trace_lobes(graph: Graph, bsdf: Bsdf, keep: Callable[[Lobe], bool] = lambda 
             f = scale(lobe.evaluate(directions), np.where(valid, directions.cos_theta_i, 0.0))
             (pdf,) = elements_of(np.where(valid, lobe.pdf(directions), 0.0))
             wi_drawn = tuple(elements_of(lobe.draw(u1, u2)))
-            traced.append(TracedLobe(lobe.name, lobe.transmits, share, tuple(elements_of(f)), pdf, wi_drawn))
+            traced.append(
+                TracedLobe(lobe.name, lobe.transmits, lobe.broad, share, tuple(elements_of(f)), pdf, wi_drawn)
+            )
     return tuple(traced)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -36,7 +37,8 @@ class AttributeBinding:
 class ShaderSource:
     """One generated OSL shader: its text, what it reads, and the digest of text and texture contents.
 
-    `transmits` where light passes through the surface, `see_through` where the surface is not wholly present.
+    `transmits` where light passes through the surface, `see_through` where the surface is not wholly present;
+    `directions` are how many of a shading point come from the BRDF and how many from the light.
     """
 
     name: str
@@ -46,3 +48,12 @@ class ShaderSource:
     digest: str
     transmits: bool = False
     see_through: bool = False
+    directions: tuple[int, int] = (0, 0)
+
+
+@dataclass(frozen=True)
+class PrincipledSource:
+    """Cycles' own Principled BSDF, which the benchmark compares with: constants by Blender's names of its sockets."""
+
+    name: str
+    inputs: Mapping[str, float | tuple[float, ...]]

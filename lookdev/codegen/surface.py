@@ -7,6 +7,7 @@ of that name, ``//@ include file`` by that file, so that the text handed to the 
 from __future__ import annotations
 
 import hashlib
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,13 +19,15 @@ import numpy as np
 from lookdev.brdf import PARAMETERS, StackLayer, stack_bsdf
 from lookdev.brdf.pixar_layering import Mode
 from lookdev.cache import file_digest
-from lookdev.codegen.brdf import WI, WO, BrdfCode, emit_brdf, trace_lobes
+from lookdev.codegen.brdf import WI, WO, BrdfCode, TracedLobe, emit_brdf, trace_lobes
 from lookdev.codegen.graph import Graph
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.look import look_bsdf
 from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
+from lookdev.ibl import bins
+from lookdev.ibl.tables import BINS_HEIGHT, SLOTS, SLOTS_HEIGHT
 from lookdev.material import Bump, Look, Texture
 
 
@@ -48,11 +51,11 @@ def generate_surface(
     look: Look,
     resolve: Callable[[Texture | Bump], Path],
     *,
-    brdf_samples: int,
-    ibl_samples: int,
+    brdf_samples: int | None,
+    ibl_samples: int | None,
     bounces: int,
     light_size: tuple[int, int],
-    light_entries: int,
+    constant_light: bool = False,
     resolution: tuple[int, int],
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
@@ -64,18 +67,23 @@ def generate_surface(
     resolve
         Turns a texture into its linear EXR file, a height map into that of its slopes.
     brdf_samples, ibl_samples
-        Directions drawn a shading point from the BRDF and from the light.
+        Directions drawn a shading point from the BRDF and from the light; None: as many as suit the look.
     bounces
         Times that light may be reflected by the asset before it leaves it towards the camera.
-    light_size, light_entries
-        Width and height of the light's table, and the number of its sample entries.
+    light_size
+        Width and height of the light's table.
+    constant_light
+        The same radiance comes from everywhere.
     resolution
         Width and height of the picture in pixels: each pixel has a scramble of its own.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = look_bsdf(look, inputs)
-    code = emit_brdf(trace_lobes(graph, bsdf), *elements_of(bsdf.presence))
+    by_light = ibl_samples != 0 and not constant_light
+    lobes = trace_lobes(graph, bsdf, broad_share=_BROAD_SHARES[bounces > 0] if by_light else 1.0)
+    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant_light)
+    code = emit_brdf(lobes, *elements_of(bsdf.presence))
     attributes = inputs.read_by(code.inputs)
     sections = _sections(code)
     # Numbered as they appear in the code, so that what is not needed leaves no trace.
@@ -93,16 +101,18 @@ def generate_surface(
         "surface.osl",
         {
             "constants": [
-                f"#define BRDF_SAMPLES {brdf_samples}",
                 f"#define IBL_SAMPLES {ibl_samples}",
+                *_counts("", brdf_samples, ibl_samples, code.transmits),
+                # At least one: otherwise a path ends.
+                *_counts("_ONWARD", max(1, brdf_samples // 4), -(-ibl_samples // 2), code.transmits),
                 f"#define BOUNCES {bounces}",
                 f"#define LIGHT_WIDTH {light_size[0]}",
                 f"#define LIGHT_HEIGHT {light_size[1]}",
-                f"#define LIGHT_ENTRIES {light_entries}",
                 f"#define IMAGE_WIDTH {resolution[0]}",
                 f"#define IMAGE_HEIGHT {resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
+                *light_constants(),
                 f"#define LEANING {int(any(each.attribute == HANDEDNESS for each in attributes))}",
             ],
             "parameters": [
@@ -118,7 +128,46 @@ def generate_surface(
         digest.update(file_digest(binding.file).encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
-    return ShaderSource(look.name, osl, bound, tuple(attributes), digest.hexdigest(), code.transmits, code.see_through)
+    return ShaderSource(
+        look.name,
+        osl,
+        bound,
+        tuple(attributes),
+        digest.hexdigest(),
+        code.transmits,
+        code.see_through,
+        (brdf_samples, ibl_samples),
+    )
+
+
+def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
+    """Define how many directions there are; those of the light are divided among front and back."""
+    back = ibl_samples // 2 if transmits else 0
+    return [
+        f"#define BRDF_SAMPLES{where} {brdf_samples}",
+        f"#define FRONT_SAMPLES{where} {ibl_samples - back}",
+        f"#define BACK_SAMPLES{where} {back}",
+    ]
+
+
+# Directions of the light do for a broad lobe, but they do not find what the asset itself sends: without and with
+# bounces. Measured: less is not better.
+_BROAD_SHARES = (0.05, 0.3)
+
+
+def _split(
+    lobes: Sequence[TracedLobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
+) -> tuple[int, int]:
+    """Choose how many directions come from the BRDF and how many from the light, where nobody said."""
+    if constant_light:
+        # It tells nothing about where to look, whatever was asked for.
+        return brdf_samples or 4, 0
+    chosen = (0, 4) if bounces == 0 and all(lobe.broad for lobe in lobes) else (4, 4)
+    brdf, ibl = (
+        own if given is None else given for given, own in zip((brdf_samples, ibl_samples), chosen, strict=True)
+    )
+    # Somebody has to look for light.
+    return (brdf, ibl) if brdf + ibl else (1, 0)
 
 
 @dataclass(frozen=True)
@@ -138,6 +187,21 @@ class PointLayer:
         """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
         numbers = [parameter for parameter in PARAMETERS[self.model].values() if parameter.kind != "token"]
         return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
+
+
+def light_constants() -> list[str]:
+    """Return the definitions by which `lookdev/shaders/light.h` finds its way in the tables of a light."""
+    return [
+        f"#define LIGHT_SLOTS {SLOTS}",
+        f"#define LIGHT_SLOTS_SHIFT {33 - SLOTS.bit_length()}",
+        f"#define LIGHT_SLOTS_HEIGHT {SLOTS_HEIGHT}",
+        f"#define LIGHT_BINS_HEIGHT {BINS_HEIGHT}",
+        f"#define LIGHT_ROWS {bins.ROWS}",
+        f"#define LIGHT_CELLS {{{', '.join(map(str, bins.CELLS))}}}",
+        f"#define LIGHT_FIRST {{{', '.join(map(str, bins.FIRST))}}}",
+        f"#define LIGHT_COS_RADIUS {math.cos(bins.RADIUS)!r}",
+        f"#define LIGHT_SIN_RADIUS {math.sin(bins.RADIUS)!r}",
+    ]
 
 
 def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:

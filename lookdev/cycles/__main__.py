@@ -78,6 +78,7 @@ def _serve(channel: int) -> None:
             samples=frame.samples,
             seconds=frame.seconds,
             relmse=frame.relmse,
+            memory=_most_memory(),
         )
 
 
@@ -88,6 +89,13 @@ def _save(frame: RenderedFrame) -> str:
     with os.fdopen(handle, "wb") as stream:
         np.savez(stream, a=frame.a, b=frame.b, alpha=frame.alpha)
     return path
+
+
+def _most_memory() -> int:
+    """Return the most bytes that this process has held; what getrusage() tells begins with the parent's."""
+    status = Path("/proc/self/status").read_text()
+    kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
+    return 1024 * int(kilobytes)
 
 
 def _log_size() -> int:

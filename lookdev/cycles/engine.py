@@ -55,6 +55,17 @@ def render_passes(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
     scene.cycles.sample_offset = scene.cycles.sample_subset_length = samples
+    return _render(scene, seed)
+
+
+def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
+    """Render as `render_passes` does, but with the samples that Cycles itself would take."""
+    scene.cycles.samples = samples
+    scene.cycles.use_sample_subset = False
+    return _render(scene, seed)
+
+
+def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
     scene.cycles.seed = seed
     # Cycles' settings are custom properties: without the tag a render after the first keeps the old ones.
     scene.update_tag()

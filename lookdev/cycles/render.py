@@ -25,7 +25,10 @@ _FIRST_ROUND = 8
 
 @dataclass(frozen=True)
 class RenderedFrame:
-    """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves."""
+    """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
+
+    A frame that Cycles lights itself is one render, `a` and `b` alike; then `relmse` is not known, nan.
+    """
 
     a: Image
     b: Image
@@ -49,6 +52,12 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     width, height = task.scene.resolution
     gain = 2.0**task.exposure
     scene.pose(task)
+    if scene.lit_by_world:
+        scene.control(task.pose, sampling.seed, sampling.samples)
+        image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
+        progress(sampling.samples, sampling.samples, None)
+        rgb = np.ascontiguousarray(image[:, :, :3])
+        return RenderedFrame(rgb, rgb, image[:, :, 3], sampling.samples, time.perf_counter() - started, math.nan)
     # Sums over samples; the halves keep their own scrambles and seeds in every round.
     sums = np.zeros((2, height, width, 3))
     coverage = np.zeros((height, width))

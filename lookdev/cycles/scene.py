@@ -16,6 +16,7 @@ from lookdev.asset.store import read_asset
 from lookdev.asset.tangents import handedness
 from lookdev.codegen import HANDEDNESS, AttributeBinding
 from lookdev.cycles import engine
+from lookdev.cycles.principled import light_by_world, principled_material, shade_by_normals
 from lookdev.cycles.shaders import surface_material
 from lookdev.plan.task import Camera, FrameTask, Pose, SceneTask
 
@@ -29,11 +30,26 @@ class Scene:
         engine.configure(self.scene, task.resolution, task.sampling.bounces)
         asset = read_asset(task.asset_file)
         attributes = {binding for shader in task.shaders for binding in shader.attributes}
-        materials = [surface_material(shader, task.light) for shader in task.shaders]
+        if task.principled:
+            materials = [principled_material(source) for source in task.principled]
+        else:
+            materials = [surface_material(shader, task.light) for shader in task.shaders]
+        # The world's rotation, where it is the world that lights the scene.
+        self._rotation: Any = None
+        if self.lit_by_world:
+            self._rotation = light_by_world(self.scene, task.light, task.sampling.bounces)
         # Cycles computes in float32: far from the origin it would lose the asset.
         self._origin = np.array(asset.center)
-        self._objects = _add_asset(self.scene, about_origin(asset), materials, attributes)
+        asset = about_origin(asset)
+        self._objects = _add_asset(self.scene, asset, materials, attributes)
+        if task.principled:
+            shade_by_normals(self._objects, asset)
         self._camera = _add_camera(self.scene)
+
+    @property
+    def lit_by_world(self) -> bool:
+        """Whether Cycles itself samples the light, not our shaders."""
+        return bool(self.task.principled)
 
     def fits(self, task: SceneTask) -> bool:
         """Tell whether frames of another task need nothing here to be rebuilt; camera and samples may differ."""
@@ -52,12 +68,15 @@ class Scene:
         colour costs neither. Blender keeps its channels at 0 or above, hence the angle in [0, 2 pi).
         """
         turn = math.radians((pose.lighting - pose.element) % 360.0)
+        if self._rotation is not None and self._rotation.default_value[2] != np.float32(-turn):
+            # The node turns the direction that is looked up, not the map. Whatever it is set to, Cycles begins anew.
+            self._rotation.default_value = (0.0, 0.0, -turn)
         for item in self._objects:
             item.color = (turn, float(seed), float(samples), 1.0)
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    return task.asset_file, task.shaders, task.light, task.resolution, task.sampling.bounces
+    return task.asset_file, task.shaders, task.principled, task.light, task.resolution, task.sampling.bounces
 
 
 def _add_asset(scene: Any, asset: Asset, materials: list[Any], attributes: set[AttributeBinding]) -> list[Any]:

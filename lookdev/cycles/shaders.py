@@ -39,7 +39,7 @@ def compile_osl(osl: str) -> Path:
 
 def surface_material(source: ShaderSource, light: LightTables) -> Any:
     """Make a material of a look's light integral."""
-    values = {"light_radiance": str(light.radiance), "light_samples": str(light.samples)}
+    values = {f"light_{part}": str(getattr(light, part)) for part in ("radiance", "points", "slots", "bins")}
     values |= {binding.parameter: str(binding.file) for binding in source.textures}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would otherwise put every triangle of it into its light tree.

@@ -1,149 +1,159 @@
-"""Importance sampling of an environment map: two tables, one look-up each in the shader, unbiased.
+"""Importance sampling of an environment map: what the shader looks up, and the same in float64.
 
 The design
 ----------
 Radiance is looked up bilinearly: texel centres at ((i + 1/2) / W, (j + 1/2) / H), periodic along a row,
 clamped over rows; row j counts from the top of the image, at ``v = 1 - (j + 1/2) / H``.
 
-1. A target over texels: luminance, filtered with the bilinear footprint [1/8, 3/4, 1/8] in each axis so that
-   the dark neighbours of a sun, bright once interpolated, get their share, times the cosine of the row's
-   latitude.
-2. M points of a scrambled 2D Sobol sequence go through the target's inverse CDF (rows, then columns). Only
-   the texel (i, j) of each is kept, in Sobol order: any aligned block of 2^k entries is stratified over the
-   light.
-3. The probability of a texel is *by definition* its count among the M entries over M, so what the shader
-   divides by is exactly what it samples, whatever the target was.
-4. A direction: an entry (i, j) picked uniformly, then ((i + 1/2 + t1) / W, (j + 1/2 + t2) / H) with t1, t2 of
-   the triangular density on [-1, 1], wrapped along the row, reflected at the poles. Tents on texel centres
-   are the basis of bilinear interpolation and a reflected one is a clamped one, so the density over the unit
-   square is exactly ``W H`` times the bilinear look-up of the texel probabilities; per solid angle it is that
-   over ``2 pi^2 cos(latitude)``.
+A point of a surface with normal n wants directions in proportion to radiance times cosine.
 
-Where every texel around a point was counted zero times the density is 0: such a map is to be sampled together
-with the BRDF, under multiple importance sampling.
+1. *Points*: N directions in proportion to m, the mean of the channels of the radiance (`warp`), one from each cell of
+   a square grid of their random numbers, in the order of a Hilbert curve through that grid.
+2. Normals are put into `bins`. For each bin the curve is cut into M *slots*, ranges of points with as nearly as can be
+   the same sum of g, the bin's widened cosine. A sample is a slot, each as probable, and in it a point, each as
+   probable: it has the probability 1 / (M c), where c is the count of its slot (times the number of slots that a point
+   fills which outweighs one).
+3. That is nearly the density q = m g / integral, which needs no table. q weighs a sample against others (multiple
+   importance sampling); what is left is the factor q / p = g M c / sum(g), close to 1.
+
+The shader takes slots by numbers whose bits are reversed: any aligned block of 2^k numbers is spread evenly along the
+curve, and so over the light. A picture that has converged is a quadrature with N points: over the choice of their
+random numbers it is right, and for those that there are, it is off by what docs/accuracy.md says.
 
 The files
 ---------
-``*.radiance.exr``: R, G, B radiance and A = W H count / M: one bilinear look-up of four channels gives the
-light and its density. ``*.samples.exr``: R = i, G = j (exact in float32), B = 0; entry n is pixel (n mod
-1024, n div 1024).
+``*.radiance.exr``: R, G, B radiance.
+``*.points.exr``, 1024 x 1024: point n is pixel (n mod 1024, n div 1024). R = azimuth, radians; G = z; B = m; A = the
+colour, two integers of 12 bits: red and green, in parts of 3 m.
+``*.slots.exr``: slot n of bin b is pixel (e mod 1024, e div 1024), e = b M + n. R = its first point; G = c;
+B = M c / (times sum(g)).
+``*.bins.exr``, 1 x `BINS_HEIGHT`: R = 1 / integral of each bin, 0 where no light reaches it.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import convolve1d
 from scipy.stats import qmc
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import EnvironmentMapError
+from lookdev.ibl import bins
 from lookdev.ibl.environment import EnvironmentMap
-from lookdev.ibl.mapping import direction_to_uv, uv_to_direction
+from lookdev.ibl.mapping import uv_to_direction
+from lookdev.ibl.warp import BilinearWarp, lookup, lookup_towards
 
 Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-TABLE_VERSION = 1  # part of the digest: raise it with any change to what the tables hold
-SAMPLES_WIDTH = 1024
+TABLE_VERSION = 2  # part of the digest: raise it with any change to what the tables hold
+POINTS_SIDE = 1024
+"""Of the grid of random numbers, and of the file: N is its square."""
+
+SLOTS = 2**14
+"""Of each bin, M."""
+
+# Powers of two: texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+FILE_WIDTH = 1024
+BINS_HEIGHT = 2**7
+SLOTS_HEIGHT = BINS_HEIGHT * SLOTS // FILE_WIDTH
+COLOR_STEPS = 4095
+"""The largest of the 12-bit integers."""
+
 SOBOL_SEED = 20120808
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # ITU-R BT.709-6, item 3.2
-
-# The density is infinite at a pole itself, which a shading normal along z can ask for; this keeps it finite.
-MIN_COS_LATITUDE = 1e-9
 
 
 @dataclass(frozen=True)
 class LightTables:
-    """The files of an environment map prepared for the shader; see the module. `digest` names the content."""
+    """The files of an environment map prepared for the shader; see the module.
+
+    `digest` names the content. Where the same radiance comes from everywhere, it is `constant`, and `radiance` is all
+    that there is: nothing is sampled by it.
+    """
 
     radiance: Path
-    samples: Path
+    points: Path
+    slots: Path
+    bins: Path
     width: int
     height: int
-    sample_count: int
     digest: str
+    constant: bool = False
 
 
 @dataclass(frozen=True, eq=False)
 class LightDistribution:
-    """The light and its sampling in float64, from the very arrays that the shader looks up.
+    """The light in float64, from the very texels that the shader looks up, and its own sampling, over the sphere.
 
-    `table` (H, W, 4) radiance and ``W H p``; `texels` (M, 2) column and row of each entry.
+    `table` (H, W, 3) is its radiance.
     """
 
     table: Floats
-    texels: NDArray[np.int64]
+
+    @cached_property
+    def _mean(self) -> Floats:
+        return np.asarray(self.table.mean(axis=-1))
+
+    @cached_property
+    def _warp(self) -> BilinearWarp:
+        return BilinearWarp(self._mean)
+
+    @property
+    def is_black(self) -> bool:
+        """Whether no light comes from anywhere."""
+        return not self.table.any()
 
     @property
     def is_constant(self) -> bool:
         """Whether the same radiance comes from everywhere: sampling by the light is then pointless."""
-        rgb = self.table[..., :3]
-        return bool((rgb == rgb[0, 0]).all())
+        return bool((self.table == self.table[0, 0]).all())
 
     def radiance(self, direction: ArrayLike) -> Floats:
         """Radiance (..., 3) that arrives from unit directions (..., 3), linear Rec.709."""
-        return lookup(self.table, direction_to_uv(direction))[..., :3]
+        return lookup_towards(self.table, direction)
 
     def pdf(self, direction: ArrayLike) -> Floats:
         """Density (...) per steradian with which `sample` gives unit directions (..., 3)."""
-        direction = np.asarray(direction, dtype=np.float64)
-        cos_latitude = np.maximum(np.hypot(direction[..., 0], direction[..., 1]), MIN_COS_LATITUDE)
-        pdf_uv = lookup(self.table, direction_to_uv(direction))[..., 3]
-        return np.asarray(pdf_uv / (2.0 * np.pi**2 * cos_latitude))
+        if self.is_black:
+            return np.full(np.shape(direction)[:-1], 0.25 / np.pi)
+        return np.asarray(self.radiance(direction).mean(axis=-1) / self._warp.integral)
 
-    def sample(self, entry: ArrayLike, u: ArrayLike) -> Floats:
-        """Sample unit directions (..., 3) towards the light.
+    def sample(self, u: ArrayLike) -> Floats:
+        """Map uniform points (N, 2) to unit directions (N, 3) towards the light."""
+        return _directions(self._warp.places(u))
 
-        Parameters
-        ----------
-        entry : (...) integer in [0, M), uniform: the table entry.
-        u : (..., 2) in [0, 1), uniform: the place within its tent.
+    @property
+    def integral(self) -> float:
+        """The mean of the channels of the radiance, integrated over the sphere."""
+        return self._warp.integral
+
+    def points(self, side: int = POINTS_SIDE) -> tuple[NDArray[np.float32], Floats]:
+        """Draw the points of the shader's table.
+
+        Returns
+        -------
+        (side^2, 4), (side^2, 3)
+            What the file holds, and the unit directions.
         """
-        height, width = self.table.shape[:2]
-        xy = (self.texels[np.asarray(entry)] + 0.5 + _tent(np.asarray(u, dtype=np.float64))) / (width, height)
-        y = np.abs(xy[..., 1])
-        y = np.minimum(y, 2.0 - y)
-        return uv_to_direction(np.stack([xy[..., 0] % 1.0, 1.0 - y], axis=-1))
-
-
-def lookup(table: ArrayLike, uv: ArrayLike) -> Floats:
-    """Look up a lat-long table bilinearly, periodic in u and clamped in v.
-
-    Parameters
-    ----------
-    table : (H, W, C), row 0 at v = 1.
-    uv : (..., 2).
-
-    Returns
-    -------
-    (..., C) float64.
-    """
-    table = np.asarray(table, dtype=np.float64)
-    height, width = table.shape[:2]
-    u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
-    x, y = u * width - 0.5, (1.0 - v) * height - 0.5
-    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    s, t = (x - column)[..., None], (y - row)[..., None]
-    left, right = column % width, (column + 1) % width
-    top, bottom = np.clip(row, 0, height - 1), np.clip(row + 1, 0, height - 1)
-    upper = (1.0 - s) * table[top, left] + s * table[top, right]
-    lower = (1.0 - s) * table[bottom, left] + s * table[bottom, right]
-    return np.asarray((1.0 - t) * upper + t * lower)
-
-
-def build_distribution(env: EnvironmentMap) -> LightDistribution:
-    """Make the sampling tables of a map; the table's values are exactly representable in float32."""
-    height, width = env.radiance.shape[:2]
-    count = sample_count(width, height)
-    texels = _draw_texels(_target(env.radiance), count)
-    hits = np.bincount(texels[:, 1] * width + texels[:, 0], minlength=width * height).reshape(height, width)
-    density = (width * height * hits / count).astype(np.float32)
-    return LightDistribution(np.concatenate([env.radiance, density[..., None]], axis=-1).astype(np.float64), texels)
+        # A power of two of Sobol points has one in each cell of the grid.
+        u = qmc.Sobol(2, scramble=True, rng=SOBOL_SEED).random(side * side)
+        u = u[np.argsort(along_hilbert(np.floor(u * side).astype(np.int64), side))]
+        places = self._warp.places(u)
+        x, y = np.moveaxis(places, -1, 0)
+        color = lookup(self.table, np.stack([x, 1.0 - y], axis=-1))
+        mean = color.mean(axis=-1)
+        share = color / (3.0 * np.where(mean > 0.0, mean, 1.0)[:, None])
+        red, green = np.moveaxis(np.rint(share[:, :2] * COLOR_STEPS), -1, 0)
+        columns = np.pi * (1.0 - 2.0 * x), np.cos(np.pi * y), mean, red * (COLOR_STEPS + 1) + green
+        return np.stack(columns, axis=-1).astype(np.float32), _directions(places)
 
 
 def prepare_light(env: EnvironmentMap) -> LightTables:
@@ -154,71 +164,120 @@ def prepare_light(env: EnvironmentMap) -> LightTables:
     EnvironmentMapError
         The files cannot be written.
     """
+    light = LightDistribution(env.radiance.astype(np.float64))
     digest = hashlib.sha256(f"{env.digest} light tables {TABLE_VERSION}".encode()).hexdigest()
     folder = cache_dir("ibl")
     height, width = env.radiance.shape[:2]
-    count = sample_count(width, height)
-    radiance, samples = folder / f"{digest}.radiance.exr", folder / f"{digest}.samples.exr"
-    if not (radiance.is_file() and samples.is_file()):
-        light = build_distribution(env)
-        _write_exr(radiance, "RGBA", light.table)
-        entries = np.concatenate([light.texels, np.zeros((count, 1))], axis=-1)
-        _write_exr(samples, "RGB", entries.reshape(-1, SAMPLES_WIDTH, 3))
-    return LightTables(radiance, samples, width, height, count, digest)
+    radiance, points_file, slots_file, bins_file = (
+        folder / f"{digest}.{part}.exr" for part in ("radiance", "points", "slots", "bins")
+    )
+    if not radiance.is_file():
+        _write_exr(radiance, "RGB", env.radiance)
+    if not light.is_constant and not all(file.is_file() for file in (points_file, slots_file, bins_file)):
+        points, towards = light.points()
+        slots, inverse = cut_slots(towards, light.integral)
+        _write_exr(points_file, "RGBA", points.reshape(POINTS_SIDE, POINTS_SIDE, 4))
+        _write_exr(slots_file, "RGB", slots.reshape(SLOTS_HEIGHT, FILE_WIDTH, 3))
+        _write_exr(bins_file, "RGB", np.repeat(inverse[:, None, None], 3, axis=-1))
+    return LightTables(radiance, points_file, slots_file, bins_file, width, height, digest, light.is_constant)
 
 
 def read_distribution(tables: LightTables) -> LightDistribution:
-    """Read back what `prepare_light` wrote: the light as the shader sees it.
+    """Read back the radiance that `prepare_light` wrote.
 
     Raises
     ------
     EnvironmentMapError
         A file is missing or broken.
     """
-    texels = _read_exr(tables.samples, "RG").reshape(-1, 2)
-    return LightDistribution(_read_exr(tables.radiance, "RGBA").astype(np.float64), texels.astype(np.int64))
+    return LightDistribution(_read_exr(tables.radiance, "RGB").astype(np.float64))
 
 
-def sample_count(width: int, height: int) -> int:
-    """Choose M: the power of two at or above half the texels, within [2^16, 2^22].
+def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Cut the curve of the points into the slots of each bin.
 
-    Half the texels is the knee: four times as many lower the variance of a diffuse surface, both strategies
-    combined, by 5 % (``city``) to 10 % (``forest``); a quarter as many raise it by 25 to 55 %. The table then
-    takes at most as much memory as the radiance. Below, a pixel wants a choice of many blocks; above (maps
-    beyond 4096 wide) building it would take longer than the few seconds it does.
+    Parameters
+    ----------
+    towards : (N, 3)
+        The points, in proportion to the light, whose `integral` over the sphere is given.
+
+    Returns
+    -------
+    (128, M, 3), (128,)
+        What the files hold; slots of no weight beyond the last bin.
     """
-    return int(min(2**22, max(2**16, 1 << (width * height // 2 - 1).bit_length())))
+    slots, inverse = np.zeros((BINS_HEIGHT, SLOTS, 3), np.float32), np.zeros(BINS_HEIGHT, np.float32)
+    # One point, of no weight.
+    slots[..., 1] = 1.0
+    # In float32, as the shader: g is but a weight.
+    x, y, z = (np.ascontiguousarray(column, np.float32) for column in towards.T)
+
+    def fill(number: int) -> None:
+        a, b, c = bins.AXES[number].astype(np.float32)
+        seen = bins.widened(a * x + b * y + c * z)
+        total = float(seen.sum(dtype=np.float64))
+        if total > 0.0:
+            first, count, times = cut(seen, SLOTS)
+            slots[number] = np.stack([first, count, SLOTS * count / times / total], axis=-1)
+            inverse[number] = len(towards) / (integral * total)
+
+    # NumPy lets go of the interpreter's lock.
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(fill, range(bins.COUNT)))
+    return slots, inverse
 
 
-def _target(radiance: NDArray[np.float32]) -> Floats:
-    """Make the wanted weight of each texel (H, W): filtered luminance times cosine of latitude."""
-    height = radiance.shape[0]
-    luminance = radiance.astype(np.float64) @ LUMINANCE
-    footprint = [0.125, 0.75, 0.125]
-    luminance = convolve1d(luminance, footprint, axis=0, mode="nearest")
-    luminance = convolve1d(luminance, footprint, axis=1, mode="wrap")
-    if not luminance.any():
-        luminance = np.ones_like(luminance)  # an all-black map: any distribution is right, this one is valid
-    return np.asarray(luminance * np.sin(np.pi * (np.arange(height) + 0.5) / height)[:, None])
+def cut(values: Floats | NDArray[np.float32], number: int) -> tuple[Ints, Ints, Ints]:
+    """Cut a row of values (n,), not negative and not all zero, into ranges of nearly the same sum.
+
+    Where the values are zero for longer than a range, one ends: it would be drawn from in vain.
+
+    Returns
+    -------
+    three arrays (number,)
+        First place and count of each range, and how many of the ranges are this very one. Together they cover all that
+        is above zero, none of it twice.
+    """
+    kept, reached = np.flatnonzero(values), np.cumsum(values, dtype=np.float64)
+    longest = max(1, len(kept) // number)
+    while (parted := np.flatnonzero(np.diff(kept) > longest)).size > number // 4:
+        longest *= 2
+    begin, end = kept[np.append(0, parted + 1)], kept[np.append(parted, len(kept) - 1)] + 1
+    before = reached[begin] - values[begin]
+    mass = reached[end - 1] - before
+    # Each stretch has at least one range, the heaviest what rounding down leaves.
+    shares = 1 + np.floor((number - len(mass)) * mass / mass.sum()).astype(np.int64)
+    shares[np.argsort(-mass, kind="stable")[: number - shares.sum()]] += 1
+    stretch = np.repeat(np.arange(len(mass)), shares)
+    within = np.arange(number) - np.repeat(np.cumsum(shares) - shares, shares)
+    wanted = before[stretch] + mass[stretch] * within / shares[stretch]
+    first = np.clip(np.searchsorted(reached, wanted, side="right"), begin[stretch], end[stretch] - 1)
+    # A value may be too small to show in a sum.
+    first = np.where(within == 0, begin[stretch], first)
+    # What outweighs a range has several.
+    starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
+    count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first
+    return first, count, times[group]
 
 
-def _draw_texels(target: Floats, count: int) -> NDArray[np.int64]:
-    """Warp `count` Sobol points through the inverse CDF of `target` (H, W) to columns and rows (M, 2)."""
-    height, width = target.shape
-    points = qmc.Sobol(2, scramble=True, rng=SOBOL_SEED).random(count)
-    cdf = np.cumsum(target)
-    row_end = cdf[width - 1 :: width]
-    row_start = np.concatenate([[0.0], row_end[:-1]])
-    row = np.searchsorted(row_end, points[:, 1] * row_end[-1], side="right")
-    row = np.minimum(row, height - 1)
-    texel = np.searchsorted(cdf, row_start[row] + points[:, 0] * (row_end - row_start)[row], side="right")
-    column = np.clip(texel - row * width, 0, width - 1)  # a sum rounded past the row's end stays in the row
-    return np.stack([column, row], axis=-1)
+def along_hilbert(cells: Ints, side: int) -> Ints:
+    """Return how far along a Hilbert curve cells (N, 2) of a square lie, whose side is a power of two."""
+    x, y = cells.T.copy()
+    place = np.zeros(len(cells), np.int64)
+    step = side // 2
+    while step:
+        right, up = (x & step) > 0, (y & step) > 0
+        place += step * step * ((3 * right) ^ up)
+        # Each quarter is the curve turned about.
+        flip = ~up & right
+        x, y = np.where(flip, side - 1 - x, x), np.where(flip, side - 1 - y, y)
+        x, y = np.where(up, x, y), np.where(up, y, x)
+        step //= 2
+    return place
 
 
-def _tent(u: Floats) -> Floats:
-    """Invert the CDF of the triangular density ``1 - |t|`` on [-1, 1]."""
-    return np.where(u < 0.5, np.sqrt(2.0 * u) - 1.0, 1.0 - np.sqrt(np.maximum(2.0 - 2.0 * u, 0.0)))
+def _directions(places: Floats) -> Floats:
+    return uv_to_direction(np.stack([places[:, 0], 1.0 - places[:, 1]], axis=-1))
 
 
 def _write_exr(path: Path, channels: str, values: Floats | NDArray[np.float32]) -> None:

@@ -245,12 +245,12 @@ class JobRender(Table):
     bounces: Annotated[int, Field(ge=0, le=64)] = Field(
         default=2, description="Indirect bounces; 0: only direct light."
     )
-    # At least one: the light's own samples leave out what it has next to nothing of.
-    brdf_samples: Annotated[int, Field(ge=1, le=64)] = Field(
-        default=2, description="Directions drawn from the BRDF at each shading point."
+    # At least one: what a narrow lobe reflects, and indirect light, is found by its own directions only.
+    brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = Field(
+        default=None, description="Directions drawn from the BRDF at each shading point; default: as suits the look."
     )
-    ibl_samples: Annotated[int, Field(ge=0, le=64)] = Field(
-        default=4, description="Directions drawn from the light at each shading point."
+    ibl_samples: Annotated[int, Field(ge=0, le=64)] | None = Field(
+        default=None, description="Directions drawn from the light at each shading point; default: as suits the look."
     )
     # Times 64, for the rounds and halves of a frame, it must be exact as a float32: so it reaches the shader.
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(default=0, description="Seed of all random choices.")

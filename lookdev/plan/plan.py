@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -11,7 +11,8 @@ from typing import Literal
 from lookdev.errors import OutputError
 from lookdev.job import Job, JobIbl, JobLook, JobRender, JobTurntable
 from lookdev.plan.digest import frame_digest, part_digests
-from lookdev.plan.poses import turntable_poses
+from lookdev.plan.poses import turntable_poses, unturned
+from lookdev.plan.skips import Skip
 from lookdev.plan.task import FrameTask, Pose, Sampling, SceneTask
 
 State = Literal["done", "stale", "new"]
@@ -50,11 +51,12 @@ class Plan:
     """Every frame of a job, look by look, and within a look light by light.
 
     `pictures` are the EXRs that need no rendering but whose PNG is missing or older; an EXR that `copies`
-    will make is among them.
+    will make is among them. `skips` say what the frames leave out.
     """
 
     frames: tuple[PlannedFrame, ...]
     pictures: tuple[Path, ...]
+    skips: tuple[Skip, ...] = ()
 
     @property
     def counts(self) -> dict[State, int]:
@@ -83,7 +85,12 @@ class Plan:
         )
 
 
-def build_plan(job: Job, scenes: Mapping[tuple[str, str], SceneTask], read_header: HeaderReader) -> Plan:
+def build_plan(
+    job: Job,
+    scenes: Mapping[tuple[str, str], SceneTask],
+    read_header: HeaderReader,
+    around: Collection[tuple[str, str]] = (),
+) -> Plan:
     """Plan a job.
 
     Parameters
@@ -94,6 +101,9 @@ def build_plan(job: Job, scenes: Mapping[tuple[str, str], SceneTask], read_heade
         (look name, IBL name) to the scene, for every look and IBL of the job.
     read_header : callable
         Reads the header of a frame that exists.
+    around : collection
+        The keys of those scenes whose asset looks the same however it is turned: poses that differ by no more than
+        that are one frame.
 
     Returns
     -------
@@ -104,7 +114,7 @@ def build_plan(job: Job, scenes: Mapping[tuple[str, str], SceneTask], read_heade
         PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
         for look in job.look
         for ibl in job.ibl
-        for task in _tasks(job, look, ibl, scenes[look.name, ibl.name])
+        for task in _tasks(job, look, ibl, scenes[look.name, ibl.name], (look.name, ibl.name) in around)
     )
     return Plan(frames, tuple(_pictures(frames)) if job.outputs.png else ())
 
@@ -127,13 +137,13 @@ def frame_sampling(render: JobRender) -> Sampling:
     )
 
 
-def _tasks(job: Job, look: JobLook, ibl: JobIbl, scene: SceneTask) -> Iterator[FrameTask]:
+def _tasks(job: Job, look: JobLook, ibl: JobIbl, scene: SceneTask, around: bool) -> Iterator[FrameTask]:
     shown: dict[Pose, list[tuple[str, Path]]] = {}
     for turntable in job.turntable:
         poses = turntable_poses(turntable, ibl.rotation, job.camera.azimuth)
         files = frame_files(job, look.name, ibl.name, turntable)
         for pose, file in zip(poses, files, strict=True):
-            shown.setdefault(pose, []).append((turntable.name, file))
+            shown.setdefault(unturned(pose) if around else pose, []).append((turntable.name, file))
     for pose, places in shown.items():
         parts = part_digests(scene, pose, ibl.exposure)
         labels = {

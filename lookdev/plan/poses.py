@@ -41,6 +41,15 @@ def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: flo
     return tuple(poses)
 
 
+def unturned(pose: Pose) -> Pose:
+    """Return the pose that stands for all that show the same picture of an asset that is the same all around.
+
+    Seen from the camera, the light stands at `lighting`, whatever `element` is: the renderer's camera orbits by
+    ``-element``, and its light turns by ``lighting - element``.
+    """
+    return Pose(element=0.0, lighting=pose.lighting)
+
+
 def _exact(angle: float) -> Fraction:
     """Return the decimal number that the user wrote.
 

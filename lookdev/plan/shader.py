@@ -28,6 +28,6 @@ def surface_shader(
         ibl_samples=sampling.ibl_samples,
         bounces=sampling.bounces,
         light_size=(light.width, light.height),
-        light_entries=light.sample_count,
+        constant_light=light.constant,
         resolution=resolution,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.codegen import ShaderSource
+from lookdev.codegen import PrincipledSource, ShaderSource
 from lookdev.ibl import LightTables
 
 
@@ -40,20 +40,25 @@ class Sampling:
     """How much work a frame gets.
 
     `samples` is per pixel over both halves, even. With `error` set, rounds of growing size are added until the
-    estimated relMSE is at most `error` or `samples` is reached.
+    estimated relMSE is at most `error` or `samples` is reached. Directions a shading point, `brdf_samples` and
+    `ibl_samples`, are chosen for the look where they are None.
     """
 
     samples: int
     error: float | None
-    brdf_samples: int
-    ibl_samples: int
+    brdf_samples: int | None
+    ibl_samples: int | None
     bounces: int
     seed: int
 
 
 @dataclass(frozen=True)
 class SceneTask:
-    """All that stays the same over a sequence: geometry, one shader for each slot, light, resolution."""
+    """All that stays the same over a sequence: geometry, one shader for each slot, light, resolution.
+
+    With `principled`, that many of Cycles' own BSDF take the place of the shaders and Cycles itself samples the light;
+    of the sampling `samples`, `bounces` and `seed` apply.
+    """
 
     asset_file: Path
     shaders: tuple[ShaderSource, ...]
@@ -62,6 +67,7 @@ class SceneTask:
     sampling: Sampling
     camera: Camera
     device: str
+    principled: tuple[PrincipledSource, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ Ints = NDArray[np.int64]
 Places = NDArray[Any]
 """Places on a surface, one a row: what a row holds is the scene's own affair."""
 
-# At each depth: BSDF direction (2), place in the light's footprint (2), whether to go straight through (1).
+# At each depth: BSDF direction (2), light direction (2), whether to go straight through (1).
 _DIMENSIONS = 5
 _BLOCK = 2**14  # rays at a time: enough to outweigh the calls, few enough to stay in the processor's cache
 
@@ -171,12 +171,12 @@ def _estimate(
     turned = _TurnedLight(light, pose.lighting - pose.element)
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
-        u, entry = _points(light, numbers, bounces + 1, samples, scrambles, seed)
+        u = _points(numbers, bounces + 1, samples, scrambles, seed)
         corner = np.repeat(pixels[numbers], scrambles * samples, axis=0)
         origin, ray = camera_rays(camera, pose, resolution, corner[:, 0] + u[:, 0], corner[:, 1] + u[:, 1])
         hit, place = scene.hit(origin, ray)
         radiance = np.zeros(ray.shape)
-        radiance[hit] = _scattered(scene, turned, place[hit], ray[hit], u[hit, 2:], entry[hit])
+        radiance[hit] = _scattered(scene, turned, place[hit], ray[hit], u[hit, 2:])
         estimates[numbers] = radiance.reshape(len(numbers), scrambles, samples, 3).mean(axis=2)
     error = estimates.std(axis=1, ddof=1) / np.sqrt(scrambles)
     return Estimate(estimates.mean(axis=1), error, samples, scrambles)
@@ -195,40 +195,30 @@ class _TurnedLight:
     def pdf(self, direction: Floats) -> Floats:
         return self.light.pdf(rotate_z(direction, -self.degrees))
 
-    def sample(self, entry: Ints, u: Floats) -> Floats:
-        return rotate_z(self.light.sample(entry, u), self.degrees)
+    def sample(self, u: Floats) -> Floats:
+        return rotate_z(self.light.sample(u), self.degrees)
 
 
-def _points(
-    light: LightDistribution, numbers: Ints, depths: int, samples: int, scrambles: int, seed: int
-) -> tuple[Floats, Ints]:
-    """Return the Sobol points (N, 2 + 5 depths) and entries of the light's table (N, depths) of some pixels."""
-    points, entries = [], []
+def _points(numbers: Ints, depths: int, samples: int, scrambles: int, seed: int) -> Floats:
+    """Return the Sobol points (N, 2 + 5 depths) of some pixels."""
+    points = []
     for number in numbers:
         for scramble in range(scrambles):
             rng = np.random.default_rng([seed, number, scramble])
             points.append(qmc.Sobol(2 + _DIMENSIONS * depths, rng=rng).random(samples))
-            entries.append(np.stack([_stratified_entries(light, samples, rng) for _ in range(depths)], axis=-1))
-    return np.concatenate(points), np.concatenate(entries)
+    return np.concatenate(points)
 
 
-def _stratified_entries(light: LightDistribution, samples: int, rng: np.random.Generator) -> Ints:
-    """Return a stretch of the light's table, which is in Sobol order, from a random place, in random order."""
-    count = len(light.texels)
-    start = int(rng.integers(count // samples)) * samples if samples <= count else 0
-    return np.asarray(rng.permutation((start + np.arange(samples)) % count))
-
-
-def _scattered(scene: Scene, light: _TurnedLight, place: Places, ray: Floats, u: Floats, entry: Ints) -> Floats:
+def _scattered(scene: Scene, light: _TurnedLight, place: Places, ray: Floats, u: Floats) -> Floats:
     """Return the radiance (N, 3) that comes back along rays (N, 3) that hit the scene at `place`."""
     total = np.zeros(ray.shape)
-    path = np.arange(len(ray))  # the rays still under way, in `total`, `u` and `entry`
+    path = np.arange(len(ray))  # the rays still under way, in `total` and `u`
     throughput = np.ones(ray.shape)
     bounced = np.zeros(len(ray), np.bool_)
-    for depth in range(entry.shape[1]):
+    for depth in range(u.shape[1] // _DIMENSIONS):
         here = u[path, _DIMENSIONS * depth : _DIMENSIONS * (depth + 1)]
         surface = _Surface.seen(scene, place, -ray)
-        from_light = surface.to_local(light.sample(entry[path, depth], here[:, 2:4]))
+        from_light = surface.to_local(light.sample(here[:, 2:4]))
         onward = surface.meet(light, surface.sample(here[:, :2]))
         total[path] += throughput * (onward.direct + surface.meet(light, from_light).direct)
 

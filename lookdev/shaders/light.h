@@ -8,59 +8,76 @@ void light_from_direction(vector w, float turn, output float x, output float y)
     y = atan2(hypot(w[0], w[1]), w[2]) / M_PI;
 }
 
-// From the nearer pole, as float32 has no pi; and OSL's sin() is good to 6e-8 only, however small the angle.
-float light_cos_latitude(float y)
+color light_radiance_at(string file, float x, float y)
 {
-    float angle = M_PI * min(y, 1 - y);
-    return angle < 0.1 ? angle * (1 - angle * angle / 6) : sin(angle);
-}
-
-vector light_direction(float x, float y, float turn)
-{
-    float azimuth = M_PI * (1 - 2 * x) + turn;
-    float s;
-    float c;
-    sincos(azimuth, s, c);
-    float horizontal = light_cos_latitude(y);
-    return vector(c * horizontal, s * horizontal, cos(M_PI * y));
-}
-
-// The triangular density on [-1, 1], by inversion.
-float light_tent(float u)
-{
-    return u < 0.5 ? sqrt(2 * u) - 1 : 1 - sqrt(2 - 2 * u);
-}
-
-// Entry `number` of the table: its texel, and a place in it by the bilinear footprint.
-void light_sample(string file, int number, int seed, output float x, output float y)
-{
-    int entry = number & (LIGHT_ENTRIES - 1);
-    color texel = lookdev_texel(file, entry & 1023, (entry >> 10) & 0x3fffff, 1024, LIGHT_ENTRIES / 1024);
-    int random = sobol_hash(seed ^ (number * 0x2c1b3c6d + 0x297a2d39));
-    float j = floor(texel[1] + 0.5) + 0.5 + light_tent(sobol_unit(sobol_hash(random + 0x5bd1e995)));
-    x = (floor(texel[0] + 0.5) + 0.5 + light_tent(sobol_unit(random))) / LIGHT_WIDTH;
-    // At a pole the footprint folds back, which is what a clamped look-up integrates to.
-    y = j / LIGHT_HEIGHT;
-    y = y < 0 ? -y : (y > 1 ? 2 - y : y);
-}
-
-// Radiance, and the density of light_sample() over solid angle.
-color light_radiance_at(string file, float x, float y, output float pdf)
-{
+    float alpha;
     float inset = 0.5 / LIGHT_HEIGHT;
     float row = clamp(y, inset, 1 - inset);
 #if LOOKDEV_ROW_0_AT_T_1
     float place = x - floor(x);
-    color radiance = lookdev_black(file, place, row, pdf);
-    if (min(place, 1 - place) * LIGHT_WIDTH < 0.5) {
-        float rest;
-        radiance += lookdev_black(file, place < 0.5 ? place + 1 : place - 1, row, rest);
-        pdf += rest;
-    }
+    color radiance = lookdev_black(file, place, row, alpha);
+    if (min(place, 1 - place) * LIGHT_WIDTH < 0.5)
+        radiance += lookdev_black(file, place < 0.5 ? place + 1 : place - 1, row, alpha);
 #else
     color radiance = texture(file, x, IMAGE_T(row), 0, 0, 0, 0,
-                             "swrap", "periodic", "twrap", "clamp", "interp", "linear", "alpha", pdf);
+                             "swrap", "periodic", "twrap", "clamp", "interp", "linear");
 #endif
-    pdf /= 2 * M_PI * M_PI * max(light_cos_latitude(y), 1e-9);
     return radiance;
 }
+
+#if IBL_SAMPLES > 0
+// The bin of a normal (lookdev/ibl/bins.py), and its axis.
+int light_bin(vector n, float turn, output vector axis)
+{
+    int cells[LIGHT_ROWS] = LIGHT_CELLS;
+    int first[LIGHT_ROWS] = LIGHT_FIRST;
+    // An index beyond its array ends the renderer, and a unit vector may be rounded to more than 1.
+    int row = clamp(int(acos(clamp(n[2], -1, 1)) * (LIGHT_ROWS / M_PI)), 0, LIGHT_ROWS - 1);
+    float around = (atan2(n[1], n[0]) - turn) / M_2PI;
+    int cell = clamp(int((around - floor(around)) * cells[row]), 0, cells[row] - 1);
+    float azimuth = M_2PI * (cell + 0.5) / cells[row] + turn;
+    float theta = M_PI * (row + 0.5) / LIGHT_ROWS;
+    float s;
+    float c;
+    sincos(azimuth, s, c);
+    axis = vector(sin(theta) * c, sin(theta) * s, cos(theta));
+    return first[row] + cell;
+}
+
+// One over the integral of a bin, 0 where it sees no light.
+float light_scale(string file, int bin)
+{
+    color value = lookdev_texel(file, 0, bin, 1, LIGHT_BINS_HEIGHT);
+    return value[0];
+}
+
+// The largest cosine between a direction and the normals of a bin, from that to its axis.
+float light_widened(float cosine)
+{
+    float turned = LIGHT_COS_RADIUS * cosine + LIGHT_SIN_RADIUS * sqrt(max(1 - cosine * cosine, 0));
+    return cosine > LIGHT_COS_RADIUS ? 1 : max(turned, 0);
+}
+
+// Sample `number` of a bin: a direction and the radiance from there; `ratio` times the widened cosine is q / p.
+color light_sample(string slots, string points, int bin, int number, int seed, float turn, output vector wi,
+                   output float ratio)
+{
+    // Bits reversed: numbers that follow each other are far apart on the curve.
+    int slot = bin * LIGHT_SLOTS + ((sobol_reverse(number) >> LIGHT_SLOTS_SHIFT) & (LIGHT_SLOTS - 1));
+    color range = lookdev_texel(slots, slot & 1023, slot >> 10, 1024, LIGHT_SLOTS_HEIGHT);
+    float u = sobol_unit(sobol_hash(seed ^ (number * 0x2c1b3c6d + 0x297a2d39)));
+    int place = int(range[0]) + int(min(range[1] * u, range[1] - 1));
+    float color_code;
+    color cell = texture(points, ((place & 1023) + 0.5) / 1024, IMAGE_T(((place >> 10) + 0.5) / 1024), 0, 0, 0, 0,
+                         "wrap", "clamp", "interp", "closest", "alpha", color_code);
+    ratio = range[2];
+    float s;
+    float c;
+    sincos(cell[0] + turn, s, c);
+    float horizontal = sqrt(max(1 - cell[1] * cell[1], 0));
+    wi = vector(horizontal * c, horizontal * s, cell[1]);
+    float red = floor(color_code / 4096.0);
+    float green = color_code - 4096.0 * red;
+    return 3 * cell[2] / 4095.0 * color(red, green, max(4095.0 - red - green, 0));
+}
+#endif

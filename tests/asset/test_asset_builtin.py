@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from lookdev.asset import BUILTINS, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
@@ -26,6 +27,7 @@ def test_it_is_what_a_mesh_must_be(assets, name, check_asset):
     assert all(slot.path.startswith(f"/{name}") and slot.material is None for slot in asset.slots)
     assert asset.convex == (name in ("plane", "sphere"))
     assert asset.sheet == (name == "plane")
+    assert asset.revolved == (name == "sphere")
     assert asset.digest == load_asset(builtin=name).digest
 
 
@@ -112,6 +114,21 @@ def test_the_shaderball_has_rounded_edges(assets):
         cosine = (mesh.normals * np.repeat(facets, mesh.face_sizes, axis=0)).sum(axis=1)
         # A right angle in eight steps turns a normal by about 11 degrees from a facet to the next.
         assert np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < 12.0
+
+
+@pytest.mark.parametrize("name", BUILTINS)
+def test_what_is_revolved_and_nothing_else_is_turned_onto_itself(assets, name):
+    asset = assets[name]
+    points = np.vstack(
+        [
+            asset.meshes[each.mesh].points @ each.matrix[:3, :3].T + each.matrix[:3, 3] - asset.center
+            for each in asset.instances
+        ]
+    )
+    turned = points @ np.array([[np.cos(1.0), np.sin(1.0), 0.0], [-np.sin(1.0), np.cos(1.0), 0.0], [0.0, 0.0, 1.0]])
+    distance, _ = cKDTree(points).query(turned[::7])
+    # Half a segment of 512 is 0.0062: where the neighbours of a point are.
+    assert (distance.max() < 0.007 * asset.radius) == asset.revolved
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,8 @@ from lookdev.asset.store import asset_digest, make_asset
 from lookdev.cache import cache_dir
 from lookdev.errors import AssetError
 
+FLAGS = {"convex": True, "sheet": True, "revolved": True}
+
 
 @pytest.fixture
 def asset():
@@ -21,7 +23,7 @@ def asset():
         uvs={"st": mesh.uvs["st"], "second:set": mesh.uvs["st"] * 2},
         primvars={"wear/../x": mesh.uvs["st"][:, 0].copy(), "displayColor": mesh.normals.copy()},
     )
-    return make_asset("thing", [mesh], sphere.instances, [Slot("/thing", "/Looks/Paint")], convex=True, sheet=True)
+    return make_asset("thing", [mesh], sphere.instances, [Slot("/thing", "/Looks/Paint")], **FLAGS)
 
 
 def test_what_is_saved_is_read_back(asset, check_asset):
@@ -30,7 +32,7 @@ def test_what_is_saved_is_read_back(asset, check_asset):
     again = read_asset(path)
     check_asset(again)
     assert asset_digest(again) == again.digest == asset.digest
-    for name in ("name", "slots", "center", "radius", "convex", "sheet"):
+    for name in ("name", "slots", "center", "radius", *FLAGS):
         assert getattr(again, name) == getattr(asset, name)
     assert list(again.meshes[0].uvs) == ["st", "second:set"]
     assert list(again.meshes[0].primvars) == ["wear/../x", "displayColor"]
@@ -69,8 +71,7 @@ def _other_uv_name(asset):
         _other_point,
         _other_matrix,
         _other_uv_name,
-        lambda asset: dataclasses.replace(asset, convex=False),
-        lambda asset: dataclasses.replace(asset, sheet=False),
+        *(lambda asset, flag=flag: dataclasses.replace(asset, **{flag: False}) for flag in FLAGS),
         lambda asset: dataclasses.replace(asset, name="other"),
         lambda asset: dataclasses.replace(asset, slots=(Slot("/thing"),)),
     ],

@@ -58,7 +58,7 @@ def make_plan(job: Job) -> Plan:
         (look.name, ibl.name): SceneTask(
             asset_file=Path("/cache/a55e7.npz"),
             shaders=(ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}"),),
-            light=LightTables(Path("/c/r.exr"), Path("/c/s.exr"), 64, 32, 2**16, "119147"),
+            light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147"),
             resolution=(WIDTH, HEIGHT),
             sampling=frame_sampling(job.render),
             camera=frame_camera(job.camera, (0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT)),

@@ -57,7 +57,7 @@ def result(task: dict, what: str) -> None:
         os.truncate(path, 100)
     for samples in (4, 8):
         say(type="progress", digest=digest, samples=samples, of=8, relmse=None if samples == 4 else 0.01)
-    say(type="done", digest=digest, arrays=path, samples=8, seconds=0.125, relmse=0.01)
+    say(type="done", digest=digest, arrays=path, samples=8, seconds=0.125, relmse=0.01, memory=1 << 20)
 
 
 def act(task: dict, what: str) -> None:
@@ -89,7 +89,7 @@ def act(task: dict, what: str) -> None:
         case "other":
             say(type="failed", digest="0" * 64, message="of another frame")
         case "missing":
-            say(type="done", digest=digest, arrays="/nowhere.npz", samples=8, seconds=0.1, relmse=0.01)
+            say(type="done", digest=digest, arrays="/nowhere.npz", samples=8, seconds=0.1, relmse=0.01, memory=1 << 20)
         case "slow":
             time.sleep(0.2)
             result(task, "ok")

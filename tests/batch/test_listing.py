@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import batch_case as case
 
 from lookdev.batch.listing import LINKED, Range, plan_data, plan_ranges, plan_text
 from lookdev.batch.run import run_plan
+from lookdev.plan.skips import Skip
 
 
 def test_consecutive_frames_in_one_state_are_one_line(tmp_path: Path) -> None:
@@ -57,3 +59,26 @@ def test_the_data_names_every_file(tmp_path: Path) -> None:
     assert len(files) == 7
     assert files[-1]["path"] == "gold/city/lighting.0003.exr"
     assert (files[-1]["state"], files[-1]["element"], files[-1]["lighting"]) == ("new", 0.0, 240.0)
+
+
+def test_what_is_skipped_is_told_scene_by_scene(tmp_path: Path) -> None:
+    job = case.make_job(tmp_path)
+    plan = case.make_plan(job)
+    assert plan_data(plan, job.output)["skipped"] == []
+    skips = (
+        Skip("gold", "city", "bounces", "convex asset"),
+        Skip("gold", "city", "1 texture", "reaches no pixel"),
+        Skip("gold", "white", "light samples", "constant light"),
+    )
+    plan = replace(plan, skips=skips)
+    assert plan_text(plan, job.output).splitlines()[-3:] == [
+        "gold/city skipped: bounces (convex asset), 1 texture (reaches no pixel)",
+        "gold/white skipped: light samples (constant light)",
+        "6 of 6 frames to render (files: 0 done, 0 stale, 7 new)",
+    ]
+    assert plan_data(plan, job.output)["skipped"][2] == {  # type: ignore[index]
+        "look": "gold",
+        "ibl": "white",
+        "what": "light samples",
+        "why": "constant light",
+    }

@@ -107,6 +107,22 @@ def test_a_part_that_no_look_covers_is_neutral_and_noted(job: Path) -> None:
     assert (left.name, right.name) == ("good", "neutral")
 
 
+@pytest.mark.parametrize(
+    ("asset", "files", "frames"),
+    [('usd = "asset.usda"', [1, 1, 1], []), ('builtin = "sphere"', [3], ["2 of 3 frames"])],
+)
+def test_turning_a_sphere_of_a_plain_look_is_one_frame(
+    job: Path, asset: str, files: list[int], frames: list[str]
+) -> None:
+    job.write_text(job.read_text().replace('usd = "asset.usda"', asset))
+    without_the_file(job)
+    plan = prepare_job(job).plan
+    assert [len(frame.task.files) for frame in plan.frames] == files * 2
+    skipped = {look: [skip.what for skip in plan.skips if skip.look == look] for look in ("good", "other")}
+    bounces = ["bounces"] if frames else []
+    assert skipped["good"] == skipped["other"] == [*bounces, "light from behind", "light samples", *frames]
+
+
 # A set of two; another of two, where one variant brings a set of its own.
 VARIED = """#usda 1.0
 def Material "Paint" (

@@ -33,7 +33,7 @@ class Images:
     def surface(self, *layers: Layer) -> ShaderSource:
         return generate_surface(
             Look("test", layers), self.resolve, brdf_samples=1, ibl_samples=1, bounces=0, light_size=(64, 32),
-            light_entries=1024, resolution=(8, 8),
+            resolution=(8, 8),
         )  # fmt: skip
 
 

@@ -44,7 +44,6 @@ def surface(*layers: Layer, bounces: int = 1) -> ShaderSource:
         ibl_samples=1,
         bounces=bounces,
         light_size=(64, 32),
-        light_entries=1024,
         resolution=(8, 8),
     )
 

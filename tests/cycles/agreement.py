@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from conftest import orbit_camera
+from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_erosion
 
@@ -85,3 +86,24 @@ def assert_agreement(
     scale = reference.value**2 + EPSILON
     true, claimed = ((((a + b) / 2.0 - reference.value) ** 2) / scale).mean(), (((a - b) / 2.0) ** 2 / scale).mean()
     assert 0.5 < claimed / true < 2.0
+
+
+def relative_difference(
+    frames: Sequence[Rendered], layers: Sequence[Layer], shape: Shape, radius: float, light: LightTables, pose: Pose
+) -> NDArray[np.float64]:
+    """Return how far the mean of frames is off the reference, of it, at 300 pixels that the shape fills."""
+    filled = np.argwhere(frames[0].alpha >= 1.0)
+    chosen = np.random.default_rng(1).permutation(filled)[:300]
+    size = frames[0].alpha.shape[0]
+    reference = shape_pixels(
+        constant_bsdf(layers),
+        shape,
+        read_distribution(light),
+        orbit_camera((0.0, 0.0, 0.0), radius),
+        pose,
+        (size, size),
+        chosen[:, ::-1],
+        samples=4096,
+    )
+    mean = np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0)[tuple(chosen.T)]
+    return np.asarray(mean / reference.value - 1.0)

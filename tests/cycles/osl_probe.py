@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,11 @@ def main(request: Path, answer: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    code = 1
+    try:
+        main(Path(sys.argv[1]), Path(sys.argv[2]))
+        code = 0
+    except Exception:  # noqa: BLE001  (Blender's own exit can hang)
+        traceback.print_exc()
     sys.stdout.flush()
-    os._exit(0)
+    os._exit(code)

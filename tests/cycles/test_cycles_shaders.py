@@ -16,10 +16,11 @@ import pytest
 from numpy.typing import NDArray
 from osl_probe import TEMPLATE
 
-from lookdev.codegen.surface import expand_template
-from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, prepare_light, read_distribution
+from lookdev.codegen.surface import expand_template, light_constants
+from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, bins, prepare_light, read_distribution
 from lookdev.ibl.mapping import rotate_z, uv_to_direction
-from lookdev.ibl.tables import MIN_COS_LATITUDE, lookup
+from lookdev.ibl.tables import BINS_HEIGHT, SLOTS
+from lookdev.ibl.warp import lookup
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, sample_slopes, sample_texture, slope_texture
 
@@ -39,12 +40,18 @@ _ROUNDING = 2e-6
 
 @dataclass(frozen=True)
 class Probes:
-    """What was asked (tables as float64) and answered, by name; and the files that were read."""
+    """What was asked (tables as float64) and answered, by name; and the files that were read.
+
+    `points`, `slots` and `inverse` are the light's.
+    """
 
     tables: dict[str, Floats]
     values: dict[str, Floats]
     image: Texture
     light: LightDistribution
+    points: NDArray[np.float32]
+    slots: NDArray[np.float32]
+    inverse: NDArray[np.float32]
 
 
 def _texture_code(function: str, file: Callable[[Any, Any], Path], value: str) -> str:
@@ -54,6 +61,20 @@ def _texture_code(function: str, file: Callable[[Any, Any], Path], value: str) -
         call = f'{function}("{file(s, t)}", in[0], in[1], "{_WRAPS[s]}", "{_WRAPS[t]}", alpha)'
         branches += f"if (pair == {number}) looked = {call};\n"
     return f"int pair = int(in[2] + 0.5); float alpha = -1; color looked = 0;\n{branches}value = {value};"
+
+
+def _normals(rng: np.random.Generator) -> Floats:
+    """Return normals and turns (n, 4): anywhere, about the poles, and on them."""
+    normal = rng.normal(size=(4096, 3))
+    normal[:256, :2] *= 1e-3
+    normal[:8, :2] = 0.0
+    turn = rng.uniform(-7.0, 7.0, (4096, 1))
+    return np.concatenate([normal / np.linalg.norm(normal, axis=-1, keepdims=True), turn], axis=-1)
+
+
+def _read(file: Path, channels: str) -> NDArray[np.float32]:
+    with OpenEXR.File(str(file), separate_channels=True) as exr:
+        return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
 
 
 def _texture_places() -> Floats:
@@ -80,10 +101,8 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         radiance = (10.0 ** rng.uniform(-1.0, 2.0, (16, 32, 3))).astype(np.float32)
         tables = prepare_light(EnvironmentMap("noise", radiance, Repairs(0, 0, 0), "0" * 64))
         headers = "".join(expand_template(f"{name}.h", {}) for name in ("texture", "sobol", "light", "stratum"))
-        headers = (
-            f"#define LIGHT_WIDTH {tables.width}\n#define LIGHT_HEIGHT {tables.height}\n"
-            f"#define LIGHT_ENTRIES {tables.sample_count}\n{headers}"
-        )
+        light_size = (f"#define LIGHT_WIDTH {tables.width}", f"#define LIGHT_HEIGHT {tables.height}")
+        headers = "\n".join(["#define IBL_SAMPLES 1", *light_size, *light_constants(), headers])
         net = np.array([(index, seed) for seed in _SEEDS for index in range(2**_NET)], dtype=np.float64)
         square = rng.random((4096, 2))
         # Near the poles and the seam, too, and round it again, as a turned map asks.
@@ -91,7 +110,18 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         square[256:512] = 1.0 - square[256:512]
         beyond = square + [1.0, 0.0] * rng.integers(0, 2, (4096, 1))
         directions = uv_to_direction(square)
-        entries = np.stack([rng.integers(0, 2**24, 8192), rng.integers(0, 2**20, 8192)], axis=-1).astype(np.float64)
+        normals = _normals(rng)
+        # Samples of all bins and one beyond, and of a few slots so often that all their points occur. Hashed in the
+        # shader, numbers and seeds take all 32 bits.
+        drawn = np.stack([rng.integers(0, bins.COUNT + 1, 8192), *rng.integers(0, 2**24, (2, 8192))], axis=-1)
+        drawn[4096:, :2] = drawn[0, :2]
+        drawn = np.concatenate([drawn, rng.uniform(-7.0, 7.0, (8192, 1))], axis=-1)
+        of_slot = (
+            "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2]));"
+            "color got = "
+            f'light_sample("{tables.slots}", "{tables.points}", int(in[0]), hashed, seed, in[3], wi, ratio);'
+        )
+        of_normal = "vector axis; int bin = light_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
         asked: dict[str, tuple[Floats, str, int]] = {
             "texture": (_texture_places(), _texture_code("lookdev_texture", lambda s, t: linear, "looked"), 1),
@@ -115,21 +145,18 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
                 "value = color(x, y, 0);",
                 1,
             ),
-            "to_direction": (square, f"value = color(light_direction(in[0], in[1], {_TURN}));", 1),
-            "radiance": (
-                beyond, f'float pdf; value = light_radiance_at("{tables.radiance}", in[0], in[1], pdf);', 1
-            ),
-            "density": (
-                beyond,
-                f'float pdf; light_radiance_at("{tables.radiance}", in[0], in[1], pdf); value = color(pdf);',
+            "radiance": (beyond, f'value = light_radiance_at("{tables.radiance}", in[0], in[1]);', 1),
+            "bin": (normals, f"{of_normal} value = color(bin);", 1),
+            "axis": (normals, f"{of_normal} value = axis;", 1),
+            "scale": (
+                np.arange(float(BINS_HEIGHT))[:, None],
+                f'value = color(light_scale("{tables.bins}", int(in[0])));',
                 1,
             ),
-            "light_sample": (
-                entries,
-                f'float x; float y; light_sample("{tables.samples}", int(in[0]), int(in[1]), x, y);'
-                "value = color(x, y, 0);",
-                1,
-            ),
+            "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(light_widened(in[0]));", 1),
+            "sample": (drawn, f"{of_slot} value = wi;", 1),
+            "sample_radiance": (drawn, f"{of_slot} value = got;", 1),
+            "sample_ratio": (drawn, f"{of_slot} value = color(ratio);", 1),
         }  # fmt: skip
         for samples in _SAMPLES:
             wanted = np.arange(4096.0)[:, None] % samples
@@ -147,7 +174,10 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         # The image is looked up in NumPy at the very numbers that Cycles got.
         rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _, _) in asked.items()}
         with np.load(folder / "answer.npz") as stored:
-            return Probes(rounded, {name: stored[name].astype(np.float64) for name in stored.files}, image, light)
+            values = {name: stored[name].astype(np.float64) for name in stored.files}
+        points = _read(tables.points, "RGBA").reshape(-1, 4)
+        slots = _read(tables.slots, "RGB").reshape(BINS_HEIGHT, SLOTS, 3)
+        return Probes(rounded, values, image, light, points, slots, _read(tables.bins, "R")[:, 0, 0])
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
@@ -197,12 +227,6 @@ def test_seeds_give_other_points(probes: Probes) -> None:
         assert abs(correlation) < 5.0 / np.sqrt(2 ** (_NET + 1))
 
 
-def test_directions_map_as_in_numpy(probes: Probes) -> None:
-    square = probes.tables["to_direction"][:, :2]
-    wanted = rotate_z(uv_to_direction(square * [1.0, -1.0] + [0.0, 1.0]), np.degrees(_TURN))
-    np.testing.assert_allclose(probes.values["to_direction"], wanted, atol=_ROUNDING)
-
-
 def test_the_map_and_its_inverse(probes: Probes) -> None:
     # x is periodic, and a turned map leaves [0, 1].
     xy = probes.values["to_square"][:, :2]
@@ -216,38 +240,81 @@ def test_the_light_is_that_of_numpy(probes: Probes) -> None:
     x, y = probes.tables["radiance"][:, :2].T
     wanted = lookup(probes.light.table, np.stack([x, 1.0 - y], axis=-1))
     # Texels up to 100; places known to 2^-24 of 32 texels.
-    np.testing.assert_allclose(probes.values["radiance"], wanted[:, :3], rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(probes.values["radiance"], wanted, rtol=1e-4, atol=1e-3)
 
 
-def test_the_density_is_that_of_numpy(probes: Probes) -> None:
-    x, y = probes.tables["density"][:, :2].T
-    # As LightDistribution.pdf, with the cosine of the latitude from the nearer pole, not by way of a direction.
-    cos_latitude = np.maximum(np.sin(np.pi * np.minimum(y, 1.0 - y)), MIN_COS_LATITUDE)
-    wanted = lookup(probes.light.table, np.stack([x, 1.0 - y], axis=-1))[:, 3] / (2.0 * np.pi**2 * cos_latitude)
-    away = np.minimum(y, 1.0 - y) > 1e-3
-    direction = uv_to_direction(np.stack([x, 1.0 - y], axis=-1))
-    np.testing.assert_allclose(wanted[away], probes.light.pdf(direction)[away], rtol=1e-6)
-    np.testing.assert_allclose(probes.values["density"][:, 0], wanted, rtol=1e-4, atol=1e-4)
+def test_bins_are_those_of_numpy(probes: Probes) -> None:
+    *normal, turn = probes.tables["bin"].T
+    down = bins.ROWS * np.arccos(np.clip(normal[2], -1.0, 1.0)) / np.pi
+    row = np.minimum(down.astype(int), bins.ROWS - 1)
+    cells = np.array(bins.CELLS)[row]
+    around = cells * ((np.arctan2(normal[1], normal[0]) - turn) / (2.0 * np.pi) % 1.0)
+    wanted = np.array(bins.FIRST)[row] + around.astype(int)
+    got = probes.values["bin"][:, 0]
+    # On the borders rounding and OSL's arc tangents, good to 1e-5, decide.
+    inside = (np.abs(down - np.rint(down)) > 1e-4) & (np.abs(around - np.rint(around)) > 1e-4)
+    assert inside.mean() > 0.9
+    np.testing.assert_array_equal(got[inside], wanted[inside])
+    assert np.isin(got, np.arange(bins.COUNT)).all()
+    assert len(np.unique(got)) == bins.COUNT
 
 
-def test_light_samples_fill_the_tent_of_their_texel(probes: Probes) -> None:
-    height, width = probes.light.table.shape[:2]
-    number = probes.tables["light_sample"][:, 0].astype(int) % len(probes.light.texels)
-    column, row = probes.light.texels[number].T + 0.5
-    x, y = probes.values["light_sample"][:, :2].T
-    across = x * width - column
-    assert (np.abs(across) <= 1.0 + 1e-5).all()
-    # Beyond a pole the tent folds back.
-    down = y * height - row
-    assert (np.abs(down) <= 1.0 + 1e-5).all()
-    assert ((y >= 0.0) & (y <= 1.0)).all()
-    inner = (row > 1.0) & (row < height - 1.0)
-    for place in (across, down[inner]):
-        # A tent on [-1, 1]: mean 0, variance 1/6, fourth moment 1/15; four standard errors.
-        count = len(place)
-        assert abs(place.mean()) < 4.0 * np.sqrt(1.0 / 6.0 / count)
-        assert abs((place**2).mean() - 1.0 / 6.0) < 4.0 * np.sqrt((1.0 / 15.0 - 1.0 / 36.0) / count)
-    assert abs(np.corrcoef(across[inner], down[inner])[0, 1]) < 4.0 / np.sqrt(np.count_nonzero(inner))
+def test_axes_are_those_of_the_bins(probes: Probes) -> None:
+    normal, turn = probes.tables["axis"][:, :3], probes.tables["axis"][:, 3]
+    axis, number = probes.values["axis"], probes.values["bin"][:, 0].astype(int)
+    np.testing.assert_allclose(axis, rotate_z(bins.AXES[number], np.degrees(turn)), atol=_ROUNDING)
+    # Wherever rounding puts a normal: the bin's cone has it.
+    assert ((axis * normal).sum(axis=-1) > np.cos(bins.RADIUS)).all()
+
+
+def test_the_weight_of_a_bin_is_that_of_numpy(probes: Probes) -> None:
+    np.testing.assert_array_equal(probes.values["scale"][:, 0], probes.inverse)
+    assert (probes.inverse[: bins.COUNT] > 0.0).all()
+    # Rounding under the root matters only where the sine is small, and there the weight is 1 or 0.
+    wanted = bins.widened(probes.tables["widened"][:, 0])
+    np.testing.assert_allclose(probes.values["widened"][:, 0], wanted, atol=_ROUNDING)
+
+
+def _hash(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """Return what `sobol_hash` does."""
+    x = value ^ (value >> 16)
+    x = x * np.uint32(0x7FEB352D)
+    x = x ^ (x >> 15)
+    x = x * np.uint32(0x846CA68B)
+    return x ^ (x >> 16)
+
+
+def _drawn(probes: Probes) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Return the slots (n, 3) and the points (n,) that `light_sample` should draw."""
+    number, seed = _hash(probes.tables["sample"][:, 1:3].astype(np.uint32)).T
+    bits = SLOTS.bit_length() - 1
+    reverse = np.array([int(f"{n % SLOTS:0{bits}b}"[::-1], 2) for n in number])
+    slots = probes.slots[probes.tables["sample"][:, 0].astype(int), reverse]
+    u = (_hash(seed ^ (number * np.uint32(0x2C1B3C6D) + np.uint32(0x297A2D39))) >> 8).astype(np.float32) / 2**24
+    return slots, (slots[:, 0] + np.floor(slots[:, 1] * u)).astype(np.int64)
+
+
+def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
+    slots, point = _drawn(probes)
+    np.testing.assert_array_equal(probes.values["sample_ratio"][:, 0], slots[:, 2])
+    # Each point of a slot that is drawn from often occurs.
+    first, count, _ = slots[-1]
+    assert np.unique(point[4096:]).tolist() == list(range(int(first), int(first + count)))
+    assert count > 10
+    azimuth, z = probes.points[point, :2].astype(np.float64).T
+    place = np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1)
+    wanted = rotate_z(uv_to_direction(place), np.degrees(probes.tables["sample"][:, 3]))
+    np.testing.assert_allclose(probes.values["sample"], wanted, atol=_ROUNDING)
+    # 12 bits of thrice the mean for each channel; texels differ a thousandfold within one map, so the mean tells.
+    light = lookup(probes.light.table, place)
+    mean = light.mean(axis=-1, keepdims=True)
+    np.testing.assert_allclose(probes.values["sample_radiance"] / mean, light / mean, atol=2e-3)
+
+
+def test_what_is_beyond_the_last_bin_has_no_weight(probes: Probes) -> None:
+    beyond = probes.tables["sample"][:, 0] == bins.COUNT
+    assert beyond.any()
+    assert not probes.values["sample_ratio"][beyond].any()
 
 
 @pytest.mark.parametrize("samples", _SAMPLES)

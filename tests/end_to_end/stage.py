@@ -44,7 +44,7 @@ class Stage:
         light: EnvironmentMap,
         camera: Camera,
         pose: Pose = Pose(0.0, 0.0),  # noqa: B008  (frozen)
-        resolution: tuple[int, int] = (48, 48),
+        resolution: tuple[int, int] = (80, 80),
         samples: int = SAMPLES,
         seed: int = 0,
         progress: Callable[[Progress], None] = lambda progress: None,

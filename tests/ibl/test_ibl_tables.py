@@ -4,32 +4,97 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
+from numpy.typing import NDArray
 from scipy import stats
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, prepare_light, read_distribution
+from lookdev.ibl import EnvironmentMap, LightDistribution, LightTables, Repairs, bins, prepare_light, read_distribution
+from lookdev.ibl import tables as tables_module
 from lookdev.ibl.mapping import direction_to_uv, uv_to_direction
-from lookdev.ibl.tables import build_distribution, lookup, sample_count
+from lookdev.ibl.tables import BINS_HEIGHT, SLOTS, along_hilbert, cut_slots
+from lookdev.ibl.warp import lookup
+
+Floats = NDArray[np.float64]
 
 SUN = (2, 11)  # row, column
+SEVERAL = range(0, bins.COUNT, 11)
 
 
-def environment(radiance: np.ndarray, digest: str = "test") -> EnvironmentMap:
+@dataclasses.dataclass(frozen=True)
+class Tables:
+    """What the files of a light would hold, and the directions of its points."""
+
+    light: LightDistribution
+    points: NDArray[np.float32]
+    towards: Floats
+    slots: NDArray[np.float32]
+    inverse: NDArray[np.float32]
+
+
+def tables_of(light: LightDistribution, side: int) -> Tables:
+    points, towards = light.points(side)
+    return Tables(light, points, towards, *cut_slots(towards, light.integral))
+
+
+def environment(radiance: Floats, digest: str = "test") -> EnvironmentMap:
     return EnvironmentMap("test", radiance.astype(np.float32), Repairs(), digest)
 
 
+def cells(height: int) -> tuple[Floats, Floats]:
+    """Return directions (h, 2 h, 3) amid cells of the lat-long square, row 0 at the zenith, and solid angles (h, 1)."""
+    u, v = np.meshgrid((np.arange(2 * height) + 0.5) / (2 * height), 1.0 - (np.arange(height) + 0.5) / height)
+    edge = np.cos(np.pi * np.arange(height + 1) / height)
+    solid = (edge[:-1] - edge[1:])[:, None] * np.pi / height
+    return uv_to_direction(np.stack([u, v], axis=-1)), solid
+
+
+def decoded(points: NDArray[np.float32]) -> tuple[Floats, Floats, Floats]:
+    """Return directions (..., 3), means (...) and radiance (..., 3) of points."""
+    azimuth, z, mean, code = np.moveaxis(points.astype(np.float64), -1, 0)
+    horizontal = np.sqrt(1.0 - z * z)
+    red, green = code // 4096.0, code % 4096.0
+    share = np.stack([red, green, np.maximum(4095.0 - red - green, 0.0)], axis=-1) / 4095.0
+    towards = np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), z], axis=-1)
+    return towards, mean, 3.0 * mean[..., None] * share
+
+
+def assert_follows(towards: Floats, density: Floats) -> None:
+    """Chi-square: directions (n, 3) against a density per steradian at the middles of `cells`, in 32 x 16 of them."""
+    height = len(density)
+    mass = (density * cells(height)[1]).reshape(16, height // 16, 32, height // 16).sum(axis=(1, 3)).ravel()
+    expected = mass * len(towards)
+    u, v = direction_to_uv(towards).T
+    row, column = np.minimum((1.0 - v) * 16, 15).astype(int), np.minimum(u * 32, 31).astype(int)
+    observed = np.bincount(32 * row + column, minlength=512)
+    assert expected.sum() == pytest.approx(len(towards), rel=1e-3)
+    rare = expected < 10.0  # pooled, as the test's approximation wants
+    observed = np.append(observed[~rare], observed[rare].sum())
+    expected = np.append(expected[~rare], expected[rare].sum())
+    statistic = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
+    assert len(expected) > 20
+    assert stats.chi2.sf(statistic, len(expected) - 1) > 1e-3
+
+
+def by_the_shader(slots: NDArray[np.float32], towards: Floats, axis: Floats) -> tuple[Floats, Floats]:
+    """Return the probability (N,) with which one bin's slots give each point, and q / p as the shader has it."""
+    first, count = slots[:, :2].astype(np.int64).T
+    ends = np.cumsum(count)
+    place = np.repeat(first, count) + np.arange(ends[-1]) - np.repeat(ends - count, count)
+    probability = np.bincount(place, np.repeat(1.0 / (len(slots) * count), count), len(towards))
+    factor = np.zeros(len(towards))
+    factor[place] = np.repeat(slots[:, 2], count)
+    return probability, factor * bins.widened(towards @ axis)
+
+
 @pytest.fixture(scope="module")
-def sunny() -> EnvironmentMap:
-    """A dim sky with a sun of a thousand times its radiance."""
+def sunny() -> LightDistribution:
+    """A dim sky with a sun of fifty times its radiance, and one texel that is black."""
     radiance = np.random.default_rng(3).uniform(0.5, 1.5, (8, 16, 3))
-    radiance[SUN] = (1200.0, 1000.0, 600.0)
-    return environment(radiance)
-
-
-@pytest.fixture(scope="module")
-def light(sunny: EnvironmentMap) -> LightDistribution:
-    return build_distribution(sunny)
+    radiance[SUN] = (60.0, 50.0, 30.0)
+    radiance[4, 3] = 0.0
+    return LightDistribution(radiance.astype(np.float32).astype(np.float64))
 
 
 @pytest.fixture(scope="module")
@@ -37,191 +102,262 @@ def overcast() -> LightDistribution:
     """A map bright at the poles, so that what happens there has samples enough to show."""
     radiance = np.random.default_rng(9).uniform(0.5, 1.5, (8, 16, 3))
     radiance[[0, -1]] *= 20.0
-    return build_distribution(environment(radiance))
+    return LightDistribution(radiance)
+
+
+@pytest.fixture(scope="module")
+def of_sunny(sunny: LightDistribution) -> Tables:
+    return tables_of(sunny, tables_module.POINTS_SIDE)
 
 
 @pytest.fixture
-def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make tables of four bins with 64 slots each, of 32 x 32 points: quickly."""
+    monkeypatch.setattr(tables_module, "SLOTS", 64)
+    monkeypatch.setattr(tables_module, "SLOTS_HEIGHT", 8)
+    monkeypatch.setattr(tables_module, "POINTS_SIDE", 32)
+    monkeypatch.setattr(LightDistribution.points, "__defaults__", (32,))
+    monkeypatch.setattr(bins, "COUNT", 4)
+
+
+@pytest.fixture
+def cache(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
     return tmp_path / "ibl"
 
 
-def draw(light: LightDistribution, count: int, seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return light.sample(rng.integers(0, len(light.texels), count), rng.random((count, 2)))
+def files_of(tables: LightTables) -> list[Path]:
+    return [tables.radiance, tables.points, tables.slots, tables.bins]
 
 
-def cell_centres(light: LightDistribution, per_texel: int) -> np.ndarray:
-    """Centres (h, w, 2) in uv of cells that cut each texel evenly; row 0 at v near 1."""
-    height, width = (size * per_texel for size in light.table.shape[:2])
-    u, v = (np.arange(width) + 0.5) / width, 1.0 - (np.arange(height) + 0.5) / height
-    return np.stack(np.meshgrid(u, v), axis=-1)
+def read(file: Path, channels: str) -> NDArray[np.float32]:
+    with OpenEXR.File(str(file), separate_channels=True) as exr:
+        return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
 
 
-def test_lookup_by_hand() -> None:
-    table = np.array([[[1.0], [2.0]], [[3.0], [5.0]]])
-    cases = {
-        (0.25, 0.75): 1.0,  # the centre of row 0, column 0
-        (0.75, 0.25): 5.0,
-        (0.5, 0.5): 11 / 4,  # between all four
-        (0.0, 0.75): 1.5,  # the seam: half of the last column, half of the first
-        (1.0, 0.75): 1.5,
-        (0.25, 1.0): 1.0,  # clamped at the zenith
-        (0.75, 0.0): 5.0,
-        (0.375, 0.75): 1.25,
-        (0.25, 0.625): 1.5,
-        (1.25, 0.75): 1.0,  # u is periodic
-    }
-    np.testing.assert_allclose(lookup(table, list(cases))[:, 0], list(cases.values()), atol=1e-15)
-
-
-def test_tables_hold_counts(light: LightDistribution, sunny: EnvironmentMap) -> None:
-    counts = np.zeros((8, 16))
-    np.add.at(counts, (light.texels[:, 1], light.texels[:, 0]), 1)
-    np.testing.assert_array_equal(light.table[..., 3], counts * (8 * 16 / len(light.texels)))
-    np.testing.assert_array_equal(light.table[..., :3], sunny.radiance)
+@pytest.mark.parametrize("name", ["sunny", "overcast"])
+def test_samples_follow_the_density(request: pytest.FixtureRequest, name: str) -> None:
+    light: LightDistribution = request.getfixturevalue(name)
+    towards, solid = cells(512)
+    density = light.pdf(towards)
+    # The midpoint rule over cells of pi / 512: (pi / 512)^2 / 24, times what slope and sine bend, 20 at most.
+    assert (density * solid).sum() == pytest.approx(1.0, abs=4e-5)
+    assert_follows(light.sample(np.random.default_rng(4).random((200_000, 2))), density)
+    assert not light.is_black
     assert not light.is_constant
 
 
-def test_texels_follow_the_filtered_light(light: LightDistribution) -> None:
-    """Counts differ from the target by what the net allows, not by what chance would."""
-    luminance = np.pad(light.table[..., :3] @ [0.2126, 0.7152, 0.0722], ((1, 1), (0, 0)), mode="edge")
-    luminance = luminance[:-2] / 8 + luminance[1:-1] * 0.75 + luminance[2:] / 8
-    luminance = np.roll(luminance, 1, 1) / 8 + luminance * 0.75 + np.roll(luminance, -1, 1) / 8
-    target = luminance * np.sin(np.pi * (np.arange(8) + 0.5) / 8)[:, None]
-    target *= len(light.texels) / target.sum()
-    counts = light.table[..., 3] * len(light.texels) / 128
-    # A row is one interval of a stratified coordinate: each of its ends can split one stratum.
-    assert np.abs(counts.sum(axis=1) - target.sum(axis=1)).max() < 2.0
-    # A texel is a rectangle: four corners of a (0, m, 2)-net, each within m/2 + 3/2 points (Niederreiter).
-    assert np.abs(counts - target).max() < 4 * (16 / 2 + 1.5)
-    assert counts[SUN[0] + 1, SUN[1]] > 100 * counts[SUN[0] + 3, SUN[1]]  # the dark neighbour gets its share
-
-
-def test_aligned_blocks_are_stratified(light: LightDistribution) -> None:
-    """Every aligned block meets the sun's row in proportion; random entries would miss by 8 and more."""
-    share = (light.texels[:, 1] == SUN[0]).mean()
-    for size in (16, 256, 4096):
-        hits = (light.texels[:, 1] == SUN[0]).reshape(-1, size).sum(axis=1)
-        assert np.abs(hits - share * size).max() <= 2.0
-
-
-def test_density_integrates_to_one(light: LightDistribution) -> None:
-    per_texel = 32
-    uv = cell_centres(light, per_texel)
-    height, width = uv.shape[:2]
-    edge = np.cos(np.pi * np.arange(height + 1) / height)
-    solid_angle = (edge[:-1] - edge[1:]) * 2 * np.pi / width
-    np.testing.assert_allclose(4 * np.pi, solid_angle.sum() * width)
-    total = (light.pdf(uv_to_direction(uv)) * solid_angle[:, None]).sum()
-    # The midpoint rule on 1/cos(latitude): (step of latitude)^2 / 24, step pi/256, below 1e-5.
-    np.testing.assert_allclose(total, 1.0, atol=1e-5)
-
-
-@pytest.mark.parametrize("name", ["light", "overcast"])
-def test_samples_follow_the_density(request: pytest.FixtureRequest, name: str) -> None:
-    """Chi-square over quarter texels, where the density over uv is bilinear: its centre value is its mean."""
-    light: LightDistribution = request.getfixturevalue(name)
-    per_texel, count = 4, 400_000
-    uv = cell_centres(light, per_texel)
-    height, width = uv.shape[:2]
-    jacobian = 2 * np.pi**2 * np.sin(np.pi * uv[..., 1])
-    expected = (light.pdf(uv_to_direction(uv)) * jacobian).ravel() * count / (width * height)
-    drawn = direction_to_uv(draw(light, count, seed=4))
-    column = np.minimum((drawn[:, 0] * width).astype(int), width - 1)
-    row = np.minimum(((1.0 - drawn[:, 1]) * height).astype(int), height - 1)
-    observed = np.bincount(row * width + column, minlength=width * height)
-    assert expected.sum() == pytest.approx(count)
-    rare = expected < 10.0  # pooled, as the test's approximation wants
-    observed = np.append(observed[~rare], observed[rare].sum())
-    expected = np.append(expected[~rare], expected[rare].sum())
-    statistic = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
-    assert len(expected) > 100
-    assert stats.chi2.sf(statistic, len(expected) - 1) > 1e-3
-
-
-def test_irradiance_by_light_and_by_uniform_sampling(light: LightDistribution) -> None:
+def test_irradiance_by_light_and_by_uniform_sampling(sunny: LightDistribution) -> None:
     normal = np.array([0.0, 0.6, 0.8])
-    directions = draw(light, 200_000, seed=5)
+    directions = sunny.sample(np.random.default_rng(5).random((200_000, 2)))
     uniform = np.random.default_rng(6).normal(size=(400_000, 3))
     uniform /= np.linalg.norm(uniform, axis=-1, keepdims=True)
 
-    def estimate(wi: np.ndarray, pdf: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        value = light.radiance(wi) * np.maximum(wi @ normal, 0.0)[:, None] / pdf[:, None]
+    def estimate(wi: Floats, pdf: Floats) -> tuple[Floats, Floats]:
+        value = sunny.radiance(wi) * np.maximum(wi @ normal, 0.0)[:, None] / pdf[:, None]
         return value.mean(axis=0), value.var(axis=0) / len(value)
 
-    by_light, light_variance = estimate(directions, light.pdf(directions))
+    by_light, light_variance = estimate(directions, sunny.pdf(directions))
     by_chance, chance_variance = estimate(uniform, np.full(len(uniform), 0.25 / np.pi))
     assert (np.abs(by_light - by_chance) < 4.0 * np.sqrt(light_variance + chance_variance)).all()
 
 
-def test_poles_and_seam(light: LightDistribution) -> None:
-    poles = np.array([[0, 0, 1.0], [0, 0, -1.0]])
-    assert np.isfinite(light.pdf(poles)).all()
-    assert np.isfinite(light.radiance(poles)).all()
-    # Tents over the first and last column, and the first and last row, stay on the sphere and in both halves.
-    corner = LightDistribution(light.table, np.array([[0, 0], [15, 7]]))
-    grid = (np.arange(64) + 0.5) / 64
-    u = np.stack(np.meshgrid(grid, grid), axis=-1)
-    for entry in (0, 1):
-        direction = corner.sample(np.full(u.shape[:2], entry), u)
-        np.testing.assert_allclose(np.linalg.norm(direction, axis=-1), 1.0, rtol=1e-14)
-        uv = direction_to_uv(direction)
-        texels_from_pole = 8 * np.minimum(uv[..., 1], 1 - uv[..., 1])
-        assert texels_from_pole.max() <= 1.5
-        assert {True, False} == set((uv[..., 0] < 0.5).ravel().tolist())
-
-
-def test_black_map_is_sampled_evenly() -> None:
-    light = build_distribution(environment(np.zeros((32, 64, 3))))
+def test_a_black_map_is_sampled_evenly() -> None:
+    light = LightDistribution(np.zeros((8, 16, 3)))
+    assert light.is_black
     assert light.is_constant
-    z = np.linspace(-0.9, 0.9, 101)
-    direction = np.stack([np.sqrt(1 - z**2), np.zeros_like(z), z], axis=-1)
-    # Counts are whole: about 20 to 50 a texel here, each off by a few, and bilinear in between.
-    np.testing.assert_allclose(light.pdf(direction), 0.25 / np.pi, rtol=0.15)
+    towards = light.sample(np.random.default_rng(7).random((200_000, 2)))
+    np.testing.assert_array_equal(light.pdf(towards), 0.25 / np.pi)
+    assert_follows(towards, light.pdf(cells(64)[0]))
+
+
+@pytest.mark.parametrize("name", ["sunny", "overcast"])
+def test_points_follow_the_light(request: pytest.FixtureRequest, name: str) -> None:
+    light: LightDistribution = request.getfixturevalue(name)
+    points, towards = light.points(512)
+    assert points.shape == (512 * 512, 4)
+    assert_follows(towards, light.pdf(cells(512)[0]))
+    np.testing.assert_allclose(points[:, 1], towards[:, 2], atol=1e-7)
+    # Near the poles the cosine tells an angle to (2^-23)^1/2 only.
+    np.testing.assert_allclose(decoded(points)[0], towards, atol=4e-4)
+
+
+def test_points_are_one_in_each_cell_along_the_curve() -> None:
+    """Under a light that comes from everywhere, places tell the random numbers."""
+    side = 128
+    u, v = direction_to_uv(LightDistribution(np.ones((1, 1, 3))).points(side)[1]).T
+    # A row of texels begins amid the first; here that is the middle of the map.
+    square = np.stack([(u - 0.5) % 1.0, 0.5 - 0.5 * np.cos(np.pi * (1.0 - v))], axis=-1)
+    place = along_hilbert(np.floor(square * side).astype(np.int64), side)
+    np.testing.assert_array_equal(place, np.arange(side * side))
+
+
+def test_points_hold_the_light_where_they_are(sunny: LightDistribution) -> None:
+    points, _ = sunny.points(256)
+    _, mean, radiance = decoded(points)
+    # Not by way of the direction: amid float32's pole nothing but the azimuth tells the light's columns apart.
+    azimuth, z = points[:, :2].astype(np.float64).T
+    wanted = lookup(sunny.table, np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1))
+    # The look-up climbs to the sun by 50 over a texel, and places are float32.
+    np.testing.assert_allclose(mean, wanted.mean(axis=-1), rtol=1e-5, atol=1e-4)
+    # Each of two channels is rounded by half a step of 1/4095 of thrice the mean; the third has the rest.
+    assert (np.abs(radiance - wanted) <= 3.0 * mean[:, None] / 4095.0 + 1e-4).all()
+    assert (mean > 0.0).all()
+
+
+@pytest.mark.parametrize("channel", range(3))
+def test_colours_of_one_channel(channel: int) -> None:
+    """The two integers are full or empty: as large as the code gets, and it is exact in float32."""
+    radiance = np.zeros((4, 8, 3))
+    radiance[..., channel] = 7.0
+    _, _, got = decoded(LightDistribution(radiance).points(4)[0])
+    np.testing.assert_allclose(got, np.broadcast_to(radiance[0, 0], (16, 3)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("number", SEVERAL)
+def test_slots_are_drawn_as_their_bin_weighs(of_sunny: Tables, number: int) -> None:
+    axis, scale = bins.AXES[number], of_sunny.inverse[number]
+    probability, ratio = by_the_shader(of_sunny.slots[number], of_sunny.towards, axis)
+    assert probability.sum() == pytest.approx(1.0, rel=1e-12)
+    seen = bins.widened(of_sunny.towards @ axis)
+    # Cosines in float32 are off by 2^-24, and so is where they end.
+    assert (probability[seen > 1e-6] > 0.0).all()
+    # In exact arithmetic 1.
+    assert (probability * ratio).sum() == pytest.approx(1.0, abs=1e-6)
+    # What is left to the ratio: found to be 0.03 at most, mostly of points that are drawn in vain.
+    assert (probability * (ratio - 1.0) ** 2).sum() < 0.05
+    # So weighed, the points are a quadrature with the density that weighs them against other samples.
+    height = 512
+    towards, solid = cells(height)
+    density = of_sunny.light.radiance(towards).mean(axis=-1) * bins.widened(towards @ axis) * scale
+    # What 2^20 stratified points miss, and the midpoint rule.
+    assert (density * solid).sum() == pytest.approx(1.0, abs=1e-4)
+    wanted = (density * solid).reshape(8, height // 8, 16, height // 8).sum(axis=(1, 3)).ravel()
+    u, v = direction_to_uv(of_sunny.towards).T
+    place = 16 * np.minimum((1.0 - v) * 8, 7).astype(int) + np.minimum(u * 16, 15).astype(int)
+    # Chance has the hundreds of points about a cell's border, each of some 1e-6.
+    np.testing.assert_allclose(np.bincount(place, probability * ratio, 128), wanted, atol=1e-4)
+
+
+def test_irradiance_of_a_constant_light_is_pi() -> None:
+    """However coarse the map: nothing is lost in a furnace."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(bins, "AXES", bins.AXES[[0, 5, 40, 100]])
+        patch.setattr(bins, "COUNT", 4)
+        white = tables_of(LightDistribution(np.ones((4, 8, 3))), tables_module.POINTS_SIDE)
+        for number, axis in enumerate(bins.AXES):
+            probability, ratio = by_the_shader(white.slots[number], white.towards, axis)
+            seen, weight = np.maximum(white.towards @ axis, 0.0), bins.widened(white.towards @ axis)
+            mean = white.points[:, 2].astype(np.float64)
+            density = np.where(seen > 0.0, mean * weight * white.inverse[number], 1.0)
+            assert (probability * ratio * seen / density).sum() == pytest.approx(np.pi, rel=1e-4)
+
+
+def test_what_is_beyond_the_last_bin_is_harmless(of_sunny: Tables) -> None:
+    assert of_sunny.slots.shape == (BINS_HEIGHT, SLOTS, 3)
+    assert of_sunny.inverse.shape == (BINS_HEIGHT,)
+    assert (of_sunny.inverse[: bins.COUNT] > 0.0).all()
+    assert_harmless(of_sunny.slots[bins.COUNT :], of_sunny.inverse[bins.COUNT :])
+
+
+def assert_harmless(slots: NDArray[np.float32], inverse: NDArray[np.float32]) -> None:
+    """One point, of no weight."""
+    assert (slots == (0.0, 1.0, 0.0)).all()
+    assert not inverse.any()
+
+
+def test_bins_that_see_no_light(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lone sun: bins that face it draw from its four look-ups, for those that do not nothing has weight."""
+    monkeypatch.setattr(tables_module, "SLOTS", 64)
+    radiance = np.zeros((8, 16, 3))
+    radiance[SUN] = 1e6, 1e5, 1e6
+    lone = tables_of(LightDistribution(radiance), 64)
+    for values in (lone.points, lone.slots, lone.inverse):
+        assert np.isfinite(values).all()
+    u, v = direction_to_uv(lone.towards).T
+    assert (np.abs(u * 16 - SUN[1] - 0.5) < 1.0 + 1e-5).all()
+    assert (np.abs((1.0 - v) * 8 - SUN[0] - 0.5) < 1.0 + 1e-5).all()
+    assert (lone.points[:, 2] > 0.0).all()
+    sun = uv_to_direction([(SUN[1] + 0.5) / 16, 1.0 - (SUN[0] + 0.5) / 8])
+    # The sun's texel and those about it reach 32 degrees far along the diagonal.
+    angle, far = np.degrees(np.arccos(bins.AXES @ sun)), np.degrees(bins.RADIUS)
+    lit, unlit = angle < 90.0, angle > 90.0 + far + 32.0
+    assert lit.sum() > 50
+    assert unlit.sum() > 10
+    assert_harmless(lone.slots[: bins.COUNT][unlit], lone.inverse[: bins.COUNT][unlit])
+    assert (lone.inverse[: bins.COUNT][lit] > 0.0).all()
+    for number in np.flatnonzero(lit):
+        probability, ratio = by_the_shader(lone.slots[number], lone.towards, bins.AXES[number])
+        assert (probability * ratio).sum() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_points_of_a_black_map_are_black(few: None) -> None:
+    black = tables_of(LightDistribution(np.zeros((8, 16, 3))), 32)
+    assert not black.points[:, 2:].any()
+    for values in (black.points, black.slots, black.inverse):
+        assert np.isfinite(values).all()
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 1), (3, 7)])
-def test_smallest_maps(shape: tuple[int, int]) -> None:
-    light = build_distribution(environment(np.random.default_rng(7).random((*shape, 3)) + 0.1))
-    np.testing.assert_allclose(light.table[..., 3].mean(), 1.0, rtol=1e-6)
-    direction = draw(light, 1000, seed=8)
-    assert (light.pdf(direction) > 0.0).all()
+def test_smallest_maps(few: None, shape: tuple[int, int]) -> None:
+    radiance = np.random.default_rng(7).random((*shape, 3)) + 0.1
+    small = tables_of(LightDistribution(radiance), 32)
+    towards, mean, _ = decoded(small.points)
+    np.testing.assert_allclose(mean, small.light.radiance(towards).mean(axis=-1), rtol=1e-4)
+    # A widened hemisphere has an integral of the cosine between pi and 2 pi.
+    assert (1.0 / small.inverse[:4] > np.pi * radiance.mean(axis=-1).min()).all()
+    assert (1.0 / small.inverse[:4] < 2.0 * np.pi * radiance.mean(axis=-1).max()).all()
+    # With 16 points a bin has more slots than points.
+    for tables in (small, tables_of(small.light, 4)):
+        for number in range(4):
+            probability, ratio = by_the_shader(tables.slots[number], tables.towards, bins.AXES[number])
+            assert (probability * ratio).sum() == pytest.approx(1.0, abs=1e-6)
 
 
-def test_sample_count() -> None:
-    assert [sample_count(64, 32), sample_count(1024, 512), sample_count(2048, 1024)] == [2**16, 2**18, 2**20]
-    assert [sample_count(1000, 500), sample_count(16384, 8192)] == [2**18, 2**22]
+def test_files_hold_the_tables(cache: Path, sunny: LightDistribution) -> None:
+    tables = prepare_light(environment(sunny.table))
+    assert (tables.width, tables.height, tables.constant) == (16, 8, False)
+    assert sorted(cache.iterdir()) == sorted(files_of(tables))
+    wanted = tables_of(sunny, 32)
+    points, slots, numbers = read(tables.points, "RGBA"), read(tables.slots, "RGB"), read(tables.bins, "RGB")
+    assert slots.shape == (8, 1024, 3)
+    assert numbers.shape == (BINS_HEIGHT, 1, 3)
+    np.testing.assert_array_equal(numbers[:, 0, 0], wanted.inverse)
+    np.testing.assert_array_equal(points.reshape(-1, 4), wanted.points)
+    for bin_number, slot in ((0, 0), (1, 7), (3, 63), (20, 5)):
+        place = bin_number * 64 + slot
+        np.testing.assert_array_equal(slots[place // 1024, place % 1024], wanted.slots[bin_number, slot])
+    np.testing.assert_array_equal(slots.reshape(-1, 3), wanted.slots.reshape(-1, 3))
+    np.testing.assert_array_equal(read_distribution(tables).table, sunny.table)
 
 
-def test_files_hold_the_distribution(cache: Path, sunny: EnvironmentMap, light: LightDistribution) -> None:
-    tables = prepare_light(sunny)
-    assert (tables.width, tables.height, tables.sample_count) == (16, 8, 2**16)
-    assert sorted(cache.iterdir()) == sorted([tables.radiance, tables.samples])
-    read = read_distribution(tables)
-    np.testing.assert_array_equal(read.table, light.table)
-    np.testing.assert_array_equal(read.texels, light.texels)
+def test_a_constant_light_needs_no_samples(cache: Path) -> None:
+    tables = prepare_light(environment(np.full((8, 16, 3), 2.0)))
+    assert tables.constant
+    assert list(cache.iterdir()) == [tables.radiance]
 
 
-def test_cache_is_idempotent(cache: Path, sunny: EnvironmentMap) -> None:
-    tables = prepare_light(sunny)
-    content = [path.read_bytes() for path in (tables.radiance, tables.samples)]
-    stamps = [path.stat().st_mtime_ns for path in (tables.radiance, tables.samples)]
-    assert prepare_light(sunny) == tables
-    assert stamps == [path.stat().st_mtime_ns for path in (tables.radiance, tables.samples)]
-    tables.samples.unlink()
-    assert prepare_light(sunny) == tables
-    assert content == [path.read_bytes() for path in (tables.radiance, tables.samples)]
-    other = prepare_light(dataclasses.replace(sunny, digest="other"))
-    assert other.digest != tables.digest
+def test_cache_is_idempotent(cache: Path, sunny: LightDistribution) -> None:
+    asked = environment(sunny.table)
+    tables = prepare_light(asked)
+    content = [path.read_bytes() for path in files_of(tables)]
+    stamps = [path.stat().st_mtime_ns for path in files_of(tables)]
+    assert prepare_light(asked) == tables
+    assert stamps == [path.stat().st_mtime_ns for path in files_of(tables)]
+    for missing in files_of(tables):
+        missing.unlink()
+        assert prepare_light(asked) == tables
+        assert content == [path.read_bytes() for path in files_of(tables)]
+    assert prepare_light(dataclasses.replace(asked, digest="other")).digest != tables.digest
 
 
-def test_broken_files_are_told(cache: Path, sunny: EnvironmentMap, monkeypatch: pytest.MonkeyPatch) -> None:
-    tables = prepare_light(sunny)
-    tables.samples.write_bytes(tables.samples.read_bytes()[:-30])
+def test_broken_files_are_told(cache: Path, sunny: LightDistribution) -> None:
+    asked = environment(sunny.table)
+    tables = prepare_light(asked)
+    tables.radiance.write_bytes(tables.radiance.read_bytes()[:-30])
     with pytest.raises(EnvironmentMapError, match="remove it"):
         read_distribution(tables)
     tables.radiance.unlink()
     tables.radiance.mkdir()  # a place where no file can be put
     with pytest.raises(EnvironmentMapError, match="cannot write"):
-        prepare_light(sunny)
+        prepare_light(asked)

@@ -57,7 +57,7 @@ def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
     render = job.render
     assert (render.resolution, render.backend, render.device) == ((512, 512), "exact", "cpu")
     assert (render.samples, render.error, render.bounces, render.seed) == (64, None, 2, 0)
-    assert (render.brdf_samples, render.ibl_samples, render.background) == (2, 4, "black")
+    assert (render.brdf_samples, render.ibl_samples, render.background) == (None, None, "black")
     outputs = job.outputs
     assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (
         True,

@@ -23,7 +23,6 @@ from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.ibl import LightDistribution, load_environment
-from lookdev.ibl.tables import build_distribution
 from lookdev.material.usd import read_look
 from lookdev.reference.shapes import Sphere
 
@@ -104,7 +103,7 @@ class Pixel:
 @cache
 def sphere_pixels(light: str) -> tuple[Pixel, ...]:
     """Gather the light at some points of a sphere that is seen from -y."""
-    distribution = build_distribution(load_environment(builtin=light))
+    distribution = LightDistribution(load_environment(builtin=light).radiance.astype(np.float64))
     polar = np.radians(np.repeat([angle for angle, _ in _RINGS], [count for _, count in _RINGS]))
     around = 2.0 * np.pi * (np.concatenate([np.arange(count) / count for _, count in _RINGS]) + 0.07)
     normals = np.stack([np.sin(polar) * np.cos(around), -np.cos(polar), np.sin(polar) * np.sin(around)], axis=-1)
@@ -117,10 +116,8 @@ def _gather(light: LightDistribution, frame: Floats, seed: int) -> Pixel:
     wo = frame @ [0.0, -1.0, 0.0]
     sides = [(1.0, wo), (-1.0, np.append(wo[:2], np.sqrt(_IOR**2 - 1.0 + wo[2] ** 2)) / _IOR)]
     # Drawn from the cells and from the light, both combined: lamps are found however small, and so is what is mirrored.
-    start = int(rng.integers(len(light.texels) // _POINTS)) * _POINTS
-    entries = start + rng.permutation(_POINTS)
     wi = np.concatenate([_draw(side, view, rng) for side, view in sides])
-    wi = np.concatenate([wi, light.sample(entries, rng.random((_POINTS, 2))) @ frame.T])
+    wi = np.concatenate([wi, light.sample(qmc.Sobol(2, rng=rng).random(_POINTS)) @ frame.T])
     wi = wi[np.abs(wi[:, 2]) > 1e-6]
 
     cell, density = np.zeros(len(wi), np.intp), np.zeros(len(wi))

@@ -51,7 +51,7 @@ def scene() -> SceneTask:
                 digest="500d",
             ),
         ),
-        light=LightTables(Path("/c/r.exr"), Path("/c/s.exr"), 1024, 512, 2**18, "119147"),
+        light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 1024, 512, "119147"),
         resolution=(64, 48),
         sampling=Sampling(samples=64, error=None, brdf_samples=2, ibl_samples=4, bounces=2, seed=0),
         camera=Camera(fov=39.6, elevation=10.0, target=(0.1, 0.2, 1 / 3), distance=3.7),

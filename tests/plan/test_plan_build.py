@@ -96,6 +96,57 @@ def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, s
     assert plan.frames[0].task.labels["turntable"] == "element, lighting, twice"
 
 
+def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    job = make_job("[camera]\nazimuth = 30\n")
+    plan = build_plan(job, scenes, disk.read_header, {("gold", "city")})
+    frames = [frame.task for frame in plan.frames]
+    assert [task.labels["look"] + task.labels["ibl"] for task in frames].count("goldcity") == 3
+    assert len(frames) == 3 + 3 * 6
+    # The light stays where it was as seen from the camera, 30 degrees back, and turns with its own turntable.
+    assert [task.pose for task in frames[:3]] == [Pose(0.0, 330.0), Pose(0.0, 90.0), Pose(0.0, 210.0)]
+    assert [path.name for path in frames[0].files] == [f"element.000{n}.exr" for n in (1, 2, 3, 4)] + [
+        "lighting.0001.exr"
+    ]
+    assert (frames[0].labels["pose.element"], frames[0].labels["pose.lighting"]) == ("0.0", "330.0")
+    assert frames[0].labels["turntable"] == "element, lighting"
+    # Every file of a job is in its plan, once.
+    assert sorted(path for task in frames for path in task.files) == sorted(
+        path
+        for look in job.look
+        for ibl in job.ibl
+        for turntable in job.turntable
+        for path in frame_files(job, look.name, ibl.name, turntable)
+    )
+
+
+def test_one_frame_of_many_files_resumes_as_any_other(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+    around = {("gold", "city")}
+    task = build_plan(make_job(), scenes, disk.read_header, around).pending()[0]
+    disk.write(task, *task.files[1:3])
+    plan = build_plan(make_job(), scenes, disk.read_header, around)
+    assert task not in plan.pending()
+    assert plan.copies() == tuple(Copy(task.files[1], path) for path in (task.files[0], *task.files[3:]))
+    disk.write(task)
+    assert build_plan(make_job(), scenes, disk.read_header, around).copies() == ()
+    scenes["gold", "city"] = replace(scenes["gold", "city"], resolution=(8, 8))
+    plan = build_plan(make_job(), scenes, disk.read_header, around)
+    assert plan.pending()[0].files == task.files
+    assert {planned(plan, path).reason for path in task.files} == {"render changed"}
+
+
+def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(
+    make_job: MakeJob, scenes: Scenes, disk: Disk
+) -> None:
+    """Of a look that has lost its texture, say, and is now the same all around; its digest aside."""
+    for task in build_plan(make_job(), scenes, disk.read_header).pending():
+        disk.write(task)
+    plan = build_plan(make_job(), scenes, disk.read_header, {("gold", "city")})
+    assert plan.pending() == ()
+    first, *others = (path for path in plan.frames[0].task.files if path.stem.startswith("element"))
+    assert plan.copies() == tuple(Copy(first, path) for path in others)
+    assert planned(plan, others[0]).reason == "pose changed"
+
+
 def test_a_finished_job_has_nothing_to_do(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
     for task in build_plan(make_job(), scenes, disk.read_header).pending():
         disk.write(task)

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lookdev.ibl.mapping import rotate_z
 from lookdev.job import JobTurntable
 from lookdev.plan import turntable_poses
-from lookdev.plan.task import Pose
+from lookdev.plan.camera import camera_rays
+from lookdev.plan.poses import unturned
+from lookdev.plan.task import Camera, Pose
 
 
 def test_frames_divide_the_turn_and_do_not_repeat_the_first() -> None:
@@ -52,3 +55,18 @@ def test_camera_azimuth_is_folded_into_the_pose() -> None:
     to_camera = z_rotation(azimuth).T
     np.testing.assert_allclose(z_rotation(pose.element), to_camera @ z_rotation(element), atol=1e-15)
     np.testing.assert_allclose(z_rotation(pose.lighting), to_camera @ z_rotation(lighting), atol=1e-15)
+
+
+@pytest.mark.parametrize("pose", [Pose(72.0, 0.0), Pose(200.0, 310.0), Pose(0.0, 45.0)])
+def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_the_camera(pose: Pose) -> None:
+    """Where in the map the light of a direction of the camera's frame is looked up, as the shader turns it."""
+    camera = Camera(40.0, 15.0, (0.1, -0.2, 0.3), 4.0)
+    x, y = np.random.default_rng(1).uniform(0.0, (80, 50), (20, 2)).T
+
+    def looked_up(pose: Pose) -> NDArray[np.float64]:
+        return rotate_z(camera_rays(camera, pose, (80, 50), x, y)[1], pose.element - pose.lighting)
+
+    assert unturned(pose) == Pose(0.0, pose.lighting)
+    np.testing.assert_allclose(looked_up(unturned(pose)), looked_up(pose), atol=1e-14)
+    other = Pose(0.0, pose.lighting + 1.0)
+    assert np.abs(looked_up(other) - looked_up(pose)).max() > 0.01

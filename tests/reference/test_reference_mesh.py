@@ -12,8 +12,7 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
-from lookdev.ibl import load_environment
-from lookdev.ibl.tables import build_distribution
+from lookdev.ibl import LightDistribution, load_environment
 from lookdev.material import Layer, Look, Primvar
 from lookdev.plan.camera import camera_rays
 from lookdev.plan.task import Camera, Pose
@@ -32,7 +31,8 @@ LEAF = Look("leaf", (Layer("Leaf", "pixar", {"surfaceColor": (1.0,) * 3, "roughn
 
 @pytest.fixture(scope="module")
 def lights():
-    return {name: build_distribution(load_environment(builtin=name)) for name in ("white", "forest")}
+    maps = {name: load_environment(builtin=name).radiance for name in ("white", "forest")}
+    return {name: LightDistribution(radiance.astype(np.float64)) for name, radiance in maps.items()}
 
 
 def polygons(points, faces, **changes):

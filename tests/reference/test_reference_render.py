@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
-from lookdev.ibl import EnvironmentMap, Repairs, load_environment
+from lookdev.ibl import LightDistribution
 from lookdev.ibl.mapping import rotate_z, uv_to_direction
-from lookdev.ibl.tables import build_distribution
 from lookdev.plan.camera import camera_rays
 from lookdev.plan.task import Camera, Pose
 from lookdev.reference.render import shape_pixels
@@ -54,18 +53,14 @@ def lambert(reflected, transmitted, presence=1.0):
     return Bsdf(lambda wo: lobes, presence, two_sided=True)
 
 
-def light_of(radiance):
-    return build_distribution(EnvironmentMap("test", radiance.astype(np.float32), Repairs(), ""))
-
-
 @pytest.fixture(scope="module")
 def white():
-    return build_distribution(load_environment(builtin="white"))
+    return LightDistribution(np.ones((1, 1, 3)))
 
 
 @pytest.fixture(scope="module")
 def lamps():
-    return light_of(0.05 + 5.0 * np.random.default_rng(5).uniform(size=(16, 32, 3)) ** 6)
+    return LightDistribution(0.05 + 5.0 * np.random.default_rng(5).uniform(size=(16, 32, 3)) ** 6)
 
 
 def sky(light, pose, height=192):
@@ -161,7 +156,7 @@ def test_a_card_shows_the_light_of_both_sides(reflected, transmitted, pose, lamp
 def test_an_opaque_card_lit_from_behind_is_black():
     radiance = np.zeros((16, 32, 3))
     radiance[:, 2:14] = 1.0  # u below 1/2 is +y; two texels of margin on either side for the interpolation
-    behind, pose = light_of(radiance), Pose(0.0, 0.0)
+    behind, pose = LightDistribution(radiance), Pose(0.0, 0.0)
     assert (estimate(lambert(0.8, 0.0), Plane(), behind, pose=pose).value == 0.0).all()
     assert (estimate(lambert(0.0, 0.8), Plane(), behind, pose=pose).value > 0.1).all()
 

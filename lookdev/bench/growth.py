@@ -1,0 +1,126 @@
+"""How the cost of a frame grows: with the frames before it, with pixels, layers and triangles. Of ``exact``."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+from pathlib import Path
+
+from lookdev.batch.worker import Rendered
+from lookdev.bench.assets import make_boulder
+from lookdev.bench.backends import COMMANDS, POSE, bench_asset, bench_light, bench_scene, renderer, sampled
+from lookdev.bench.looks import LOOKS, MOST_LAYERS, BenchLook, layered
+from lookdev.bench.matrix import MILLION, SCENES
+from lookdev.errors import LookdevError
+from lookdev.plan.task import FrameTask, Pose, SceneTask
+
+PIXELS = (64, 128, 256, 512)
+LAYERS = (1, 2, 4, MOST_LAYERS)
+TRIANGLES = (MILLION // 100, MILLION // 10, MILLION)
+
+_SCENE, _LOOK, _IBL = "shaderball", "plastic", "studio"
+_SIDE = 128
+_SAMPLES = 16
+_REPEATS = 3
+_QUARTERS = 4
+
+OpenRenderer = Callable[[], AbstractContextManager[Callable[[FrameTask], Rendered]]]
+_open_exact: OpenRenderer = partial(renderer, COMMANDS["exact"])
+
+
+@dataclass(frozen=True)
+class GrowthRow:
+    """Median seconds of a frame of one size, and the peak memory of its process in bytes."""
+
+    size: int
+    seconds: float
+    memory: int
+
+
+@dataclass(frozen=True)
+class Growth:
+    """How cost grows with one thing; of frames, a row has the number of the last frame of a quarter of the sequence."""
+
+    of: str
+    rows: tuple[GrowthRow, ...]
+
+
+def measure_growth(frames: int, tell: Callable[[str], None], opened: OpenRenderer = _open_exact) -> Iterator[Growth]:
+    """Measure all four, one after another.
+
+    Parameters
+    ----------
+    frames
+        Of the sequence, at least four.
+    opened
+        Gives a renderer in a new process.
+
+    Raises
+    ------
+    LookdevError
+        There are fewer than four frames.
+    """
+    if frames < _QUARTERS:
+        raise LookdevError(f"{frames} frames: their first quarter needs at least {_QUARTERS}")
+    base = bench_scene(bench_asset(_SCENE), LOOKS[_LOOK], bench_light(_IBL), _SIDE, SCENES[_SCENE].bounces)
+    tell(f"growth: {frames} frames")
+    yield Growth("frames", _frame_rows(base, frames, opened))
+    for of, scenes in (
+        ("pixels", {side * side: _with_side(side) for side in PIXELS}),
+        ("layers", {layers: _with_layers(layers) for layers in LAYERS}),
+        ("triangles", {count: _with_triangles(count) for count in TRIANGLES}),
+    ):
+        tell(f"growth: {', '.join(f'{size:,}' for size in scenes)} {of}")
+        yield Growth(of, _rows(scenes, opened))
+
+
+def _with_side(side: int) -> SceneTask:
+    return bench_scene(bench_asset(_SCENE), LOOKS[_LOOK], bench_light(_IBL), side, SCENES[_SCENE].bounces)
+
+
+def _with_layers(layers: int) -> SceneTask:
+    look = BenchLook("", partial(layered, layers))
+    return bench_scene(bench_asset(_SCENE), look, bench_light(_IBL), _SIDE, SCENES[_SCENE].bounces)
+
+
+def _with_triangles(count: int) -> SceneTask:
+    return bench_scene(make_boulder(count), LOOKS[_LOOK], bench_light(_IBL), _SIDE, SCENES[_SCENE].bounces)
+
+
+def _frame_rows(scene: SceneTask, frames: int, opened: OpenRenderer) -> tuple[GrowthRow, ...]:
+    seconds, memory = [], []
+    with opened() as render:
+        render(_task(scene, POSE, 0))  # warms up
+        for number in range(frames):
+            rendered = render(_task(scene, Pose(360.0 * number / frames, 0.0), number))
+            seconds.append(rendered.seconds)
+            memory.append(rendered.memory)
+    ends = [frames * quarter // _QUARTERS for quarter in range(_QUARTERS + 1)]
+    return tuple(
+        GrowthRow(end, statistics.median(seconds[start:end]), memory[end - 1]) for start, end in pairwise(ends)
+    )
+
+
+def _rows(scenes: Mapping[int, SceneTask], opened: OpenRenderer) -> tuple[GrowthRow, ...]:
+    """Measure scenes of growing size; they take turns, each in a process of its own."""
+    shots: dict[int, list[Rendered]] = {size: [] for size in scenes}
+    with ExitStack() as stack:
+        renders = {size: stack.enter_context(opened()) for size in scenes}
+        for size, scene in scenes.items():
+            renders[size](_task(scene, POSE, 0))  # warms up
+        for repeat in range(_REPEATS):
+            for size, scene in scenes.items():
+                shots[size].append(renders[size](_task(scene, POSE, repeat)))
+    return tuple(
+        GrowthRow(size, statistics.median(each.seconds for each in taken), max(each.memory for each in taken))
+        for size, taken in shots.items()
+    )
+
+
+def _task(scene: SceneTask, pose: Pose, seed: int) -> FrameTask:
+    here = replace(scene, sampling=sampled(scene.sampling, _SAMPLES, seed))
+    return FrameTask(here, pose, 0.0, f"growth {seed}", (Path("frame.exr"),), {})

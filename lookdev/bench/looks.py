@@ -1,0 +1,156 @@
+"""The looks that are rendered, and what comes nearest to them in Cycles' Principled BSDF.
+
+The two are different models: their pictures are alike, not equal. What they share is how hard they are to sample.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter
+
+from lookdev.cache import cache_dir
+from lookdev.material import Input, Layer, Look, Texture
+from lookdev.output.exr import write_frame
+
+MOST_LAYERS = 8
+
+_MASK_SIZE = 256
+# Their content is part of no digest but the file name: raise it with any change.
+_MASK_VERSION = 1
+
+
+@dataclass(frozen=True)
+class BenchLook:
+    """A look to render; `principled` has Blender's sockets where that BSDF has something like it, else None."""
+
+    help: str
+    make: Callable[[], Look]
+    principled: Mapping[str, float | tuple[float, ...]] | None = None
+
+
+def layered(layers: int) -> Look:
+    """Return a stack of so many Disney layers; each but the base has a texture as its mask, so that none folds away."""
+    stack = [Layer("layer0", "disney", {"baseColor": (0.35, 0.06, 0.04), "roughness": 0.35, "clearcoat": 0.5})]
+    for number in range(1, layers):
+        share = number / MOST_LAYERS
+        inputs: dict[str, Input] = {
+            "baseColor": (0.8 * share, 0.3, 0.7 - 0.6 * share),
+            "metallic": float(number % 2),
+            "roughness": 0.2 + 0.6 * share,
+            "sheen": share,
+            "anisotropic": 0.5 * (number % 3),
+        }
+        stack.append(Layer(f"layer{number}", "disney", inputs, _mask(number)))
+    return Look(f"{layers} layers", tuple(stack))
+
+
+def _plastic() -> Look:
+    return Look("plastic", (Layer("Plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3}),))
+
+
+def _car_paint() -> Look:
+    inputs: dict[str, Input] = {
+        "baseColor": (0.46, 0.02, 0.02),
+        "roughness": 0.4,
+        "clearcoat": 1.0,
+        "clearcoatGloss": 0.9,
+    }
+    return Look("car_paint", (Layer("Paint", "disney", inputs),))
+
+
+def _metal() -> Look:
+    inputs: dict[str, Input] = {"baseColor": (0.9, 0.75, 0.5), "metallic": 1.0, "roughness": 0.35, "anisotropic": 0.8}
+    return Look("metal", (Layer("Metal", "disney", inputs),))
+
+
+def _transmitting() -> Look:
+    body: dict[str, Input] = {"surfaceColor": (0.8, 0.55, 0.3), "roughness": 0.4, "clear": 0.5, "back": 0.4}
+    varnish: dict[str, Input] = {"surfaceColor": (0.9, 0.95, 0.9), "roughness": 0.15, "clear": 0.9}
+    return Look("pixar", (Layer("Body", "pixar", body), Layer("Varnish", "pixar", varnish, 1.0, "transmit")))
+
+
+# Disney's clear coat: a quarter as strong as a whole one, alpha 0.0109 at a gloss of 0.9; alpha is roughness squared.
+_COAT_ROUGHNESS = float(np.sqrt(0.0109))
+
+LOOKS: dict[str, BenchLook] = {
+    "plastic": BenchLook(
+        "blue plastic, one Disney layer", _plastic, {"Base Color": (0.1, 0.2, 0.5), "Metallic": 0.0, "Roughness": 0.3}
+    ),
+    "car_paint": BenchLook(
+        "red paint under a clear coat, one Disney layer",
+        _car_paint,
+        {
+            "Base Color": (0.46, 0.02, 0.02),
+            "Metallic": 0.0,
+            "Roughness": 0.4,
+            "Coat Weight": 0.25,
+            "Coat Roughness": _COAT_ROUGHNESS,
+        },
+    ),
+    "metal": BenchLook(
+        "anisotropic metal, one Disney layer",
+        _metal,
+        {"Base Color": (0.9, 0.75, 0.5), "Metallic": 1.0, "Roughness": 0.35, "Anisotropic": 0.8},
+    ),
+    "stack": BenchLook("six Disney layers, their masks textures", lambda: layered(6)),
+    "pixar": BenchLook("two Pixar layers that transmit light, and each other's light", _transmitting),
+}
+
+
+def _mask(number: int) -> Texture:
+    """Return a cloudy texture; the file is made unless it is there."""
+    file = cache_dir("bench", "textures") / f"mask{number}.{_MASK_VERSION}.exr"
+    if not file.exists():
+        clouds = gaussian_filter(np.random.default_rng(number).random((_MASK_SIZE, _MASK_SIZE)), 8.0, mode="wrap")
+        levels = np.clip(0.5 + 0.25 * (clouds - clouds.mean()) / clouds.std(), 0.0, 1.0)
+        write_frame(file, np.repeat(levels[..., None], 3, axis=-1), np.ones_like(levels), {})
+    return Texture(file, "r", "raw")
+
+
+def usda(look: Look) -> str:
+    """Return a look of one layer with constant inputs as a USD file.
+
+    Raises
+    ------
+    ValueError
+        The look is none such.
+    """
+    if len(look.layers) != 1:
+        raise ValueError(f"{look.name}: {len(look.layers)} layers, not one")
+    layer = look.layers[0]
+    lines = []
+    for name, value in layer.inputs.items():
+        if isinstance(value, tuple):
+            lines.append(f"        color3f inputs:{name} = {value!r}")
+        elif isinstance(value, float):
+            lines.append(f"        float inputs:{name} = {value!r}")
+        else:
+            raise ValueError(f"{look.name}: {name} is no constant number or colour")
+    inputs = "\n".join(lines)
+    return f"""#usda 1.0
+(
+    defaultPrim = "Look"
+)
+
+def Material "Look"
+{{
+    token outputs:lookdev:surface.connect = </Look/Layers.outputs:surface>
+
+    def Shader "Layers"
+    {{
+        uniform token info:id = "LookdevLayers"
+        token inputs:base.connect = </Look/Base.outputs:layer>
+        token outputs:surface
+    }}
+
+    def Shader "Base"
+    {{
+        uniform token info:id = "Lookdev{layer.model.capitalize()}"
+{inputs}
+        token outputs:layer
+    }}
+}}
+"""

@@ -1,0 +1,186 @@
+"""What can be measured, and what of it is asked for."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from lookdev.asset import BUILTINS, Asset
+from lookdev.bench.assets import make_boulder
+from lookdev.bench.looks import LOOKS
+from lookdev.errors import LookdevError, nearest_hint
+from lookdev.job import JobRender
+
+MILLION = 1_000_000
+
+
+@dataclass(frozen=True)
+class BenchScene:
+    """An asset, and how often light may be reflected by it; where it is convex, none is."""
+
+    help: str
+    make: Callable[[], Asset]
+    bounces: int
+
+
+SCENES: dict[str, BenchScene] = {
+    "sphere": BenchScene("convex: direct light only", BUILTINS["sphere"], JobRender().bounces),
+    "shaderball": BenchScene("the built-in shaderball", BUILTINS["shaderball"], JobRender().bounces),
+    "suzanne": BenchScene("with three bounces of indirect light", BUILTINS["suzanne"], 3),
+    "million": BenchScene("a boulder of a million triangles", lambda: make_boulder(MILLION), JobRender().bounces),
+}
+IBLS: dict[str, str] = {
+    "studio": "soft boxes: large, and about equally bright",
+    "city": "a small and very bright sun",
+    "forest": "light through leaves: many small bright spots",
+}
+BACKENDS: dict[str, str] = {
+    "exact": "the look as published",
+    "principled": "Cycles' Principled BSDF, which comes near to the look, under Cycles' own light",
+    "mitsuba": "Mitsuba 3's principled, if the package mitsuba is installed",
+}
+
+LARGEST_SAMPLES = 1 << 14
+MOST_REPEATS = 64
+SEEDS = 128
+"""Each has `MOST_REPEATS` times 16 of those that a renderer takes, for itself."""
+
+RESOLUTIONS = (16, 4096)
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One scene, one light, one look: what the backends are compared on."""
+
+    scene: str
+    ibl: str
+    look: str
+
+    def __str__(self) -> str:
+        return f"{self.scene}, {self.ibl}, {self.look}"
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is asked for. The defaults take about ten minutes on two cores.
+
+    `samples` per pixel, rising powers of two; `resolution` is the side of the frame; each count is rendered `repeats`
+    times; a reference has at least `reference` times the largest count. `fresh` renders references anew.
+
+    Raises
+    ------
+    LookdevError
+        There is no such name, or a number is out of its range.
+    """
+
+    scenes: tuple[str, ...] = ("sphere", "shaderball", "suzanne")
+    ibls: tuple[str, ...] = tuple(IBLS)
+    looks: tuple[str, ...] = ("plastic",)
+    backends: tuple[str, ...] = ("exact", "principled")
+    samples: tuple[int, ...] = (4, 16, 64)
+    resolution: int = 256
+    repeats: int = 3
+    seed: int = 0
+    reference: int = 8
+    fresh: bool = field(default=False, compare=False)
+
+    def __post_init__(self) -> None:
+        _known("scene", self.scenes, list(SCENES))
+        _known("IBL", self.ibls, list(IBLS))
+        _known("look", self.looks, list(LOOKS))
+        _known("backend", self.backends, list(BACKENDS))
+        if "mitsuba" in self.backends and not has_mitsuba():
+            raise LookdevError("the backend 'mitsuba' needs the package mitsuba: pip install mitsuba")
+        for count in self.samples:
+            if not 2 <= count <= LARGEST_SAMPLES or count & (count - 1):
+                raise LookdevError(f"{count} samples: counts are powers of two from 2 to {LARGEST_SAMPLES}")
+        if not self.samples or list(self.samples) != sorted(set(self.samples)):
+            raise LookdevError(f"samples {self.samples}: counts are rising and at least one, like 4,16,64")
+        low, high = RESOLUTIONS
+        if not low <= self.resolution <= high:
+            raise LookdevError(f"resolution {self.resolution}: it is from {low} to {high} pixels")
+        if not 1 <= self.repeats <= MOST_REPEATS:
+            raise LookdevError(f"{self.repeats} repeats: from 1 to {MOST_REPEATS}")
+        if not 0 <= self.seed < SEEDS:
+            raise LookdevError(f"seed {self.seed}: it is from 0 to {SEEDS - 1}")
+        if not 4 <= self.reference <= 1024:
+            raise LookdevError(f"a reference of {self.reference} times the largest count: from 4 to 1024")
+
+    def cells(self) -> Iterator[Cell]:
+        """Give the cells in order."""
+        for scene in self.scenes:
+            for ibl in self.ibls:
+                for look in self.looks:
+                    yield Cell(scene, ibl, look)
+
+    def backends_of(self, cell: Cell) -> tuple[str, ...]:
+        """Return the backends that can render a cell: only some looks have something like them elsewhere."""
+        return tuple(name for name in self.backends if name == "exact" or LOOKS[cell.look].principled is not None)
+
+
+def has_mitsuba() -> bool:
+    """Tell whether the package mitsuba is installed, without loading it."""
+    return importlib.util.find_spec("mitsuba") is not None
+
+
+def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool, **numbers: int | None) -> Options:
+    """Return the options that a command line says.
+
+    Parameters
+    ----------
+    lists
+        Of ``scenes``, ``ibls``, ``looks``, ``backends`` and ``samples``: with commas between, or empty for the default.
+    everything
+        The default is all there is.
+    sequence
+        The default is what a sequence is measured on, once.
+    numbers
+        Other fields of `Options`; None for the default.
+
+    Raises
+    ------
+    LookdevError
+        As `Options`, or a number of samples is none.
+    """
+    chosen: dict[str, Any] = {"scenes": ("shaderball",), "repeats": 1} if sequence else {}
+    chosen |= _all_names() if everything else {}
+    given = {kind: tuple(part.strip() for part in text.split(",")) for kind, text in lists.items() if text.strip()}
+    for count in given.get("samples", ()):
+        if not count.isdecimal():
+            raise LookdevError(f"--samples: '{count}' is no whole number; it is like 4,16,64")
+    chosen |= given | {name: number for name, number in numbers.items() if number is not None}
+    if "samples" in given:
+        chosen["samples"] = tuple(map(int, given["samples"]))
+    return Options(**chosen)
+
+
+def _all_names() -> dict[str, tuple[str, ...]]:
+    backends = [name for name in BACKENDS if name != "mitsuba" or has_mitsuba()]
+    return {"scenes": tuple(SCENES), "ibls": tuple(IBLS), "looks": tuple(LOOKS), "backends": tuple(backends)}
+
+
+def listing() -> str:
+    """Say what there is."""
+    kinds: dict[str, dict[str, str]] = {
+        "scenes": {name: scene.help for name, scene in SCENES.items()},
+        "ibls": IBLS,
+        "looks": {name: look.help for name, look in LOOKS.items()},
+        "backends": BACKENDS,
+    }
+    width = max(len(name) for names in kinds.values() for name in names)
+    lines = []
+    for kind, names in kinds.items():
+        lines += [kind, *(f"  {name:{width}}  {help}" for name, help in names.items())]
+    return "\n".join(lines)
+
+
+def _known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
+    if not names:
+        raise LookdevError(f"no {kind} is asked for; known: {', '.join(known)}")
+    for name in names:
+        if name not in known:
+            raise LookdevError(f"there is no {kind} '{name}' ({nearest_hint(name, known)})")
+    if len(set(names)) < len(names):
+        raise LookdevError(f"a {kind} is asked for twice: {', '.join(names)}")

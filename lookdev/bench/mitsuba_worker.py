@@ -1,0 +1,265 @@
+"""A render worker of the same protocol that renders with Mitsuba 3: ``python -m lookdev.bench.mitsuba_worker``.
+
+Frame tasks in on standard input, results out on standard output, one JSON object a line, as `lookdev.cycles` does. Of a
+scene it takes `PrincipledSource`, and translates Blender's sockets to Mitsuba's ``principled``; the models differ, so
+the picture is alike and no more. `samples`, `seed` and `bounces` mean what they mean to Cycles.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import math
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, read_asset
+from lookdev.asset.bounds import about_origin
+from lookdev.asset.normals import face_starts
+from lookdev.errors import LookdevError, RenderError
+from lookdev.plan import wire
+from lookdev.plan.task import FrameTask, SceneTask
+
+VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
+"""Fastest first: the first needs LLVM's library on the machine."""
+
+# Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
+_UPRIGHT = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
+
+_MODULE = "lookdev.bench.mitsuba_worker"
+_NOTHING = {
+    "type": "scene",
+    "integrator": {"type": "path"},
+    "sensor": {"type": "perspective", "film": {"type": "hdrfilm", "width": 4, "height": 4}},
+}
+
+
+def main() -> None:
+    """Serve until the input ends."""
+    channel = os.dup(1)
+    os.dup2(2, 1)
+
+    def tell(**message: Any) -> None:
+        os.write(channel, (json.dumps(message) + "\n").encode())
+
+    mi, variant = load_mitsuba()
+    tell(type="ready", blender=f"mitsuba {mi.__version__} {variant}")
+    built: tuple[SceneTask, Any] | None = None
+    for line in sys.stdin:
+        task = wire.decode(line)
+        try:
+            if built is None or not _same(built[0], task.scene):
+                built = task.scene, build_scene(mi, task)
+            tell(**_render(mi, built[1], task))
+        except (LookdevError, RuntimeError, OSError, MemoryError) as error:
+            built = None
+            tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
+
+
+def load_mitsuba() -> tuple[Any, str]:
+    """Load Mitsuba and set the fastest variant that renders here; return the module and the variant's name.
+
+    Raises
+    ------
+    RenderError
+        None does.
+    """
+    for variant in VARIANTS:
+        # In a process of its own: an LLVM that does not fit the processor ends the process it is in.
+        trial = subprocess.run((sys.executable, "-m", _MODULE, "--try", variant), check=False, stdout=2)
+        if trial.returncode == 0:
+            mi: Any = importlib.import_module("mitsuba")
+            mi.set_variant(variant)
+            return mi, variant
+    raise RenderError(f"no variant of Mitsuba renders here: {', '.join(VARIANTS)}")
+
+
+def _try(variant: str) -> None:
+    mi: Any = importlib.import_module("mitsuba")
+    mi.set_variant(variant)
+    np.asarray(mi.render(mi.load_dict(_NOTHING), spp=1))
+
+
+def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
+    """Return Mitsuba's ``principled`` for Blender's sockets.
+
+    Raises
+    ------
+    RenderError
+        There is a socket that has nothing like it there.
+    """
+    bsdf: dict[str, Any] = {"type": "principled"}
+    for name, value in inputs.items():
+        match name, value:
+            case "Base Color", tuple():
+                bsdf["base_color"] = {"type": "rgb", "value": list(value)}
+            case "Coat Roughness", float():
+                # alpha is roughness squared in Blender, 0.1 - 0.099 gloss in Mitsuba (Burley 2012, 5.5).
+                bsdf["clearcoat_gloss"] = min(1.0, max(0.0, (0.1 - value**2) / 0.099))
+            case "Coat Weight", float():
+                # Mitsuba's is a quarter as strong, as Burley's.
+                bsdf["clearcoat"] = min(1.0, 4.0 * value)
+            case (("Metallic" | "Roughness" | "Anisotropic"), float()):
+                bsdf[name.lower()] = value
+            case _:
+                raise RenderError(f"nothing in Mitsuba's principled is like '{name}' = {value!r}")
+    return bsdf
+
+
+def build_scene(mi: Any, task: FrameTask) -> Any:
+    """Build a scene about the origin, seen and lit as the task's pose says."""
+    scene, pose = task.scene, task.pose
+    if not scene.principled:
+        raise RenderError("Mitsuba renders principled scenes only")
+    source = scene.principled[0]
+    asset = read_asset(scene.asset_file)
+    transform = mi.ScalarTransform4f
+    turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
+    # Whatever else is beside the radiance in that file is left out.
+    radiance = mi.Bitmap(str(scene.light.radiance)).convert(
+        mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
+    )
+    target = np.array(scene.camera.target) - asset.center
+    azimuth, elevation = (math.radians(angle) for angle in (-90.0 - pose.element, scene.camera.elevation))
+    direction = np.array(
+        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
+    )
+    width, height = scene.resolution
+    description: dict[str, Any] = {
+        "type": "scene",
+        "integrator": {
+            "type": "path",
+            # Depth 1 is the light seen directly, 2 is light reflected once.
+            "max_depth": scene.sampling.bounces + 2,
+            "rr_depth": 1000,
+            "hide_emitters": True,
+        },
+        "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_UPRIGHT)},
+        "sensor": {
+            "type": "perspective",
+            "fov": scene.camera.fov,
+            "fov_axis": "x",
+            "near_clip": scene.camera.distance * 1e-3,
+            "far_clip": scene.camera.distance * 1e3,
+            "to_world": transform().look_at(
+                origin=(target + scene.camera.distance * direction).tolist(), target=target.tolist(), up=[0, 0, 1]
+            ),
+            "film": {
+                "type": "hdrfilm",
+                "width": width,
+                "height": height,
+                "pixel_format": "rgba",
+                "rfilter": {"type": "box"},
+            },
+            "sampler": {"type": "independent"},
+        },
+        "bsdf": principled(source.inputs) | {"id": "bsdf"},
+    }
+    with tempfile.TemporaryDirectory(prefix="lookdev-") as folder:
+        for number, (positions, normals, uvs) in enumerate(corner_meshes(about_origin(asset))):
+            file = Path(folder, f"{number}.ply")
+            _write_mesh(mi, file, positions, normals, uvs)
+            description[f"mesh{number}"] = {
+                "type": "ply",
+                "filename": str(file),
+                "bsdf": {"type": "ref", "id": "bsdf"},
+            }
+        return mi.load_dict(description)
+
+
+Corners = NDArray[np.float32]
+
+
+def corner_meshes(asset: Asset) -> list[tuple[Corners, Corners, Corners]]:
+    """Return each instance as triangles in world space: positions, normals and UVs of their corners (3 t, ...)."""
+    meshes = []
+    for instance in asset.instances:
+        mesh = asset.meshes[instance.mesh]
+        corners = _fans(mesh.face_sizes)
+        matrix = instance.matrix[:3, :3]
+        positions = mesh.points[mesh.corner_points[corners]] @ matrix.T + instance.matrix[:3, 3]
+        normals = mesh.normals[corners] @ np.linalg.inv(matrix)
+        normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+        uvs = next(iter(mesh.uvs.values()))[corners]
+        meshes.append((positions.astype(np.float32), normals.astype(np.float32), uvs.astype(np.float32)))
+    return meshes
+
+
+def _fans(face_sizes: NDArray[np.int32]) -> NDArray[np.intp]:
+    """Return the corners (3 t,) of the triangles that fan out from each face's first corner."""
+    counts = face_sizes - 2
+    first = np.repeat(face_starts(face_sizes), counts)
+    step = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.asarray(np.stack([first, first + step + 1, first + step + 2], axis=-1).ravel())
+
+
+def _write_mesh(mi: Any, file: Path, positions: Corners, normals: Corners, uvs: Corners) -> None:
+    mesh = mi.Mesh(file.stem, len(positions), len(positions) // 3, has_vertex_normals=True, has_vertex_texcoords=True)
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = positions.ravel()
+    parameters["vertex_normals"] = normals.ravel()
+    parameters["vertex_texcoords"] = uvs.ravel()
+    parameters["faces"] = np.arange(len(positions), dtype=np.uint32)
+    parameters.update()
+    mesh.write_ply(str(file))
+
+
+def _render(mi: Any, scene: Any, task: FrameTask) -> dict[str, Any]:
+    sampling = task.scene.sampling
+    started = time.perf_counter()
+    # Reading the pixels waits for them.
+    pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
+    seconds = time.perf_counter() - started
+    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=os.environ.get("TMPDIR"))
+    with os.fdopen(handle, "wb") as stream:
+        np.savez(stream, a=pixels[..., :3], b=pixels[..., :3], alpha=pixels[..., 3])
+    return {
+        "type": "done",
+        "digest": task.digest,
+        "arrays": path,
+        "samples": sampling.samples,
+        "seconds": seconds,
+        "relmse": math.nan,
+        "memory": _peak_memory(),
+    }
+
+
+def _peak_memory() -> int:
+    """Return the most bytes that this process has held; what getrusage says begins with those of its parent."""
+    (line,) = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM:")]
+    return int(line.split()[1]) * 1024
+
+
+def _same(built: SceneTask, asked: SceneTask) -> bool:
+    """Tell whether a scene serves another task: the samples and their seed may differ."""
+    return (
+        built.asset_file,
+        built.principled,
+        built.light,
+        built.resolution,
+        built.camera,
+        built.sampling.bounces,
+    ) == (
+        asked.asset_file,
+        asked.principled,
+        asked.light,
+        asked.resolution,
+        asked.camera,
+        asked.sampling.bounces,
+    )
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["--try"]:
+        _try(sys.argv[2])
+    else:
+        main()

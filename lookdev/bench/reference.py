@@ -1,0 +1,180 @@
+"""The converged picture of a backend, which knows its own error, and what it says of a render.
+
+A reference is the mean of independent parts. Their spread is an unbiased estimate of what is left of its own variance,
+pixel by pixel. That variance is in the squared difference of every render from it, and is taken away again: so a
+reference of a few times the samples serves as well as one of many thousand times as many. What is smaller than the
+reference's own error is not told at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import atomic_path, cache_dir
+from lookdev.checks.error import EPSILON
+from lookdev.errors import LookdevError
+
+Floats = NDArray[np.float64]
+
+_VERSION = 1
+# Half of the seeds that a shader takes are the references'; `measure` takes the other half.
+FIRST_SEED = 1 << 17
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """One render: image (H, W, 3) premultiplied, alpha (H, W); seconds in a warm process, its peak memory in bytes, and
+    what it calls itself.
+    """
+
+    image: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    seconds: float
+    memory: int
+    renderer: str
+
+
+Render = Callable[[int, int], Shot]
+"""Renders with so many samples a pixel and a seed."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a reference says of a render.
+
+    `relmse` without the reference's own error, or None where it is below that; `bias` is the mean relative difference
+    of the mean over the asset, `bias_error` its standard error.
+    """
+
+    relmse: float | None
+    bias: float
+    bias_error: float
+
+
+class Reference:
+    """The mean of independent renders ("parts") of equally many samples.
+
+    Parameters
+    ----------
+    samples
+        Of each part.
+    """
+
+    def __init__(self, samples: int) -> None:
+        self.part_samples = samples
+        self.parts = 0
+        self.mean: Floats = np.zeros(())
+        self.alpha: Floats = np.zeros(())
+        self._squares: Floats = np.zeros(())
+
+    def add(self, shot: Shot) -> None:
+        """Take a part in (Welford 1962: no sum of squares that could cancel)."""
+        image = shot.image.astype(np.float64)
+        self.parts += 1
+        delta = image - self.mean
+        self.mean = self.mean + delta / self.parts
+        self._squares = self._squares + delta * (image - self.mean)
+        self.alpha = self.alpha + (shot.alpha - self.alpha) / self.parts
+
+    @property
+    def samples(self) -> int:
+        """How many it has in all."""
+        return self.parts * self.part_samples
+
+    @property
+    def own_relmse(self) -> float:
+        """What is left of its own error, as relMSE: renders below that cannot be judged by it."""
+        return self._relative(self._variance())
+
+    def judge(self, *shots: Shot) -> Verdict:
+        """Judge renders of equally many samples: their mean relMSE, and the bias of their mean.
+
+        The difference of means is exact in what it averages; its standard error comes from the spread of the
+        difference over pixels, which has the noise of the renders and of the reference in it.
+        """
+        images = [shot.image.astype(np.float64) for shot in shots]
+        relmse = float(np.mean([self._relative((image - self.mean) ** 2) for image in images])) - self.own_relmse
+        covered = self.alpha > 0.0
+        difference = (np.mean(images, axis=0) - self.mean)[covered].mean(axis=-1)
+        brightness = float(self.mean[covered].mean())
+        spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
+        return Verdict(
+            relmse if relmse >= self.own_relmse else None,
+            float(difference.mean()) / brightness,
+            float(spread / brightness),
+        )
+
+    def _variance(self) -> Floats:
+        """Return the variance of the mean (H, W, 3)."""
+        return np.asarray(self._squares / (self.parts * (self.parts - 1)))
+
+    def _relative(self, squares: Floats) -> float:
+        """Return the mean over the asset of squared errors, relative as `lookdev.checks.error.relmse` has it."""
+        covered = self.alpha > 0.0
+        return float((squares / (self.mean**2 + EPSILON))[covered].mean())
+
+    def save(self, file: Path) -> None:
+        """Write it, whole or not at all."""
+        numbers = np.array([_VERSION, self.part_samples, self.parts])
+        with atomic_path(file) as path:
+            np.savez(path, numbers=numbers, mean=self.mean, alpha=self.alpha, squares=self._squares)
+
+    @classmethod
+    def load(cls, file: Path) -> Reference | None:
+        """Read what `save` wrote; None where there is none that can be read."""
+        try:
+            with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+                version, samples, parts = stored["numbers"].tolist()
+                if version != _VERSION:
+                    return None
+                reference = cls(samples)
+                reference.parts = parts
+                reference.mean, reference.alpha = stored["mean"], stored["alpha"]
+                reference._squares = stored["squares"]
+        except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile):
+            return None
+        return reference
+
+
+def obtain(
+    key: str, samples: int, parts: int, render: Render, *, fresh: bool = False, tell: Callable[[str], None]
+) -> Reference:
+    """Return the reference of a picture from the cache, or render what it lacks.
+
+    Parameters
+    ----------
+    key
+        Names all that the picture depends on.
+    samples, parts
+        Needed of each part, and how many; one with more samples in all, and at least four parts, serves too.
+    render
+        Renders a part.
+    fresh
+        Start anew, whatever there is.
+    tell
+        Is told what is rendered.
+
+    Raises
+    ------
+    LookdevError
+        The picture shows nothing.
+    """
+    file = cache_dir("bench") / f"{hashlib.sha256(key.encode()).hexdigest()}.npz"
+    reference = None if fresh else Reference.load(file)
+    if reference is None or (reference.samples < samples * parts and reference.part_samples < samples):
+        reference = Reference(samples)
+    while reference.parts < 4 or reference.samples < samples * parts:
+        tell(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
+        reference.add(render(reference.part_samples, FIRST_SEED + reference.parts))
+        # After every part: what Ctrl-C leaves is taken up by the next run.
+        reference.save(file)
+    if not (reference.alpha > 0.0).any() or not reference.mean.any():
+        raise LookdevError(f"the reference {file} is black or empty: nothing can be measured on it")
+    return reference

@@ -1,0 +1,171 @@
+"""What was measured as a person reads it: a table, and curves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+from rich import box
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from lookdev.bench.curves import Reached
+from lookdev.bench.growth import Growth
+from lookdev.bench.measure import TARGETS, CellResult, Ratio
+from lookdev.bench.results import Machine, Results
+from lookdev.bench.sequence import SequenceResult
+from lookdev.cache import atomic_path
+
+BIAS_LIMIT = 5.0
+"""Standard errors of a bias beyond which it is told."""
+
+_MEGABYTE = 1e6
+_TARGET_NAMES = {target: f"{target:.0e}".replace("e-0", "e-") for target in TARGETS}
+_LEGEND = (
+    "s to: seconds of a frame to that relMSE; - not reached; ~ beyond what was measured; < with the fewest samples "
+    "already. exact is: how many times as long exact takes (least..most of the repeats)."
+)
+
+
+def print_results(results: Results, console: Console) -> None:
+    """Print what it was measured on, the table of times, then sequence and growth where there are."""
+    console.print(Text(machine_line(results.machine)))
+    if results.cells:
+        console.print(_times(results.cells))
+        for line in warnings(results.cells):
+            console.print(Text(line, style="bold"), soft_wrap=True)
+    if results.sequence:
+        console.print(_sequence(results.sequence))
+    for growth in results.growth:
+        console.print(_growth(growth))
+    if not results.complete:
+        console.print(Text("Not complete: this is what was measured until it ended.", style="bold"))
+
+
+def machine_line(machine: Machine) -> str:
+    """Say in one line what it was measured on."""
+    versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
+    return f"{machine.cpu}, {machine.cores} cores, load {machine.load[0]:.1f} before; {versions}; {machine.date}"
+
+
+def warnings(cells: Sequence[CellResult]) -> list[str]:
+    """Say of which pictures the mean is not that of their reference."""
+    return [
+        f"{result.cell}: {backend} with {point.samples} samples is off by {point.bias:+.2%}, "
+        f"{abs(point.bias) / point.bias_error:.1f} standard errors: biased, or the cached reference is of another "
+        "picture; --fresh makes a new one"
+        for result in cells
+        for backend, curve in result.curves.items()
+        for point in curve
+        if abs(point.bias) > BIAS_LIMIT * point.bias_error
+    ]
+
+
+def _times(cells: Sequence[CellResult]) -> Table:
+    table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left")
+    table.add_column("scene, ibl, look", overflow="fold")
+    table.add_column("backend", no_wrap=True)
+    for name in _TARGET_NAMES.values():
+        table.add_column(f"s to {name}", justify="right")
+        table.add_column("exact is", justify="right")
+    table.add_column("bias, %", justify="right", no_wrap=True)
+    table.add_column("MB", justify="right")
+    for result in cells:
+        name = str(result.cell)
+        for backend, curve in result.curves.items():
+            memory = max((row.memory for row in result.measurements if row.backend == backend), default=None)
+            row = [name, backend]
+            for target in _TARGET_NAMES:
+                row += [_seconds(result.reached[backend][target]), _ratio(result, backend, target)]
+            row.append(f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}" if curve else "")
+            row.append(f"{memory / _MEGABYTE:.0f}" if memory else "")
+            table.add_row(*row)
+            name = ""
+    return table
+
+
+def _seconds(reached: Reached | None) -> str:
+    return "-" if reached is None else str(reached)
+
+
+def _ratio(result: CellResult, backend: str, target: float) -> str:
+    """Say how many times as long ``exact`` takes as this backend, with the extremes over the repeats."""
+    found = [each for each in result.ratios if (each.backend, each.target) == (backend, target)]
+    return "" if not found or found[0].value is None else f"x{found[0].value}{_spread(found[0])}"
+
+
+def _spread(ratio: Ratio) -> str:
+    return "" if ratio.low is None or ratio.high is None else f" ({ratio.low:.2f}..{ratio.high:.2f})"
+
+
+def _sequence(sequence: SequenceResult) -> Table:
+    subject = sequence.subject
+    table = Table(
+        box=box.SIMPLE_HEAD,
+        title=f"{sequence.frames} frames of {subject.scene}, {subject.look}, under {', '.join(subject.ibls)}: "
+        f"exact makes {sequence.ratio:.2f} times as many a minute ({sequence.low:.2f}..{sequence.high:.2f})",
+    )
+    for column in ("", "samples", "relMSE", "frames a minute"):
+        table.add_column(column, justify="right")
+    for backend, samples in sequence.samples.items():
+        speeds = ", ".join(f"{run.frames_per_minute:.2f}" for run in sequence.runs if run.backend == backend)
+        table.add_row(backend, str(samples), f"{sequence.relmse[backend]:.2e}", speeds)
+    return table
+
+
+def _growth(growth: Growth) -> Table:
+    table = Table(box=box.SIMPLE_HEAD)
+    for column in (growth.of, "s a frame", "MB"):
+        table.add_column(column, justify="right")
+    for row in growth.rows:
+        table.add_row(f"{row.size:,}", f"{row.seconds:.3f}", f"{row.memory / _MEGABYTE:.0f}")
+    return table
+
+
+def draw_curves(results: Results, folder: Path) -> list[Path]:
+    """Draw relMSE over seconds, an SVG for each look, a panel for each scene and light; return the files."""
+    files = []
+    for look in dict.fromkeys(result.cell.look for result in results.cells):
+        cells = [result for result in results.cells if result.cell.look == look]
+        files.append(folder / f"curves_{look}.svg")
+        _draw(cells, f"{look}: relMSE over seconds of a frame", files[-1])
+    return files
+
+
+def _draw(cells: Sequence[CellResult], title: str, file: Path) -> None:
+    columns = max(1, len({result.cell.ibl for result in cells}))
+    rows = math.ceil(len(cells) / columns)
+    with mpl.rc_context({"svg.hashsalt": "lookdev", "font.size": 8.0}):
+        figure = Figure(figsize=(3.4 * columns, 2.8 * rows), layout="constrained")
+        figure.suptitle(title)
+        panels = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, result in zip(panels, cells, strict=False):
+            _draw_cell(axes, result)
+        for axes in panels[len(cells) :]:
+            axes.set_visible(False)
+        with atomic_path(file) as path:
+            figure.savefig(path, format="svg", metadata={"Date": None})
+
+
+def _draw_cell(axes: Any, result: CellResult) -> None:
+    drawn = False
+    for number, (backend, curve) in enumerate(result.curves.items()):
+        known = [(point.seconds, point.relmse) for point in curve if point.relmse is not None]
+        if known:
+            axes.plot(*zip(*known, strict=True), "o-", markersize=3.0, color=f"C{number}", label=backend)
+            drawn = True
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    for target in TARGETS:
+        axes.axhline(target, color="0.7", linewidth=0.8)
+    axes.set_title(f"{result.cell.scene}, {result.cell.ibl}")
+    axes.set_xlabel("seconds")
+    axes.set_ylabel("relMSE")
+    axes.grid(alpha=0.3)
+    if drawn:
+        axes.legend(frameon=False)

@@ -1,0 +1,319 @@
+"""Turntables through the real batch runner, against the same frames scripted plainly in Blender, at equal error.
+
+The plain script (`lookdev.cycles.plain_sequence`) is what a person writes in an afternoon: the Principled BSDF, an
+environment texture turned by a Mapping node, the asset's object turned, ``bpy.ops.render.render`` for each frame. It
+runs in one process. Both are timed from their start to their last file.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import math
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.asset import BUILTINS, save_asset
+from lookdev.batch.prepare import prepare_job
+from lookdev.batch.run import render_job
+from lookdev.batch.worker import last_words
+from lookdev.bench.backends import bench_asset, bench_environment, bench_light, bench_scene
+from lookdev.bench.curves import at
+from lookdev.bench.looks import LOOKS, usda
+from lookdev.bench.matrix import LARGEST_SAMPLES, SCENES
+from lookdev.bench.measure import CurvePoint
+from lookdev.checks.error import relmse_of_halves
+from lookdev.errors import LookdevError, RenderError
+from lookdev.output.exr import read_frame, write_frame
+
+TARGET = 1e-3
+"""The relMSE that frames are rendered to."""
+
+FRAMES = 24
+KINDS = ("element", "lighting")
+PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
+
+# Frames of each turntable that are rendered again with other seeds, to know their error; a divisor of FRAMES.
+_PROBES = 3
+# Corrections of the plain script's samples, and the largest factor of one.
+_ROUNDS = 3
+_LONGEST_STEP = 8.0
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What turns, how it looks, under which lights; the frame's side in pixels."""
+
+    scene: str
+    look: str
+    ibls: tuple[str, ...]
+    resolution: int
+
+    def __post_init__(self) -> None:
+        look = LOOKS[self.look]
+        if look.principled is None or self.scene not in BUILTINS:
+            looks = [name for name, each in LOOKS.items() if each.principled is not None]
+            raise LookdevError(
+                f"there is no plain script of {self.look} on {self.scene}; "
+                f"looks that there are: {', '.join(looks)}; scenes: {', '.join(SCENES.keys() & BUILTINS.keys())}"
+            )
+
+
+Produce = Callable[[Path, int, int, int], float]
+"""Renders all turntables into a folder, with so many samples, frames a turntable, and a seed; returns seconds.
+
+Files are ``<folder>/<look>/<ibl>/<kind>.####.exr``.
+"""
+
+
+@dataclass(frozen=True)
+class SequenceRun:
+    """One timed run of all turntables."""
+
+    backend: str
+    repeat: int
+    seconds: float
+    frames_per_minute: float
+
+
+@dataclass(frozen=True)
+class SequenceResult:
+    """Frames a minute of the batch runner ("exact") and of the plain script ("plain"), at the samples that make their
+    mean relMSE equal; `relmse` is that measured on frames of the timed runs.
+
+    `ratio` of the medians, exact over plain; `low` and `high` of the repeats.
+    """
+
+    subject: Subject
+    frames: int
+    samples: Mapping[str, int]
+    relmse: Mapping[str, float]
+    runs: tuple[SequenceRun, ...]
+    ratio: float
+    low: float
+    high: float
+
+
+def choose_samples(
+    exact: Sequence[Sequence[CurvePoint]], plain: Sequence[Sequence[CurvePoint]], target: float
+) -> tuple[int, int]:
+    """Return the samples with which both have the same mean error over the lights, a curve each.
+
+    For ``exact`` the smallest power of two at which it is at most `target`; for the plain script, which has no such
+    preference, as many as give the same.
+
+    Raises
+    ------
+    LookdevError
+        A curve has less than two points, or no number of samples will do.
+    """
+    powers = [1 << exponent for exponent in range(1, LARGEST_SAMPLES.bit_length())]
+    chosen = _first(powers, exact, target)
+    return chosen, _first(range(1, 8 * LARGEST_SAMPLES), plain, _mean_error(exact, chosen))
+
+
+def _first(counts: Sequence[int], curves: Sequence[Sequence[CurvePoint]], target: float) -> int:
+    low, high = 0, len(counts) - 1
+    if _mean_error(curves, counts[high]) > target:
+        raise LookdevError(f"relMSE {target:g} is out of reach of {counts[high]} samples: nothing to compare")
+    while low < high:
+        middle = (low + high) // 2
+        low, high = (low, middle) if _mean_error(curves, counts[middle]) <= target else (middle + 1, high)
+    return counts[low]
+
+
+def _mean_error(curves: Sequence[Sequence[CurvePoint]], samples: int) -> float:
+    errors = []
+    for curve in curves:
+        known = [(float(point.samples), point.relmse) for point in curve if point.relmse is not None]
+        if len(known) < 2:
+            raise LookdevError("a curve of two points or more is needed; give --samples more counts")
+        errors.append(at([count for count, _ in known], [error for _, error in known], samples))
+    return statistics.fmean(errors)
+
+
+def measure_sequence(
+    subject: Subject,
+    samples: tuple[int, int],
+    producers: Mapping[str, Produce],
+    *,
+    repeats: int,
+    seed: int,
+    tell: Callable[[str], None],
+) -> SequenceResult:
+    """Time both, taking turns.
+
+    Parameters
+    ----------
+    samples
+        Of ``exact``, and a first guess of the plain script's: that is corrected by the error of a few frames.
+    producers
+        ``"exact"`` and ``"plain"``.
+    """
+    total = FRAMES * len(KINDS) * len(subject.ibls)
+    runs: list[SequenceRun] = []
+    with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
+        folders = (Path(scratch, str(number)) for number in itertools.count())
+        probes: dict[tuple[str, int], Path] = {}
+
+        def probe(backend: str, count: int) -> float:
+            tell(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
+            one, other = next(folders), next(folders)
+            producers[backend](one, count, _PROBES, seed + 1)
+            producers[backend](other, count, _PROBES, seed + 2)
+            probes[backend, count] = one
+            return _error(subject, one, other, _PROBES)
+
+        target = probe("exact", samples[0])
+        count = {"exact": samples[0], "plain": meet(target, samples[1], lambda count: probe("plain", count))}
+        timed: dict[str, Path] = {}
+        for repeat in range(repeats):
+            for backend in ("exact", "plain"):
+                tell(f"sequence: {backend}: {total} frames, {count[backend]} samples")
+                timed[backend] = next(folders)
+                seconds = producers[backend](timed[backend], count[backend], FRAMES, seed)
+                runs.append(SequenceRun(backend, repeat, seconds, 60.0 * total / seconds))
+        relmse = {
+            backend: _error(subject, timed[backend], probes[backend, count[backend]], FRAMES) for backend in timed
+        }
+    speed = {
+        backend: [run.frames_per_minute for run in runs if run.backend == backend] for backend in ("exact", "plain")
+    }
+    ratios = [one / other for one, other in zip(speed["exact"], speed["plain"], strict=True)]
+    medians = {backend: statistics.median(values) for backend, values in speed.items()}
+    ratio = medians["exact"] / medians["plain"]
+    return SequenceResult(subject, total, count, relmse, tuple(runs), ratio, min(ratios), max(ratios))
+
+
+def meet(target: float, first: int, error: Callable[[int], float]) -> int:
+    """Return the samples whose measured error comes nearest to a target, within a tenth if that can be had.
+
+    `first` is a guess. Each further one is read off the straight line, on the log-log plot, through those before: the
+    error of rare bright pixels falls faster than 1 / samples, or hardly at all.
+    """
+    found = {first: error(first)}
+    for _ in range(_ROUNDS):
+        count = min(found, key=lambda count: abs(math.log(found[count] / target)))
+        if abs(math.log(found[count] / target)) < math.log(1.1):
+            break
+        guess = count * found[count] / target
+        rising = sorted((value, count) for count, value in found.items())
+        if len(rising) > 1 and [each for _, each in rising] == sorted(found, reverse=True):
+            guess = at([value for value, _ in rising], [float(count) for _, count in rising], target)
+        guess = max(1, round(min(max(guess, count / _LONGEST_STEP), count * _LONGEST_STEP)))
+        if guess in found:
+            break
+        found[guess] = error(guess)
+    return min(found, key=lambda count: abs(math.log(found[count] / target)))
+
+
+def _error(subject: Subject, one: Path, probes: Path, frames: int) -> float:
+    """Return the mean relMSE of a folder's frames, from independent renders of some of them.
+
+    Half of the difference of two such is what their mean is wrong by, which is half the squared error of each.
+    """
+    errors = []
+    for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):
+        place = Path(subject.look, ibl)
+        a, alpha = read_frame(one / place / _name(kind, number * (frames // _PROBES)))
+        b, _ = read_frame(probes / place / _name(kind, number))
+        errors.append(2.0 * relmse_of_halves(a, b, alpha))
+    return statistics.fmean(errors)
+
+
+def _name(kind: str, index: int) -> str:
+    return f"{kind}.{index + 1:04d}.exr"
+
+
+def producers(subject: Subject) -> dict[str, Produce]:
+    """Return the real batch runner and the real script."""
+
+    def exact(folder: Path, samples: int, frames: int, seed: int) -> float:
+        job = _write_job(subject, folder, samples, frames, seed)
+        started = time.perf_counter()
+        result = render_job(job, prepare_job)
+        seconds = time.perf_counter() - started
+        if result.interrupted:
+            raise KeyboardInterrupt
+        if result.exit_code:
+            raise RenderError(result.summary())
+        return seconds
+
+    def plain(folder: Path, samples: int, frames: int, seed: int) -> float:
+        request = _write_request(subject, folder, samples, frames, seed)
+        log = folder / "plain.log"
+        started = time.perf_counter()
+        with log.open("wb") as stream:
+            done = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
+        seconds = time.perf_counter() - started
+        if done.returncode:
+            raise RenderError(f"the plain script ended with exit code {done.returncode}: {last_words(log)}")
+        return seconds
+
+    return {"exact": exact, "plain": plain}
+
+
+def _write_job(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Path:
+    folder.mkdir(parents=True)
+    (folder / "look.usda").write_text(usda(LOOKS[subject.look].make()), encoding="utf-8")
+    lines = [
+        'output = "."',
+        "[asset]",
+        f'builtin = "{subject.scene}"',
+        "[[look]]",
+        f'name = "{subject.look}"',
+        'material = "look.usda"',
+        "[render]",
+        f"resolution = [{subject.resolution}, {subject.resolution}]",
+        f"samples = {samples}",
+        f"bounces = {SCENES[subject.scene].bounces}",
+        f"seed = {seed}",
+    ]
+    for ibl in subject.ibls:
+        lines += ["[[ibl]]", f'name = "{ibl}"', f'builtin = "{ibl}"']
+    for kind in KINDS:
+        lines += ["[[turntable]]", f'kind = "{kind}"', f"frames = {frames}"]
+    job = folder / "job.toml"
+    job.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return job
+
+
+def _write_request(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Path:
+    folder.mkdir(parents=True)
+    asset, look = bench_asset(subject.scene), LOOKS[subject.look]
+    maps = {}
+    for ibl in subject.ibls:
+        radiance = bench_environment(ibl).radiance
+        maps[ibl] = folder / f"{ibl}.exr"
+        write_frame(maps[ibl], radiance, np.ones(radiance.shape[:2]), {})
+    light = bench_light(subject.ibls[0])
+    scene = bench_scene(asset, look, light, subject.resolution, SCENES[subject.scene].bounces)
+    request = {
+        "asset": str(save_asset(asset)),
+        "principled": dict(look.principled or {}),
+        "camera": asdict(scene.camera),
+        "resolution": scene.resolution,
+        "samples": samples,
+        "bounces": scene.sampling.bounces,
+        "seed": seed,
+        "frames": [
+            {
+                "light": str(maps[ibl]),
+                "element": 360.0 * index / frames if kind == "element" else 0.0,
+                "lighting": 360.0 * index / frames if kind == "lighting" else 0.0,
+                "file": str(folder / subject.look / ibl / _name(kind, index)),
+            }
+            for ibl, kind, index in itertools.product(subject.ibls, KINDS, range(frames))
+        ],
+    }
+    file = folder / "request.json"
+    file.write_text(json.dumps(request), encoding="utf-8")
+    return file

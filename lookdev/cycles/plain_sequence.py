@@ -1,0 +1,143 @@
+"""Turntables scripted plainly in Blender: what the batch runner is compared with by ``lookdev bench --sequence``.
+
+Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It is as naive as such scripts are, and as correct: one
+process, the Principled BSDF, the asset turned by its object and the light by a Mapping node, ``render.render`` for each
+frame, and Blender's defaults for all that concerns speed (no persistent data, an automatic importance map). Only what
+would make another picture is set: filter, bounces, samples, no adaptive sampling and no denoiser.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import traceback
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from lookdev.asset.bounds import about_origin
+from lookdev.asset.mesh import Asset, Mesh
+from lookdev.asset.store import read_asset
+from lookdev.cycles import version
+
+
+def render(request: dict[str, Any]) -> None:
+    """Render every frame of a request to its file."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.data.scenes[0]
+    _configure(scene, request)
+    asset = read_asset(Path(request["asset"]))
+    turned = _add_asset(scene, about_origin(asset), _material(request["principled"]))
+    _add_camera(scene, request["camera"], asset)
+    texture, mapping = _light(scene)
+    lit_by = None
+    for frame in request["frames"]:
+        if frame["light"] != lit_by:
+            lit_by = frame["light"]
+            texture.image = bpy.data.images.load(lit_by)
+            texture.image.colorspace_settings.name = "Non-Color"
+        turned.rotation_euler.z = math.radians(frame["element"])
+        # The node turns the direction that is looked up, not the map.
+        mapping.inputs["Rotation"].default_value[2] = -math.radians(frame["lighting"])
+        scene.render.filepath = frame["file"]
+        bpy.ops.render.render(write_still=True)
+
+
+def _configure(scene: Any, request: dict[str, Any]) -> None:
+    settings, output = scene.cycles, scene.render.image_settings
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x, scene.render.resolution_y = request["resolution"]
+    scene.render.film_transparent = True
+    scene.render.use_persistent_data = False
+    output.file_format, output.color_mode, output.color_depth = "OPEN_EXR", "RGBA", "32"
+    settings.samples, settings.seed = request["samples"], request["seed"]
+    settings.use_adaptive_sampling = settings.use_denoising = False
+    settings.pixel_filter_type, settings.filter_width = "BOX", 1.0
+    settings.max_bounces = settings.diffuse_bounces = request["bounces"]
+    settings.glossy_bounces = settings.transmission_bounces = request["bounces"]
+    settings.sample_clamp_indirect = settings.blur_glossy = 0.0
+
+
+def _material(inputs: dict[str, Any]) -> Any:
+    material = bpy.data.materials.new("principled")
+    tree = version.empty_node_tree(material)
+    node = tree.nodes.new("ShaderNodeBsdfPrincipled")
+    for name, value in inputs.items():
+        node.inputs[name].default_value = (*value, 1.0) if isinstance(value, list) else value
+    if inputs.get("Anisotropic", 0.0):
+        tangent = tree.nodes.new("ShaderNodeTangent")
+        tangent.direction_type = "UV_MAP"
+        tree.links.new(tangent.outputs["Tangent"], node.inputs["Tangent"])
+    output = tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
+    return material
+
+
+def _add_asset(scene: Any, asset: Asset, material: Any) -> Any:
+    root = bpy.data.objects.new("turntable", None)
+    scene.collection.objects.link(root)
+    meshes = [_mesh(mesh, material) for mesh in asset.meshes]
+    for instance in asset.instances:
+        item = bpy.data.objects.new(asset.name, meshes[instance.mesh])
+        item.parent = root
+        item.matrix_parent_inverse = Matrix(instance.matrix.tolist())
+        scene.collection.objects.link(item)
+    return root
+
+
+def _mesh(mesh: Mesh, material: Any) -> Any:
+    data = bpy.data.meshes.new(mesh.name)
+    faces = np.split(mesh.corner_points, np.cumsum(mesh.face_sizes)[:-1])
+    data.from_pydata(mesh.points.tolist(), [], [face.tolist() for face in faces])
+    data.uv_layers.new(name="st").data.foreach_set("uv", next(iter(mesh.uvs.values())).ravel())
+    data.normals_split_custom_set(mesh.normals)
+    data.materials.append(material)
+    return data
+
+
+def _add_camera(scene: Any, camera: dict[str, Any], asset: Asset) -> None:
+    lens = bpy.data.cameras.new("camera")
+    lens.sensor_fit, lens.angle = "HORIZONTAL", math.radians(camera["fov"])
+    lens.clip_start, lens.clip_end = 1e-3 * camera["distance"], 1e3 * camera["distance"]
+    elevation = math.radians(camera["elevation"])
+    item = bpy.data.objects.new("camera", lens)
+    away = camera["distance"] * np.array([0.0, -math.cos(elevation), math.sin(elevation)])
+    item.location = (np.array(camera["target"]) - asset.center + away).tolist()
+    item.rotation_euler = (math.pi / 2 - elevation, 0.0, 0.0)
+    scene.collection.objects.link(item)
+    scene.camera = item
+
+
+def _light(scene: Any) -> tuple[Any, Any]:
+    scene.world = bpy.data.worlds.new("light")
+    tree = version.empty_node_tree(scene.world)
+    coordinates = tree.nodes.new("ShaderNodeTexCoord")
+    mapping = tree.nodes.new("ShaderNodeMapping")
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    background = tree.nodes.new("ShaderNodeBackground")
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    tree.links.new(background.outputs["Background"], output.inputs["Surface"])
+    return texture, mapping
+
+
+def main() -> None:
+    """Do what the request says; the exit code is 1 if it cannot be done."""
+    try:
+        render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
+    except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    main()

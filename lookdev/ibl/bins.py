@@ -1,0 +1,68 @@
+"""Shading normals in bins of a few degrees: each samples the light in a way of its own (`tables`).
+
+Rows of latitude of equal height, cells of nearly equal width in each. `lookdev/shaders/light.h` finds bins likewise.
+A bin weighs the light by its `widened` cosine: that to the nearest normal of a cone about its axis. No normal of the
+bin sees light that the bin gives no weight.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+AnyFloat = TypeVar("AnyFloat", np.float32, np.float64)
+
+ROWS = 10
+CELLS = tuple(round(19.6 * float(np.sin(np.pi * (row + 0.5) / ROWS))) for row in range(ROWS))
+"""Cells of each row, from the zenith down."""
+
+FIRST = tuple(int(sum(CELLS[:row])) for row in range(ROWS))
+"""Number of each row's first bin."""
+
+COUNT = sum(CELLS)
+
+# Beyond the farthest corner of a bin: the shader's arc tangents are good to 1e-5 only.
+_MARGIN = 1e-3
+
+
+def _axes() -> Floats:
+    return np.array(
+        [
+            _direction(np.pi * (row + 0.5) / ROWS, 2.0 * np.pi * (cell + 0.5) / cells)
+            for row, cells in enumerate(CELLS)
+            for cell in range(cells)
+        ]
+    )
+
+
+def _direction(theta: float, phi: float) -> tuple[float, float, float]:
+    return float(np.sin(theta) * np.cos(phi)), float(np.sin(theta) * np.sin(phi)), float(np.cos(theta))
+
+
+def _radius() -> float:
+    """Return the largest angle between a bin's axis and a corner of it: no other place is as far."""
+    farthest = 0.0
+    for row, cells in enumerate(CELLS):
+        axis = np.array(_direction(np.pi * (row + 0.5) / ROWS, np.pi / cells))
+        for theta in (np.pi * row / ROWS, np.pi * (row + 1) / ROWS):
+            farthest = max(farthest, float(np.arccos(np.clip(axis @ _direction(theta, 0.0), -1.0, 1.0))))
+    return farthest
+
+
+AXES = _axes()
+"""Axis of each bin, (COUNT, 3), in the light's frame."""
+
+RADIUS = _radius() + _MARGIN
+"""Radians: half the opening angle of the cone of normals that a bin stands for."""
+
+
+def widened(cosine: NDArray[AnyFloat]) -> NDArray[AnyFloat]:
+    """Return the largest cosine between a direction and the normals of a bin, not below 0, from that to its axis."""
+    near, far = math.cos(RADIUS), math.sin(RADIUS)
+    # cos(max(0, angle - radius)).
+    turned = near * cosine + far * np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))
+    return np.where(cosine > near, cosine.dtype.type(1.0), np.maximum(turned, 0.0))

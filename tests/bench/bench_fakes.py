@@ -1,0 +1,80 @@
+"""Renderers without a renderer: a known picture, with noise of a known variance and a known cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from lookdev.bench.matrix import Cell, Options
+from lookdev.bench.measure import Candidate
+from lookdev.bench.reference import Shot
+from lookdev.checks.error import EPSILON
+
+SIDE = 64
+
+
+def truth() -> tuple[np.ndarray, np.ndarray]:
+    """Return a picture (SIDE, SIDE, 3) and its coverage: a third of it shows nothing."""
+    rng = np.random.default_rng(1)
+    image = rng.uniform(0.05, 2.0, (SIDE, SIDE, 3))
+    alpha = np.ones((SIDE, SIDE))
+    image[: SIDE // 3], alpha[: SIDE // 3] = 0.0, 0.0
+    return image, alpha
+
+
+@dataclass
+class FakeRenderer:
+    """Renders `truth` times `gain`, with noise of variance ``scale^2 / samples``; remembers what it was asked for."""
+
+    name: str = "exact"
+    scale: float = 0.1
+    gain: float = 1.0
+    fixed: float = 0.01
+    rate: float = 0.001
+    asked: list[tuple[str, int, int]] = field(default_factory=list)
+    ends_after: int | None = None
+
+    def __call__(self, samples: int, seed: int) -> Shot:
+        if self.ends_after is not None and len(self.asked) >= self.ends_after:
+            raise KeyboardInterrupt
+        self.asked.append((self.name, samples, seed))
+        image, alpha = truth()
+        rng = np.random.default_rng([samples, seed, *self.name.encode()])
+        noisy = self.gain * image + rng.normal(size=image.shape) * self.scale / np.sqrt(samples) * alpha[..., None]
+        seconds = self.fixed + self.rate * samples
+        return Shot(noisy.astype(np.float32), alpha.astype(np.float32), seconds, 1_000_000, f"fake {self.name}")
+
+    def relmse(self, samples: int) -> float:
+        """Return the relMSE that a render of so many samples has on average."""
+        image, alpha = truth()
+        covered = alpha > 0.0
+        variance = self.scale**2 / samples
+        squares = variance + ((self.gain - 1.0) * image[covered]) ** 2
+        return float((squares / (image[covered] ** 2 + EPSILON)).mean())
+
+
+class FakeBackends:
+    """Gives ``exact`` and ``principled`` for each cell; the second has twice the noise and half the cost a sample."""
+
+    def __init__(self, ends_after: int | None = None) -> None:
+        self.asked: list[tuple[str, int, int]] = []
+        self.closed = 0
+        self._renderers = {
+            "exact": FakeRenderer("exact", 0.1, asked=self.asked, ends_after=ends_after),
+            "principled": FakeRenderer("principled", 0.2, rate=0.0005, asked=self.asked, ends_after=ends_after),
+        }
+
+    @contextmanager
+    def __call__(self, cell: Cell, options: Options) -> Iterator[list[Candidate]]:
+        try:
+            yield [Candidate(name, f"{cell} {name}", self._renderers[name]) for name in options.backends_of(cell)]
+        finally:
+            self.closed += 1
+
+
+def measured(asked: list[tuple[str, int, int]], first_seed: int) -> list[tuple[str, int, int]]:
+    """Return what was asked for but references and warm-ups."""
+    return [each for each in asked if each[2] < first_seed]

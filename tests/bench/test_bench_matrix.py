@@ -1,0 +1,154 @@
+"""What there is to measure: assets, looks, options, and the keys of references."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.bench.assets import make_boulder, triangle_count
+from lookdev.bench.backends import bench_light, bench_scene, picture_key, with_principled
+from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered, usda
+from lookdev.bench.matrix import BACKENDS, IBLS, SCENES, Cell, Options, listing, parse_options
+from lookdev.errors import LookdevError
+from lookdev.ibl import load_environment
+from lookdev.material.usd import read_look
+from lookdev.plan.task import SceneTask
+
+WHITE = load_environment(builtin="white")
+
+
+@pytest.mark.parametrize("triangles", [1000, 30_000])
+def test_a_boulder_has_the_triangles_it_should(triangles: int) -> None:
+    asset = make_boulder(triangles)
+    assert triangle_count(asset) == pytest.approx(triangles, rel=0.07)
+    assert not asset.convex
+    mesh = asset.meshes[0]
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=1e-6)
+    # Outward: the surface is a sphere with waves of a tenth.
+    outward = mesh.points[mesh.corner_points] / np.linalg.norm(mesh.points[mesh.corner_points], axis=1)[:, None]
+    assert (mesh.normals * outward).sum(axis=1).min() > 0.3
+
+
+def test_a_finer_boulder_is_the_same_shape() -> None:
+    coarse, fine = make_boulder(1000), make_boulder(30_000)
+    assert fine.radius == pytest.approx(coarse.radius, rel=0.02)
+    assert fine.meshes[0].points.std() == pytest.approx(coarse.meshes[0].points.std(), rel=0.02)
+
+
+def scene_of(look: str) -> SceneTask:
+    return bench_scene(make_boulder(1000), LOOKS[look], bench_light("white"), 32, 2)
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_a_look_has_a_shader(look: str) -> None:
+    scene = scene_of(look)
+    assert scene.shaders[0].transmits == (look == "pixar")
+    assert len(scene.shaders[0].textures) == (5 if look == "stack" else 0)
+    assert scene.sampling.bounces == 2
+
+
+def test_every_layer_adds_to_the_shader() -> None:
+    assert len(layered(MOST_LAYERS).layers) == MOST_LAYERS
+    masks = {layer.mask.file for layer in layered(MOST_LAYERS).layers[1:]}
+    assert len(masks) == MOST_LAYERS - 1
+
+
+@pytest.mark.parametrize("look", [name for name, look in LOOKS.items() if look.principled is not None])
+def test_a_look_of_one_layer_as_a_file(look: str, tmp_path: Path) -> None:
+    file = tmp_path / "look.usda"
+    file.write_text(usda(LOOKS[look].make()))
+    (layer,) = read_look(file).layers
+    (made,) = LOOKS[look].make().layers
+    assert layer.model == made.model
+    assert set(layer.inputs) == set(made.inputs)
+    for name, value in made.inputs.items():
+        assert layer.inputs[name] == pytest.approx(value), name
+
+
+def test_a_stack_is_no_look_of_one_layer() -> None:
+    with pytest.raises(ValueError, match="6 layers"):
+        usda(layered(6))
+
+
+def test_keys_of_references_tell_pictures_apart_but_not_samples() -> None:
+    plastic, metal = scene_of("plastic"), scene_of("metal")
+    keys = {
+        picture_key("exact", plastic, LOOKS["plastic"], WHITE),
+        picture_key("exact", metal, LOOKS["metal"], WHITE),
+        picture_key("principled", with_principled(plastic, LOOKS["plastic"]), LOOKS["plastic"], WHITE),
+        picture_key("principled", with_principled(metal, LOOKS["metal"]), LOOKS["metal"], WHITE),
+    }
+    assert len(keys) == 4
+    one, other = (
+        bench_scene(make_boulder(1000), LOOKS["plastic"], bench_light("white"), 32, bounces) for bounces in (0, 2)
+    )
+    assert picture_key("exact", one, LOOKS["plastic"], WHITE) != picture_key("exact", other, LOOKS["plastic"], WHITE)
+    assert picture_key("exact", plastic, LOOKS["plastic"], WHITE) == picture_key(
+        "exact", other, LOOKS["plastic"], WHITE
+    )
+
+
+def test_cells_and_their_backends() -> None:
+    options = Options(scenes=("sphere",), ibls=("city", "studio"), looks=("plastic", "pixar"))
+    assert list(options.cells()) == [
+        Cell("sphere", ibl, look) for ibl in ("city", "studio") for look in ("plastic", "pixar")
+    ]
+    assert options.backends_of(Cell("sphere", "city", "plastic")) == ("exact", "principled")
+    assert options.backends_of(Cell("sphere", "city", "pixar")) == ("exact",)
+
+
+def test_the_list_names_everything() -> None:
+    words = listing().split()
+    for name in (*SCENES, *IBLS, *LOOKS, *BACKENDS):
+        assert name in words
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
+        ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
+        ({"looks": ("plastik",)}, "did you mean 'plastic'?"),
+        ({"backends": ("cycles",)}, "known: exact, principled, mitsuba"),
+        ({"backends": ()}, "no backend is asked for"),
+        ({"scenes": ("sphere", "sphere")}, "asked for twice"),
+        ({"samples": (4, 6)}, "6 samples"),
+        ({"samples": (1, 4)}, "1 samples"),
+        ({"samples": (16, 4)}, "rising"),
+        ({"samples": ()}, "at least one"),
+        ({"resolution": 8}, "resolution 8"),
+        ({"repeats": 0}, "0 repeats"),
+        ({"seed": -1}, "seed -1"),
+        ({"reference": 2}, "a reference of 2 times"),
+    ],
+)
+def test_what_is_wrong_is_told(given: dict[str, object], said: str) -> None:
+    with pytest.raises(LookdevError) as caught:
+        Options(**given)  # type: ignore[arg-type]
+    assert said in str(caught.value)
+
+
+def test_mitsuba_must_be_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.bench.matrix.has_mitsuba", lambda: False)
+    with pytest.raises(LookdevError, match="pip install mitsuba"):
+        Options(backends=("exact", "mitsuba"))
+    assert "mitsuba" not in parse_options({}, everything=True, sequence=False).backends
+    monkeypatch.setattr("lookdev.bench.matrix.has_mitsuba", lambda: True)
+    assert "mitsuba" in parse_options({}, everything=True, sequence=False).backends
+
+
+def test_options_of_a_command_line() -> None:
+    lists = {"scenes": "sphere, million", "ibls": "", "looks": "", "backends": "exact", "samples": "2,8"}
+    options = parse_options(lists, everything=False, sequence=False, resolution=64, repeats=None)
+    assert options.scenes == ("sphere", "million")
+    assert options.ibls == ("studio", "city", "forest")
+    assert options.samples == (2, 8)
+    assert (options.resolution, options.repeats) == (64, 3)
+    everything = parse_options(lists, everything=True, sequence=False)
+    assert (everything.scenes, everything.looks) == (("sphere", "million"), tuple(LOOKS))
+    sequence = parse_options({}, everything=False, sequence=True)
+    assert (sequence.scenes, sequence.repeats) == (("shaderball",), 1)
+    with pytest.raises(LookdevError, match="'many' is no whole number"):
+        parse_options({"samples": "4,many"}, everything=False, sequence=False)

@@ -1,0 +1,47 @@
+"""What Mitsuba is told; that it renders the same scene is in test_bench_real."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lookdev.asset import Asset, load_asset
+from lookdev.bench.assets import make_boulder
+from lookdev.bench.looks import LOOKS
+from lookdev.bench.mitsuba_worker import corner_meshes, principled
+from lookdev.errors import RenderError
+
+
+@pytest.mark.parametrize("look", [name for name, look in LOOKS.items() if look.principled is not None])
+def test_every_look_has_something_like_it(look: str) -> None:
+    inputs = LOOKS[look].principled
+    assert inputs is not None
+    bsdf = principled(inputs)
+    assert bsdf["type"] == "principled"
+    assert bsdf["roughness"] == inputs["Roughness"]
+    assert bsdf["base_color"]["value"] == list(inputs["Base Color"])
+
+
+def test_a_clear_coat_is_as_rough_and_as_strong() -> None:
+    bsdf = principled(LOOKS["car_paint"].principled or {})
+    (layer,) = LOOKS["car_paint"].make().layers
+    assert bsdf["clearcoat_gloss"] == pytest.approx(layer.inputs["clearcoatGloss"])
+    assert bsdf["clearcoat"] == layer.inputs["clearcoat"]
+
+
+def test_a_socket_without_a_counterpart_is_refused() -> None:
+    with pytest.raises(RenderError, match=r"'Sheen Weight' = 1\.0"):
+        principled({"Sheen Weight": 1.0})
+
+
+@pytest.mark.parametrize("asset", [make_boulder(2000), load_asset(builtin="suzanne")], ids=lambda asset: asset.name)
+def test_triangles_cover_the_polygons(asset: Asset) -> None:
+    for (positions, normals, uvs), instance in zip(corner_meshes(asset), asset.instances, strict=True):
+        sizes = asset.meshes[instance.mesh].face_sizes
+        assert len(positions) == len(normals) == len(uvs) == 3 * int((sizes - 2).sum())
+        a, b, c = positions.reshape(-1, 3, 3).swapaxes(0, 1).astype(np.float64)
+        facing = np.cross(b - a, c - a)
+        # Wound like the polygons: the shading normals are on that side, but at creases of the monkey's eyes and mouth.
+        agree = (facing * normals.reshape(-1, 3, 3).mean(axis=1)).sum(axis=1) > 0
+        assert agree.mean() > 0.99
+        assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0, abs=1e-6)

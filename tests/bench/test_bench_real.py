@@ -1,0 +1,92 @@
+"""The benchmark itself, at a size at which its figures mean nothing: `pytest -m bench`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.bench import growth, sequence
+from lookdev.bench.backends import open_candidates
+from lookdev.bench.matrix import Cell, Options, has_mitsuba
+from lookdev.bench.run import run_matrix, run_sequence
+from lookdev.bench.sequence import Subject, producers
+from lookdev.output.exr import read_frame
+
+pytestmark = [pytest.mark.bench, pytest.mark.cycles]
+
+BACKENDS = ("exact", "principled", "mitsuba") if has_mitsuba() else ("exact", "principled")
+
+
+def quiet(text: str) -> None:
+    pass
+
+
+def test_a_small_matrix(tmp_path: Path) -> None:
+    options = Options(
+        scenes=("sphere", "suzanne"),
+        ibls=("city",),
+        looks=("plastic", "pixar"),
+        backends=BACKENDS,
+        samples=(4, 16),
+        resolution=48,
+        repeats=2,
+        reference=4,
+    )
+    results = run_matrix(options, tmp_path / "first", quiet)
+    assert results.complete
+    for cell in results.cells:
+        assert tuple(cell.curves) == options.backends_of(cell.cell)
+        for curve in cell.curves.values():
+            few, many = curve
+            assert few.relmse is not None
+            assert many.relmse is not None
+            assert many.relmse < few.relmse
+            assert few.seconds > 0.0
+            assert abs(many.bias) < 6.0 * many.bias_error
+        assert all(row.memory > 1e8 for row in cell.measurements)
+        assert {row.renderer.split()[0] for row in cell.measurements if row.backend == "mitsuba"} <= {"mitsuba"}
+    again: list[str] = []
+    run_matrix(options, tmp_path / "second", again.append)
+    assert not [text for text in again if "reference" in text]
+
+
+def test_all_backends_show_the_same_scene() -> None:
+    options = Options(backends=BACKENDS, resolution=64)
+    with open_candidates(Cell("suzanne", "city", "metal"), options) as candidates:
+        shots = {candidate.backend: candidate.render(64, 1) for candidate in candidates}
+    exact = shots.pop("exact")
+    for shot in shots.values():
+        # 64 samples place an edge to about 1 / 8 of a pixel.
+        assert np.abs(shot.alpha - exact.alpha).max() < 0.35
+        assert np.corrcoef(shot.image.ravel(), exact.image.ravel())[0, 1] > 0.9
+
+
+def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> None:
+    made = producers(Subject("suzanne", "plastic", ("city",), 64))
+    for name, produce in made.items():
+        assert produce(tmp_path / name, 64, 3, 1) > 0.0
+    for kind in sequence.KINDS:
+        for number in (1, 2, 3):
+            place = Path("plastic", "city", f"{kind}.{number:04d}.exr")
+            (exact, alpha), (plain, coverage) = (read_frame(tmp_path / name / place) for name in ("exact", "plain"))
+            # The models differ a little; a wrong angle of asset or light leaves some 0.9.
+            assert np.corrcoef(exact.ravel(), plain.ravel())[0, 1] > 0.98
+            assert np.abs(alpha - coverage).max() < 0.35
+
+
+def test_a_small_sequence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sequence, "FRAMES", 3)
+    monkeypatch.setattr(sequence, "TARGET", 2e-2)
+    monkeypatch.setattr(growth, "PIXELS", (32, 64))
+    monkeypatch.setattr(growth, "LAYERS", (1, 4))
+    monkeypatch.setattr(growth, "TRIANGLES", (1000, 10_000))
+    options = Options(scenes=("suzanne",), ibls=("city",), samples=(4, 16), resolution=48, repeats=1)
+    results = run_sequence(options, tmp_path, quiet, frames=8)
+    assert results.complete
+    assert results.sequence is not None
+    assert results.sequence.ratio > 0.0
+    stored = json.loads((tmp_path / "results.json").read_text())
+    assert [each["of"] for each in stored["growth"]] == ["frames", "pixels", "layers", "triangles"]

@@ -1,0 +1,135 @@
+"""What a reference says of renders whose noise is known, although it has noise itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench_fakes import SIDE, FakeRenderer, truth
+
+from lookdev.bench.reference import FIRST_SEED, Reference, Shot, obtain
+from lookdev.errors import LookdevError
+
+SAMPLES = 16
+
+
+def quiet(text: str) -> None:
+    pass
+
+
+def make_reference(render: FakeRenderer, samples: int = SAMPLES, parts: int = 4) -> Reference:
+    return obtain(render.name, samples, parts, render, tell=quiet)
+
+
+def test_the_references_own_error_is_taken_away() -> None:
+    # With four parts of as many samples as the render, the squared difference is a quarter too large.
+    render = FakeRenderer()
+    reference = make_reference(render)
+    shots = [render(SAMPLES, seed) for seed in range(8)]
+    verdict = reference.judge(*shots)
+    # 43 x 64 x 3 values of chi squared, of which the weights 1 / (ref^2 + 0.01) leave about a tenth; the reference's
+    # noise is common to all renders: one standard error is about 1.5 %, a missing subtraction would be 25 %.
+    assert verdict.relmse == pytest.approx(render.relmse(SAMPLES), rel=0.06)
+    assert reference.own_relmse == pytest.approx(render.relmse(4 * SAMPLES), rel=0.1)
+
+
+def test_what_is_below_the_references_own_error_is_not_told() -> None:
+    render = FakeRenderer()
+    reference = make_reference(render)
+    assert reference.judge(render(2 * SAMPLES, 1)).relmse is not None
+    assert reference.judge(render(16 * SAMPLES, 1)).relmse is None
+
+
+def test_bias_and_its_standard_error() -> None:
+    reference = make_reference(FakeRenderer())
+    brighter = FakeRenderer(gain=1.05)
+    image, alpha = truth()
+    covered = alpha > 0.0
+    scale = brighter.scale
+    # The mean of three channels has a third of the variance; render and reference both have noise; and where
+    # brightness differs, the bias does.
+    spread = np.sqrt(scale**2 / 3.0 * (1.0 / SAMPLES + 1.0 / (4 * SAMPLES)) + (0.05 * image[covered].mean(-1)).var())
+    expected = spread / np.sqrt(covered.sum()) / image[covered].mean()
+    verdict = reference.judge(brighter(SAMPLES, 1))
+    assert verdict.bias_error == pytest.approx(expected, rel=0.1)
+    assert abs(verdict.bias - 0.05) < 5.0 * verdict.bias_error
+    assert verdict.bias > 5.0 * verdict.bias_error
+
+
+def test_without_bias_there_is_none() -> None:
+    render = FakeRenderer()
+    reference = make_reference(render, parts=64)
+    scores = []
+    for seed in range(40):
+        verdict = reference.judge(render(SAMPLES, seed))
+        scores.append(verdict.bias / verdict.bias_error)
+    # 40 standard normals: their spread is known to 1 / sqrt(80) = 11 %.
+    assert np.std(scores) == pytest.approx(1.0, abs=0.45)
+    assert abs(np.mean(scores)) < 5.0 / np.sqrt(40)
+
+
+def test_a_bias_is_part_of_relmse() -> None:
+    reference = make_reference(FakeRenderer())
+    brighter = FakeRenderer(gain=1.2)
+    assert reference.judge(brighter(SAMPLES, 1)).relmse == pytest.approx(brighter.relmse(SAMPLES), rel=0.1)
+
+
+def test_pixels_without_coverage_do_not_count() -> None:
+    render = FakeRenderer()
+    reference = make_reference(render)
+    shot = render(SAMPLES, 3)
+    image = shot.image.copy()
+    image[: SIDE // 3] = 100.0
+    assert reference.judge(Shot(image, shot.alpha, 1.0, 1, "fake")) == reference.judge(shot)
+
+
+def test_a_second_run_finds_the_reference() -> None:
+    render = FakeRenderer()
+    first = make_reference(render, parts=6)
+    assert [(samples, seed) for _, samples, seed in render.asked] == [(SAMPLES, FIRST_SEED + k) for k in range(6)]
+    render.asked.clear()
+    again = make_reference(render, parts=6)
+    assert render.asked == []
+    np.testing.assert_array_equal(again.mean, first.mean)
+    assert again.own_relmse == first.own_relmse
+    # Fewer samples are there already, too, whatever their parts were.
+    assert make_reference(render, samples=4, parts=5).samples == 6 * SAMPLES
+    assert render.asked == []
+
+
+def test_a_reference_grows_and_is_taken_up_where_it_was_left() -> None:
+    render = FakeRenderer(ends_after=5)
+    with pytest.raises(KeyboardInterrupt):
+        make_reference(render, parts=8)
+    render.ends_after = None
+    assert make_reference(render, parts=8).samples == 8 * SAMPLES
+    assert [seed for _, _, seed in render.asked] == [FIRST_SEED + k for k in range(8)]
+
+
+def test_a_reference_of_smaller_parts_is_begun_anew() -> None:
+    render = FakeRenderer()
+    make_reference(render, samples=4)
+    assert make_reference(render, samples=SAMPLES).part_samples == SAMPLES
+    assert make_reference(render, samples=SAMPLES).samples == 4 * SAMPLES
+
+
+def test_fresh_renders_it_again() -> None:
+    render = FakeRenderer()
+    make_reference(render)
+    render.asked.clear()
+    obtain(render.name, SAMPLES, 4, render, fresh=True, tell=quiet)
+    assert len(render.asked) == 4
+
+
+def test_a_broken_file_is_made_again(tmp_path) -> None:
+    render = FakeRenderer()
+    make_reference(render)
+    (file,) = (tmp_path / "cache" / "bench").glob("*.npz")
+    file.write_bytes(file.read_bytes()[:1000])
+    render.asked.clear()
+    make_reference(render)
+    assert len(render.asked) == 4
+
+
+def test_a_black_picture_is_refused() -> None:
+    with pytest.raises(LookdevError, match="black or empty"):
+        make_reference(FakeRenderer(gain=0.0, scale=0.0))

@@ -1,0 +1,149 @@
+"""The files that a run leaves, and what it prints."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+from bench_fakes import FakeBackends, FakeRenderer
+from rich.console import Console
+
+from lookdev.bench.curves import Reached
+from lookdev.bench.growth import Growth, GrowthRow
+from lookdev.bench.matrix import Cell, Options
+from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Ratio
+from lookdev.bench.report import print_results, warnings
+from lookdev.bench.results import Results
+from lookdev.bench.run import run_matrix
+from lookdev.bench.sequence import SequenceResult, SequenceRun, Subject
+
+OPTIONS = Options(scenes=("sphere",), ibls=("city", "studio"), looks=("plastic", "stack"), samples=(4, 16), repeats=2)
+
+
+def quiet(text: str) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("report")
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path) -> Results:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LOOKDEV_CACHE", str(folder / "cache"))
+        return run_matrix(OPTIONS, folder / "out", quiet, opened=FakeBackends())
+
+
+def printed(results: Results) -> str:
+    console = Console(width=200, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
+    with console.file:
+        print_results(results, console)
+        return console.export_text()
+
+
+def test_csv_has_a_row_for_each_measurement(results: Results, folder: Path) -> None:
+    with (folder / "out" / "results.csv").open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    # Two backends for plastic, one for the stack, under two lights; two counts, two repeats.
+    assert len(rows) == (2 + 1) * 2 * 2 * 2
+    assert list(rows[0]) == [field.name for field in fields(Measurement)]
+    first = results.cells[0].measurements[0]
+    assert rows[0]["backend"] == "exact"
+    assert float(rows[0]["seconds"]) == first.seconds
+    assert float(rows[0]["relmse"]) == first.relmse
+
+
+def test_json_has_curves_machine_and_versions(results: Results, folder: Path) -> None:
+    stored = json.loads((folder / "out" / "results.json").read_text())
+    assert stored == json.loads(json.dumps(results.data()))
+    assert stored["complete"] is True
+    assert set(stored["machine"]) == {"cpu", "cores", "load", "system", "versions", "date"}
+    assert {"lookdev", "blender", "python", "numpy", "mitsuba"} == set(stored["machine"]["versions"])
+    assert len(stored["machine"]["load"]) == 3
+    assert stored["options"]["samples"] == [4, 16]
+    cell = stored["cells"][0]
+    assert (cell["scene"], cell["ibl"], cell["look"]) == ("sphere", "city", "plastic")
+    exact = cell["backends"]["exact"]
+    assert [point["samples"] for point in exact["curve"]] == [4, 16]
+    assert exact["memory"] == 1_000_000
+    assert exact["renderer"] == "fake exact"
+    assert exact["reference"]["samples"] == 16 * OPTIONS.reference
+    assert 0.0 < exact["reference"]["own_relmse"] < exact["curve"][1]["relmse"]
+    assert set(exact["seconds_to_relmse"]) == {"0.001", "0.0001"}
+    assert [each["backend"] for each in cell["exact_over"]] == ["principled", "principled"]
+    assert stored["cells"][1]["exact_over"] == []
+
+
+def test_a_figure_for_each_look_with_a_panel_for_each_light(results: Results, folder: Path) -> None:
+    files = sorted(path.name for path in (folder / "out").iterdir())
+    assert files == ["curves_plastic.svg", "curves_stack.svg", "results.csv", "results.json"]
+    for look in ("plastic", "stack"):
+        drawn = (folder / "out" / f"curves_{look}.svg").read_text()
+        assert drawn.startswith("<?xml")
+        assert drawn.count('<g id="axes_') == 2
+
+
+def test_the_table(results: Results) -> None:
+    cell = results.cells[0]
+    made = replace(
+        cell,
+        reached={
+            "exact": {1e-3: Reached(1.5), 1e-4: Reached(9.0, "~")},
+            "principled": {1e-3: Reached(2.0), 1e-4: None},
+        },
+        ratios=(Ratio("principled", 1e-3, Reached(0.75), 0.7, 0.81), Ratio("principled", 1e-4, None, None, None)),
+    )
+    lines = printed(Results(results.options, results.machine, [made], complete=True)).splitlines()
+    (exact,) = [line.split() for line in lines if " exact " in line and "sphere" in line]
+    (principled,) = [line.split() for line in lines if line.strip().startswith("principled")]
+    assert exact[:6] == ["sphere,", "city,", "plastic", "exact", "1.5", "~9"]
+    assert principled[:5] == ["principled", "2", "x0.75", "(0.70..0.81)", "-"]
+    assert exact[-1] == "1"
+    assert any(results.machine.cpu in line for line in lines)
+    assert not any("Not complete" in line for line in lines)
+
+
+def test_an_incomplete_run_says_so(results: Results) -> None:
+    assert "Not complete" in printed(replace(results, complete=False))
+
+
+def test_a_picture_that_is_not_its_references_is_told() -> None:
+    def measured(renderer: FakeRenderer) -> CellResult:
+        run = CellRun(Cell("sphere", "city", "plastic"), [Candidate("exact", "key", renderer)], OPTIONS)
+        run.run(quiet)
+        return run.result()
+
+    assert warnings([measured(FakeRenderer())]) == []
+    # The reference is in the cache: what renders now is 5 % brighter.
+    told = warnings([measured(FakeRenderer(gain=1.05))])
+    assert len(told) == 2
+    assert "exact with 16 samples is off by +5." in told[1] or "off by +4.9" in told[1]
+    assert "--fresh" in told[1]
+
+
+def test_sequence_and_growth_are_told(results: Results) -> None:
+    runs = (SequenceRun("exact", 0, 60.0, 144.0), SequenceRun("plain", 0, 240.0, 36.0))
+    sequence = SequenceResult(
+        Subject("shaderball", "plastic", ("city", "studio"), 256),
+        144,
+        {"exact": 64, "plain": 150},
+        {"exact": 9.5e-4, "plain": 9.7e-4},
+        runs,
+        4.0,
+        4.0,
+        4.0,
+    )
+    growth = [Growth("pixels", (GrowthRow(4096, 0.1, 400_000_000), GrowthRow(16384, 0.4, 410_000_000)))]
+    results = replace(results, sequence=sequence, growth=growth)
+    text = printed(results)
+    assert "4.00 times" in text
+    assert "9.50e-04" in text
+    assert "16,384" in text
+    stored = json.loads(json.dumps(results.data()))
+    assert stored["sequence"]["runs"][1]["frames_per_minute"] == 36.0
+    assert stored["growth"][0]["rows"][1] == {"size": 16384, "seconds": 0.4, "memory": 410_000_000}

@@ -1,0 +1,166 @@
+"""Turntables against the plain script, with producers that only write noise."""
+
+from __future__ import annotations
+
+import json
+import math
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_fakes import truth
+
+from lookdev.asset import read_asset
+from lookdev.bench import sequence
+from lookdev.bench.measure import CurvePoint
+from lookdev.bench.sequence import Subject, choose_samples, measure_sequence, meet, producers
+from lookdev.checks.error import EPSILON
+from lookdev.errors import LookdevError, RenderError
+from lookdev.job import load_job
+from lookdev.output.exr import read_frame, write_frame
+
+GREY = 0.5
+SUBJECT = Subject("suzanne", "plastic", ("city", "studio"), 64)
+
+
+def curve(scale: float, exponent: float = 1.0) -> list[CurvePoint]:
+    return [CurvePoint(n, 0.1 * n, scale * n**-exponent, 0.0, 0.0) for n in (4, 16, 64)]
+
+
+class FakeProducer:
+    """Writes frames whose noise has a variance of ``scale^2 / samples``, at so many seconds a sample."""
+
+    def __init__(self, scale: float, cost: float) -> None:
+        self.scale = scale
+        self.cost = cost
+        self.asked: list[tuple[int, int, int]] = []
+
+    def __call__(self, folder: Path, samples: int, frames: int, seed: int) -> float:
+        self.asked.append((samples, frames, seed))
+        _, alpha = truth()
+        image = np.repeat(GREY * alpha[..., None], 3, axis=-1)
+        for ibl, kind, number in product(SUBJECT.ibls, sequence.KINDS, range(frames)):
+            rng = np.random.default_rng([samples, seed, number, *ibl.encode(), *kind.encode()])
+            noise = rng.normal(size=image.shape) * self.scale / math.sqrt(samples) * alpha[..., None]
+            write_frame(folder / "plastic" / ibl / f"{kind}.{number + 1:04d}.exr", image + noise, alpha, {})
+        return self.cost * samples * frames
+
+
+def test_samples_that_make_mean_errors_equal() -> None:
+    # exact: 0.02 / n and 0.04 / n, on average 1e-3 at 30, so 32 and an error of 9.375e-4.
+    exact, plain = choose_samples([curve(0.02), curve(0.04)], [curve(0.1), curve(0.2)], 1e-3)
+    assert exact == 32
+    assert plain == math.ceil(0.15 / (0.03 / 32))
+
+
+def test_a_curve_beyond_its_points() -> None:
+    assert choose_samples([curve(0.5)], [curve(0.5)], 1e-3) == (512, 512)
+
+
+@pytest.mark.parametrize(
+    ("exact", "said"),
+    [([curve(0.02)[:1]], "two points"), ([curve(1.0, 0.01)], "out of reach")],
+)
+def test_curves_that_say_nothing_are_refused(exact: list[list[CurvePoint]], said: str) -> None:
+    with pytest.raises(LookdevError, match=said):
+        choose_samples(exact, [curve(0.1)], 1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.6, 1.0, 2.2])
+def test_the_plain_scripts_samples_are_corrected_by_its_measured_error(exponent: float) -> None:
+    asked = []
+
+    def error(count: int) -> float:
+        asked.append(count)
+        return float(0.5 * count**-exponent)
+
+    right = (0.5 / 1e-3) ** (1.0 / exponent)
+    found = meet(1e-3, max(1, round(right / 3.0)), error)
+    assert error(found) == pytest.approx(1e-3, rel=0.1)
+    assert len(asked) <= 5
+
+
+def test_an_error_that_samples_do_not_change_ends_the_search() -> None:
+    counts = []
+
+    def error(count: int) -> float:
+        counts.append(count)
+        return 1e-2
+
+    assert meet(1e-3, 100, error) in counts
+    assert len(counts) <= 4
+
+
+def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sequence, "FRAMES", 6)
+    fakes = {"exact": FakeProducer(0.1, 0.01), "plain": FakeProducer(0.2, 0.02)}
+    # Four times the samples make the plain script's error equal; the first guess is far off.
+    result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, tell=lambda text: None)
+    assert result.samples["exact"] == 16
+    assert result.samples["plain"] == pytest.approx(64, rel=0.15)
+    assert result.relmse["plain"] == pytest.approx(result.relmse["exact"], rel=0.15)
+    assert result.frames == 6 * 2 * 2
+    assert [(run.backend, run.repeat) for run in result.runs] == [
+        ("exact", 0), ("plain", 0), ("exact", 1), ("plain", 1)
+    ]  # fmt: skip
+    seconds = 0.01 * 16 * 6
+    assert result.runs[0].frames_per_minute == pytest.approx(60.0 * 24 / seconds)
+    assert result.ratio == pytest.approx(2.0 * result.samples["plain"] / 16)
+    assert result.low == result.high == result.ratio
+    # What judges the timed frames has other seeds than they.
+    assert {seed for _, frames, seed in fakes["exact"].asked if frames == 6} == {5}
+    assert 5 not in {seed for _, frames, seed in fakes["exact"].asked if frames == 3}
+
+
+def test_the_measured_error_is_that_of_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sequence, "FRAMES", 3)
+    fakes = {"exact": FakeProducer(0.05, 1.0), "plain": FakeProducer(0.05, 1.0)}
+    result = measure_sequence(SUBJECT, (16, 16), fakes, repeats=1, seed=0, tell=lambda text: None)
+    # From 12 frames of 43 x 64 x 3 values: 1 % of noise, and as much because the median of neighbours has noise too.
+    assert result.relmse["exact"] == pytest.approx(0.05**2 / 16 / (GREY**2 + EPSILON), rel=0.05)
+
+
+def test_what_the_script_cannot_show_is_refused() -> None:
+    with pytest.raises(LookdevError, match="no plain script of pixar on suzanne"):
+        Subject("suzanne", "pixar", ("city",), 64)
+
+
+def test_the_job_and_the_request_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    given = {}
+
+    def render_job(job: Path, prepare: object) -> object:
+        given["job"] = load_job(job)
+        return type("Result", (), {"interrupted": False, "exit_code": 0})()
+
+    def run(command: tuple[str, ...], **options: object) -> object:
+        given["request"] = json.loads(Path(command[-1]).read_text())
+        return type("Done", (), {"returncode": 0})()
+
+    monkeypatch.setattr(sequence, "render_job", render_job)
+    monkeypatch.setattr(sequence.subprocess, "run", run)
+    subject = Subject("suzanne", "plastic", ("white",), 64)
+    made = producers(subject)
+    assert made["exact"](tmp_path / "a", 16, 3, 7) >= 0.0
+    assert made["plain"](tmp_path / "b", 20, 3, 7) >= 0.0
+    job, request = given["job"], given["request"]
+    assert (job.render.samples, job.render.seed, job.render.bounces) == (16, 7, request["bounces"])
+    assert (request["samples"], request["seed"]) == (20, 7)
+    assert list(job.render.resolution) == request["resolution"]
+    assert [each.name for each in job.ibl] == ["white"]
+    assert [(each.kind, each.frames) for each in job.turntable] == [("element", 3), ("lighting", 3)]
+    assert len(request["frames"]) == 6
+    second = request["frames"][1]
+    assert (second["element"], second["lighting"]) == (120.0, 0.0)
+    assert second["file"] == str(tmp_path / "b" / "plastic" / "white" / "element.0002.exr")
+    assert read_asset(Path(request["asset"])).name == "suzanne"
+    # The white light, as an image: 1 everywhere.
+    light, _ = read_frame(Path(request["frames"][-1]["light"]))
+    assert (light == 1.0).all()
+
+
+def test_a_script_that_fails_says_its_last_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(sequence, "PLAIN_COMMAND", ("sh", "-c", "echo no Blender here >&2; exit 3"))
+    subject = Subject("suzanne", "plastic", ("white",), 64)
+    with pytest.raises(RenderError, match="exit code 3: no Blender here"):
+        producers(subject)["plain"](tmp_path / "b", 20, 3, 7)

@@ -1,0 +1,81 @@
+"""Turning what is the same all around: one frame on disk under many names, and the picture that each pose has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import batches
+import pytest
+from stage import difference
+
+from lookdev.batch.prepare import prepare_job
+from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
+from lookdev.plan.task import Pose
+
+pytestmark = [pytest.mark.cycles, pytest.mark.slow]
+
+JOB = """
+output = "out"
+[asset]
+builtin = "sphere"
+[[look]]
+name = "red"
+material = "red.usda"
+[[ibl]]
+name = "city"
+builtin = "city"
+rotation = 40
+[[turntable]]
+kind = "element"
+frames = 5
+[render]
+resolution = [64, 64]
+samples = 64
+"""
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Path:
+    """Return a job of a plain sphere, five poses 72 degrees apart."""
+    batches.write_look(tmp_path, "red", "0.7, 0.1, 0.1")
+    look = tmp_path / "red.usda"
+    look.write_text(
+        look.read_text().replace("roughness = 1", "roughness = 0.4").replace("specular = 0", "metallic = 1")
+    )
+    path = tmp_path / "job.toml"
+    path.write_text(JOB)
+    return path
+
+
+def test_five_poses_are_one_frame_of_five_files(job: Path) -> None:
+    plan = prepare_job(job).plan
+    assert [str(skip) for skip in plan.skips][-1] == "4 of 5 frames (same all around)"
+    (task,) = plan.pending()
+    assert task.files == tuple(job.parent / f"out/red/city/element.000{number}.exr" for number in range(1, 6))
+    assert "1 of 1 frames are done, 1 of them rendered now." in batches.render(job)
+    assert len(set(batches.frames(job).values())) == 1
+    assert len(batches.frames(job)) == 5
+    assert "1 of 1 frames are done, 0 of them rendered now." in batches.render(job)
+    (job.parent / "out/red/city/element.0003.exr").unlink()
+    assert "1 of 1 frames are done, 0 of them rendered now." in batches.render(job)
+    assert len(set(batches.frames(job).values())) == 1
+    assert len(batches.frames(job)) == 5
+
+
+def test_every_pose_has_that_picture(job: Path) -> None:
+    (task,) = prepare_job(job).plan.pending()
+    assert task.pose == Pose(0.0, 40.0)
+    with Worker(WORKER_COMMAND, job.parent / "worker.log", job.parent, 300.0) as worker:
+        worker.start()
+
+        def render(pose: Pose) -> Rendered:
+            return worker.render(replace(task, pose=pose, digest=str(pose)), lambda progress: None)
+
+        shown = render(task.pose)
+        ratios = [difference(shown, render(Pose(72.0 * number, 40.0))) for number in range(1, 5)]
+        wrong = difference(shown, render(Pose(72.0, 41.0)))
+    # 1 would be noise: but asset, light and samples stand as they did to the camera, so the noise itself is the same,
+    # up to float32 and where the facets are.
+    assert max(ratios) < 0.01, ratios
+    assert wrong > 0.3, wrong

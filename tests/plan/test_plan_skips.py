@@ -1,0 +1,217 @@
+"""Skips: what each of them needs to be told, and when a look is the same all around."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import MODELS, PARAMETERS, complete_parameters, evaluate_cosine
+from lookdev.codegen import AttributeBinding, ShaderSource, TextureBinding
+from lookdev.ibl import LightTables
+from lookdev.ibl.mapping import rotate_z
+from lookdev.job import Job
+from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
+from lookdev.material.expression import parse
+from lookdev.plan.shader import surface_shader
+from lookdev.plan.skips import find_skips, same_all_around
+from lookdev.plan.task import Sampling, SceneTask
+
+MakeJob = Callable[..., Job]
+MAP = Texture(Path("map.png"), "r", "raw")
+OTHER = replace(MAP, file=Path("other.png"))
+PLAIN = Layer("Base", "disney", {"baseColor": (0.5, 0.4, 0.3), "roughness": 0.3})
+NOISE = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
+SAMPLING = Sampling(samples=4, error=None, brdf_samples=None, ibl_samples=None, bounces=0, seed=0)
+LIGHT = LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147")
+
+
+def look(*layers: Layer) -> Look:
+    return Look("gold", layers)
+
+
+def base(model: str = "disney", **inputs: Any) -> Layer:
+    return Layer("Base", model, inputs)
+
+
+@pytest.fixture
+def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
+    """Return a function that generates the shader of a look; its images are empty files."""
+    image = tmp_path / "linear.exr"
+    image.touch()
+
+    def generate(wanted: Look, light: LightTables = LIGHT, **sampling: Any) -> ShaderSource:
+        return surface_shader(wanted, light, (8, 8), replace(SAMPLING, **sampling), lambda texture: image)
+
+    return generate
+
+
+@pytest.mark.parametrize(
+    ("layers", "same"),
+    [
+        ((PLAIN,), True),
+        ((PLAIN, Layer("Coat", "disney", {"clearcoat": 1.0}, 0.4)), True),
+        ((base(normal=(0.0, 0.0, 0.5), anisotropic=0.0),), True),
+        ((base("pixar", clear=0.5, presence=0.7),), True),
+        ((base(anisotropic=0.1),), False),
+        ((PLAIN, Layer("Coat", "disney", {"anisotropic": 0.5}, 0.4)), False),
+        ((base(normal=(0.1, 0.0, 1.0)),), False),
+        ((base("pixar", highlightNormal=(0.0, -0.1, 1.0)),), False),
+        ((base(roughness=MAP),), False),
+        ((base(roughness=Primvar("wear", 0.5)),), False),
+        ((base(normal=Bump(MAP)),), False),
+        ((PLAIN, Layer("Dirt", "disney", {}, MAP)), False),
+        ((PLAIN, Layer("Dirt", "disney", {}, NOISE)), False),
+        # A texture that reaches no pixel does not count, a direction does.
+        ((PLAIN, Layer("Dirt", "disney", {"roughness": MAP}, 0.0)), True),
+        ((PLAIN, Layer("Dirt", "disney", {"anisotropic": MAP}, 0.0)), False),
+    ],
+)
+def test_same_all_around(layers: tuple[Layer, ...], same: bool, shader: Callable[..., ShaderSource]) -> None:
+    wanted = look(*layers)
+    assert same_all_around([wanted], [shader(wanted)]) is same
+
+
+def test_every_part_must_be_the_same_all_around() -> None:
+    even = ShaderSource("even", "", (), (), "")
+    brushed = look(base(anisotropic=1.0))
+    mapped = replace(even, textures=(TextureBinding("texture0_file", Path("m.exr")),))
+    read = replace(even, attributes=(AttributeBinding("primvar_wear", "wear", "float", (0.0,)),))
+    assert same_all_around([look(PLAIN)] * 2, [even] * 2)
+    assert not same_all_around([look(PLAIN), brushed], [even] * 2)
+    assert not same_all_around([look(PLAIN)] * 2, [even, mapped])
+    assert not same_all_around([look(PLAIN)] * 2, [read, even])
+
+
+@pytest.mark.parametrize(
+    ("model", "name"), [(model, name) for model, known in PARAMETERS.items() for name in known if name != "variant"]
+)
+def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: str) -> None:
+    """A BSDF that changes when both directions turn about the normal is not the same all around."""
+    known = PARAMETERS[model][name]
+    value: Any = {"color": (0.9, 0.2, 0.4), "normal": (0.3, -0.2, 0.9), "token": known.choices[-1:]}.get(
+        known.kind, known.soft[0] + 0.7 * (known.soft[1] - known.soft[0])
+    )
+    value = value[0] if known.kind == "token" else value
+    given: dict[str, Any] = {"roughness": 0.4, "metallic": 0.5, name: value}
+    given |= {"clear": 0.4, "back": 0.4} if model == "pixar" and name not in ("clear", "back") else {}
+    bsdf = MODELS[model](complete_parameters(model, given))
+    wo, wi = np.random.default_rng(0).normal(size=(2, 200, 3))
+    wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (np.abs(wo) * [-1.0, 1.0, 1.0], wi))
+    f, turned = (evaluate_cosine(bsdf, rotate_z(wo, angle), rotate_z(wi, angle)) for angle in (0.0, 50.0))
+    even = ShaderSource("even", "", (), (), "")
+    assert f.any()
+    assert same_all_around([look(base(model, **given))], [even]) == np.allclose(f, turned, rtol=1e-6, atol=1e-12)
+
+
+def told(job: Job, scene: SceneTask, wanted: Look, around: bool = False) -> list[str]:
+    """Return what is said of one look, the same under both lights."""
+    scenes = {(each.name, ibl.name): scene for each in job.look for ibl in job.ibl}
+    looks = {each.name: (wanted,) * len(scene.shaders) for each in job.look}
+    skips = list(find_skips(job, scenes, looks, scenes if around else ()))
+    by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
+    assert all(each == by_scene[0] for each in by_scene)
+    assert [(skip.look, skip.ibl) for skip in skips] == [key for key in scenes for _ in by_scene[0]]
+    return by_scene[0]
+
+
+@pytest.fixture
+def bare(scene: SceneTask) -> SceneTask:
+    """Return a scene that skips nothing under a job with two bounces."""
+    source = ShaderSource("gold", "", (), (), "500d", transmits=True, directions=(4, 4))
+    return replace(scene, shaders=(source,), sampling=replace(SAMPLING, bounces=2))
+
+
+def test_nothing_is_said_where_nothing_is_skipped(make_job: MakeJob, bare: SceneTask) -> None:
+    assert told(make_job(), bare, look(PLAIN)) == []
+
+
+def test_each_skip_has_its_cause(make_job: MakeJob, bare: SceneTask) -> None:
+    (source,) = bare.shaders
+
+    def changed(shaders: tuple[ShaderSource, ...] = bare.shaders, more: str = "", **values: Any) -> list[str]:
+        return told(make_job(more), replace(bare, shaders=shaders, **values), look(PLAIN))
+
+    convex = replace(bare.sampling, bounces=0)
+    assert changed(sampling=convex) == ["bounces (convex asset)"]
+    assert changed(sampling=convex, more="[render]\nbounces = 0\n") == []
+    opaque = replace(source, transmits=False)
+    assert changed((opaque,)) == ["light from behind (nothing transmits)"]
+    assert changed((opaque, source)) == []
+    unlit, white = replace(source, directions=(4, 0)), replace(bare.light, constant=True)
+    assert changed((unlit,), light=white) == ["light samples (constant light)"]
+    assert changed((unlit,), light=white, more="[render]\nibl_samples = 0\n") == []
+    assert changed((unlit, source), light=white) == []
+    broad = replace(source, directions=(0, 4))
+    assert changed((broad, broad)) == ["BRDF samples (every lobe is broad)"]
+    assert changed((broad, source)) == []
+
+
+def test_generated_shaders_have_the_facts(make_job: MakeJob, bare: SceneTask, shader: Callable[..., Any]) -> None:
+    diffuse = look(base("pixar", roughness=1.0))
+    scene = replace(bare, shaders=(shader(diffuse),), sampling=SAMPLING)
+    assert told(make_job(), scene, diffuse) == [
+        "bounces (convex asset)",
+        "light from behind (nothing transmits)",
+        "BRDF samples (every lobe is broad)",
+    ]
+    white = replace(LIGHT, constant=True)
+    leaf = look(base("pixar", roughness=0.5, back=0.5))
+    assert told(make_job(), replace(bare, light=white, shaders=(shader(leaf, white),)), leaf) == [
+        "light samples (constant light)"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("layers", "said"),
+    [
+        ((base(roughness=MAP, metallic=OTHER),), None),
+        ((base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0)), "1 texture (reaches no pixel)"),
+        # One look-up of three channels is one texture; what is also read elsewhere is not skipped.
+        (
+            (
+                base(roughness=MAP),
+                Layer("Dirt", "disney", {"roughness": OTHER, "metallic": replace(OTHER, channel="g")}, 0.0),
+                Layer("Dust", "disney", {"roughness": replace(MAP, channel="b", bias=(0.1,) * 4)}, 0.0),
+            ),
+            "1 texture (reaches no pixel)",
+        ),
+        (
+            (base(roughness=0.5), Layer("Dirt", "disney", {"normal": Bump(MAP, 0.3), "roughness": OTHER}, 0.0)),
+            "2 textures (reach no pixel)",
+        ),
+    ],
+)
+def test_textures_that_reach_no_pixel_are_counted(
+    make_job: MakeJob, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], said: str | None
+) -> None:
+    wanted = look(*layers)
+    source = replace(shader(wanted), transmits=True, directions=(4, 4))
+    # Two slots that wear one look read its textures once.
+    assert told(make_job(), replace(bare, shaders=(source,) * 2), wanted) == ([said] if said else [])
+
+
+def test_a_formulas_textures_count(make_job: MakeJob, bare: SceneTask, shader: Callable[..., Any]) -> None:
+    kinds: dict[str, Any] = {"a": "float", "b": "float"}
+    mask = Formula(parse("a"), {"a": MAP, "b": OTHER}, kinds)
+    wanted = look(PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, mask))
+    source = replace(shader(wanted), transmits=True, directions=(4, 4))
+    assert told(make_job(), replace(bare, shaders=(source,)), wanted) == ["1 texture (reaches no pixel)"]
+
+
+def test_tiles_of_one_texture_are_one(make_job: MakeJob, bare: SceneTask) -> None:
+    (source,) = bare.shaders
+    tiles = tuple(TextureBinding(f"texture0_{number}_file", Path("t.exr")) for number in (1001, 1002))
+    wanted = look(base(roughness=replace(MAP, file=Path("t.<UDIM>.png"))))
+    assert told(make_job(), replace(bare, shaders=(replace(source, textures=tiles),)), wanted) == []
+
+
+def test_frames_are_counted_by_pose(make_job: MakeJob, bare: SceneTask) -> None:
+    # element 0, 90, 180, 270 and lighting 120, 240: pose 0 is shared in any case.
+    assert told(make_job(), bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
+    still = make_job().model_copy(update={"turntable": make_job().turntable[1:]})
+    assert told(still, bare, look(PLAIN), around=True) == []
