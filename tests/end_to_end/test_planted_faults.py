@@ -1,20 +1,32 @@
-"""Faults planted in the shader that Cycles runs, each of which a check at its default depth must find."""
+"""Faults planted in the shader that Cycles runs: which check finds them, from how much work on.
+
+``python tests/end_to_end/test_planted_faults.py`` measures that anew, in some minutes, and prints the table of
+docs/checks.md.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+import sys
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import inf
 from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.batch.check import check_file
+from lookdev.batch.check import DEPTHS, check_file
+from lookdev.brdf import StackLayer, stack_bsdf
+from lookdev.checks.albedo import ANGLES
+from lookdev.ibl import EnvironmentMap, LightDistribution, LightTables, prepare_light, read_distribution
 
-pytestmark = pytest.mark.cycles
+DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
 
-LOOK = """#usda 1.0
+# A texture, a mask and an anisotropic base; and constant layers that light passes through.
+PAINT = """#usda 1.0
 (
     defaultPrim = "Paint"
 )
@@ -27,6 +39,8 @@ def Material "Paint"
         token inputs:base.connect = </Paint/Base.outputs:layer>
         token inputs:layer1.connect = </Paint/Dust.outputs:layer>
         float inputs:layer1Mask.connect = </Paint/Color.outputs:g>
+        token inputs:layer2.connect = </Paint/Wax.outputs:layer>
+        float inputs:layer2Mask = 0.3
         token outputs:surface
     }
     def Shader "Base"
@@ -43,6 +57,13 @@ def Material "Paint"
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor = (0.6, 0.5, 0.4)
         float inputs:roughness = 0.8
+        token outputs:layer
+    }
+    def Shader "Wax"
+    {
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor = (0.4, 0.1, 0.05)
+        float inputs:roughness = 0.3
         token outputs:layer
     }
     def Shader "Color"
@@ -64,20 +85,57 @@ def Material "Paint"
     }
 }
 """
+LACQUER = """#usda 1.0
+(
+    defaultPrim = "Lacquer"
+)
+def Material "Lacquer"
+{
+    token outputs:lookdev:surface.connect = </Lacquer/Layers.outputs:surface>
+    def Shader "Layers"
+    {
+        uniform token info:id = "LookdevLayers"
+        token inputs:base.connect = </Lacquer/Wood.outputs:layer>
+        token inputs:layer1.connect = </Lacquer/Varnish.outputs:layer>
+        float inputs:layer1Mask = 0.8
+        uniform token inputs:layer1Mode = "transmit"
+        token outputs:surface
+    }
+    def Shader "Wood"
+    {
+        uniform token info:id = "LookdevPixar"
+        color3f inputs:surfaceColor = (0.5, 0.3, 0.1)
+        float inputs:roughness = 0.7
+        float inputs:back = 0.3
+        token outputs:layer
+    }
+    def Shader "Varnish"
+    {
+        uniform token info:id = "LookdevPixar"
+        color3f inputs:surfaceColor = (0.9, 0.5, 0.2)
+        float inputs:roughness = 0.25
+        float inputs:clear = 0.9
+        token outputs:layer
+    }
+}
+"""
+
+Stack = Sequence[StackLayer]
+
+# How much a check does at the least, and at its default depth: cases, views of one place, pixels.
+WORK = {"points": (16, 64, 256, 1024, 4096, 16384, 40_000), "albedo": (1, 2, 4, 8), "image": (6, 12, 25, 50, 100)}
+SEEDS = range(3)
 
 
-def _after(mark: str, change: Callable[[str], str]) -> Callable[[str], str]:
-    """Change what follows the first `mark` of the text."""
-
-    def alter(osl: str) -> str:
-        before, found, rest = osl.partition(mark)
-        assert found, f"the shader has no '{mark}'"
-        return before + found + change(rest)
-
-    return alter
+def _same(text: str) -> str:
+    return text
 
 
-def _instead(pattern: str, replacement: str, count: int = 0) -> Callable[[str], str]:
+def _nothing(patch: pytest.MonkeyPatch) -> None:
+    pass
+
+
+def _instead(pattern: str, replacement: str | Callable[[re.Match[str]], str], count: int = 0) -> Callable[[str], str]:
     def alter(osl: str) -> str:
         changed, found = re.subn(pattern, replacement, osl, count=count)
         assert found, f"the shader has no '{pattern}'"
@@ -86,56 +144,174 @@ def _instead(pattern: str, replacement: str, count: int = 0) -> Callable[[str], 
     return alter
 
 
-def _swapped(text: str) -> str:
-    return re.sub(r"\b(w[oi])_([xy])\b", lambda name: f"{name[1]}_{'y' if name[2] == 'x' else 'x'}", text)
+def _other_axis(line: re.Match[str]) -> str:
+    return re.sub(r"\b(w[oi])_([xy])\b", lambda name: f"{name[1]}_{'y' if name[2] == 'x' else 'x'}", line[0])
 
 
-# The fault, and the check that is to find it. Everything after `shares` is the generated code; before, tables are read.
-FAULTS: dict[str, tuple[str, Callable[[str], str]]] = {
-    "a cosine too many": ("points", _instead(r"pdf /= shares;", "pdf /= shares; f *= fabs(wi_z);")),
-    "pi missing": ("points", _instead(r"0\.3183098861837907", "1.0", 1)),
-    "alpha_x and alpha_y swapped": ("points", _after("float shares", _swapped)),
-    "a lobe's pdf scaled": ("points", _instead(r"pdf \+= share_1 \*", "pdf += 1.02 * share_1 *")),
-    "a lobe's pdf scaled, by the albedo": ("albedo", _instead(r"pdf \+= share_1 \*", "pdf += 1.3 * share_1 *")),
-    "the mask inverted": (
-        "points",
-        _instead(r"(layer1_mask = cell\[\d\];)", r"\1 layer1_mask = 1 - layer1_mask;"),
+def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch], None]:
+    """Generate shaders from other layers; those who combine layers in NumPy are left alone."""
+
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        for module in ("surface", "look"):
+            patch.setattr(f"lookdev.codegen.{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
+
+    return plant
+
+
+def _mask_inverted(stack: Stack) -> Stack:
+    base, layer, *rest = stack
+    return [base, replace(layer, mask=1.0 - layer.mask), *rest]
+
+
+def _swapped(stack: Stack) -> Stack:
+    """Let the two upper layers exchange places, to which mask and mode belong."""
+    *rest, lower, upper = stack
+    return [*rest, replace(upper, mask=lower.mask, mode=lower.mode), replace(lower, mask=upper.mask, mode=upper.mode)]
+
+
+def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
+    """Render the mirror image of a light; the reference has the light itself."""
+    right: dict[LightTables, LightTables] = {}
+
+    def prepare(light: EnvironmentMap) -> LightTables:
+        wrong = prepare_light(replace(light, radiance=light.radiance[:, ::-1], digest=f"{light.digest} mirrored"))
+        right[wrong] = prepare_light(light)
+        return wrong
+
+    def read(tables: LightTables) -> LightDistribution:
+        return read_distribution(right[tables])
+
+    patch.setattr("lookdev.batch.prepare.prepare_light", prepare)
+    patch.setattr("lookdev.batch.check.read_distribution", read)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What is changed: the text of the shader by `alter`, or what it is made of by `plant`.
+
+    `found` says from how much work of `WORK` on a check finds it, with each of `SEEDS`: inf, not at its default depth;
+    a check that is not there cannot see it.
+    """
+
+    found: Mapping[str, float]
+    alter: Callable[[str], str] = _same
+    plant: Callable[[pytest.MonkeyPatch], None] = _nothing
+    look: str = "paint"
+
+
+FAULTS = {
+    "a cosine too many": Fault(
+        {"points": 16, "albedo": 1, "image": 6}, _instead(r"pdf /= shares;", "pdf /= shares; f *= fabs(wi_z);")
     ),
-    "the light mirrored": ("image", _instead(r"x = 0\.5 - \(atan2", "x = 0.5 + (atan2")),
-    "a texture not linearised": (
-        "image",
+    "pi missing": Fault({"points": 16, "albedo": 1, "image": 6}, _instead(r"0\.3183098861837907", "1.0", 1)),
+    # Where directions enter the local frame, and where they leave it.
+    "alpha_x and alpha_y swapped": Fault(
+        {"points": 16, "albedo": 2, "image": 100},
+        _instead(r"\bw[oi]_[xy] = (?:cell|dot).*|\bwi = wi_x.*", _other_axis),
+    ),
+    "a lobe's pdf 2 % too large": Fault(
+        {"points": 16, "albedo": 1, "image": inf}, _instead(r"pdf \+= share_1 \*", "pdf += 1.02 * share_1 *")
+    ),
+    "the mask inverted": Fault({"points": 16, "albedo": 1, "image": 6}, plant=_restacked(_mask_inverted)),
+    "the layers swapped": Fault({"points": 16, "albedo": 1, "image": 6}, plant=_restacked(_swapped)),
+    "the layers swapped, in mode `transmit`": Fault(
+        {"points": 16, "albedo": 1, "image": 6}, plant=_restacked(_swapped), look="lacquer"
+    ),
+    "the clearcoat lost at grazing views": Fault(
+        {"points": 64, "image": inf}, _instead(r"if \(share_2 > 0\)", "if (share_2 > 0 && wo_z > 3e-4)")
+    ),
+    "the light mirrored": Fault({"image": 6}, plant=_light_mirrored),
+    "a texture not linearised": Fault(
+        {"image": 6},
         _instead(r"(color texture0 = lookdev_texture\([^;]*;)", r"\1 texture0 = pow(texture0, 1 / 2.2);"),
     ),
-    "an energy loss of 3 %": ("image", _instead(r"direct \+= f", "direct += 0.97 * f")),
+    "3 % of the light lost": Fault({"albedo": 1, "image": 25}, _instead(r"direct \+= f", "direct += 0.97 * f")),
 }
 
+NONE = {look: Fault({}, look=look) for look in ("paint", "lacquer")}
 
-@pytest.fixture(scope="module")
-def look(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("planted")
+
+def write_looks(folder: Path) -> Path:
     rng = np.random.default_rng(5)
     image = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.UINT8))
     image.set_pixels(image.roi, rng.integers(20, 230, (8, 8, 3)).astype(np.uint8))
     assert image.write(str(folder / "color.png"))
-    (folder / "paint.usda").write_text(LOOK)
-    return folder / "paint.usda"
+    (folder / "paint.usda").write_text(PAINT)
+    (folder / "lacquer.usda").write_text(LACQUER)
+    return folder
 
 
+def agrees(looks: Path, fault: Fault, check: str, work: int | None = None, seed: int = 0) -> tuple[bool, str]:
+    """Run one check with a fault planted, at its default depth or with so much work; return what it says."""
+    with pytest.MonkeyPatch.context() as patch:
+        if work:
+            angles = ANGLES[:: max(1, len(ANGLES) // work)]
+            less = replace(DEPTHS["default"], cases=work, places=1, angles=angles, pixels=work)
+            patch.setitem(DEPTHS, "default", less)
+        fault.plant(patch)
+        (finding,) = check_file(looks / f"{fault.look}.usda", only=[check], seed=seed, alter=fault.alter)
+    return finding.passed, "\n".join((finding.summary, *finding.details))
+
+
+def measured(looks: Path, fault: Fault) -> dict[str, float]:
+    """Return `Fault.found` as it is."""
+
+    def found(check: str, work: int) -> bool:
+        return not any(agrees(looks, fault, check, work, seed)[0] for seed in SEEDS)
+
+    return {check: next((work for work in WORK[check] if found(check, work)), inf) for check in fault.found}
+
+
+def table(found: Mapping[str, Mapping[str, float]]) -> str:
+    """Return the table of docs/checks.md, in Markdown."""
+    units = {"points": "cases", "albedo": "views", "image": "pixels"}
+    rows = ["| fault | points: cases | albedo: views | image: pixels |", "|---|---|---|---|"]
+    for name, work in found.items():
+        cells = ["-" if check not in work else "no" if work[check] == inf else f"{work[check]:,}" for check in units]
+        rows.append(f"| {name} | {' | '.join(cells)} |")
+    return "\n".join(rows) + "\n"
+
+
+@pytest.fixture(scope="module")
+def looks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_looks(tmp_path_factory.mktemp("planted"))
+
+
+@pytest.mark.cycles
 @pytest.mark.slow
-@pytest.mark.parametrize("check", ["points", "albedo", "image"])
-def test_without_a_fault_all_agrees(look: Path, check: str) -> None:
-    for finding in check_file(look, only=[check], depth="default"):
-        assert finding.passed, (finding.summary, *finding.details)
+@pytest.mark.parametrize("check", WORK)
+@pytest.mark.parametrize("look", NONE)
+def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
+    agreed, said = agrees(looks, NONE[look], check)
+    assert agreed, said
 
 
+@pytest.mark.cycles
 @pytest.mark.parametrize(
-    ("check", "plant"),
+    ("name", "check"),
     [
-        pytest.param(*case, marks=() if name == "a cosine too many" else pytest.mark.slow, id=name)
-        for name, case in FAULTS.items()
+        pytest.param(name, check, marks=() if (name, check) == ("a cosine too many", "points") else pytest.mark.slow)
+        for name, fault in FAULTS.items()
+        for check, work in fault.found.items()
+        if work < inf
     ],
 )
-def test_a_planted_fault_is_found(look: Path, check: str, plant: Callable[[str], str]) -> None:
-    findings = list(check_file(look, only=[check], depth="default", alter=plant))
-    assert findings
-    assert not all(finding.passed for finding in findings), [finding.summary for finding in findings]
+def test_a_planted_fault_is_found(looks: Path, name: str, check: str) -> None:
+    agreed, said = agrees(looks, FAULTS[name], check, int(FAULTS[name].found[check]))
+    assert not agreed, said
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
+def test_some_check_finds_each_fault(fault: Fault) -> None:
+    assert min(fault.found.values()) < inf
+
+
+def test_the_docs_tell_what_is_found() -> None:
+    told = table({name: fault.found for name, fault in FAULTS.items()})
+    assert f"<!-- planted faults -->\n{told}<!-- end -->\n" in DOCS.read_text(), f"the table would be:\n{told}"
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        written = write_looks(Path(folder))
+        sys.stdout.write(table({name: measured(written, fault) for name, fault in FAULTS.items()}))
