@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
@@ -15,14 +14,14 @@ import numpy as np
 
 from lookdev.asset.store import read_asset
 from lookdev.batch.prepare import Prepared, prepare_job
-from lookdev.batch.worker import WORKER_COMMAND, Worker, last_words
+from lookdev.batch.worker import renderer
 from lookdev.brdf import PARAMETERS
 from lookdev.checks.albedo import ANGLES, Halves, Render, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.checks.points import check_points
 from lookdev.checks.stability import stress
-from lookdev.errors import LookdevError, WorkerError, nearest_hint
+from lookdev.errors import LookdevError, nearest_hint
 from lookdev.ibl import read_distribution
 from lookdev.material import Look
 from lookdev.plan.task import FrameTask
@@ -122,7 +121,7 @@ def check_file(
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
     prepared = _prepared(file, prim, variants or {}) if file else None
-    with _renderer() as render:
+    with renderer() as render:
         subject = _Subject(prepared, render, depth, seed, alter)
         for name in names:
             yield from CHECKS[name](subject)
@@ -144,23 +143,6 @@ def _prepared(file: Path, prim: str | None, variants: Mapping[str, str]) -> Prep
         job = Path(folder, "check.toml")
         job.write_text(text, encoding="utf-8")
         return prepare_job(job)
-
-
-@contextmanager
-def _renderer() -> Iterator[Render]:
-    with tempfile.TemporaryDirectory(prefix="lookdev-check-") as scratch:
-        log = Path(scratch, "worker.log")
-        with Worker(WORKER_COMMAND, log, Path(scratch)) as worker:
-
-            def render(task: FrameTask) -> Halves:
-                try:
-                    worker.start()
-                    return worker.render(task, lambda progress: None)
-                except WorkerError as error:
-                    # The log goes with its folder: what it says last is all that is left.
-                    raise WorkerError(f"{error}\n{last_words(log)}") from error
-
-            yield render
 
 
 @dataclass(frozen=True)

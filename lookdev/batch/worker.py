@@ -10,6 +10,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import threading
 import zipfile
 import zlib
@@ -253,6 +254,29 @@ class Worker:
     def _check_digest(digest: str, task: FrameTask) -> None:
         if digest != task.digest:
             raise WorkerError(f"the render worker answered for frame {digest[:12]}, asked for {task.digest[:12]}")
+
+
+@contextmanager
+def renderer(
+    command: Sequence[str] = WORKER_COMMAND, patience: float = PATIENCE
+) -> Iterator[Callable[[FrameTask], Rendered]]:
+    """Give a function that renders a frame in a worker of its own, with a log and scratch that go with it.
+
+    It raises what `Worker.start` and `Worker.render` do; a WorkerError has the log's last words.
+    """
+    with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch:
+        log = Path(scratch, "worker.log")
+        with Worker(command, log, Path(scratch), patience) as worker:
+
+            def render(task: FrameTask) -> Rendered:
+                try:
+                    worker.start()
+                    return worker.render(task, lambda progress: None)
+                except WorkerError as error:
+                    # The log goes with its folder: what it says last is all that is left.
+                    raise WorkerError(f"{error}\n{last_words(log)}") from error
+
+            yield render
 
 
 def last_words(log: Path) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
@@ -17,13 +16,12 @@ import numpy as np
 
 from lookdev.asset import Asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker, last_words
+from lookdev.batch.worker import WORKER_COMMAND, Rendered, renderer
 from lookdev.bench.looks import LOOKS, BenchLook
 from lookdev.bench.matrix import SCENES, Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
 from lookdev.codegen import PrincipledSource
-from lookdev.errors import WorkerError
 from lookdev.ibl import EnvironmentMap, LightTables, load_environment, prepare_light
 from lookdev.job import JobCamera, JobRender
 from lookdev.plan import frame_camera, frame_sampling
@@ -83,7 +81,7 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
         candidates = []
         for backend in options.backends_of(cell):
             scene = exact if backend == "exact" else with_principled(exact, look)
-            render = stack.enter_context(renderer(COMMANDS[backend]))
+            render = stack.enter_context(renderer(COMMANDS[backend], PATIENCE))
 
             def shoot(
                 samples: int,
@@ -110,24 +108,6 @@ def shot_of(rendered: Rendered) -> Shot:
     return Shot(
         (rendered.a + rendered.b) * np.float32(0.5), rendered.alpha, rendered.seconds, rendered.memory, rendered.blender
     )
-
-
-@contextmanager
-def renderer(command: Sequence[str]) -> Iterator[Callable[[FrameTask], Rendered]]:
-    """Give a function that renders in a process, started at once and killed at the end."""
-    with tempfile.TemporaryDirectory(prefix="lookdev-bench-") as scratch:
-        log = Path(scratch, "worker.log")
-        with Worker(command, log, Path(scratch), PATIENCE) as worker:
-
-            def render(task: FrameTask) -> Rendered:
-                try:
-                    worker.start()
-                    return worker.render(task, lambda progress: None)
-                except WorkerError as error:
-                    # The log goes with its folder: what it says last is all that is left.
-                    raise WorkerError(f"{error}\n{last_words(log)}") from error
-
-            yield render
 
 
 def picture_key(backend: str, scene: SceneTask, look: BenchLook, light: EnvironmentMap) -> str:

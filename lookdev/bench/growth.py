@@ -10,9 +10,9 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-from lookdev.batch.worker import Rendered
+from lookdev.batch.worker import Rendered, renderer
 from lookdev.bench.assets import make_boulder
-from lookdev.bench.backends import COMMANDS, POSE, bench_asset, bench_light, bench_scene, renderer, sampled
+from lookdev.bench.backends import COMMANDS, PATIENCE, POSE, bench_asset, bench_light, bench_scene, sampled
 from lookdev.bench.looks import LOOKS, MOST_LAYERS, BenchLook, layered
 from lookdev.bench.matrix import MILLION, SCENES
 from lookdev.errors import LookdevError
@@ -29,7 +29,7 @@ _REPEATS = 3
 _QUARTERS = 4
 
 OpenRenderer = Callable[[], AbstractContextManager[Callable[[FrameTask], Rendered]]]
-_open_exact: OpenRenderer = partial(renderer, COMMANDS["exact"])
+_open_exact: OpenRenderer = partial(renderer, COMMANDS["exact"], PATIENCE)
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ def rendered(monkeypatch: pytest.MonkeyPatch) -> list[FrameTask]:
     def agree(name: str) -> Callable[..., Finding]:
         return lambda look, *rest, **options: Finding(name, look.name if isinstance(look, Look) else look, True, "")
 
-    monkeypatch.setattr(check, "_renderer", renderer)
+    monkeypatch.setattr(check, "renderer", renderer)
     monkeypatch.setattr(check, "check_points", agree("points"))
     monkeypatch.setattr(check, "check_albedo", agree("albedo"))
     monkeypatch.setattr(check, "check_frame", agree("image"))

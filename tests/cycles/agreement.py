@@ -20,7 +20,7 @@ from lookdev.checks.error import EPSILON
 from lookdev.ibl import LightTables, read_distribution
 from lookdev.material import Layer
 from lookdev.plan.task import Pose
-from lookdev.reference.render import shape_pixels
+from lookdev.reference.render import Estimate, shape_pixels
 from lookdev.reference.shapes import Shape
 
 
@@ -32,6 +32,23 @@ def constant_bsdf(layers: Sequence[Layer]) -> Bsdf:
             for layer in layers
         ]
     )
+
+
+def _reference(
+    frame: Rendered,
+    layers: Sequence[Layer],
+    shape: Shape,
+    radius: float,
+    light: LightTables,
+    pose: Pose,
+    chosen: NDArray[np.int64],
+    **options: int,
+) -> Estimate:
+    """Estimate pixels (P, 2), row and column, of a square frame of a shape about the origin."""
+    size = frame.alpha.shape[0]
+    camera = orbit_camera((0.0, 0.0, 0.0), radius)
+    bsdf, distribution = constant_bsdf(layers), read_distribution(light)
+    return shape_pixels(bsdf, shape, distribution, camera, pose, (size, size), chosen[:, ::-1], **options)
 
 
 def assert_agreement(
@@ -49,18 +66,7 @@ def assert_agreement(
     """Compare `pixels` random pixels of square frames of a shape about the origin with the reference."""
     covered = np.argwhere(frames[0].alpha > 0.0)
     chosen = np.random.default_rng(1).permutation(covered)[:pixels]
-    size = frames[0].alpha.shape[0]
-    reference = shape_pixels(
-        constant_bsdf(layers),
-        shape,
-        read_distribution(light),
-        orbit_camera((0.0, 0.0, 0.0), radius),
-        pose,
-        (size, size),
-        chosen[:, ::-1],
-        bounces=bounces,
-        scrambles=scrambles,
-    )
+    reference = _reference(frames[0], layers, shape, radius, light, pose, chosen, bounces=bounces, scrambles=scrambles)
     halves = np.stack([half[tuple(chosen.T)] for frame in frames for half in (frame.a, frame.b)]).astype(np.float64)
     # Channels share their samples: one number a pixel.
     values, expected = halves.mean(axis=-1), reference.value.mean(axis=-1)
@@ -94,16 +100,6 @@ def relative_difference(
     """Return how far the mean of frames is off the reference, of it, at 300 pixels that the shape fills."""
     filled = np.argwhere(frames[0].alpha >= 1.0)
     chosen = np.random.default_rng(1).permutation(filled)[:300]
-    size = frames[0].alpha.shape[0]
-    reference = shape_pixels(
-        constant_bsdf(layers),
-        shape,
-        read_distribution(light),
-        orbit_camera((0.0, 0.0, 0.0), radius),
-        pose,
-        (size, size),
-        chosen[:, ::-1],
-        samples=4096,
-    )
+    reference = _reference(frames[0], layers, shape, radius, light, pose, chosen, samples=4096)
     mean = np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0)[tuple(chosen.T)]
     return np.asarray(mean / reference.value - 1.0)
