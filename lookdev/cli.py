@@ -26,6 +26,9 @@ app = typer.Typer(
 
 app.add_typer(cli_materials.app, name="materials")
 
+export_app = typer.Typer(help="Hand a job over to another program.", no_args_is_help=True)
+app.add_typer(export_app, name="export")
+
 JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML.", show_default=False)]
 
 
@@ -34,6 +37,14 @@ class Backend(StrEnum):
 
     numpy = "numpy"
     cycles = "cycles"
+
+
+class RenderBackend(StrEnum):
+    """What renders a look."""
+
+    exact = "exact"
+    nodes = "nodes"
+    nodes_exact = "nodes-exact"
 
 
 class Depth(StrEnum):
@@ -191,6 +202,10 @@ def check(
             "--variants", metavar="SET=VARIANT", help="A variant of the look. Once for each set.", show_default=False
         ),
     ] = None,
+    backend: Annotated[
+        RenderBackend | None,
+        typer.Option("--backend", help="What renders a look, default exact; a job says so itself.", show_default=False),
+    ] = None,
 ) -> None:
     """Compare Cycles with the mathematics in float64; exit code 1 where they disagree."""
     from rich.console import Console
@@ -200,7 +215,15 @@ def check(
 
     names = ["stability"] if stress else [name.strip() for name in only.split(",") if name.strip()]
     findings = []
-    for finding in check_file(file, only=names, depth=depth.value, seed=seed, prim=prim, variants=_variants(variants)):
+    for finding in check_file(
+        file,
+        only=names,
+        depth=depth.value,
+        seed=seed,
+        prim=prim,
+        variants=_variants(variants),
+        backend=backend.value if backend else None,
+    ):
         typer.echo(f"{finding.check}: {finding.subject}: {'agrees' if finding.passed else 'DISAGREES'}", err=True)
         findings.append(finding)
     print_findings(findings, Console())
@@ -266,6 +289,25 @@ def bench(
     results = run_sequence(options, out, tell, frames=frames) if sequence else run_matrix(options, out, tell)
     print_results(results, Console())
     raise typer.Exit(0 if results.complete else 130)
+
+
+@export_app.command("blend")
+def export_blend(
+    job: JobFile,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE.blend", help="The file to write.", show_default=False)
+    ],
+    pack: Annotated[
+        bool, typer.Option("--pack", help="Put images into the file, instead of a folder <FILE>_files beside it.")
+    ] = False,
+) -> None:
+    """Write the job's scenes for Blender: looks as native nodes, lights as worlds, turntables as keyframes."""
+    from lookdev.batch.export import export_blend as export
+
+    exported = export(job, out, pack=pack)
+    for note in exported.notes:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(exported.summary())
 
 
 @app.command()

@@ -11,23 +11,28 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.asset.store import read_asset
-from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.batch.prepare import Prepared, make_scene, prepare_job
 from lookdev.batch.worker import renderer
 from lookdev.brdf import PARAMETERS
 from lookdev.checks.albedo import ANGLES, Halves, Render, check_albedo
 from lookdev.checks.finding import Finding
+from lookdev.checks.gap import check_gap
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.checks.points import check_points
 from lookdev.checks.stability import stress
+from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.ibl import read_distribution
+from lookdev.job.schema import Backend
 from lookdev.material import Look
 from lookdev.plan.task import FrameTask
 from lookdev.reference.render import frame_pixels
 
 Alter = Callable[[str], str]
+Image = NDArray[np.float32]
 DepthName = Literal["quick", "default", "full"]
 
 
@@ -70,6 +75,7 @@ kind = "element"
 frames = 8
 [render]
 resolution = [512, 512]
+backend = "{backend}"
 [[look]]
 name = {name}
 material = {material}
@@ -85,6 +91,7 @@ def check_file(
     seed: int = 0,
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
+    backend: Backend | None = None,
     alter: Alter = lambda osl: osl,
 ) -> Iterator[Finding]:
     """Check every look of a job, or one look.
@@ -102,13 +109,15 @@ def check_file(
         Chooses cases, places, pixels and samples.
     prim, variants
         Of a look's file: its material, and the variant of each set.
+    backend
+        Of a look's file: what renders it, ``"exact"`` where it is None. A job says so itself.
     alter
         Is given the text of every shader and returns the one to run: how a test plants a fault.
 
     Raises
     ------
     LookdevError
-        A check of that name does not exist, or there is no file where there must be one.
+        A check of that name does not exist, there is no file where there must be one, or a backend beside a job.
     FaultsError
         The job, or the look, is wrong.
     RenderError, WorkerError
@@ -120,15 +129,17 @@ def check_file(
     names = [name for name in CHECKS if name in (only or USUAL)]
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
-    prepared = _prepared(file, prim, variants or {}) if file else None
+    prepared = _prepared(file, prim, variants or {}, backend) if file else None
     with renderer() as render:
         subject = _Subject(prepared, render, depth, seed, alter)
         for name in names:
             yield from CHECKS[name](subject)
 
 
-def _prepared(file: Path, prim: str | None, variants: Mapping[str, str]) -> Prepared:
+def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend: Backend | None) -> Prepared:
     if file.suffix.lower() not in _LOOK_SUFFIXES:
+        if backend is not None:
+            raise LookdevError(f"{file}: a job says itself what renders it: 'backend' in its table [render]")
         return prepare_job(file)
     text = _JOB.format(
         name=json.dumps(
@@ -136,6 +147,7 @@ def _prepared(file: Path, prim: str | None, variants: Mapping[str, str]) -> Prep
         ),
         material=json.dumps(str(file.resolve()), ensure_ascii=False),
         variants=", ".join(f"{json.dumps(name)} = {json.dumps(choice)}" for name, choice in variants.items()),
+        backend=backend or "exact",
     )
     if prim is not None:
         text += f"prim = {json.dumps(prim)}\n"
@@ -155,6 +167,10 @@ class _Subject:
     seed: int
     alter: Alter
 
+    @property
+    def backend(self) -> Backend:
+        return self.prepared.job.render.backend if self.prepared else "exact"
+
     def looks(self) -> list[Look]:
         """Return each look that the asset wears once."""
         seen: list[Look] = []
@@ -166,6 +182,10 @@ class _Subject:
 
 def _check_points(subject: _Subject) -> Iterator[Finding]:
     for look in subject.looks():
+        if subject.backend != "exact":
+            why = f"backend {subject.backend}: only OSL can be asked for values at points"
+            yield Finding("points", look.name, True, "", skipped=why)
+            continue
         yield check_points(look, count=DEPTHS[subject.depth].cases, seed=subject.seed, alter=subject.alter)
 
 
@@ -178,6 +198,7 @@ def _check_albedo(subject: _Subject) -> Iterator[Finding]:
             points=depth.places,
             angles=depth.angles,
             seed=subject.seed,
+            backend=subject.backend,
             alter=subject.alter,
         )
 
@@ -198,7 +219,10 @@ def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[
     depth, scene = DEPTHS[subject.depth], task.scene
     shrink = min(1.0, depth.side / max(scene.resolution))
     width, height = (max(1, round(shrink * pixels)) for pixels in scene.resolution)
-    shaders = tuple(replace(shader, osl=subject.alter(shader.osl)) for shader in scene.shaders)
+    shaders = tuple(
+        replace(shader, osl=subject.alter(shader.osl)) if isinstance(shader, ShaderSource) else shader
+        for shader in scene.shaders
+    )
     small = replace(scene, resolution=(width, height), shaders=shaders)
 
     def render(number: int, samples: int) -> Halves:
@@ -208,6 +232,11 @@ def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[
 
     frames = [render(number, depth.samples) for number in range(_RENDERS)]
     alpha = np.mean([frame.alpha for frame in frames], axis=0)
+    if subject.backend == "nodes":
+        asset = read_asset(scene.asset_file)
+        small = make_scene(asset, scene.asset_file, looks, scene.light, scene.camera, (width, height), scene.sampling)
+        exact = [render(_RENDERS + number, depth.samples) for number in range(_RENDERS)]
+        return check_gap(name, _halves(exact), _halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
         read_asset(scene.asset_file),
@@ -227,6 +256,10 @@ def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[
         converged = (whole.a + whole.b) / 2.0
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     return check_frame(name, halves, alpha, _RENDERS * depth.samples, pixels, reference, converged)
+
+
+def _halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
+    return np.mean([frame.a for frame in frames], axis=0), np.mean([frame.b for frame in frames], axis=0)
 
 
 def _check_stability(subject: _Subject) -> Iterator[Finding]:

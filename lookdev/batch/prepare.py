@@ -9,15 +9,16 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 from lookdev.asset import Asset, Slot, load_asset, save_asset
-from lookdev.codegen import ShaderSource
-from lookdev.errors import AssetError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
+from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
+from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
 from lookdev.ibl import LightTables, load_environment, prepare_light
 from lookdev.job import Job, JobLook, load_job
+from lookdev.job.schema import Backend, Device
 from lookdev.material import Layer, Look
 from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
-from lookdev.plan.shader import surface_shader
+from lookdev.plan.shader import look_source
 from lookdev.plan.skips import find_skips, same_all_around
 from lookdev.plan.task import Camera, Sampling, SceneTask
 
@@ -38,8 +39,8 @@ class Prepared:
     looks: Mapping[str, tuple[Look, ...]]
 
 
-def prepare_job(path: Path) -> Prepared:
-    """Read everything a job names and plan its frames.
+def prepare_job(path: Path, backend: Backend | None = None) -> Prepared:
+    """Read everything a job names and plan its frames, for another backend than the job's if one is given.
 
     Raises
     ------
@@ -51,6 +52,8 @@ def prepare_job(path: Path) -> Prepared:
     notes: list[str] = []
     faults: list[Fault] = []
     job, places = _every_variant(load_job(path), faults)
+    if backend is not None:
+        job = job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
     asset = None
     with _collected(job, "asset", faults):
         asset = load_asset(job.asset.usd, job.asset.builtin, job.asset.prim)
@@ -65,7 +68,17 @@ def prepare_job(path: Path) -> Prepared:
     for place, look in zip(places, job.look, strict=True):
         with _collected(job, place, faults):
             for ibl, light in lights.items():
-                scene = make_scene(asset, asset_file, looks[look.name], light, camera, job.render.resolution, sampling)
+                scene = make_scene(
+                    asset,
+                    asset_file,
+                    looks[look.name],
+                    light,
+                    camera,
+                    job.render.resolution,
+                    sampling,
+                    job.render.backend,
+                    job.render.device,
+                )
                 faults += _attribute_faults(asset, scene.shaders)
                 scenes[look.name, ibl] = scene
     _raise_all(faults)
@@ -82,13 +95,21 @@ def make_scene(
     camera: Camera,
     resolution: tuple[int, int],
     sampling: Sampling,
+    backend: Backend = "exact",
+    device: Device = "cpu",
 ) -> SceneTask:
-    """Generate the shaders of a scene: `slots` has the look of each of the asset's slots."""
+    """Generate the sources of a scene: `slots` has the look of each of the asset's slots.
+
+    Raises
+    ------
+    CodegenError
+        The backend cannot show one of the looks.
+    """
     # Slots that share a look share its shader.
     different = {id(look): look for look in slots}
 
-    def generate(sampling: Sampling) -> dict[int, ShaderSource]:
-        return {key: surface_shader(look, light, resolution, sampling) for key, look in different.items()}
+    def generate(sampling: Sampling) -> dict[int, ShaderSource | NodeSource]:
+        return {key: look_source(look, backend, light, resolution, sampling) for key, look in different.items()}
 
     # Light that a convex asset reflects never meets it again; light that passes through meets a closed one from inside.
     chosen = replace(sampling, bounces=0) if asset.convex else sampling
@@ -96,9 +117,7 @@ def make_scene(
     if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in shaders.values()):
         chosen = sampling
         shaders = generate(sampling)
-    return SceneTask(
-        asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, chosen, camera, device="cpu"
-    )
+    return SceneTask(asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, chosen, camera, device)
 
 
 @contextmanager
@@ -108,7 +127,7 @@ def _collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
         yield
     except FaultsError as error:
         faults += error.faults
-    except (AssetError, EnvironmentMapError, TextureError, ModelError) as error:
+    except (AssetError, CodegenError, EnvironmentMapError, TextureError, ModelError) as error:
         faults.append(Fault(str(job.file), where, str(error)))
 
 
@@ -183,9 +202,11 @@ def _wear(
             yield _NEUTRAL
 
 
-def _attribute_faults(asset: Asset, shaders: Iterable[ShaderSource]) -> Iterator[Fault]:
+def _attribute_faults(asset: Asset, shaders: Iterable[Source]) -> Iterator[Fault]:
     """Find shaders that read what a mesh does not carry; only USD primvars have a fallback."""
     for slot, shader in enumerate(shaders):
+        if isinstance(shader, PrincipledSource):
+            continue
         for mesh in asset.meshes:
             if not (mesh.face_slots == slot).any():
                 continue

@@ -18,18 +18,20 @@ from lookdev.asset import Asset, save_asset
 from lookdev.batch.prepare import make_scene
 from lookdev.batch.worker import WORKER_COMMAND, Rendered, renderer
 from lookdev.bench.looks import LOOKS, BenchLook
-from lookdev.bench.matrix import SCENES, Cell, Options
+from lookdev.bench.matrix import OURS, SCENES, Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
 from lookdev.codegen import PrincipledSource
 from lookdev.ibl import EnvironmentMap, LightTables, load_environment, prepare_light
 from lookdev.job import JobCamera, JobRender
+from lookdev.job.schema import Backend
 from lookdev.plan import frame_camera, frame_sampling
 from lookdev.plan.digest import RENDER_VERSION, blender_version
+from lookdev.plan.skips import Skip, scene_skips
 from lookdev.plan.task import FrameTask, Pose, Sampling, SceneTask
 
 COMMANDS: dict[str, Sequence[str]] = {
-    "exact": WORKER_COMMAND,
+    **dict.fromkeys(OURS, WORKER_COMMAND),
     "principled": WORKER_COMMAND,
     "mitsuba": (sys.executable, "-m", "lookdev.bench.mitsuba_worker"),
 }
@@ -57,13 +59,15 @@ def bench_light(ibl: str) -> LightTables:
     return prepare_light(bench_environment(ibl))
 
 
-def bench_scene(asset: Asset, look: BenchLook, light: LightTables, resolution: int, bounces: int) -> SceneTask:
-    """Return the exact scene, sampled as a job does that says nothing of it."""
+def bench_scene(
+    asset: Asset, look: BenchLook, light: LightTables, resolution: int, bounces: int, backend: Backend = "exact"
+) -> SceneTask:
+    """Return the scene for one of our backends, sampled as a job does that says nothing of it."""
     size = (resolution, resolution)
     camera = frame_camera(JobCamera(), asset.center, asset.radius, size)
     sampling = frame_sampling(JobRender(bounces=bounces))
     slots = [look.make()] * len(asset.slots)
-    return make_scene(asset, save_asset(asset), slots, light, camera, size, sampling)
+    return make_scene(asset, save_asset(asset), slots, light, camera, size, sampling, backend)
 
 
 def sampled(sampling: Sampling, samples: int, seed: int) -> Sampling:
@@ -76,11 +80,17 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
     """Start a process for each backend that can render the cell, and end them all."""
     asset = bench_asset(cell.scene)
     look = LOOKS[cell.look]
-    exact = bench_scene(asset, look, bench_light(cell.ibl), options.resolution, SCENES[cell.scene].bounces)
+    ours = {
+        backend: bench_scene(
+            asset, look, bench_light(cell.ibl), options.resolution, SCENES[cell.scene].bounces, backend
+        )
+        for backend in OURS
+        if backend == "exact" or backend in options.backends
+    }
     with ExitStack() as stack:
         candidates = []
         for backend in options.backends_of(cell):
-            scene = exact if backend == "exact" else with_principled(exact, look)
+            scene = ours[backend] if backend in ours else with_principled(ours["exact"], look)
             render = stack.enter_context(renderer(COMMANDS[backend], PATIENCE))
 
             def shoot(
@@ -92,15 +102,23 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
                 here = replace(scene, sampling=sampled(scene.sampling, samples, seed))
                 return shot_of(render(FrameTask(here, POSE, 0.0, f"{samples}.{seed}", (Path("frame.exr"),), {})))
 
-            candidates.append(Candidate(backend, picture_key(backend, scene, look, bench_environment(cell.ibl)), shoot))
+            key = picture_key(backend, scene, look, bench_environment(cell.ibl))
+            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene) if backend in ours else ()))
         yield candidates
+
+
+def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
+    """Say what a scene of ours leaves out because nobody would see it, and why."""
+    looks = [LOOKS[cell.look].make()] * len(scene.shaders)
+    found = scene_skips(scene, looks, JobRender(bounces=SCENES[cell.scene].bounces))
+    return tuple(str(Skip(cell.look, cell.ibl, what, why)) for what, why in found)
 
 
 def with_principled(scene: SceneTask, look: BenchLook) -> SceneTask:
     """Return the scene with Cycles' Principled BSDF in all slots, lit by Cycles itself."""
     assert look.principled is not None, "only such looks are asked for"
     source = PrincipledSource("principled", dict(look.principled))
-    return replace(scene, shaders=(), principled=(source,) * len(scene.shaders))
+    return replace(scene, shaders=(source,) * len(scene.shaders))
 
 
 def shot_of(rendered: Rendered) -> Shot:
@@ -116,7 +134,7 @@ def picture_key(backend: str, scene: SceneTask, look: BenchLook, light: Environm
     So a change of the sampling, or of the code, is measured against the reference from before it: a picture that
     changed with it has a bias.
     """
-    shown = repr(look.make()) if backend == "exact" else json.dumps(look.principled, sort_keys=True)
+    shown = repr(look.make()) if backend in OURS else json.dumps(look.principled, sort_keys=True)
     parts = {
         "asset": scene.asset_file.stem,
         "light": light.digest,

@@ -12,6 +12,7 @@ from lookdev.bench.assets import make_boulder
 from lookdev.bench.looks import LOOKS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobRender
+from lookdev.job.schema import Backend
 
 MILLION = 1_000_000
 
@@ -38,9 +39,14 @@ IBLS: dict[str, str] = {
 }
 BACKENDS: dict[str, str] = {
     "exact": "the look as published",
+    "nodes": "the look as native shader nodes, whose closures come near to it, under Cycles' own light",
+    "nodes-exact": "the look as published, in native shader nodes: one direction a hit, none of the light's",
     "principled": "Cycles' Principled BSDF, which comes near to the look, under Cycles' own light",
     "mitsuba": "Mitsuba 3's principled, if the package mitsuba is installed",
 }
+
+OURS: tuple[Backend, ...] = ("exact", "nodes", "nodes-exact")
+"""The backends of jobs: they render every look."""
 
 LARGEST_SAMPLES = 1 << 14
 MOST_REPEATS = 64
@@ -117,7 +123,7 @@ class Options:
 
     def backends_of(self, cell: Cell) -> tuple[str, ...]:
         """Return the backends that can render a cell: only some looks have something like them elsewhere."""
-        return tuple(name for name in self.backends if name == "exact" or LOOKS[cell.look].principled is not None)
+        return tuple(name for name in self.backends if name in OURS or LOOKS[cell.look].principled is not None)
 
 
 def has_mitsuba() -> bool:

@@ -18,11 +18,14 @@ _SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MOST_REPEATS)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A backend that is ready to render a cell; `key` names the picture, however it is sampled."""
+    """A backend that is ready to render a cell; `key` names the picture, however it is sampled, and `skips` say what is
+    left out because nobody would see it, and why.
+    """
 
     backend: str
     key: str
     render: Render
+    skips: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -81,7 +84,7 @@ class Ratio:
 
 @dataclass(frozen=True)
 class CellResult:
-    """A cell as far as it was measured: curves, times to a relMSE and references, by backend."""
+    """A cell as far as it was measured: curves, times to a relMSE, references and skips, by backend."""
 
     cell: Cell
     measurements: tuple[Measurement, ...]
@@ -89,6 +92,7 @@ class CellResult:
     reached: Mapping[str, Mapping[float, Reached | None]]
     ratios: tuple[Ratio, ...]
     references: Mapping[str, Reference]
+    skips: Mapping[str, tuple[str, ...]]
 
 
 def schedule(options: Options, backends: Sequence[str]) -> Iterator[Turn]:
@@ -140,7 +144,8 @@ class CellRun:
         reached = {backend: {target: _reach(curve, target) for target in TARGETS} for backend, curve in curves.items()}
         others = [backend for backend in curves if backend != "exact"] if "exact" in curves else []
         ratios = tuple(self._ratio(other, target, reached) for other in others for target in TARGETS)
-        return CellResult(self._cell, tuple(self._measurements), curves, reached, ratios, dict(self._references))
+        skips = {backend: candidate.skips for backend, candidate in self._candidates.items()}
+        return CellResult(self._cell, tuple(self._measurements), curves, reached, ratios, dict(self._references), skips)
 
     def _curve(self, backend: str) -> tuple[CurvePoint, ...]:
         points = []

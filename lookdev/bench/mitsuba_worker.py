@@ -8,9 +8,7 @@ the picture is alike and no more. `samples`, `seed` and `bounces` mean what they
 from __future__ import annotations
 
 import importlib
-import json
 import math
-import os
 import subprocess
 import sys
 import tempfile
@@ -25,8 +23,10 @@ from numpy.typing import NDArray
 from lookdev.asset import Asset, read_asset
 from lookdev.asset.bounds import about_origin
 from lookdev.asset.normals import face_starts
+from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
 from lookdev.plan import wire
+from lookdev.plan.answers import Answers, save_arrays
 from lookdev.plan.task import FrameTask, SceneTask
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
@@ -45,24 +45,19 @@ _NOTHING = {
 
 def main() -> None:
     """Serve until the input ends."""
-    channel = os.dup(1)
-    os.dup2(2, 1)
-
-    def tell(**message: Any) -> None:
-        os.write(channel, (json.dumps(message) + "\n").encode())
-
+    answers = Answers()
     mi, variant = load_mitsuba()
-    tell(type="ready", blender=f"mitsuba {mi.__version__} {variant}")
+    answers.ready(f"mitsuba {mi.__version__} {variant}")
     built: tuple[SceneTask, Any] | None = None
     for line in sys.stdin:
         task = wire.decode(line)
         try:
             if built is None or not _same(built[0], task.scene):
                 built = task.scene, build_scene(mi, task)
-            tell(**_render(mi, built[1], task))
+            _render(mi, built[1], task, answers)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             built = None
-            tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
+            answers.failed(task.digest, error)
 
 
 def load_mitsuba() -> tuple[Any, str]:
@@ -118,9 +113,9 @@ def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any
 def build_scene(mi: Any, task: FrameTask) -> Any:
     """Build a scene about the origin, seen and lit as the task's pose says."""
     scene, pose = task.scene, task.pose
-    if not scene.principled:
+    source = scene.shaders[0]
+    if not isinstance(source, PrincipledSource):
         raise RenderError("Mitsuba renders principled scenes only")
-    source = scene.principled[0]
     asset = read_asset(scene.asset_file)
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
@@ -213,44 +208,28 @@ def _write_mesh(mi: Any, file: Path, positions: Corners, normals: Corners, uvs: 
     mesh.write_ply(str(file))
 
 
-def _render(mi: Any, scene: Any, task: FrameTask) -> dict[str, Any]:
+def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     sampling = task.scene.sampling
     started = time.perf_counter()
     # Reading the pixels waits for them.
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     seconds = time.perf_counter() - started
-    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=os.environ.get("TMPDIR"))
-    with os.fdopen(handle, "wb") as stream:
-        np.savez(stream, a=pixels[..., :3], b=pixels[..., :3], alpha=pixels[..., 3])
-    return {
-        "type": "done",
-        "digest": task.digest,
-        "arrays": path,
-        "samples": sampling.samples,
-        "seconds": seconds,
-        "relmse": math.nan,
-        "memory": _peak_memory(),
-    }
-
-
-def _peak_memory() -> int:
-    """Return the most bytes that this process has held; what getrusage says begins with those of its parent."""
-    (line,) = [line for line in Path("/proc/self/status").read_text().splitlines() if line.startswith("VmHWM:")]
-    return int(line.split()[1]) * 1024
+    arrays = save_arrays(pixels[..., :3], pixels[..., :3], pixels[..., 3])
+    answers.done(task.digest, arrays, samples=sampling.samples, seconds=seconds, relmse=math.nan)
 
 
 def _same(built: SceneTask, asked: SceneTask) -> bool:
     """Tell whether a scene serves another task: the samples and their seed may differ."""
     return (
         built.asset_file,
-        built.principled,
+        built.shaders,
         built.light,
         built.resolution,
         built.camera,
         built.sampling.bounces,
     ) == (
         asked.asset_file,
-        asked.principled,
+        asked.shaders,
         asked.light,
         asked.resolution,
         asked.camera,

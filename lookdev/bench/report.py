@@ -37,10 +37,14 @@ def print_results(results: Results, console: Console) -> None:
     console.print(Text(machine_line(results.machine)))
     if results.cells:
         console.print(_times(results.cells))
+        for line in skip_lines(results.cells):
+            console.print(Text(line), soft_wrap=True)
         for line in warnings(results.cells):
             console.print(Text(line, style="bold"), soft_wrap=True)
     if results.sequence:
         console.print(_sequence(results.sequence))
+        if results.sequence.skips:
+            console.print(Text(f"exact skips {', '.join(results.sequence.skips)}"), soft_wrap=True)
     for growth in results.growth:
         console.print(_growth(growth))
     if not results.complete:
@@ -51,6 +55,16 @@ def machine_line(machine: Machine) -> str:
     """Say in one line what it was measured on."""
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
     return f"{machine.cpu}, {machine.cores} cores, load {machine.load[0]:.1f} before; {versions}; {machine.date}"
+
+
+def skip_lines(cells: Sequence[CellResult]) -> list[str]:
+    """Say what backends leave out because nobody would see it, a line for all cells in which that is the same."""
+    where: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for result in cells:
+        for backend, skips in result.skips.items():
+            if skips:
+                where.setdefault((backend, skips), []).append(str(result.cell))
+    return [f"{backend} skips {', '.join(skips)}: {'; '.join(names)}" for (backend, skips), names in where.items()]
 
 
 def warnings(cells: Sequence[CellResult]) -> list[str]:
@@ -67,25 +81,24 @@ def warnings(cells: Sequence[CellResult]) -> list[str]:
 
 
 def _times(cells: Sequence[CellResult]) -> Table:
-    table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left")
-    table.add_column("scene, ibl, look", overflow="fold")
-    table.add_column("backend", no_wrap=True)
+    # All of it fits into 80 columns, wrapped: a number that is cut off says nothing.
+    table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left", pad_edge=False, collapse_padding=True)
+    table.add_column("scene, ibl, look", min_width=12)
     for name in _TARGET_NAMES.values():
-        table.add_column(f"s to {name}", justify="right")
-        table.add_column("exact is", justify="right")
+        table.add_column(f"s to\n{name}", justify="right", min_width=6)
+        table.add_column("exact is", justify="right", min_width=12)
     table.add_column("bias, %", justify="right", no_wrap=True)
-    table.add_column("MB", justify="right")
+    table.add_column("MB", justify="right", min_width=4)
     for result in cells:
-        name = str(result.cell)
+        table.add_row(str(result.cell))
         for backend, curve in result.curves.items():
             memory = max((row.memory for row in result.measurements if row.backend == backend), default=None)
-            row = [name, backend]
+            row = [f"  {backend}"]
             for target in _TARGET_NAMES:
                 row += [_seconds(result.reached[backend][target]), _ratio(result, backend, target)]
             row.append(f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}" if curve else "")
             row.append(f"{memory / _MEGABYTE:.0f}" if memory else "")
             table.add_row(*row)
-            name = ""
     return table
 
 

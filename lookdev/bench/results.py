@@ -110,6 +110,7 @@ def _cell_data(result: CellResult) -> dict[str, Any]:
                 "renderer": next((row.renderer for row in result.measurements if row.backend == backend), None),
                 "memory": max((row.memory for row in result.measurements if row.backend == backend), default=None),
                 "reference": _reference_data(result, backend),
+                "skipped": result.skips[backend],
             }
             for backend, curve in result.curves.items()
         },

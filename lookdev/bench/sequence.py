@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from lookdev.asset import BUILTINS, save_asset
-from lookdev.batch.prepare import prepare_job
+from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.batch.run import render_job
 from lookdev.batch.worker import last_words
 from lookdev.bench.backends import bench_asset, bench_environment, bench_light, bench_scene
@@ -67,8 +67,16 @@ class Subject:
             )
 
 
-Produce = Callable[[Path, int, int, int], float]
-"""Renders all turntables into a folder, with so many samples, frames a turntable, and a seed; returns seconds.
+@dataclass(frozen=True)
+class Produced:
+    """What it took to render turntables: seconds, and what was left out, with the reasons."""
+
+    seconds: float
+    skips: tuple[str, ...] = ()
+
+
+Produce = Callable[[Path, int, int, int], Produced]
+"""Renders all turntables into a folder, with so many samples, frames a turntable, and a seed.
 
 Files are ``<folder>/<look>/<ibl>/<kind>.####.exr``.
 """
@@ -89,6 +97,7 @@ class SequenceResult:
     """Frames a minute of the batch runner ("exact") and of the plain script ("plain"), at the samples that make their
     mean relMSE equal; `relmse` is that measured on frames of the timed runs.
 
+    `frames` are those that are shown, however many of them were rendered: `skips` say what the batch runner left out.
     `ratio` of the medians, exact over plain; `low` and `high` of the repeats.
     """
 
@@ -100,6 +109,7 @@ class SequenceResult:
     ratio: float
     low: float
     high: float
+    skips: tuple[str, ...] = ()
 
 
 def choose_samples(
@@ -175,11 +185,13 @@ def measure_sequence(
         target = probe("exact", samples[0])
         count = {"exact": samples[0], "plain": meet(target, samples[1], lambda count: probe("plain", count))}
         timed: dict[str, Path] = {}
+        made: dict[str, Produced] = {}
         for repeat in range(repeats):
             for backend in ("exact", "plain"):
                 tell(f"sequence: {backend}: {total} frames, {count[backend]} samples")
                 timed[backend] = next(folders)
-                seconds = producers[backend](timed[backend], count[backend], FRAMES, seed)
+                made[backend] = producers[backend](timed[backend], count[backend], FRAMES, seed)
+                seconds = made[backend].seconds
                 runs.append(SequenceRun(backend, repeat, seconds, 60.0 * total / seconds))
         relmse = {
             backend: _error(subject, timed[backend], probes[backend, count[backend]], FRAMES) for backend in timed
@@ -190,7 +202,8 @@ def measure_sequence(
     ratios = [one / other for one, other in zip(speed["exact"], speed["plain"], strict=True)]
     medians = {backend: statistics.median(values) for backend, values in speed.items()}
     ratio = medians["exact"] / medians["plain"]
-    return SequenceResult(subject, total, count, relmse, tuple(runs), ratio, min(ratios), max(ratios))
+    skips = made["exact"].skips
+    return SequenceResult(subject, total, count, relmse, tuple(runs), ratio, min(ratios), max(ratios), skips)
 
 
 def meet(target: float, first: int, error: Callable[[int], float]) -> int:
@@ -236,18 +249,25 @@ def _name(kind: str, index: int) -> str:
 def producers(subject: Subject) -> dict[str, Produce]:
     """Return the real batch runner and the real script."""
 
-    def exact(folder: Path, samples: int, frames: int, seed: int) -> float:
+    def exact(folder: Path, samples: int, frames: int, seed: int) -> Produced:
         job = _write_job(subject, folder, samples, frames, seed)
+        skips: dict[str, None] = {}
+
+        def prepare(path: Path) -> Prepared:
+            prepared = prepare_job(path)
+            skips.update((str(skip), None) for skip in prepared.plan.skips)
+            return prepared
+
         started = time.perf_counter()
-        result = render_job(job, prepare_job)
+        result = render_job(job, prepare)
         seconds = time.perf_counter() - started
         if result.interrupted:
             raise KeyboardInterrupt
         if result.exit_code:
             raise RenderError(result.summary())
-        return seconds
+        return Produced(seconds, tuple(skips))
 
-    def plain(folder: Path, samples: int, frames: int, seed: int) -> float:
+    def plain(folder: Path, samples: int, frames: int, seed: int) -> Produced:
         request = _write_request(subject, folder, samples, frames, seed)
         log = folder / "plain.log"
         started = time.perf_counter()
@@ -256,7 +276,7 @@ def producers(subject: Subject) -> dict[str, Produce]:
         seconds = time.perf_counter() - started
         if done.returncode:
             raise RenderError(f"the plain script ended with exit code {done.returncode}: {last_words(log)}")
-        return seconds
+        return Produced(seconds)
 
     return {"exact": exact, "plain": plain}
 

@@ -11,11 +11,18 @@ Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
+from lookdev.brdf.closures import Closure
+from lookdev.brdf.disney_closures import (
+    clearcoat_closures,
+    diffuse_albedo,
+    sheen_albedo,
+    specular_closures,
+    subsurface_albedo,
+)
 from lookdev.brdf.frames import facing_viewer, to_local, unit_normal
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
@@ -31,7 +38,7 @@ def _tint(base_color: Array) -> Array:
     return np.where(positive, base_color / np.where(positive, np.expand_dims(luminance, -1), 1.0), np.ones(3))
 
 
-def _diffuse(p: Mapping[str, Array]) -> Lobe:
+def _diffuse(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
     base_color, roughness = p["baseColor"], p["roughness"]
     dielectric = 1.0 - p["metallic"]
     sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
@@ -50,6 +57,12 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
         sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))
         return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / PI)) + sheen, dielectric)
 
+    def closures() -> tuple[Closure, ...]:
+        cos_theta = wo[..., 2]
+        albedo = mix(diffuse_albedo(cos_theta, roughness), subsurface_albedo(cos_theta, roughness), p["subsurface"])
+        color = scale(base_color, albedo) + scale(sheen_color, sheen_albedo(cos_theta))
+        return (Closure("diffuse", scale(color, dielectric), normal=normal),)
+
     return Lobe(
         "diffuse",
         # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
@@ -57,11 +70,13 @@ def _diffuse(p: Mapping[str, Array]) -> Lobe:
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / PI),
         sample=mf.sample_cosine,
+        closures=closures,
+        normal=normal,
         broad=True,
     )
 
 
-def _specular(p: Mapping[str, Array], wo: Array) -> Lobe:
+def _specular(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
     base_color, roughness = p["baseColor"], p["roughness"]
     # Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
     aspect = np.sqrt(1.0 - 0.9 * p["anisotropic"])
@@ -93,10 +108,12 @@ def _specular(p: Mapping[str, Array], wo: Array) -> Lobe:
         evaluate=evaluate,
         pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
         sample=lambda u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
+        closures=lambda: specular_closures(f0, roughness, (alpha_x, alpha_y), p["variant"], wo, normal),
+        normal=normal,
     )
 
 
-def _clearcoat(p: Mapping[str, Array], wo: Array) -> Lobe:
+def _clearcoat(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
     # Sections 5.4 to 5.6: GTR1, index 1.5, GGX shadowing with a fixed alpha of 0.25, scaled to [0, 0.25].
     weight = 0.25 * p["clearcoat"]
     alpha = mix(0.1, 0.001, p["clearcoatGloss"])
@@ -116,6 +133,8 @@ def _clearcoat(p: Mapping[str, Array], wo: Array) -> Lobe:
         # Burley 2012, appendix B.1.
         pdf=lambda d: mf.gtr1(d.wm, alpha) * d.wm[..., 2] / (4.0 * d.cos_theta_d),
         sample=lambda u1, u2: reflect(wo, mf.sample_gtr1(alpha, u1, u2)),
+        closures=lambda: clearcoat_closures(weight, alpha, wo[..., 2], normal),
+        normal=normal,
     )
 
 
@@ -131,7 +150,6 @@ def disney_bsdf(parameters: Mapping[str, Array]) -> Bsdf:
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         normal = facing_viewer(unit_normal(parameters["normal"]), wo)
         local = to_local(normal, wo)
-        built = _diffuse(parameters), _specular(parameters, local), _clearcoat(parameters, local)
-        return tuple(replace(lobe, normal=normal) for lobe in built)
+        return tuple(build(parameters, local, normal) for build in (_diffuse, _specular, _clearcoat))
 
     return Bsdf(lobes)

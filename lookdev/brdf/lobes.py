@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from lookdev.brdf.closures import Closure
 from lookdev.brdf.frames import ZENITH, from_local, mirrored, to_local
 from lookdev.brdf.vectors import TINY, Array, dot, same, scale
 
@@ -53,6 +54,8 @@ class Lobe:
     its `wi` is mirrored to the viewer's side.
 
     A `broad` lobe is nearly constant: directions in proportion to light times cosine suit it as well as its own.
+
+    closures() is what stands for the lobe where only Cycles' own closures can be had, in the surface's frame.
     """
 
     name: str
@@ -60,6 +63,7 @@ class Lobe:
     evaluate: Callable[[Directions], Array]
     pdf: Callable[[Directions], Array]
     sample: Callable[[Array, Array], Array]
+    closures: Callable[[], tuple[Closure, ...]]
     transmits: bool = False
     normal: Array = field(default_factory=lambda: ZENITH)
     broad: bool = False

@@ -18,9 +18,11 @@ from typing import Literal
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
+from lookdev.brdf.closures import Closure
 from lookdev.brdf.frames import ZENITH, facing_viewer, to_local, unit_normal
 from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
 from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.pixar_closures import diffuse_closures, highlight_closures
 from lookdev.brdf.vectors import TINY, Array, dot, mean, mix, mix_color, reflect, scale
 
 PI = np.pi
@@ -174,7 +176,17 @@ def _diffuse(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -
 
     # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
     share = mean(term.normal) * (20.0 / 21.0) + mean(term.grazing) * (1.0 / 21.0)
-    return Lobe(name, share, evaluate, lambda d: d.cos_theta_i * (1.0 / PI), mf.sample_cosine, transmits, normal, True)
+    return Lobe(
+        name,
+        share,
+        evaluate,
+        lambda d: d.cos_theta_i * (1.0 / PI),
+        mf.sample_cosine,
+        lambda: diffuse_closures(term.normal, term.grazing, normal, transmits),
+        transmits,
+        normal,
+        broad=True,
+    )
 
 
 def _highlight(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -> Lobe:
@@ -195,15 +207,18 @@ def _highlight(name: str, term: Term, wo: Array, normal: Array, transmits: bool)
         d = seen(d)
         return mf.sin_gaussian(d.wm, power) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
-    view = to_local(normal, wo)
-    view = _refracted(view, term.bend) if transmits else view
+    local = to_local(normal, wo)
+    view = _refracted(local, term.bend) if transmits else local
 
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
 
+    def closures() -> tuple[Closure, ...]:
+        return highlight_closures(term.normal, term.grazing, power, local, view, normal, transmits)
+
     # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is dark, not absent.
     share = term.energy(view[..., 2]) + 0.001 * mean(term.normal + term.grazing)
-    return Lobe(name, share, evaluate, density, sample, transmits, normal)
+    return Lobe(name, share, evaluate, density, sample, closures, transmits, normal)
 
 
 # Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. Written by the cosine, which does not cancel where

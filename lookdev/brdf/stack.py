@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from lookdev.brdf.closures import Closure
 from lookdev.brdf.disney import disney_bsdf
 from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
 from lookdev.brdf.frames import ZENITH
@@ -102,4 +103,7 @@ def _weighted(lobe: Lobe, weight: Array) -> Lobe:
     def evaluate(d: Directions) -> Array:
         return scale(lobe.evaluate(d), weight)
 
-    return replace(lobe, share=lobe.share * weight, evaluate=evaluate)
+    def closures() -> tuple[Closure, ...]:
+        return tuple(replace(each, weight=scale(each.weight, weight)) for each in lobe.closures())
+
+    return replace(lobe, share=lobe.share * weight, evaluate=evaluate, closures=closures)

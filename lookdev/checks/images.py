@@ -167,7 +167,7 @@ def check_frame(
         "relmse": max(relmse, 0.0),
         "relmse_claimed": float(np.mean((found.claimed / scale) ** 2)),
     }
-    pictures = [_picture(halves.mean(axis=0)), _difference_picture(found, alpha.shape, pixels)]
+    pictures = [frame_picture("frame", halves.mean(axis=0)), _difference_picture(found, alpha.shape, pixels)]
     skipped = ""
     if converged is None:
         skipped = "FLIP: no converged frame to compare with"
@@ -237,8 +237,9 @@ def _histogram(found: Agreement) -> Plot:
     return Plot("How far out differences are", "standard errors", "density", series)
 
 
-def _picture(image: Floats) -> Picture:
-    return Picture("frame", np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
+def frame_picture(name: str, image: Floats) -> Picture:
+    """Return a frame (H, W, 3) as the report shows it."""
+    return Picture(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
 
 
 def _difference_picture(found: Agreement, shape: tuple[int, ...], pixels: Ints) -> Picture:

@@ -1,5 +1,29 @@
 """From a model to shader code: symbolic arrays trace it, an emitter writes it."""
 
-from lookdev.codegen.source import HANDEDNESS, AttributeBinding, PrincipledSource, ShaderSource, TextureBinding
+from lookdev.codegen.source import (
+    HANDEDNESS,
+    AttributeBinding,
+    GroupSocket,
+    Link,
+    NodeSource,
+    NodeTree,
+    PrincipledSource,
+    ShaderNode,
+    ShaderSource,
+    Source,
+    TextureBinding,
+)
 
-__all__ = ["HANDEDNESS", "AttributeBinding", "PrincipledSource", "ShaderSource", "TextureBinding"]
+__all__ = [
+    "HANDEDNESS",
+    "AttributeBinding",
+    "GroupSocket",
+    "Link",
+    "NodeSource",
+    "NodeTree",
+    "PrincipledSource",
+    "ShaderNode",
+    "ShaderSource",
+    "Source",
+    "TextureBinding",
+]

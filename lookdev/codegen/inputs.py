@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,20 @@ from lookdev.material.textures import resolved, udim_tiles
 
 _CHANNEL = {"r": 0, "g": 1, "b": 2, "a": 3}
 _OSL_WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
+
+
+@dataclass(frozen=True)
+class LookUp:
+    """A look-up of an image, of the slopes of its heights where `slopes`.
+
+    `texture` says how it is addressed, by the UV set of the attribute `uv`; `files` are what is read, by the number of
+    a UDIM tile, or 0 for the one image that there is.
+    """
+
+    texture: Texture
+    slopes: bool
+    uv: str
+    files: Mapping[int, Path]
 
 
 @dataclass
@@ -40,8 +54,31 @@ class Inputs:
 
     def read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
         """Return the attributes, by name, without which these symbols have no value."""
-        needed = {source for symbol in symbols for source in self._sources[symbol]}
+        needed = self._needed(symbols)
         return [binding for name, binding in sorted(self.attributes.items()) if name in needed]
+
+    def looked_up_by(self, symbols: Iterable[str]) -> list[str]:
+        """Return the names of the look-ups without which these symbols have no value."""
+        needed = self._needed(symbols)
+        return [name for name in self._images if name in needed]
+
+    def _needed(self, symbols: Iterable[str]) -> set[str]:
+        # Directions and random numbers are symbols too, and nothing of the look gives them their values.
+        return {source for symbol in symbols for source in self._sources.get(symbol, ())}
+
+    def look_up(self, name: str) -> LookUp:
+        """Open the images of a look-up.
+
+        Raises
+        ------
+        TextureError
+            An image is missing or unreadable.
+        """
+        source = self._images[name]
+        texture = resolved(source.height if isinstance(source, Bump) else source)
+        tiles = udim_tiles(texture) or {0: texture}
+        files = {number: self._file(source, tile) for number, tile in tiles.items()}
+        return LookUp(texture, isinstance(source, Bump), self._uv(texture), files)
 
     def emit(self, name: str) -> tuple[list[str], list[TextureBinding]]:
         """Return the code of a look-up and the images it reads.
@@ -51,29 +88,28 @@ class Inputs:
         TextureError
             An image is missing or unreadable.
         """
-        source = self._images[name]
-        texture = resolved(source.height if isinstance(source, Bump) else source)
-        function = "lookdev_slopes" if isinstance(source, Bump) else "lookdev_texture"
-        m, uv = [repr(float(x)) for x in texture.transform], self._uv(texture)
+        look_up = self.look_up(name)
+        texture, uv = look_up.texture, look_up.uv
+        function = "lookdev_slopes" if look_up.slopes else "lookdev_texture"
+        m = [repr(float(x)) for x in texture.transform]
         s, t = (f"{m[k]} * {uv}[0] + {m[k + 1]} * {uv}[1] + {m[k + 2]}" for k in (0, 3))
-        tiles = udim_tiles(texture)
-        if not tiles:
+        if 0 in look_up.files:
             wraps = f'"{_OSL_WRAP[texture.wrap_s]}", "{_OSL_WRAP[texture.wrap_t]}"'
             code = [f"float {name}_a; color {name} = {function}({name}_file, {s}, {t}, {wraps}, {name}_a);"]
-            return code, [TextureBinding(f"{name}_file", self._file(source, texture))]
+            return code, [TextureBinding(f"{name}_file", look_up.files[0])]
         # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); where there is none, all is 0.
         code = [f"float {name}_a = 0; color {name} = 0; float {name}_s = {s}; float {name}_t = {t};"]
         code += [
             f"int {name}_tile = {name}_s < 0 || {name}_s >= 10 ? 0 : 1001 + int({name}_s) + 10 * int(floor({name}_t));"
         ]
         bindings = []
-        for number, tile in tiles.items():
+        for number, image in look_up.files.items():
             file = f"{name}_{number}_file"
             place = f"{name}_s - floor({name}_s), {name}_t - floor({name}_t)"
             code.append(
                 f'if ({name}_tile == {number}) {name} = {function}({file}, {place}, "clamp", "clamp", {name}_a);'
             )
-            bindings.append(TextureBinding(file, self._file(source, tile)))
+            bindings.append(TextureBinding(file, image))
         return code, bindings
 
     def _file(self, source: Texture | Bump, texture: Texture) -> Path:

@@ -17,12 +17,21 @@ def look_bsdf(look: Look, inputs: Inputs) -> Bsdf:
     ModelError
         A constant is outside its hard range, or the layers do not fit together.
     """
-    return stack_bsdf(
-        [
-            StackLayer(layer.model, _layer_parameters(layer, inputs), inputs.value(layer.mask, MASK), layer.mode)
-            for layer in look.layers
-        ]
-    )
+    return stack_bsdf(look_stack(look, inputs))
+
+
+def look_stack(look: Look, inputs: Inputs) -> list[StackLayer]:
+    """Return the layers of a look with all of their parameters.
+
+    Raises
+    ------
+    ModelError
+        A constant is outside its hard range.
+    """
+    return [
+        StackLayer(layer.model, _layer_parameters(layer, inputs), inputs.value(layer.mask, MASK), layer.mode)
+        for layer in look.layers
+    ]
 
 
 def _layer_parameters(layer: Layer, inputs: Inputs) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -57,3 +57,82 @@ class PrincipledSource:
 
     name: str
     inputs: Mapping[str, float | tuple[float, ...]]
+
+
+SocketValue = float | tuple[float, ...] | str
+"""What a socket, or a property of a node, is set to."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """An output of another node of the same tree: the node by its name, the socket by Blender's identifier."""
+
+    node: str
+    socket: str
+
+
+@dataclass(frozen=True)
+class ShaderNode:
+    """One shader node of Blender.
+
+    `kind` is Blender's type without ``ShaderNode`` in front (``"Math"``), or in full ``"NodeGroupInput"`` and
+    ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` what its sockets
+    are given, by their identifiers. `group` is the name of the tree that a ``"Group"`` shows, `image` the file that a
+    ``"TexImage"`` reads, without colour conversion. `place` is the upper left corner, in Blender's units.
+    """
+
+    name: str
+    kind: str
+    properties: Mapping[str, SocketValue | bool] = field(default_factory=dict)
+    inputs: Mapping[str, SocketValue | Link] = field(default_factory=dict)
+    label: str = ""
+    group: str = ""
+    image: Path | None = None
+    place: tuple[float, float] = (0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class GroupSocket:
+    """A socket of a group's interface. Its identifier is its name.
+
+    `default`, the `soft` range and `help` of an input are those of the model's parameter. `panel` is the panel that it
+    stands in, or empty.
+    """
+
+    name: str
+    kind: Literal["float", "color", "vector", "shader"]
+    default: SocketValue = 0.0
+    soft: tuple[float, float] = (0.0, 1.0)
+    help: str = ""
+    panel: str = ""
+
+
+@dataclass(frozen=True)
+class NodeTree:
+    """The nodes of a group, or of a material, which has neither inputs nor outputs."""
+
+    name: str
+    nodes: tuple[ShaderNode, ...]
+    inputs: tuple[GroupSocket, ...] = ()
+    outputs: tuple[GroupSocket, ...] = ()
+
+
+@dataclass(frozen=True)
+class NodeSource:
+    """A look as native shader nodes: groups, each after those that it shows, and the material's own tree last.
+
+    `exact` where the nodes send one importance-sampled direction on through a ray portal; otherwise they are Cycles'
+    own closures. `attributes`, `digest`, `transmits` and `see_through` as of a `ShaderSource`.
+    """
+
+    name: str
+    trees: tuple[NodeTree, ...]
+    attributes: tuple[AttributeBinding, ...]
+    digest: str
+    exact: bool
+    transmits: bool = False
+    see_through: bool = False
+
+
+Source = ShaderSource | PrincipledSource | NodeSource
+"""What a slot of an asset wears."""

@@ -7,26 +7,17 @@ everything else goes to standard error. End of input, also a parent that died, e
 from __future__ import annotations
 
 import ctypes
-import json
 import os
 import queue
 import sys
 import tempfile
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-if TYPE_CHECKING:
-    from lookdev.cycles.render import RenderedFrame
+from lookdev.plan.answers import Answers, save_arrays
 
 _LONGEST_CHATTER = 1 << 20
 """Bytes of log: what Blender says of frames that came out well, some 10 kB each, is kept up to here."""
-
-
-def _take_stdout() -> int:
-    channel = os.dup(1)
-    os.dup2(2, 1)
-    return channel
 
 
 def _read_requests(requests: queue.Queue[str]) -> None:
@@ -36,10 +27,7 @@ def _read_requests(requests: queue.Queue[str]) -> None:
     os._exit(0)
 
 
-def _serve(channel: int) -> None:
-    def tell(**message: Any) -> None:
-        os.write(channel, (json.dumps(message) + "\n").encode())
-
+def _serve(answers: Answers) -> None:
     from lookdev.cycles import version
     from lookdev.cycles.progress import finer_progress
     from lookdev.cycles.render import render_frame
@@ -49,53 +37,29 @@ def _serve(channel: int) -> None:
 
     requests: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
-    tell(type="ready", blender=version.VERSION)
+    answers.ready(version.VERSION)
     scene: Scene | None = None
     kept = _log_size()
     while True:
         task = decode(requests.get())
 
         def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
-            tell(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
+            answers.progress(digest, samples, of, relmse)
 
         try:
             if scene is None or not scene.fits(task.scene):
                 scene = Scene(task.scene)
             with finer_progress(task.scene.sampling.samples, progress) as report:
                 frame = render_frame(scene, task, report)
-            arrays = _save(frame)
+            arrays = save_arrays(frame.a, frame.b, frame.alpha)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
             kept = _log_size()
-            tell(type="failed", digest=task.digest, message=f"{type(error).__name__}: {error}")
+            answers.failed(task.digest, error)
             continue
         if _log_size() > kept + _LONGEST_CHATTER:
             os.ftruncate(2, kept)
-        tell(
-            type="done",
-            digest=task.digest,
-            arrays=arrays,
-            samples=frame.samples,
-            seconds=frame.seconds,
-            relmse=frame.relmse,
-            memory=_most_memory(),
-        )
-
-
-def _save(frame: RenderedFrame) -> str:
-    import numpy as np
-
-    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=os.environ.get("TMPDIR"))
-    with os.fdopen(handle, "wb") as stream:
-        np.savez(stream, a=frame.a, b=frame.b, alpha=frame.alpha)
-    return path
-
-
-def _most_memory() -> int:
-    """Return the most bytes that this process has held; what getrusage() tells begins with the parent's."""
-    status = Path("/proc/self/status").read_text()
-    kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
-    return 1024 * int(kilobytes)
+        answers.done(task.digest, arrays, samples=frame.samples, seconds=frame.seconds, relmse=frame.relmse)
 
 
 def _log_size() -> int:
@@ -105,31 +69,35 @@ def _log_size() -> int:
     return os.fstat(2).st_size
 
 
-def _do_once(arguments: list[str], channel: int) -> None:
+def _do_once(arguments: list[str], answers: Answers) -> None:
     match arguments:
         case ["--self-test"]:
             from lookdev.cycles.points import self_test
 
-            os.write(channel, (json.dumps(self_test()) + "\n").encode())
+            answers.tell(**self_test())
         case ["--points", request]:
             from lookdev.cycles.points import evaluate_file
 
             evaluate_file(Path(request))
+        case ["--export-blend", request]:
+            from lookdev.cycles.export_blend import export_file
+
+            answers.tell(**export_file(Path(request)))
         case other:
             raise SystemExit(f"lookdev.cycles: unknown arguments {other}")
 
 
 def main() -> None:
-    """Serve frame tasks, or with ``--self-test`` or ``--points FILE`` do one thing and leave."""
-    channel = _take_stdout()
+    """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` do one thing and leave."""
+    answers = Answers()
     try:
         if arguments := sys.argv[1:]:
             # Blender leaves its temporary folder behind; `_serve`'s is its parent's to remove.
             with tempfile.TemporaryDirectory(prefix="lookdev-") as scratch:
                 os.environ["TMPDIR"] = scratch
-                _do_once(arguments, channel)
+                _do_once(arguments, answers)
         else:
-            _serve(channel)
+            _serve(answers)
     except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
         import traceback
 

@@ -84,25 +84,89 @@ def empty_scene() -> Any:
 
 
 def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
-    """Set everything that a picture depends on; Blender's defaults change between versions."""
+    """Set everything that a picture depends on, for shaders in OSL that integrate light themselves."""
+    render, settings = scene.render, scene.cycles
+    _configure_any(scene, resolution)
+    render.film_transparent = True
+    # With motion blur on and nothing moving, OSL's `time` is the stratified number of a pixel's sample.
+    render.use_motion_blur = True
+    render.motion_blur_shutter = 1.0
+    version.center_motion_blur_on_frame(scene)
+    settings.rolling_shutter_type = "NONE"
+    settings.device = "CPU"
+    settings.shading_system = True
+    # Alpha is what does not reach the background. A portal opens only towards a hit, so its ray never does.
+    _bounce(settings, reflected=0, transparent=bounces + 1)
+    world = bpy.data.worlds.new("black")
+    version.empty_node_tree(world)
+    world.cycles.sampling_method = "NONE"
+    scene.world = world
+
+
+def configure_closures(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
+    """Set everything that a picture depends on but its world, for Cycles' own closures.
+
+    A surface that is seen through counts as a bounce, as it does in shaders of our own.
+
+    Raises
+    ------
+    RenderError
+        This machine has no such device.
+    """
+    _configure_nodes(scene, resolution, device)
+    scene.render.film_transparent = True
+    _bounce(scene.cycles, reflected=bounces, transparent=bounces)
+
+
+def configure_portals(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
+    """Set everything that a picture depends on but its world, for surfaces that send all light through ray portals.
+
+    The rays of portals are rays of the camera, to which a transparent film shows no world. What is covered is known
+    from the pass of texture coordinates instead, whose third channel is 1 where there is a surface.
+
+    Raises
+    ------
+    RenderError
+        This machine has no such device.
+    """
+    _configure_nodes(scene, resolution, device)
+    scene.render.film_transparent = False
+    scene.view_layers[0].use_pass_uv = True
+    _bounce(scene.cycles, reflected=0, transparent=bounces + 1)
+    # Paths are short, and one that is ended by chance costs more in noise than it saves.
+    scene.cycles.min_transparent_bounces = bounces + 1
+
+
+def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> None:
+    settings = scene.cycles
+    _configure_any(scene, resolution)
+    scene.render.use_motion_blur = False
+    settings.shading_system = False
+    # Each seed scrambles it anew, so that two renders are independent.
+    settings.sampling_pattern = "TABULATED_SOBOL"
+    settings.direct_light_sampling_type = "MULTIPLE_IMPORTANCE_SAMPLING"
+    # It is in units of radiance: a dim light would be noisier than a bright one.
+    settings.light_sampling_threshold = 0.0
+    settings.caustics_reflective = settings.caustics_refractive = True
+    settings.blur_glossy = 0.0
+    settings.use_fast_gi = False
+    settings.film_transparent_glass = False
+    settings.texture_limit_render = "OFF"
+    _use_device(settings, device)
+
+
+def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
+    """Set what does not depend on who lights the scene; Blender's defaults change between versions."""
     render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = _ENGINE
     render.resolution_x, render.resolution_y = resolution
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
     render.use_border = render.use_compositing = render.use_sequencer = False
-    render.film_transparent = True
     render.use_persistent_data = True
     render.use_simplify = False
     render.threads_mode = "AUTO"
-    # With motion blur on and nothing moving, OSL's `time` is the stratified number of a pixel's sample.
-    render.use_motion_blur = True
-    render.motion_blur_shutter = 1.0
-    version.center_motion_blur_on_frame(scene)
-    settings.rolling_shutter_type = "NONE"
 
-    settings.device = "CPU"
-    settings.shading_system = True
     settings.use_adaptive_sampling = settings.use_denoising = False
     settings.time_limit = 0.0
     settings.use_animated_seed = False
@@ -115,21 +179,37 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     settings.film_exposure = 1.0
     settings.pixel_filter_type = "BOX"
     settings.filter_width = 1.0
-    # Portals count as transparent bounces; nothing else bounces.
-    settings.transparent_max_bounces = bounces + 1
-    settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = 0
-    settings.transmission_bounces = settings.volume_bounces = 0
-    settings.min_light_bounces = settings.min_transparent_bounces = 0
 
     for name in dir(layer):
         if name.startswith("use_pass_") and not layer.is_property_readonly(name):
             setattr(layer, name, False)
-    # Alpha is what does not reach the background. A portal opens only towards a hit, so its ray never does.
     layer.use_pass_combined = True
     layer.pass_alpha_threshold = 0.0
     layer.samples = 0
 
-    world = bpy.data.worlds.new("black")
-    version.empty_node_tree(world)
-    world.cycles.sampling_method = "NONE"
-    scene.world = world
+
+def _bounce(settings: Any, reflected: int, transparent: int) -> None:
+    settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = reflected
+    settings.transmission_bounces = reflected
+    settings.volume_bounces = 0
+    settings.transparent_max_bounces = transparent
+    settings.min_light_bounces = settings.min_transparent_bounces = 0
+
+
+def _use_device(settings: Any, device: str) -> None:
+    """Render on all devices of a kind, or on the CPU."""
+    settings.device = "CPU"
+    if device == "cpu":
+        return
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    there: set[str] = set()
+    for kind, *_ in preferences.get_device_types(bpy.context):
+        if kind != "NONE":
+            there |= {each.type for each in preferences.get_devices_for_type(kind) if each.type != "CPU"}
+    if device.upper() not in there:
+        found = ", ".join(sorted(["cpu", *(kind.lower() for kind in there)]))
+        raise RenderError(f"Cycles finds no device of the kind '{device}' on this machine; it finds: {found}")
+    preferences.compute_device_type = device.upper()
+    for each in preferences.get_devices_for_type(device.upper()):
+        each.use = each.type == device.upper()
+    settings.device = "GPU"

@@ -1,4 +1,4 @@
-"""Cycles' own Principled BSDF under its own light, as a user would set them up: what the benchmark compares with."""
+"""Cycles' own Principled BSDF, as a user would set it up: what the benchmark compares with."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import bpy
 from lookdev.asset import Asset
 from lookdev.codegen import PrincipledSource
 from lookdev.cycles import version
-from lookdev.ibl import LightTables
 
 
 def principled_material(source: PrincipledSource) -> Any:
@@ -42,34 +41,9 @@ def shade_by_normals(objects: Sequence[Any], asset: Asset) -> None:
         item.data.normals_split_custom_set(asset.meshes[instance.mesh].normals)
 
 
-def light_by_world(scene: Any, light: LightTables, bounces: int) -> Any:
-    """Light a scene by a world with the environment map, importance-sampled by Cycles.
-
-    Returns the input of the node that turns it: Euler angles, radians.
-    """
+def configure_as_users_do(scene: Any) -> None:
+    """Set what a user would have, where a scene of our own closures has something else."""
     settings = scene.cycles
-    settings.shading_system = False
-    scene.render.use_motion_blur = False
-    settings.max_bounces = settings.diffuse_bounces = settings.glossy_bounces = settings.transmission_bounces = bounces
+    settings.sampling_pattern = "AUTOMATIC"
+    settings.light_sampling_threshold = 0.01
     settings.transparent_max_bounces = 8
-    settings.caustics_reflective = settings.caustics_refractive = True
-    settings.blur_glossy = 0.0
-
-    tree = version.empty_node_tree(scene.world)
-    coordinates = tree.nodes.new("ShaderNodeTexCoord")
-    mapping = tree.nodes.new("ShaderNodeMapping")
-    mapping.vector_type = "POINT"
-    texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = bpy.data.images.load(str(light.radiance))
-    texture.image.colorspace_settings.name = "Non-Color"
-    # The fourth channel is the density of our own sampling.
-    texture.image.alpha_mode = "CHANNEL_PACKED"
-    background = tree.nodes.new("ShaderNodeBackground")
-    output = tree.nodes.new("ShaderNodeOutputWorld")
-    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
-    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
-    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
-    tree.links.new(background.outputs["Background"], output.inputs["Surface"])
-    # Its map is of 4096 x 2048 then, and the picture less noisy for the same time than with one of the light's size.
-    scene.world.cycles.sampling_method = "AUTOMATIC"
-    return mapping.inputs["Rotation"]

@@ -27,7 +27,7 @@ _FIRST_ROUND = 8
 class RenderedFrame:
     """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
 
-    A frame that Cycles lights itself is one render, `a` and `b` alike; then `relmse` is not known, nan.
+    A frame as a user of Cycles would have it is one render, `a` and `b` alike; then `relmse` is not known, nan.
     """
 
     a: Image
@@ -51,9 +51,8 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     sampling = task.scene.sampling
     width, height = task.scene.resolution
     gain = 2.0**task.exposure
-    scene.pose(task)
-    if scene.lit_by_world:
-        scene.control(task.pose, sampling.seed, sampling.samples)
+    scene.pose(task.scene.camera, task.pose)
+    if scene.by_user:
         image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
         progress(sampling.samples, sampling.samples, None)
         rgb = np.ascontiguousarray(image[:, :, :3])
@@ -69,7 +68,7 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
             scene.control(task.pose, seed, size)
             passes = engine.render_passes(scene.scene, size, seed)
             sums[half] += size * passes["Combined"][::-1, :, :3]
-            coverage += size * passes["Combined"][::-1, :, 3]
+            coverage += size * (passes["UV"][::-1, :, 2] if scene.by_portals else passes["Combined"][::-1, :, 3])
             done += size
             progress(done, sampling.samples, None if math.isnan(error) else error)
         a, b = (2.0 / done) * sums

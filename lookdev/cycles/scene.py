@@ -14,72 +14,159 @@ from lookdev.asset.bounds import about_origin
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
 from lookdev.asset.tangents import handedness
-from lookdev.codegen import HANDEDNESS, AttributeBinding
+from lookdev.codegen import HANDEDNESS, AttributeBinding, NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.cycles import engine
-from lookdev.cycles.principled import light_by_world, principled_material, shade_by_normals
+from lookdev.cycles.nodes import Groups, build_material
+from lookdev.cycles.principled import configure_as_users_do, principled_material, shade_by_normals
 from lookdev.cycles.shaders import surface_material
-from lookdev.plan.task import Camera, FrameTask, Pose, SceneTask
+from lookdev.cycles.svm import check_stack
+from lookdev.cycles.world import build_world
+from lookdev.plan.task import Camera, Pose, SceneTask
 
 
 class Scene:
-    """What is rendered, kept between frames: only what a task changes is rebuilt."""
+    """What is rendered, kept between frames: only what a task changes is rebuilt.
 
-    def __init__(self, task: SceneTask) -> None:
+    Attributes
+    ----------
+    scene, root, camera
+        Blender's scene, the empty that all of the asset hangs on, and the camera.
+    objects
+        The asset's instances.
+    """
+
+    def __init__(self, task: SceneTask, into: Any = None, groups: Groups | None = None) -> None:
+        """Build a task's scene.
+
+        Parameters
+        ----------
+        task
+            The scene.
+        into
+            An empty scene of Blender's to build it in; None: one beside which there is nothing else.
+        groups
+            Node groups to share with other scenes, as `build_material` does.
+
+        Raises
+        ------
+        RenderError
+            Blender cannot show one of the sources, or this machine has no such device.
+        """
         self.task = task
-        self.scene = engine.empty_scene()
-        engine.configure(self.scene, task.resolution, task.sampling.bounces)
+        self.scene = engine.empty_scene() if into is None else into
+        self._groups: Groups = {} if groups is None else groups
+        self._configure()
         asset = read_asset(task.asset_file)
-        attributes = {binding for shader in task.shaders for binding in shader.attributes}
-        if task.principled:
-            materials = [principled_material(source) for source in task.principled]
-        else:
-            materials = [surface_material(shader, task.light) for shader in task.shaders]
-        # The world's rotation, where it is the world that lights the scene.
-        self._rotation: Any = None
-        if self.lit_by_world:
-            self._rotation = light_by_world(self.scene, task.light, task.sampling.bounces)
         # Cycles computes in float32: far from the origin it would lose the asset.
         self._origin = np.array(asset.center)
         asset = about_origin(asset)
-        self._objects = _add_asset(self.scene, asset, materials, attributes)
-        if task.principled:
-            shade_by_normals(self._objects, asset)
-        self._camera = _add_camera(self.scene)
+        attributes = {
+            binding
+            for source in task.shaders
+            if not isinstance(source, PrincipledSource)
+            for binding in source.attributes
+        }
+        self.root, self.objects = _add_asset(self.scene, asset, self._materials(), attributes)
+        self.camera = _add_camera(self.scene)
+        if self.by_user:
+            shade_by_normals(self.objects, asset)
+        else:
+            for item in self.objects:
+                # Shadows of facets are as they are, not smoothed.
+                item.shadow_terminator_geometry_offset = item.shadow_terminator_shading_offset = 0.0
+        if isinstance(task.shaders[0], NodeSource):
+            check_stack(self.scene)
 
     @property
-    def lit_by_world(self) -> bool:
-        """Whether Cycles itself samples the light, not our shaders."""
-        return bool(self.task.principled)
+    def by_shaders(self) -> bool:
+        """Whether our own shaders integrate the light; otherwise it is a world's."""
+        return isinstance(self.task.shaders[0], ShaderSource)
+
+    @property
+    def by_portals(self) -> bool:
+        """Whether all light comes through ray portals, so that alpha does not tell what is covered."""
+        source = self.task.shaders[0]
+        return isinstance(source, NodeSource) and source.exact
+
+    @property
+    def by_user(self) -> bool:
+        """Whether it is as a user of Cycles would have it: one render, no halves."""
+        return isinstance(self.task.shaders[0], PrincipledSource)
+
+    def _configure(self) -> None:
+        task = self.task
+        bounces = task.sampling.bounces
+        if self.by_shaders:
+            engine.configure(self.scene, task.resolution, bounces)
+        elif self.by_portals:
+            engine.configure_portals(self.scene, task.resolution, bounces, task.device)
+            self.scene.world = build_world("light", task.light, sampled=False, after_portals=True)
+        else:
+            engine.configure_closures(self.scene, task.resolution, bounces, task.device)
+            # Directions of a light that is the same everywhere are as well drawn from the surface.
+            self.scene.world = build_world("light", task.light, sampled=self.by_user or not task.light.constant)
+        if self.by_user:
+            configure_as_users_do(self.scene)
+
+    def _materials(self) -> list[Any]:
+        """Return the material of each slot; slots that share a look share it."""
+        made: list[tuple[Source, Any]] = []
+        materials = []
+        for source in self.task.shaders:
+            material = next((known for other, known in made if other == source), None)
+            if material is None:
+                material = self._material(source)
+                made.append((source, material))
+            materials.append(material)
+        return materials
+
+    def _material(self, source: Source) -> Any:
+        match source:
+            case ShaderSource():
+                return surface_material(source, self.task.light)
+            case NodeSource():
+                return build_material(source, self._groups)
+            case PrincipledSource():
+                return principled_material(source)
 
     def fits(self, task: SceneTask) -> bool:
         """Tell whether frames of another task need nothing here to be rebuilt; camera and samples may differ."""
         return _built_from(task) == _built_from(self.task)
 
-    def pose(self, task: FrameTask) -> None:
-        """Stand the camera where it shows this pose. The asset never moves: its acceleration structure stays."""
-        camera = task.scene.camera
-        x, y, z = np.array(camera.target) - self._origin
-        _place_camera(self._camera, replace(camera, target=(float(x), float(y), float(z))), task.pose)
+    def pose(self, camera: Camera, pose: Pose) -> None:
+        """Stand asset and camera where they show a pose, by location and Euler angles.
+
+        For shaders of our own, which turn the light, the asset never moves. A world never turns: that would make Cycles
+        sample it anew. The asset turns by ``element - lighting`` then, about the axis through the camera's target, and
+        the camera orbits by ``-lighting``.
+        """
+        x, y, z = (float(value) for value in np.array(camera.target) - self._origin)
+        orbit, turn = (pose.element, 0.0) if self.by_shaders else (pose.lighting, pose.element - pose.lighting)
+        _place_camera(self.camera, replace(camera, target=(x, y, z)), orbit)
+        angle = math.radians(turn)
+        sine, cosine = math.sin(angle), math.cos(angle)
+        self.root.rotation_euler = (0.0, 0.0, angle)
+        self.root.location = (x - cosine * x + sine * y, y - sine * x - cosine * y, 0.0)
 
     def control(self, pose: Pose, seed: int, samples: int) -> None:
-        """Tell the shaders what changes from render to render, through the colour of the objects.
+        """Tell our own shaders what changes from render to render, through the colour of the objects.
 
-        A shader parameter would recompile the shader and a turned world rebuild its importance map; an object's
-        colour costs neither. Blender keeps its channels at 0 or above, hence the angle in [0, 2 pi).
+        A shader parameter would recompile the shader; an object's colour does not. Blender keeps its channels at 0 or
+        above, hence the angle in [0, 2 pi).
         """
-        turn = math.radians((pose.lighting - pose.element) % 360.0)
-        if self._rotation is not None and self._rotation.default_value[2] != np.float32(-turn):
-            # The node turns the direction that is looked up, not the map. Whatever it is set to, Cycles begins anew.
-            self._rotation.default_value = (0.0, 0.0, -turn)
-        for item in self._objects:
-            item.color = (turn, float(seed), float(samples), 1.0)
+        if self.by_shaders:
+            turn = math.radians((pose.lighting - pose.element) % 360.0)
+            for item in self.objects:
+                item.color = (turn, float(seed), float(samples), 1.0)
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    return task.asset_file, task.shaders, task.principled, task.light, task.resolution, task.sampling.bounces
+    return task.asset_file, task.shaders, task.light, task.resolution, task.sampling.bounces, task.device
 
 
-def _add_asset(scene: Any, asset: Asset, materials: list[Any], attributes: set[AttributeBinding]) -> list[Any]:
+def _add_asset(
+    scene: Any, asset: Asset, materials: list[Any], attributes: set[AttributeBinding]
+) -> tuple[Any, list[Any]]:
     meshes = [_build_mesh(mesh, materials, attributes) for mesh in asset.meshes]
     # An object's own transform is location, rotation and scale: shear would be lost. What it inherits is a matrix.
     root = bpy.data.objects.new("root", None)
@@ -94,7 +181,7 @@ def _add_asset(scene: Any, asset: Asset, materials: list[Any], attributes: set[A
     for data in meshes:
         if data.users == 1:
             _share(scene, data, asset)
-    return objects
+    return root, objects
 
 
 def _share(scene: Any, data: Any, asset: Asset) -> None:
@@ -158,8 +245,8 @@ def _add_camera(scene: Any) -> Any:
     return camera
 
 
-def _place_camera(item: Any, camera: Camera, pose: Pose) -> None:
-    """Orbit by ``-element``; oriented by angles, not by looking at the target, so that poles are no exception."""
+def _place_camera(item: Any, camera: Camera, orbit: float) -> None:
+    """Orbit by ``-orbit`` degrees; oriented by angles, not by looking at the target, so that poles are no exception."""
     lens = item.data
     lens.type = "PERSP"
     lens.sensor_fit = "HORIZONTAL"
@@ -169,7 +256,7 @@ def _place_camera(item: Any, camera: Camera, pose: Pose) -> None:
     lens.dof.use_dof = False
     lens.clip_start = camera.distance * 1e-3
     lens.clip_end = camera.distance * 1e3
-    azimuth = math.radians(-90.0 - pose.element)
+    azimuth = math.radians(-90.0 - orbit)
     elevation = math.radians(camera.elevation)
     direction = (
         math.cos(elevation) * math.cos(azimuth),

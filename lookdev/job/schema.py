@@ -28,6 +28,7 @@ from pydantic_core import PydanticCustomError
 
 BuiltinAsset = Literal["plane", "sphere", "suzanne", "shaderball"]
 BuiltinIbl = Literal["city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset", "white"]
+Backend = Literal["exact", "nodes", "nodes-exact"]
 Device = Literal["cpu", "cuda", "optix", "hip", "metal", "oneapi"]
 View = Literal["ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw"]
 
@@ -229,10 +230,15 @@ class JobRender(Table):
     """How frames are rendered."""
 
     resolution: tuple[Pixels, Pixels] = Field(default=(512, 512), description="Width and height, pixels.")
-    backend: Literal["exact"] = Field(
-        default="exact", description="exact: the models as published, through light integrals in OSL."
+    backend: Backend = Field(
+        default="exact",
+        description="exact: the models as published, through light integrals in OSL. nodes: Cycles' own closures, "
+        "fitted to the models, as native shader nodes. nodes-exact: the models as published, as native shader nodes "
+        "without OSL; noisier than exact, and not for looks that can be seen through.",
     )
-    device: Device = Field(default="cpu", description="Cycles' device; the exact backend runs on cpu only.")
+    device: Device = Field(
+        default="cpu", description="Cycles' device; exact runs on cpu only, the other backends on any."
+    )
     error: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
         default=None,
         description="Target relMSE of a frame: samples are added until its estimate is at most this.",
@@ -247,10 +253,14 @@ class JobRender(Table):
     )
     # At least one: what a narrow lobe reflects, and indirect light, is found by its own directions only.
     brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = Field(
-        default=None, description="Directions drawn from the BRDF at each shading point; default: as suits the look."
+        default=None,
+        description="Directions drawn from the BRDF at each shading point, by the exact backend; default: as suits the "
+        "look.",
     )
     ibl_samples: Annotated[int, Field(ge=0, le=64)] | None = Field(
-        default=None, description="Directions drawn from the light at each shading point; default: as suits the look."
+        default=None,
+        description="Directions drawn from the light at each shading point, by the exact backend; default: as suits "
+        "the look.",
     )
     # Times 64, for the rounds and halves of a frame, it must be exact as a float32: so it reaches the shader.
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(default=0, description="Seed of all random choices.")
@@ -266,8 +276,16 @@ class JobRender(Table):
             raise _wrong(
                 f"the exact backend cannot run on '{value}': its light integrals are OSL, "
                 "which traces rays on Cycles' CPU device only",
-                'device = "cpu"',
+                'device = "cpu", or backend = "nodes" or "nodes-exact"',
             )
+        return value
+
+    @field_validator("brdf_samples", "ibl_samples")
+    @classmethod
+    def _directions_of_exact(cls, value: int, info: ValidationInfo) -> int:
+        backend = info.data.get("backend", "exact")
+        if backend != "exact":
+            raise _wrong(f"has no meaning with backend '{backend}'", 'it goes with backend = "exact"')
         return value
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from functools import cache
 from importlib.metadata import version
 
+from lookdev.codegen import PrincipledSource, Source
 from lookdev.plan.task import Pose, SceneTask
 
 RENDER_VERSION = 1
@@ -23,7 +24,7 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
     """
     return {
         "asset": _digest(scene.asset_file.stem),
-        "look": _digest([shader.digest for shader in scene.shaders]),
+        "look": _digest([_source_digest(source) for source in scene.shaders]),
         "ibl": _digest([scene.light.digest, exposure]),
         "camera": _digest(asdict(scene.camera)),
         "pose": _digest(asdict(pose)),
@@ -48,6 +49,10 @@ def frame_digest(parts: Mapping[str, str]) -> str:
 def blender_version() -> str:
     """Return the version of the installed bpy, without importing it."""
     return version("bpy")
+
+
+def _source_digest(source: Source) -> str:
+    return _digest(asdict(source)) if isinstance(source, PrincipledSource) else source.digest
 
 
 def _digest(value: object) -> str:

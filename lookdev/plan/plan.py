@@ -108,7 +108,8 @@ def build_plan(
     Returns
     -------
     Plan
-        With one frame for each distinct pose of a look under a light, however many turntables show it.
+        With one frame for each distinct pose of a look under a light, however many turntables show it. Poses are not
+        distinct where only a light turned that comes alike from everywhere.
     """
     frames = tuple(
         PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
@@ -143,7 +144,7 @@ def _tasks(job: Job, look: JobLook, ibl: JobIbl, scene: SceneTask, around: bool)
         poses = turntable_poses(turntable, ibl.rotation, job.camera.azimuth)
         files = frame_files(job, look.name, ibl.name, turntable)
         for pose, file in zip(poses, files, strict=True):
-            shown.setdefault(unturned(pose) if around else pose, []).append((turntable.name, file))
+            shown.setdefault(unturned(pose, around, scene.light.constant), []).append((turntable.name, file))
     for pose, places in shown.items():
         parts = part_digests(scene, pose, ibl.exposure)
         labels = {

@@ -41,13 +41,20 @@ def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: flo
     return tuple(poses)
 
 
-def unturned(pose: Pose) -> Pose:
-    """Return the pose that stands for all that show the same picture of an asset that is the same all around.
+def unturned(pose: Pose, asset: bool, light: bool) -> Pose:
+    """Return the pose that stands for all that show the same picture.
 
-    Seen from the camera, the light stands at `lighting`, whatever `element` is: the renderer's camera orbits by
-    ``-element``, and its light turns by ``lighting - element``.
+    Parameters
+    ----------
+    pose : Pose
+        Where the asset and the light stand.
+    asset : bool
+        The asset is the same all around. Seen from the camera, the light stands at `lighting`, whatever `element` is:
+        the renderer's camera orbits by ``-element``, and its light turns by ``lighting - element``.
+    light : bool
+        The light is: it comes alike from everywhere.
     """
-    return Pose(element=0.0, lighting=pose.lighting)
+    return Pose(element=0.0 if asset else pose.element, lighting=0.0 if light else pose.lighting)
 
 
 def _exact(angle: float) -> Fraction:

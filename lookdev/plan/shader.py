@@ -1,13 +1,16 @@
-"""The shader of a look, for a light, a picture and a way of sampling."""
+"""What a backend makes of a look, for a light, a picture and a way of sampling."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
 
-from lookdev.codegen import ShaderSource
+from lookdev.codegen import NodeSource, ShaderSource
+from lookdev.codegen.node_look import generate_nodes
+from lookdev.codegen.nodes_exact import generate_nodes_exact
 from lookdev.codegen.surface import generate_surface
 from lookdev.ibl import LightTables
+from lookdev.job.schema import Backend
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.textures import image_file
 from lookdev.plan.task import Sampling
@@ -31,3 +34,27 @@ def surface_shader(
         constant_light=light.constant,
         resolution=resolution,
     )
+
+
+def look_source(
+    look: Look,
+    backend: Backend,
+    light: LightTables,
+    resolution: tuple[int, int],
+    sampling: Sampling,
+    resolve: Callable[[Texture | Bump], Path] = image_file,
+) -> ShaderSource | NodeSource:
+    """Generate what a slot that wears a look is given under a backend.
+
+    Raises
+    ------
+    CodegenError
+        The backend cannot show such a look.
+    """
+    match backend:
+        case "exact":
+            return surface_shader(look, light, resolution, sampling, resolve)
+        case "nodes":
+            return generate_nodes(look, resolve)
+        case "nodes-exact":
+            return generate_nodes_exact(look, resolve, bounces=sampling.bounces)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 from lookdev.brdf import PARAMETERS
-from lookdev.codegen import ShaderSource
-from lookdev.job import Job, JobIbl
+from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
+from lookdev.job import Job, JobIbl, JobRender
 from lookdev.material import Bump, Formula, Layer, Look, Texture
 from lookdev.plan.poses import turntable_poses, unturned
 from lookdev.plan.task import SceneTask
@@ -27,13 +28,13 @@ class Skip:
         return f"{self.what} ({self.why})"
 
 
-def same_all_around(looks: Iterable[Look], shaders: Iterable[ShaderSource]) -> bool:
+def same_all_around(looks: Iterable[Look], shaders: Iterable[Source]) -> bool:
     """Tell whether a surface of revolution shows the same picture however it is turned about its axis.
 
     It does where its shaders read nothing that differs over it, and no layer of its looks knows one direction along
     the surface from another. Nothing is said of a layer that turned out not to matter: its directions count.
     """
-    uniform = not any(shader.textures or shader.attributes for shader in shaders)
+    uniform = not any(_reads_what_differs(shader) for shader in shaders)
     return uniform and not any(_is_directed(layer) for look in looks for layer in look.layers)
 
 
@@ -63,43 +64,71 @@ def find_skips(
         for ibl in job.ibl:
             key = look.name, ibl.name
             for what, why in (
-                *_scene_skips(job, scenes[key], looks[look.name]),
-                *(_frame_skips(job, ibl) if key in around else ()),
+                *scene_skips(scenes[key], looks[look.name], job.render),
+                *_frame_skips(job, ibl, key in around, scenes[key].light.constant),
             ):
                 yield Skip(*key, what, why)
 
 
-def _scene_skips(job: Job, scene: SceneTask, looks: Sequence[Look]) -> Iterator[tuple[str, str]]:
-    if scene.sampling.bounces < job.render.bounces:
+def scene_skips(scene: SceneTask, looks: Sequence[Look], render: JobRender) -> Iterator[tuple[str, str]]:
+    """Tell what a scene leaves out, and why; `looks` has what each slot wears, `render` what was asked for."""
+    if scene.sampling.bounces < render.bounces:
         yield "bounces", "convex asset"
-    if not any(shader.transmits for shader in scene.shaders):
+    if not any(_transmits(shader) for shader in scene.shaders):
         yield "light from behind", "nothing transmits"
-    brdf, light = (max(counts) for counts in zip(*(shader.directions for shader in scene.shaders), strict=True))
-    if not light and scene.light.constant and job.render.ibl_samples != 0:
-        yield "light samples", "constant light"
-    if not brdf:
-        yield "BRDF samples", "every lobe is broad"
+    counts = [shader.directions for shader in scene.shaders if isinstance(shader, ShaderSource)]
+    if counts:
+        brdf, light = (max(each) for each in zip(*counts, strict=True))
+        if not light and scene.light.constant and render.ibl_samples != 0:
+            yield "light samples", "constant light"
+        if not brdf:
+            yield "BRDF samples", "every lobe is broad"
     unread = _unread_textures(looks, scene.shaders)
     if unread:
         yield ("1 texture", "reaches no pixel") if unread == 1 else (f"{unread} textures", "reach no pixel")
 
 
-def _frame_skips(job: Job, ibl: JobIbl) -> Iterator[tuple[str, str]]:
+def _frame_skips(job: Job, ibl: JobIbl, around: bool, constant: bool) -> Iterator[tuple[str, str]]:
     poses = {pose for each in job.turntable for pose in turntable_poses(each, ibl.rotation, job.camera.azimuth)}
-    left = {unturned(pose) for pose in poses}
+    left = {unturned(pose, around, constant) for pose in poses}
     if len(left) < len(poses):
-        yield f"{len(poses) - len(left)} of {len(poses)} frames", "same all around"
+        causes = ["same all around"] * around + ["constant light"] * constant
+        yield f"{len(poses) - len(left)} of {len(poses)} frames", ", ".join(causes)
 
 
-def _unread_textures(looks: Sequence[Look], shaders: Sequence[ShaderSource]) -> int:
+def _reads_what_differs(source: Source) -> bool:
+    match source:
+        case ShaderSource():
+            return bool(source.textures or source.attributes)
+        case NodeSource():
+            images = any(node.image for tree in source.trees for node in tree.nodes)
+            return images or bool(source.attributes)
+        case PrincipledSource():
+            return False
+
+
+def _transmits(source: Source) -> bool:
+    return not isinstance(source, PrincipledSource) and source.transmits
+
+
+def _unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
     """Count the look-ups of looks that their shaders do without; slots that share a look share its shader."""
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():
         sources = (source for layer in look.layers for source in (*layer.inputs.values(), layer.mask))
         named = {lookup for source in sources for lookup in _lookups(source)}
-        # Tiles of one look-up share the first part of their parameters' names.
-        unread += len(named) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
+        if isinstance(shader, ShaderSource):
+            # Tiles of one look-up share the first part of their parameters' names.
+            unread += len(named) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
+        elif isinstance(shader, NodeSource):
+            # A node that reads an image is labelled by its file; of a set, all tiles by the set's.
+            read = {node.label for tree in shader.trees for node in tree.nodes if node.image is not None}
+            unread += sum(_file(lookup).stem not in read for lookup in named)
     return unread
+
+
+def _file(lookup: Texture | Bump) -> Path:
+    return lookup.height.file if isinstance(lookup, Bump) else lookup.file
 
 
 def _lookups(source: object) -> Iterator[Texture | Bump]:

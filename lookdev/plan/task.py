@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.codegen import PrincipledSource, ShaderSource
+from lookdev.codegen import NodeSource, Source
 from lookdev.ibl import LightTables
 
 
@@ -13,8 +13,10 @@ from lookdev.ibl import LightTables
 class Pose:
     """Where the asset and the light stand: degrees about the world's z axis, in [0, 360).
 
-    The renderer never moves the asset: the camera orbits by ``-element`` and the light turns by
-    ``lighting - element`` about it, which shows the same picture and keeps every acceleration structure.
+    The renderer moves no more than it must to show this, so that it keeps every acceleration structure and the map by
+    which it samples a light. Our own shaders leave the asset still: the camera orbits by ``-element`` and the light
+    turns by ``lighting - element``. Under Cycles' own light that stands still: the asset turns by
+    ``element - lighting`` and the camera orbits by ``-lighting``.
     """
 
     element: float
@@ -54,20 +56,31 @@ class Sampling:
 
 @dataclass(frozen=True)
 class SceneTask:
-    """All that stays the same over a sequence: geometry, one shader for each slot, light, resolution.
+    """All that stays the same over a sequence: geometry, one source for each slot, light, resolution.
 
-    With `principled`, that many of Cycles' own BSDF take the place of the shaders and Cycles itself samples the light;
-    of the sampling `samples`, `bounces` and `seed` apply.
+    The sources are all of one kind, which says who lights the scene: of `ShaderSource` the shaders themselves,
+    otherwise Cycles by its world. Of the sampling, `brdf_samples` and `ibl_samples` are in the shaders already.
+
+    Raises
+    ------
+    ValueError
+        There is no source, or there are several kinds.
     """
 
     asset_file: Path
-    shaders: tuple[ShaderSource, ...]
+    shaders: tuple[Source, ...]
     light: LightTables
     resolution: tuple[int, int]
     sampling: Sampling
     camera: Camera
     device: str
-    principled: tuple[PrincipledSource, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse what no renderer can show."""
+        kinds = {(type(source).__name__, isinstance(source, NodeSource) and source.exact) for source in self.shaders}
+        if len(kinds) != 1:
+            found = ", ".join(name + " that is exact" * exact for name, exact in sorted(kinds)) or "none"
+            raise ValueError(f"a scene has one kind of source in all its slots, found: {found}")
 
 
 @dataclass(frozen=True)

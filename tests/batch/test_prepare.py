@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.codegen import NodeSource, ShaderSource
 from lookdev.errors import FaultsError
+from lookdev.job.schema import Backend
 
 LOOK = """#usda 1.0
 def Material "Paint"
@@ -121,6 +123,40 @@ def test_turning_a_sphere_of_a_plain_look_is_one_frame(
     skipped = {look: [skip.what for skip in plan.skips if skip.look == look] for look in ("good", "other")}
     bounces = ["bounces"] if frames else []
     assert skipped["good"] == skipped["other"] == [*bounces, "light from behind", "light samples", *frames]
+
+
+@pytest.mark.parametrize(("backend", "exact"), [("nodes", False), ("nodes-exact", True)])
+def test_a_backend_makes_the_sources(job: Path, backend: Backend, exact: bool) -> None:
+    without_the_file(job)
+    by_shaders = prepare_job(job)
+    assert all(isinstance(source, ShaderSource) for source in by_shaders.plan.frames[0].task.scene.shaders)
+    job.write_text(f'{job.read_text()}backend = "{backend}"\ndevice = "optix"\n')
+    prepared = prepare_job(job)
+    for frame in prepared.plan.frames:
+        assert [(type(source), source.exact) for source in frame.task.scene.shaders] == [(NodeSource, exact)] * 2  # type: ignore[union-attr]
+        assert frame.task.scene.device == "optix"
+    digests = [{frame.task.digest for frame in each.plan.frames} for each in (by_shaders, prepared)]
+    assert not digests[0] & digests[1]
+
+
+def test_a_backend_can_be_another_than_the_jobs(job: Path) -> None:
+    without_the_file(job)
+    prepared = prepare_job(job, backend="nodes")
+    assert prepared.job.render.backend == "nodes"
+    assert prepared.job.file == job
+    assert all(isinstance(frame.task.scene.shaders[0], NodeSource) for frame in prepared.plan.frames)
+
+
+def test_a_look_that_a_backend_cannot_show_is_a_fault_with_its_place(job: Path) -> None:
+    without_the_file(job)
+    see_through = LOOK.format(roughness=0.5).replace("LookdevDisney", "LookdevPixar")
+    (job.parent / "other.usda").write_text(see_through.replace("float inputs:roughness", "float inputs:presence"))
+    assert prepare_job(job, backend="nodes").plan.frames
+    with pytest.raises(FaultsError) as caught:
+        prepare_job(job, backend="nodes-exact")
+    (fault,) = caught.value.faults
+    assert (fault.file, fault.where) == (str(job), "look[1]")
+    assert "nodes-exact" in fault.what
 
 
 # A set of two; another of two, where one variant brings a set of its own.

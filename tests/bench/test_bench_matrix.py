@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.backends import bench_light, bench_scene, picture_key, with_principled
+from lookdev.bench.backends import bench_asset, bench_light, bench_scene, picture_key, skips_of, with_principled
 from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered, usda
 from lookdev.bench.matrix import BACKENDS, IBLS, SCENES, Cell, Options, listing, parse_options
 from lookdev.errors import LookdevError
@@ -47,6 +47,19 @@ def test_a_look_has_a_shader(look: str) -> None:
     assert scene.shaders[0].transmits == (look == "pixar")
     assert len(scene.shaders[0].textures) == (5 if look == "stack" else 0)
     assert scene.sampling.bounces == 2
+
+
+def test_skips_are_those_of_the_scene() -> None:
+    def told(scene: str, look: str) -> tuple[str, ...]:
+        made = bench_scene(bench_asset(scene), LOOKS[look], bench_light("white"), 32, SCENES[scene].bounces)
+        return skips_of(Cell(scene, "white", look), made)
+
+    opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
+    assert told("sphere", "plastic") == ("bounces (convex asset)", opaque, lit)
+    assert told("suzanne", "plastic") == (opaque, lit)
+    assert told("sphere", "pixar") == (lit,)
+    # All five masks are read: nothing is said of textures.
+    assert told("suzanne", "stack") == (opaque, lit)
 
 
 def test_every_layer_adds_to_the_shader() -> None:
@@ -111,7 +124,7 @@ def test_the_list_names_everything() -> None:
         ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
         ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
         ({"looks": ("plastik",)}, "did you mean 'plastic'?"),
-        ({"backends": ("cycles",)}, "known: exact, principled, mitsuba"),
+        ({"backends": ("cycles",)}, "known: exact, nodes, nodes-exact, principled, mitsuba"),
         ({"backends": ()}, "no backend is asked for"),
         ({"scenes": ("sphere", "sphere")}, "asked for twice"),
         ({"samples": (4, 6)}, "6 samples"),

@@ -39,8 +39,8 @@ def results(folder: Path) -> Results:
         return run_matrix(OPTIONS, folder / "out", quiet, opened=FakeBackends())
 
 
-def printed(results: Results) -> str:
-    console = Console(width=200, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
+def printed(results: Results, width: int = 200) -> str:
+    console = Console(width=width, record=True, file=open("/dev/null", "w"))  # noqa: SIM115, PTH123
     with console.file:
         print_results(results, console)
         return console.export_text()
@@ -99,13 +99,28 @@ def test_the_table(results: Results) -> None:
         ratios=(Ratio("principled", 1e-3, Reached(0.75), 0.7, 0.81), Ratio("principled", 1e-4, None, None, None)),
     )
     lines = printed(Results(results.options, results.machine, [made], complete=True)).splitlines()
-    (exact,) = [line.split() for line in lines if " exact " in line and "sphere" in line]
-    (principled,) = [line.split() for line in lines if line.strip().startswith("principled")]
-    assert exact[:6] == ["sphere,", "city,", "plastic", "exact", "1.5", "~9"]
+    named = next(number for number, line in enumerate(lines) if line.strip() == "sphere, city, plastic")
+    exact, principled = (line.split() for line in lines[named + 1 : named + 3])
+    assert exact[:3] == ["exact", "1.5", "~9"]
     assert principled[:5] == ["principled", "2", "x0.75", "(0.70..0.81)", "-"]
     assert exact[-1] == "1"
     assert any(results.machine.cpu in line for line in lines)
     assert not any("Not complete" in line for line in lines)
+
+
+def test_80_columns_cut_no_number_off(results: Results) -> None:
+    wide, narrow = (set(printed(results, width).split()) for width in (200, 80))
+    assert {word for word in wide if any(letter.isdigit() for letter in word)} <= narrow
+
+
+def test_skips_are_told_once_for_all_cells_that_have_them(results: Results) -> None:
+    assert [line.strip() for line in printed(results).splitlines() if "skips" in line] == [
+        "exact skips bounces (convex asset), light samples (for show): sphere, city, plastic; sphere, city, stack",
+        "exact skips bounces (convex asset): sphere, studio, plastic; sphere, studio, stack",
+    ]
+    cell = json.loads(json.dumps(results.data()))["cells"][0]
+    assert cell["backends"]["exact"]["skipped"] == ["bounces (convex asset)", "light samples (for show)"]
+    assert cell["backends"]["principled"]["skipped"] == []
 
 
 def test_an_incomplete_run_says_so(results: Results) -> None:
@@ -137,6 +152,7 @@ def test_sequence_and_growth_are_told(results: Results) -> None:
         4.0,
         4.0,
         4.0,
+        ("23 of 47 frames (same all around)", "bounces (convex asset)"),
     )
     growth = [Growth("pixels", (GrowthRow(4096, 0.1, 400_000_000), GrowthRow(16384, 0.4, 410_000_000)))]
     results = replace(results, sequence=sequence, growth=growth)
@@ -144,6 +160,7 @@ def test_sequence_and_growth_are_told(results: Results) -> None:
     assert "4.00 times" in text
     assert "9.50e-04" in text
     assert "16,384" in text
+    assert "exact skips 23 of 47 frames (same all around), bounces (convex asset)" in text
     stored = json.loads(json.dumps(results.data()))
     assert stored["sequence"]["runs"][1]["frames_per_minute"] == 36.0
     assert stored["growth"][0]["rows"][1] == {"size": 16384, "seconds": 0.4, "memory": 410_000_000}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -12,9 +13,10 @@ import pytest
 from bench_fakes import truth
 
 from lookdev.asset import read_asset
+from lookdev.batch.prepare import Prepared
 from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
-from lookdev.bench.sequence import Subject, choose_samples, measure_sequence, meet, producers
+from lookdev.bench.sequence import Produced, Subject, choose_samples, measure_sequence, meet, producers
 from lookdev.checks.error import EPSILON
 from lookdev.errors import LookdevError, RenderError
 from lookdev.job import load_job
@@ -31,12 +33,13 @@ def curve(scale: float, exponent: float = 1.0) -> list[CurvePoint]:
 class FakeProducer:
     """Writes frames whose noise has a variance of ``scale^2 / samples``, at so many seconds a sample."""
 
-    def __init__(self, scale: float, cost: float) -> None:
+    def __init__(self, scale: float, cost: float, skips: tuple[str, ...] = ()) -> None:
         self.scale = scale
+        self.skips = skips
         self.cost = cost
         self.asked: list[tuple[int, int, int]] = []
 
-    def __call__(self, folder: Path, samples: int, frames: int, seed: int) -> float:
+    def __call__(self, folder: Path, samples: int, frames: int, seed: int) -> Produced:
         self.asked.append((samples, frames, seed))
         _, alpha = truth()
         image = np.repeat(GREY * alpha[..., None], 3, axis=-1)
@@ -44,7 +47,7 @@ class FakeProducer:
             rng = np.random.default_rng([samples, seed, number, *ibl.encode(), *kind.encode()])
             noise = rng.normal(size=image.shape) * self.scale / math.sqrt(samples) * alpha[..., None]
             write_frame(folder / "plastic" / ibl / f"{kind}.{number + 1:04d}.exr", image + noise, alpha, {})
-        return self.cost * samples * frames
+        return Produced(self.cost * samples * frames, self.skips)
 
 
 def test_samples_that_make_mean_errors_equal() -> None:
@@ -94,13 +97,14 @@ def test_an_error_that_samples_do_not_change_ends_the_search() -> None:
 
 def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 6)
-    fakes = {"exact": FakeProducer(0.1, 0.01), "plain": FakeProducer(0.2, 0.02)}
+    fakes = {"exact": FakeProducer(0.1, 0.01, ("no frames (none)",)), "plain": FakeProducer(0.2, 0.02)}
     # Four times the samples make the plain script's error equal; the first guess is far off.
     result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, tell=lambda text: None)
     assert result.samples["exact"] == 16
     assert result.samples["plain"] == pytest.approx(64, rel=0.15)
     assert result.relmse["plain"] == pytest.approx(result.relmse["exact"], rel=0.15)
     assert result.frames == 6 * 2 * 2
+    assert result.skips == ("no frames (none)",)
     assert [(run.backend, run.repeat) for run in result.runs] == [
         ("exact", 0), ("plain", 0), ("exact", 1), ("plain", 1)
     ]  # fmt: skip
@@ -129,8 +133,9 @@ def test_what_the_script_cannot_show_is_refused() -> None:
 def test_the_job_and_the_request_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     given = {}
 
-    def render_job(job: Path, prepare: object) -> object:
+    def render_job(job: Path, prepare: Callable[[Path], Prepared]) -> object:
         given["job"] = load_job(job)
+        given["skips"] = [str(skip) for skip in prepare(job).plan.skips]
         return type("Result", (), {"interrupted": False, "exit_code": 0})()
 
     def run(command: tuple[str, ...], **options: object) -> object:
@@ -141,8 +146,11 @@ def test_the_job_and_the_request_show_the_same(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(sequence.subprocess, "run", run)
     subject = Subject("suzanne", "plastic", ("white",), 64)
     made = producers(subject)
-    assert made["exact"](tmp_path / "a", 16, 3, 7) >= 0.0
-    assert made["plain"](tmp_path / "b", 20, 3, 7) >= 0.0
+    exact = made["exact"](tmp_path / "a", 16, 3, 7)
+    assert exact.seconds >= 0.0
+    assert list(exact.skips) == given["skips"]
+    assert "light from behind (nothing transmits)" in exact.skips
+    assert made["plain"](tmp_path / "b", 20, 3, 7).seconds >= 0.0
     job, request = given["job"], given["request"]
     assert (job.render.samples, job.render.seed, job.render.bounces) == (16, 7, request["bounces"])
     assert (request["samples"], request["seed"]) == (20, 7)

@@ -38,8 +38,8 @@ material = "red.usda"
 name = "blue"
 material = "blue.usda"
 [[ibl]]
-name = "white"
-builtin = "white"
+name = "{light}"
+builtin = "{light}"
 exposure = -1.0
 [[turntable]]
 kind = "element"
@@ -58,12 +58,12 @@ def write_look(folder: Path, name: str, color: str) -> None:
     (folder / f"{name}.usda").write_text(LOOK.format(color=color))
 
 
-def write_job(folder: Path, frames: int = 2, size: int = 16, samples: int = 4) -> Path:
-    """Write a job of two looks; `frames` + 2 files and one pose fewer for each."""
+def write_job(folder: Path, frames: int = 2, size: int = 16, samples: int = 4, light: str = "white") -> Path:
+    """Write a job of two looks; `frames` + 2 files for each, and one pose fewer, or two where the light is white."""
     write_look(folder, "red", "0.7, 0.1, 0.1")
     write_look(folder, "blue", "0.1, 0.1, 0.7")
     job = folder / "job.toml"
-    job.write_text(JOB.format(frames=frames, size=size, samples=samples))
+    job.write_text(JOB.format(light=light, frames=frames, size=size, samples=samples))
     return job
 
 

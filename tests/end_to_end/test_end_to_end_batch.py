@@ -23,22 +23,22 @@ LONG = {"frames": 4, "size": 80, "samples": 64}
 
 
 def test_a_batch_is_rendered_once_and_again_only_where_a_look_changed(tmp_path: Path) -> None:
-    job = batches.write_job(tmp_path)
+    job = batches.write_job(tmp_path, light="studio")
     assert "6 of 6 frames are done, 6 of them rendered now." in batches.render(job)
     first = batches.frames(job)
-    expected = {f"{look}/white/{kind}.{n:04d}.exr" for look in ("red", "blue") for kind in ("element", "lighting")
+    expected = {f"{look}/studio/{kind}.{n:04d}.exr" for look in ("red", "blue") for kind in ("element", "lighting")
                 for n in (1, 2)}  # fmt: skip
     assert first.keys() == expected
     assert batches.leftovers(job) == []
     for look in ("red", "blue"):  # the pose that both turntables show is one file under two names
-        assert first[f"{look}/white/element.0001.exr"] == first[f"{look}/white/lighting.0001.exr"]
-        assert (tmp_path / f"out/{look}/white/element.sheet.png").exists()
-        assert (tmp_path / f"out/{look}/white/lighting.0002.png").exists()
+        assert first[f"{look}/studio/element.0001.exr"] == first[f"{look}/studio/lighting.0001.exr"]
+        assert (tmp_path / f"out/{look}/studio/element.sheet.png").exists()
+        assert (tmp_path / f"out/{look}/studio/lighting.0002.png").exists()
 
-    header = read_header(tmp_path / "out/red/white/lighting.0002.exr")
+    header = read_header(tmp_path / "out/red/studio/lighting.0002.exr")
     assert header is not None
     assert header["job"] == str(job)
-    assert (header["look"], header["ibl"], header["asset"]) == ("red", "white", "suzanne")
+    assert (header["look"], header["ibl"], header["asset"]) == ("red", "studio", "suzanne")
     assert (header["pose.element"], header["pose.lighting"], header["exposure"]) == ("0.0", "180.0", "-1.0")
     assert header["samples"] == "4"
     assert 0.0 < float(header["relmse"]) < 1.0
@@ -53,7 +53,7 @@ def test_a_batch_is_rendered_once_and_again_only_where_a_look_changed(tmp_path: 
     second = batches.frames(job)
     changed = {name for name in first if first[name] != second[name]}
     assert changed == {name for name in first if name.startswith("blue/")}
-    beauty, _ = read_frame(tmp_path / "out/blue/white/element.0002.exr")
+    beauty, _ = read_frame(tmp_path / "out/blue/studio/element.0002.exr")
     red, green, blue = beauty.mean(axis=(0, 1))
     assert green > 3.0 * max(red, blue)
 
@@ -65,14 +65,14 @@ def test_a_worker_killed_in_a_frame_costs_a_retry(tmp_path: Path) -> None:
     os.kill(batches.worker_of(batch), signal.SIGKILL)
     said = batches.finish(batch, 0)
     assert said.count("the render worker died of SIGKILL") == 1
-    assert "10 of 10 frames are done, 10 of them rendered now." in said
+    assert "8 of 8 frames are done, 8 of them rendered now." in said
     assert batches.leftovers(job) == []
 
 
 def test_a_killed_batch_leaves_no_worker_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     job = batches.write_job(tmp_path, **LONG)
     batch = batches.start(job)
-    batches.wait_until(lambda: len(batches.frames(job)) >= 3)
+    batches.wait_until(lambda: len(batches.frames(job)) >= 4)
     worker = batches.worker_of(batch)
     batch.kill()
     batches.finish(batch, -signal.SIGKILL)
@@ -82,8 +82,8 @@ def test_a_killed_batch_leaves_no_worker_and_goes_on_where_it_stopped(tmp_path: 
 
     said = batches.render(job)
     after = batches.frames(job)
-    assert "10 of 10 frames are done" in said
-    assert "10 of them rendered now" not in said
+    assert "8 of 8 frames are done" in said
+    assert "8 of them rendered now" not in said
     assert len(after) == 12
     # Only a second name of a frame may be new: its file is the one that was there.
     assert {name: after[name] for name in before} == before
@@ -91,7 +91,8 @@ def test_a_killed_batch_leaves_no_worker_and_goes_on_where_it_stopped(tmp_path: 
 
 
 def test_ctrl_c_ends_a_batch_tidily(tmp_path: Path) -> None:
-    job = batches.write_job(tmp_path, **LONG)
+    # So many that a busy machine cannot be through before it hears the signal.
+    job = batches.write_job(tmp_path, **LONG | {"frames": 20})
     batch = batches.start(job)
     batches.wait_until(lambda: batches.frames(job))
     worker = batches.worker_of(batch)
@@ -101,7 +102,7 @@ def test_ctrl_c_ends_a_batch_tidily(tmp_path: Path) -> None:
     assert "Traceback" not in said
     assert not batches.is_alive(worker)
     assert batches.leftovers(job) == []
-    assert 0 < len(prepare_job(job).plan.pending()) < 10
+    assert 0 < len(prepare_job(job).plan.pending()) < 40
 
 
 def test_frames_that_blender_cannot_render_are_listed_and_the_others_are_done(tmp_path: Path) -> None:
@@ -122,10 +123,10 @@ def test_frames_that_blender_cannot_render_are_listed_and_the_others_are_done(tm
         result = run_plan(prepared.job, spoilt("red"))
     assert result.exit_code == 1
     assert {failure.name for failure in result.failures} == {
-        f"red/white/{name}" for name in ("element.0001", "element.0002", "lighting.0002")
+        f"red/white/{name}" for name in ("element.0001", "element.0002")
     }
     assert all("RenderError" in failure.reason for failure in result.failures)
-    assert (result.done, result.rendered) == (3, 3)
+    assert (result.done, result.rendered) == (2, 2)
     with output_lock(prepared.job.output):
         again = run_plan(prepared.job, prepare_job(prepared.job.file).plan)
-    assert (again.exit_code, again.done, again.rendered) == (0, 6, 3)
+    assert (again.exit_code, again.done, again.rendered) == (0, 4, 2)

@@ -1,4 +1,6 @@
-"""Turning what is the same all around: one frame on disk under many names, and the picture that each pose has."""
+"""Turning what is the same all around, asset or light: one frame on disk under many names, and the picture that each
+pose has.
+"""
 
 from __future__ import annotations
 
@@ -78,4 +80,29 @@ def test_every_pose_has_that_picture(job: Path) -> None:
     # 1 would be noise: but asset, light and samples stand as they did to the camera, so the noise itself is the same,
     # up to float32 and where the facets are.
     assert max(ratios) < 0.01, ratios
+    assert wrong > 0.3, wrong
+
+
+def test_a_white_light_that_turns_is_one_frame(tmp_path: Path) -> None:
+    batches.write_look(tmp_path, "red", "0.7, 0.1, 0.1")
+    path = tmp_path / "job.toml"
+    path.write_text(
+        JOB.replace('"sphere"', '"suzanne"').replace('"city"', '"white"').replace('"element"', '"lighting"')
+    )
+    plan = prepare_job(path).plan
+    assert [str(skip) for skip in plan.skips][-1] == "4 of 5 frames (constant light)"
+    (task,) = plan.pending()
+    assert task.pose == Pose(0.0, 0.0)
+    assert [file.name for file in task.files] == [f"lighting.000{number}.exr" for number in range(1, 6)]
+    with Worker(WORKER_COMMAND, tmp_path / "worker.log", tmp_path, 300.0) as worker:
+        worker.start()
+
+        def render(pose: Pose) -> Rendered:
+            return worker.render(replace(task, pose=pose, digest=str(pose)), lambda progress: None)
+
+        shown = render(task.pose)
+        ratios = [difference(shown, render(Pose(0.0, 40.0 + 72.0 * number))) for number in range(3)]
+        wrong = difference(shown, render(Pose(1.0, 0.0)))
+    # The samples stand as they did to the camera, and their light is the same but for how float32 interpolates it.
+    assert max(ratios) < 1e-9, ratios
     assert wrong > 0.3, wrong

@@ -111,6 +111,13 @@ def test_everything_can_be_said(folder: Path) -> None:
     assert job.outputs.overview_columns == 11
 
 
+@pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
+def test_native_nodes_run_on_any_device(backend: str, folder: Path) -> None:
+    for device in ("cpu", "cuda", "metal"):
+        render = parse(f'{MINIMAL}[render]\nbackend = "{backend}"\ndevice = "{device}"\n', folder).render
+        assert (render.backend, render.device) == (backend, device)
+
+
 def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
     text = """
     output = "out"
@@ -191,7 +198,17 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         ("frames = 4", "frames = 4\n[camera]\nfov = 9\nfocal_length = 9", "camera.focal_length", "'fov'"),
         ("frames = 4", "frames = 4\n[camera]\nmargin = 0.9", "camera.margin", "greater than or equal to 1"),
         ("frames = 4", 'frames = 4\n[render]\ndevice = "cuda"', "render.device", "on 'cuda'"),
-        ("frames = 4", 'frames = 4\n[render]\nbackend = "nodes"', "render.backend", "unknown value"),
+        ("frames = 4", 'frames = 4\n[render]\nbackend = "node"', "render.backend", "unknown value"),
+        *(
+            (
+                "frames = 4",
+                f'frames = 4\n[render]\nbackend = "{backend}"\n{key} = 4',
+                f"render.{key}",
+                f"backend '{backend}'",
+            )
+            for backend in ("nodes", "nodes-exact")
+            for key in ("brdf_samples", "ibl_samples")
+        ),
         ("frames = 4", "frames = 4\n[render]\nerror = 0.0", "render.error", "greater than 0"),
         ("frames = 4", "frames = 4\n[render]\nsamples = 0", "render.samples", "equal to 2"),
         ("frames = 4", 'frames = 4\n[render]\nbackground = "red"', "render.background", "unknown value"),

@@ -7,7 +7,16 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.codegen import AttributeBinding, ShaderSource, TextureBinding
+from lookdev.codegen import (
+    AttributeBinding,
+    GroupSocket,
+    Link,
+    NodeSource,
+    NodeTree,
+    ShaderNode,
+    ShaderSource,
+    TextureBinding,
+)
 from lookdev.ibl import LightTables
 from lookdev.job import Job, parse_job
 from lookdev.plan.task import Camera, Sampling, SceneTask
@@ -57,6 +66,30 @@ def scene() -> SceneTask:
         camera=Camera(fov=39.6, elevation=10.0, target=(0.1, 0.2, 1 / 3), distance=3.7),
         device="cpu",
     )
+
+
+@pytest.fixture
+def node_source() -> NodeSource:
+    """Return native nodes with every kind of value in them."""
+    group = NodeTree(
+        "Lookdev Disney",
+        (
+            ShaderNode("In", "NodeGroupInput"),
+            ShaderNode("Map", "TexImage", {"extension": "CLIP"}, {}, "t \u00e9", image=Path("/cache/t.exr")),
+            ShaderNode(
+                "Mix",
+                "Mix",
+                {"clamp_factor": False, "clamp_result": True, "data_type": "RGBA"},
+                {"Factor_Float": 0.1, "A_Color": (0.2, 1 / 3, 0.4), "B_Color": Link("In", "baseColor")},
+                place=(-200.0, 1.5),
+            ),
+        ),
+        (GroupSocket("baseColor", "color", (0.8, 0.7, 0.6), (0.0, 1.0), "The colour.", "Base"),),
+        (GroupSocket("BSDF", "shader"),),
+    )
+    material = NodeTree("gold", (ShaderNode("Disney", "Group", group="Lookdev Disney"),))
+    attributes = (AttributeBinding("wear", "wear", "float", (0.5,)),)
+    return NodeSource("gold", (group, material), attributes, "40de5", exact=False, transmits=True)
 
 
 @pytest.fixture

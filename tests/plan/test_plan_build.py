@@ -119,6 +119,32 @@ def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, sce
     )
 
 
+def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
+    make_job: MakeJob, scenes: Scenes, disk: Disk
+) -> None:
+    job = make_job("[camera]\nazimuth = 30\n")
+    for key in (("gold", "studio"), ("paint", "studio")):
+        scenes[key] = replace(scenes[key], light=replace(scenes[key].light, constant=True))
+
+    def planned_poses(look: str, ibl: str) -> dict[Pose, list[str]]:
+        tasks = [frame.task for frame in build_plan(job, scenes, disk.read_header, {("gold", "studio")}).frames]
+        shown = [task for task in tasks if (task.labels["look"], task.labels["ibl"]) == (look, ibl)]
+        return {task.pose: [path.stem for path in task.files] for task in shown}
+
+    lighting = [f"lighting.000{number}" for number in (1, 2, 3)]
+    # The asset turns on, and the whole lighting turntable is its first frame.
+    assert planned_poses("paint", "studio") == {
+        Pose(330.0, 0.0): ["element.0001", *lighting],
+        Pose(60.0, 0.0): ["element.0002"],
+        Pose(150.0, 0.0): ["element.0003"],
+        Pose(240.0, 0.0): ["element.0004"],
+    }
+    assert planned_poses("gold", "studio") == {
+        Pose(0.0, 0.0): [f"element.000{number}" for number in (1, 2, 3, 4)] + lighting
+    }
+    assert len(planned_poses("paint", "city")) == 6
+
+
 def test_one_frame_of_many_files_resumes_as_any_other(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
     around = {("gold", "city")}
     task = build_plan(make_job(), scenes, disk.read_header, around).pending()[0]

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from lookdev.codegen import NodeSource, PrincipledSource
 from lookdev.plan import digest as digest_module
 from lookdev.plan.digest import frame_digest, part_digests
 from lookdev.plan.task import Pose, SceneTask
@@ -71,6 +72,31 @@ def test_versions_count(scene: SceneTask, monkeypatch: pytest.MonkeyPatch) -> No
     assert changed_parts(before, other_blender) == {"render"}
     monkeypatch.setattr(digest_module, "RENDER_VERSION", digest_module.RENDER_VERSION + 1)
     assert changed_parts(other_blender, part_digests(scene, POSE, 0.0)) == {"render"}
+
+
+def test_every_kind_of_source_counts(scene: SceneTask, node_source: NodeSource) -> None:
+    before = part_digests(scene, POSE, 0.0)
+    nodes = part_digests(replace(scene, shaders=(node_source,)), POSE, 0.0)
+    other = part_digests(replace(scene, shaders=(replace(node_source, digest="1"),)), POSE, 0.0)
+    principled = [
+        part_digests(replace(scene, shaders=(PrincipledSource("p", {"Roughness": roughness}),)), POSE, 0.0)
+        for roughness in (0.5, 0.6)
+    ]
+    for parts in (nodes, other, *principled):
+        assert changed_parts(before, parts) == {"look"}
+    assert len({parts["look"] for parts in (nodes, other, *principled)}) == 4
+
+
+def test_a_scene_has_one_kind_of_source(scene: SceneTask, node_source: NodeSource) -> None:
+    portal = replace(node_source, exact=True)
+    assert replace(scene, shaders=(portal, portal)).shaders == (portal, portal)
+    for sources, found in (
+        ((), "none"),
+        ((scene.shaders[0], node_source), "NodeSource, ShaderSource"),
+        ((portal, node_source), "NodeSource, NodeSource that is exact"),
+    ):
+        with pytest.raises(ValueError, match=f"one kind of source in all its slots, found: {found}$"):
+            replace(scene, shaders=sources)
 
 
 def test_paths_do_not_count(scene: SceneTask) -> None:

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, PARAMETERS, complete_parameters, evaluate_cosine
-from lookdev.codegen import AttributeBinding, ShaderSource, TextureBinding
+from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.ibl import LightTables
 from lookdev.ibl.mapping import rotate_z
 from lookdev.job import Job
+from lookdev.job.schema import Backend
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.plan.shader import surface_shader
+from lookdev.plan.shader import look_source, surface_shader
 from lookdev.plan.skips import find_skips, same_all_around
 from lookdev.plan.task import Sampling, SceneTask
 
@@ -134,7 +135,10 @@ def test_each_skip_has_its_cause(make_job: MakeJob, bare: SceneTask) -> None:
     (source,) = bare.shaders
 
     def changed(shaders: tuple[ShaderSource, ...] = bare.shaders, more: str = "", **values: Any) -> list[str]:
-        return told(make_job(more), replace(bare, shaders=shaders, **values), look(PLAIN))
+        job = make_job(more)
+        # An element turntable alone: a constant light leaves its frames as they are.
+        job = job.model_copy(update={"turntable": job.turntable[:1]})
+        return told(job, replace(bare, shaders=shaders, **values), look(PLAIN))
 
     convex = replace(bare.sampling, bounces=0)
     assert changed(sampling=convex) == ["bounces (convex asset)"]
@@ -162,7 +166,8 @@ def test_generated_shaders_have_the_facts(make_job: MakeJob, bare: SceneTask, sh
     white = replace(LIGHT, constant=True)
     leaf = look(base("pixar", roughness=0.5, back=0.5))
     assert told(make_job(), replace(bare, light=white, shaders=(shader(leaf, white),)), leaf) == [
-        "light samples (constant light)"
+        "light samples (constant light)",
+        "2 of 6 frames (constant light)",
     ]
 
 
@@ -203,6 +208,52 @@ def test_a_formulas_textures_count(make_job: MakeJob, bare: SceneTask, shader: C
     assert told(make_job(), replace(bare, shaders=(source,)), wanted) == ["1 texture (reaches no pixel)"]
 
 
+def nodes(*labels: str, **values: Any) -> NodeSource:
+    images = tuple(
+        ShaderNode(f"Image {number}", "TexImage", label=label, image=Path("linear.exr"))
+        for number, label in enumerate(labels)
+    )
+    return NodeSource("gold", (NodeTree("gold", images),), (), "500d", exact=False, **values)
+
+
+def test_of_native_nodes_is_said_what_holds_for_them(make_job: MakeJob, bare: SceneTask) -> None:
+    """Their directions are Cycles' own business."""
+    white = replace(bare.light, constant=True)
+    element = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
+
+    def said(source: NodeSource, *layers: Layer) -> list[str]:
+        return told(element, replace(bare, shaders=(source,), light=white), look(*layers))
+
+    assert said(nodes(transmits=True), PLAIN) == []
+    assert said(nodes(), PLAIN) == ["light from behind (nothing transmits)"]
+    two = base(roughness=MAP, metallic=OTHER)
+    assert said(nodes("map", "other", transmits=True), two) == []
+    assert said(nodes("other", transmits=True), two) == ["1 texture (reaches no pixel)"]
+    # A set is one texture, whose tiles are nodes of one label.
+    tiled = base(roughness=replace(MAP, file=Path("t.<UDIM>.png")))
+    assert said(nodes("t.<UDIM>", "t.<UDIM>", transmits=True), tiled) == []
+
+
+def test_native_nodes_that_read_something_differ_all_around() -> None:
+    wear = AttributeBinding("primvar_wear", "wear", "float", (0.0,))
+    assert same_all_around([look(PLAIN)], [nodes()])
+    assert not same_all_around([look(PLAIN)], [nodes("map")])
+    assert not same_all_around([look(PLAIN)], [replace(nodes(), attributes=(wear,))])
+    assert not same_all_around([look(base(anisotropic=1.0))], [nodes()])
+
+
+@pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
+def test_generated_nodes_have_the_facts(backend: Backend, make_job: MakeJob, bare: SceneTask, tmp_path: Path) -> None:
+    image = tmp_path / "linear.exr"
+    image.touch()
+    wanted = look(base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0))
+    source = look_source(wanted, backend, LIGHT, (8, 8), SAMPLING, lambda texture: image)
+    assert told(make_job(), replace(bare, shaders=(source,)), wanted) == [
+        "light from behind (nothing transmits)",
+        "1 texture (reaches no pixel)",
+    ]
+
+
 def test_tiles_of_one_texture_are_one(make_job: MakeJob, bare: SceneTask) -> None:
     (source,) = bare.shaders
     tiles = tuple(TextureBinding(f"texture0_{number}_file", Path("t.exr")) for number in (1001, 1002))
@@ -215,3 +266,8 @@ def test_frames_are_counted_by_pose(make_job: MakeJob, bare: SceneTask) -> None:
     assert told(make_job(), bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
     still = make_job().model_copy(update={"turntable": make_job().turntable[1:]})
     assert told(still, bare, look(PLAIN), around=True) == []
+    white = replace(bare, light=replace(bare.light, constant=True))
+    assert told(make_job(), white, look(PLAIN)) == ["2 of 6 frames (constant light)"]
+    assert told(make_job(), white, look(PLAIN), around=True) == ["5 of 6 frames (same all around, constant light)"]
+    turned = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
+    assert told(turned, white, look(PLAIN)) == []

@@ -66,7 +66,16 @@ def test_an_asset_that_is_not_turned_has_the_same_light_about_it_as_seen_from_th
     def looked_up(pose: Pose) -> NDArray[np.float64]:
         return rotate_z(camera_rays(camera, pose, (80, 50), x, y)[1], pose.element - pose.lighting)
 
-    assert unturned(pose) == Pose(0.0, pose.lighting)
-    np.testing.assert_allclose(looked_up(unturned(pose)), looked_up(pose), atol=1e-14)
+    seen = unturned(pose, asset=True, light=False)
+    assert seen == Pose(0.0, pose.lighting)
+    np.testing.assert_allclose(looked_up(seen), looked_up(pose), atol=1e-14)
     other = Pose(0.0, pose.lighting + 1.0)
     assert np.abs(looked_up(other) - looked_up(pose)).max() > 0.01
+
+
+def test_what_did_not_turn_as_seen_stands_at_0() -> None:
+    pose = Pose(72.0, 310.0)
+    assert unturned(pose, asset=False, light=False) == pose
+    assert unturned(pose, asset=True, light=False) == Pose(0.0, 310.0)
+    assert unturned(pose, asset=False, light=True) == Pose(72.0, 0.0)
+    assert unturned(pose, asset=True, light=True) == Pose(0.0, 0.0)

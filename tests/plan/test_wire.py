@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lookdev.codegen import Link, NodeSource, PrincipledSource
 from lookdev.errors import WorkerError
 from lookdev.plan.task import FrameTask, Pose, SceneTask
 from lookdev.plan.wire import decode, encode
@@ -26,6 +27,25 @@ def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
     assert "\r" not in line
     assert decode(line) == task
     assert decode(line + "\n") == task
+
+
+def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
+    scene = replace(task.scene, shaders=(node_source, node_source))
+    back = decode(encode(replace(task, scene=scene))).scene
+    assert back == scene
+    for source in back.shaders:
+        assert isinstance(source, NodeSource)
+        mix = source.trees[0].nodes[-1]
+        assert mix.properties["clamp_factor"] is False
+        assert mix.properties["clamp_result"] is True
+        assert isinstance(mix.inputs["B_Color"], Link)
+        assert isinstance(mix.inputs["A_Color"], tuple)
+
+
+def test_a_principled_bsdf_comes_back_equal(task: FrameTask) -> None:
+    source = PrincipledSource("p", {"Base Color": (0.1, 0.2, 0.3), "Roughness": 0.5})
+    scene = replace(task.scene, shaders=(source,))
+    assert decode(encode(replace(task, scene=scene))).scene == scene
 
 
 def test_floats_survive_exactly(task: FrameTask) -> None:

@@ -46,6 +46,7 @@ def lambert(reflected, transmitted, presence=1.0):
             lambda d: np.full(d.wi.shape, presence * albedo / np.pi),
             lambda d: d.cos_theta_i / np.pi,
             draw,
+            tuple,
             transmits,
         )
 

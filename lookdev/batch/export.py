@@ -1,0 +1,252 @@
+"""`lookdev export blend`: a job's scenes as a .blend, written whole or not at all."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ValidationError
+
+from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.batch.worker import PATIENCE, last_words
+from lookdev.cache import atomic_path
+from lookdev.codegen import NodeSource
+from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
+from lookdev.material import Bump, Formula, Look, Texture
+from lookdev.material.textures import image_file, udim_tiles
+from lookdev.plan import turntable_poses
+from lookdev.plan.blend import BLEND_TASK, BlendTask, BlendTurntable, BlendWorld
+
+EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
+
+
+class Answer(BaseModel):
+    """What the exporting process says: what the user should know, or why it failed."""
+
+    notes: tuple[str, ...] = ()
+    error: str = ""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What was written: the .blend, its images (none if they are packed), and what the user should know."""
+
+    file: Path
+    images: tuple[Path, ...]
+    scenes: tuple[str, ...]
+    worlds: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Say what was written and how big it is."""
+        text = (
+            f"{self.file}: {_size([self.file])}, scenes {', '.join(self.scenes)}, worlds {', '.join(self.worlds)}; "
+            "looks are Cycles' own closures, as backend 'nodes' renders them"
+        )
+        if self.images:
+            text += f"\n{self.images[0].parent}: {len(self.images)} images, {_size(self.images)}; keep them together"
+        return text
+
+
+def export_blend(
+    job: Path, out: Path, *, pack: bool = False, command: Sequence[str] = EXPORT_COMMAND, patience: float = PATIENCE
+) -> Exported:
+    """Write the scenes of a job, whatever backend it names, as a .blend with looks as Cycles' own closures.
+
+    Parameters
+    ----------
+    job
+        The job file.
+    out
+        The .blend, replaced only when the new one is whole. Its folder is made if need be.
+    pack
+        Whether images go into the .blend; otherwise they are copied to the folder ``<stem>_files`` beside it.
+    command, patience
+        What writes the .blend, given a file with the task, and the seconds a look after which it counts as hung.
+
+    Raises
+    ------
+    LookdevError
+        `out` is no name of a .blend.
+    JobError, FaultsError
+        What the user gave is wrong.
+    OutputError
+        A file cannot be written.
+    RenderError, WorkerError
+        Blender could not write it.
+    """
+    out = out.absolute()
+    if out.suffix != ".blend":
+        raise LookdevError(f"{out.name}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
+    if out.is_dir():
+        raise OutputError(f"{out}: is a folder; name a file")
+    prepared = prepare_job(job, backend="nodes")
+    images = {file: f"{out.stem}_files/{name}" for file, name in image_names(prepared).items()}
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        with (
+            _placed({} if pack else images, out.parent) as placed,
+            # A folder, because Blender itself first writes a file of another name.
+            tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as beside,
+        ):
+            temporary = Path(beside, out.name)
+            notes = _run(blend_task(prepared, temporary, images, pack=pack), command, patience)
+            temporary.replace(out)
+    except OSError as error:
+        raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
+    worlds = tuple(ibl.name for ibl in prepared.job.ibl)
+    return Exported(out, placed, tuple(prepared.looks), worlds, (*prepared.notes, *notes))
+
+
+def blend_task(prepared: Prepared, file: Path, images: Mapping[Path, str], *, pack: bool) -> BlendTask:
+    """Return what is to be written to `file` of a job prepared with backend ``"nodes"``.
+
+    The poses are those of the job under its first light; what another light is turned by beyond it is its world's.
+    """
+    job = prepared.job
+    scenes = {(frame.task.labels["look"], frame.task.labels["ibl"]): frame.task.scene for frame in prepared.plan.frames}
+    first = job.ibl[0]
+    return BlendTask(
+        file=file,
+        scenes={look: scenes[look, first.name] for look in prepared.looks},
+        worlds=tuple(
+            BlendWorld(
+                name=ibl.name,
+                light=scenes[job.look[0].name, ibl.name].light,
+                strength=2.0**ibl.exposure,
+                turn=ibl.rotation - first.rotation,
+            )
+            for ibl in job.ibl
+        ),
+        turntables=tuple(
+            BlendTurntable(each.name, turntable_poses(each, first.rotation, job.camera.azimuth))
+            for each in job.turntable
+        ),
+        images=images,
+        pack=pack,
+        view=job.outputs.view,
+        show_light=job.render.background == "ibl",
+    )
+
+
+def image_names(prepared: Prepared) -> dict[Path, str]:
+    """Return every image that looks and lights read, and what a user would call it: names that never meet.
+
+    They end in part of the digest that the cache names them by: a .blend written before keeps its images.
+    """
+    called: dict[Path, str] = {}
+    for frame in prepared.plan.frames:
+        called.setdefault(frame.task.scene.light.radiance, frame.task.labels["ibl"])
+    originals: dict[Path, str] = {}
+    for texture in (each for looks in prepared.looks.values() for each in _textures(looks)):
+        with suppress(TextureError):  # of an image that reaches no pixel, or the job would not have been prepared
+            for tile in _tiles(texture):
+                originals[image_file(tile)] = _stem(tile)
+    for frame in prepared.plan.frames:
+        for source in frame.task.scene.shaders:
+            assert isinstance(source, NodeSource), "the job is prepared for nodes"
+            files = [node.image for tree in source.trees for node in tree.nodes if node.image is not None]
+            called |= {file: originals[file] for file in files}
+    return {
+        file: f"{name}-{hashlib.sha256(file.name.encode()).hexdigest()[:8]}{file.suffix}"
+        for file, name in called.items()
+    }
+
+
+def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
+    """Yield each look-up of an image that looks may make."""
+    pending: list[object] = [
+        source for look in looks for layer in look.layers for source in (*layer.inputs.values(), layer.mask)
+    ]
+    while pending:
+        source = pending.pop()
+        if isinstance(source, Formula):
+            pending += source.inputs.values()
+        elif isinstance(source, Texture | Bump):
+            yield source
+
+
+def _tiles(source: Texture | Bump) -> Sequence[Texture | Bump]:
+    if isinstance(source, Bump):
+        return [Bump(tile) for tile in udim_tiles(source.height).values()] or [source]
+    return list(udim_tiles(source).values()) or [source]
+
+
+def _stem(source: Texture | Bump) -> str:
+    stem = source.height.file.stem + "_slopes" if isinstance(source, Bump) else source.file.stem
+    return re.sub(r"[^\w.-]", "_", stem)[:100]
+
+
+@contextmanager
+def _placed(images: Mapping[Path, str], folder: Path) -> Iterator[tuple[Path, ...]]:
+    """Copy images to their paths relative to a folder, each whole; what is new goes again if the block fails."""
+    copies = {folder / path: file for file, path in images.items()}
+    made: list[Path] = []
+    try:
+        for copy, file in copies.items():
+            if not copy.exists():  # its name tells its content
+                with atomic_path(copy) as temporary:
+                    shutil.copyfile(file, temporary)
+                made.append(copy)
+        yield tuple(copies)
+    except BaseException:
+        for copy in made:
+            copy.unlink(missing_ok=True)
+        for parent in {copy.parent for copy in copies}:
+            with suppress(OSError):  # not there, or not empty
+                parent.rmdir()
+        raise
+
+
+def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str, ...]:
+    """Write a .blend in a process of its own, which ends with this call however that ends; return its notes."""
+    seconds = patience * len(task.scenes)
+    with tempfile.TemporaryDirectory(prefix="lookdev-export-") as scratch:
+        request, log = Path(scratch, "task.json"), Path(scratch, "log")
+        request.write_bytes(BLEND_TASK.dump_json(task))
+        with log.open("wb") as stream:
+            try:
+                # A session of its own: Ctrl-C in the terminal reaches this process alone, which then decides.
+                process = subprocess.Popen(
+                    (*command, str(request)),
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.PIPE,
+                    stderr=stream,
+                    env=os.environ | {"TMPDIR": scratch},
+                    start_new_session=True,
+                )
+            except OSError as error:
+                raise WorkerError(f"the exporter {command[0]} cannot be started: {error}") from error
+        with process:
+            try:
+                said, _ = process.communicate(timeout=seconds)
+            except BaseException as error:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                if isinstance(error, subprocess.TimeoutExpired):
+                    raise WorkerError(f"the exporter was silent for {seconds:g} s and was killed") from None
+                raise
+        try:
+            answer = Answer.model_validate_json(said)
+        except ValidationError:
+            words = last_words(log)
+            raise WorkerError(f"the exporter ended with exit code {process.returncode}: {words}") from None
+    if answer.error:
+        raise RenderError(answer.error)
+    if not task.file.is_file():
+        raise WorkerError(f"the exporter ended without an error, and without {task.file.name}")
+    return answer.notes
+
+
+def _size(files: Sequence[Path]) -> str:
+    return f"{sum(file.stat().st_size for file in files) / 1e6:.1f} MB"

@@ -1,0 +1,209 @@
+"""What the fits of closures are made from: lobes of the models, from all angles, and mixes of closures for them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf import MODELS, complete_parameters
+from lookdev.brdf.closures import Closure, closure_cosine
+from lookdev.brdf.disney_closures import coat_mix
+from lookdev.brdf.frames import ZENITH, from_local, mirrored
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.pixar import FRONT, THROUGH, Partition, Term, partition_lobes
+from lookdev.brdf.pixar_closures import highlight_mix
+from lookdev.brdf.quadrature import half_vector_grid
+from lookdev.brdf.rational_fit import Floats
+
+ONE = np.ones(3)
+SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
+"""Where shapes are compared."""
+
+COARSE = (24, 16)
+_CELLS = (48, 32)
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Where lobes are measured: angles of the view and cones in degrees; `bends` are indices of refraction minus 1."""
+
+    angles: Floats
+    roughness: Floats
+    gloss: Floats
+    cones: Floats
+    bends: Floats
+
+
+FULL = Grid(
+    np.array(
+        [
+            0,
+            10,
+            20,
+            28,
+            35,
+            42,
+            48,
+            54,
+            58,
+            62,
+            65,
+            68,
+            70,
+            72,
+            74,
+            76,
+            78,
+            80,
+            82,
+            83.5,
+            85,
+            86,
+            87,
+            88,
+            89,
+            89.5,
+            89.97,
+        ]
+    ),
+    np.array([0.0, 0.05, 0.1, *np.linspace(0.15, 1.0, 18)]),
+    np.linspace(0.0, 1.0, 11),
+    np.array([0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 10, 12, 15, 18, 21, 25, 30, 35, 40, 45, 50, 54]),
+    np.array([0.05, 0.2, 0.33, 0.5, 0.8, 1.5]),
+)
+
+Shape = Mapping[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """A lobe seen from one angle, and what shall stand for it.
+
+    angle : degrees, of the view `wo`; `view` is the same, or refracted where the lobe takes it so.
+    width, alpha : of the narrowest lobe, by which the quadrature is scaled; by which the fit is looked up.
+    whole, weighted : the lobe where it reflects all light, and where it reflects by Schlick's weight alone.
+    mix : closures, without the ratio that is sought.
+    """
+
+    angle: float
+    wo: Floats
+    view: Floats
+    width: float
+    alpha: float
+    whole: Lobe
+    weighted: Lobe
+    mix: Sequence[Closure]
+
+
+@dataclass(frozen=True, eq=False)
+class Albedos:
+    """Setups as arrays (n,): directional albedos of the whole lobe, of the weighted one and of the mix."""
+
+    angle: Floats
+    cosine: Floats
+    tilt: Floats
+    alpha: Floats
+    whole: Floats
+    weighted: Floats
+    mix: Floats
+
+
+def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
+    """Set up Disney's specular lobe, isotropic."""
+    return [
+        Setup(
+            angle,
+            wo := view_at(angle),
+            wo,
+            alpha := max(0.001, roughness * roughness),
+            alpha,
+            disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, roughness=roughness, variant=variant),
+            disney_lobe("specular", wo, specular=0.0, roughness=roughness, variant=variant),
+            (Closure("ggx", ONE, alpha, alpha),),
+        )
+        for angle in grid.angles
+        for roughness in grid.roughness
+    ]
+
+
+def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
+    """Set up the clearcoat, as it is."""
+    setups = []
+    for angle in grid.angles:
+        wo = view_at(angle)
+        for each in grid.gloss:
+            lobe = disney_lobe("clearcoat", wo, clearcoat=1.0, clearcoatGloss=each)
+            width = 0.1 + (0.001 - 0.1) * each
+            mix = coat_mix(width, shape)
+            closures = [Closure("ggx", 0.25 * share * ONE, alpha, alpha) for share, alpha in mix]
+            setups.append(Setup(angle, wo, wo, width, width, lobe, lobe, closures))
+    return setups
+
+
+def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL) -> list[Setup]:
+    """Set up Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
+    setups = []
+    for angle in grid.angles:
+        wo = view_at(angle)
+        view = wo
+        if bend is not None:
+            x = wo[0] / (1.0 + bend)
+            view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if bend else wo
+        for cone in grid.cones:
+            whole, weighted = (_highlight(cone, bend, normal, wo) for normal in (1.0, 0.0))
+            # 1 / sqrt(power).
+            alpha = float(np.sin(np.radians(cone)) / np.sqrt(np.log(10.0)))
+            mix = highlight_mix(np.array(alpha), view, ZENITH, bend is not None, shape)
+            closures = [replace(each, weight=each.weight * ONE) for each in mix]
+            # A refraction is narrower than the lobe in the plane of incidence.
+            width = alpha if bend is None else alpha * float(np.sqrt(view[2]))
+            setups.append(Setup(angle, wo, view, width, alpha, whole, weighted, closures))
+    return setups
+
+
+def measure(setups: Sequence[Setup]) -> Albedos:
+    """Integrate what is set up."""
+    rows = []
+    for each in setups:
+        wi, weight = half_vector_grid(each.view, each.width, _CELLS)
+        whole, weighted, mix = setup_values(each, wi) @ weight
+        if each.whole.transmits:
+            # A refraction is even around its own normal, twice as wide as half vectors.
+            wi, weight = half_vector_grid(ZENITH, each.width, _CELLS)
+            mix = sum(closure_cosine(one, each.wo, -from_local(each.view, wi))[:, 0] for one in each.mix) @ weight
+        rows.append((each.angle, each.view[2], 1.0 - each.wo @ each.view, each.alpha, whole, weighted, mix))
+    return Albedos(*np.array(rows).T)
+
+
+def distance(setup: Setup) -> float:
+    """Return the L1 distance of a mix from its lobe over directions of light, both scaled to 1: 0 to 1."""
+    wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
+    whole, _, mix = setup_values(setup, wi) * weight
+    return float(0.5 * np.abs(whole / whole.sum() - mix / mix.sum()).sum())
+
+
+def setup_values(setup: Setup, wi: Floats) -> Floats:
+    """Evaluate the whole lobe, the weighted one and the mix, (3, n), times the cosine; `wi` as if all reflected."""
+    d = Directions.of(setup.wo, wi)
+    light = mirrored(wi) if setup.whole.transmits else wi
+    mix = sum(closure_cosine(each, setup.wo, light)[:, 0] for each in setup.mix)
+    return np.stack([*(lobe.evaluate(d)[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted)), mix])
+
+
+def view_at(angle: float, azimuth: float = 0.0) -> Floats:
+    theta, phi = np.radians(angle), np.radians(azimuth)
+    return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
+
+
+def disney_lobe(name: str, wo: Floats, **given: object) -> Lobe:
+    lobes = MODELS["disney"](complete_parameters("disney", given)).lobes(wo)
+    return next(lobe for lobe in lobes if lobe.name == name)
+
+
+def _highlight(cone: float, bend: float | None, normal: float, wo: Floats) -> Lobe:
+    terms = dict.fromkeys((*FRONT, *THROUGH), Term(normal * ONE, ONE, cone, bend or 0.0))
+    lobes = partition_lobes(Partition(wo, terms, {"diffuse": ZENITH, "highlight": ZENITH}, 1.0, 0.0))
+    return next(lobe for lobe in lobes if lobe.name == ("specular" if bend is None else "specularTransmission"))

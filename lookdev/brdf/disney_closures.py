@@ -1,0 +1,122 @@
+"""Closures of Cycles that stand for the lobes of Disney's BRDF (`lookdev.brdf.disney`).
+
+The diffuse albedo is exact; what comes from `lookdev.brdf.fits` is fitted. Cosines are those of the view to the lobe's
+normal, weights are colours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from lookdev.brdf.closures import Closure
+from lookdev.brdf.fits import fit, shape
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.microfacet import smith_ggx
+from lookdev.brdf.vectors import Array, mix, mix_color, same, scale
+
+
+# The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
+# fd90 - 1 is roughness X - 1/2; the cosine-weighted means of (1 - cos_theta_i)^5 times 1, X and X^2 are Beta functions.
+def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
+    """Directional albedo of the diffuse term for a white base colour, (...)."""
+    mean_x = 1.0 / 21.0 + cos_theta * (1.0 / 84.0)
+    mean_x2 = 5.0 / 72.0 + cos_theta * (1.0 / 42.0 - cos_theta * (1.0 / 56.0))
+    at_light = roughness * mean_x - 0.5 / 21.0
+    at_view = roughness * (1.0 + cos_theta * (2.0 / 3.0)) - 0.5
+    at_both = roughness * (roughness * mean_x2 - mean_x) + 0.25 / 21.0
+    return 1.0 + at_light + schlick_weight(cos_theta) * (at_view + at_both)
+
+
+def subsurface_albedo(cos_theta: Array, roughness: Array) -> Array:
+    """Directional albedo of the subsurface term for a white base colour, (...): fitted, exactly quadratic in y."""
+    return fit("subsurface")(cos_theta, roughness)
+
+
+def sheen_albedo(cos_theta: Array) -> Array:
+    """Directional albedo of white sheen, (...): fitted."""
+    return fit("sheen")(cos_theta)
+
+
+def specular_closures(
+    f0: Array, roughness: Array, alphas: tuple[Array, Array], variant: str, wo: Array, normal: Array
+) -> tuple[Closure, ...]:
+    """Stand for the specular lobe: GGX with its alphas, seen along `wo`, (..., 3), in the lobe's frame.
+
+    f0 : (..., 3), the reflectance at normal incidence.
+    """
+    cos_theta = wo[..., 2]
+    seen = SeenAlphas(alphas[0], alphas[0], 1.0)
+    x, y, within = *alphas, 1.0
+    if not same(*alphas):
+        seen = seen_alphas(alphas, wo, shape("anisotropic"))
+        # Cycles' alphas end at 1.
+        x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
+        # Of a wider lobe, about as much as is wider is shadowed; in 2012 shadowing does not know of it.
+        within = x / alphas[0] if variant == "2014" else 1.0
+    ratio = within * fit(f"specular_{variant}")(cos_theta, seen.ratio)
+    # The cosine of a typical light to the half vector.
+    typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, seen.cosine), 0.0, 1.0)
+    if variant == "2012":
+        ratio = np.clip(ratio * shadowing_2012(cos_theta, roughness) * shadowing_2012(typical, roughness), 0.0, 1.0)
+    fresnel = mix_color(f0, np.ones(3), schlick_weight(typical) * seen.skew)
+    return (Closure("ggx", scale(fresnel, ratio), x, y, normal),)
+
+
+@dataclass(frozen=True)
+class SeenAlphas:
+    """Alphas of the isotropic lobes that an anisotropic one is like as seen from one side, (...).
+
+    ratio, cosine : for the fits of those names.
+    skew : what Schlick's mean weight has to be multiplied by.
+    """
+
+    ratio: Array
+    cosine: Array
+    skew: Array
+
+
+def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, float]) -> SeenAlphas:
+    """Return the alphas for a view `wo`, (..., 3): along its azimuth as it grazes, their mean from above.
+
+    `shape` has the `azimuth`, how much of that the ratio follows, and the `skew` of a lobe of mean alpha 1 as it
+    grazes, and how much `skew_rise` there is up to a view from above.
+    """
+    mean2 = alphas[0] * alphas[1]
+    along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])
+    # None on the diagonals.
+    towards = _square(wo[..., 0]) - _square(wo[..., 1])
+    strength = (shape["skew"] + shape["skew_rise"] * wo[..., 2]) * np.sqrt(mean2)
+    skew = np.power(alphas[0] / alphas[1], -strength * towards)
+    ratio, cosine = (np.minimum(np.sqrt(square), 1.0) for square in (mix(mean2, along2, shape["azimuth"]), along2))
+    return SeenAlphas(ratio, cosine, skew)
+
+
+def clearcoat_closures(weight: Array, alpha: Array, cos_theta: Array, normal: Array) -> tuple[Closure, ...]:
+    """Stand for the clearcoat lobe, `weight` (...) times what Burley 2012 says: GTR1 as three GGX lobes."""
+    ratio = weight * fit("clearcoat")(cos_theta, alpha)
+    return tuple(
+        Closure("ggx", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, normal)
+        for share, a in coat_mix(alpha, shape("clearcoat"))
+    )
+
+
+def coat_mix(alpha: Array, shape: Mapping[str, Sequence[float]]) -> list[tuple[float, Array]]:
+    """Return the share and the alpha of each GGX lobe in the mix for GTR1 of an `alpha`, (...), the broadest first.
+
+    `shape` has the `shares`, and the `powers` of alpha that are the alphas.
+    """
+    # GTR1's energy is spread evenly over log tan theta_h, from alpha to 1; GGX lobes are steps there.
+    return [(share, np.power(alpha, power)) for share, power in zip(shape["shares"], shape["powers"], strict=True)]
+
+
+# Burley 2012, section 5.6.
+def shadowing_2012(cos_theta: Array, roughness: Array) -> Array:
+    """Smith's G1 as of 2012, for one direction, (...)."""
+    return 2.0 * cos_theta * smith_ggx(cos_theta, _square(0.5 + 0.5 * roughness))
+
+
+def _square(x: Array) -> Array:
+    return x * x

@@ -1,0 +1,310 @@
+"""Make the fits of `lookdev.brdf.fits`: ``python -m lookdev.brdf.fit_closures`` writes ``data/closure_fits.json``.
+
+From the lobes themselves and the closures as Cycles has them, by quadrature; some seconds, the same result every time.
+First the shapes: mixes of closures, by the smallest L1 distance of directional energy from the lobe's, a mean over
+views. Then the ratios: what a lobe's directional albedo is to that of its mix, and the cosine at which Schlick's weight
+is what it is on the lobe's mean. Views up to 85 degrees weigh equally, those beyond less and less. A residual is the
+largest and the root mean square error of the directional albedo up to 85 degrees, relative, but not to less than 0.1
+(of 0.1, 1 % is an error of 0.001).
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf.closure_setups import (
+    COARSE,
+    FULL,
+    ONE,
+    SHAPE_ANGLES,
+    Albedos,
+    Grid,
+    Setup,
+    Shape,
+    coat_setups,
+    disney_lobe,
+    distance,
+    highlight_setups,
+    measure,
+    setup_values,
+    specular_setups,
+    view_at,
+)
+from lookdev.brdf.closures import Closure, closure_cosine
+from lookdev.brdf.disney_closures import seen_alphas, shadowing_2012
+from lookdev.brdf.fits import DATA, Rational
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.lobes import Directions
+from lookdev.brdf.pixar_closures import ggx_share, relative_cosine
+from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+from lookdev.brdf.rational_fit import Degree, Floats, Problem, fit_rational
+
+_TOLERANCE, _FLOOR = 0.01, 0.1
+_SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """A problem, and the relative error of the albedo that a rational would leave, (n,); `angle` is of the view."""
+
+    problem: Problem
+    error: Callable[[Floats], Floats]
+    angle: Floats
+
+
+# Views beyond 85 degrees count less and less, so that they do not spoil what is seen more.
+def _loosened(angle: Floats) -> Floats:
+    return np.where(angle > 85.0, np.exp2(angle - 84.0), 1.0)
+
+
+def ratio_goal(a: Albedos, x: Floats, target: Floats) -> Goal:
+    """Seek a factor of the weight: `target` is right."""
+    relative = a.whole / np.maximum(a.whole, _FLOOR)
+    tolerance = _TOLERANCE * target * _loosened(a.angle)
+    return Goal(Problem(x, a.alpha, target, tolerance), lambda got: np.abs(got / target - 1.0) * relative, a.angle)
+
+
+def cosine_goal(a: Albedos) -> Goal:
+    """Seek the cosine at which Schlick's weight is its mean over the lobe."""
+    mean = a.weighted / a.whole
+    allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.whole)
+    root = mean**0.2
+    tolerance = np.minimum((mean + allowed) ** 0.2 - root, 0.3) * _loosened(a.angle)
+    problem = Problem(a.cosine, a.alpha, 1.0 - root, tolerance)
+    return Goal(problem, lambda got: np.abs(schlick_weight(got) - mean) / allowed * _TOLERANCE, a.angle)
+
+
+def diffuse_goal(grid: Grid, base_color: float, roughness: Sequence[float], **given: float) -> Goal:
+    """Seek a directional albedo of Disney's diffuse lobe by the cosine of the view and roughness."""
+    wi, weight = hemisphere_grid(96)
+    rows = []
+    for angle in grid.angles:
+        wo = view_at(angle)
+        for each in roughness:
+            lobe = disney_lobe("diffuse", wo, baseColor=base_color * ONE, roughness=each, **given)
+            rows.append((angle, wo[2], each, (lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2]) @ weight))
+    angle, x, y, albedo = np.array(rows).T
+    floored = np.maximum(albedo, _FLOOR)
+    problem = Problem(x, y, albedo, _TOLERANCE * floored * _loosened(angle))
+    return Goal(problem, lambda got: np.abs(got - albedo) / floored, angle)
+
+
+def coat_shape() -> dict[str, Any]:
+    """Search powers and shares of three GGX lobes for the clearcoat: the same for every gloss."""
+    best, smallest = {}, np.inf
+    few = replace(FULL, angles=SHAPE_ANGLES, gloss=np.array([0.0, 0.5, 0.9, 1.0]))
+    powers = [round(0.05 * k, 2) for k in range(2, 21)]
+    lobes = _normalised_lobes(
+        [
+            (setup, [Closure("ggx", ONE, a, a) for a in (setup.width**power for power in powers)])
+            for setup in coat_setups({"shares": [1.0], "powers": [1.0]}, few)
+        ]
+    )
+    tenths = range(1, 9)
+    shares = np.array([(a, b, 10 - a - b) for a in tenths for b in tenths if a + b < 10]) / 10.0
+    for chosen in combinations(range(len(powers)), 3):
+        distances = np.mean(
+            [0.5 * np.abs(shares @ parts[list(chosen)] - whole).sum(axis=1) for whole, parts in lobes], 0
+        )
+        at = int(distances.argmin())
+        if distances[at] < smallest:
+            smallest = float(distances[at])
+            best = {"powers": [powers[k] for k in chosen], "shares": shares[at].tolist()}
+    return best
+
+
+def highlight_shape() -> dict[str, Any]:
+    """Search where GGX takes over from Beckmann as a highlight widens, how fast, and how wide it is."""
+    widths = (0.8, 0.85, 0.9, 0.95, 1.0)
+    setups = highlight_setups({"start": 1.0, "slope": 1.0, "width": 1.0}, grid=_SHAPE_GRID)
+    lobes = _normalised_lobes(
+        [
+            (
+                each,
+                [
+                    Closure("beckmann", ONE, each.alpha, each.alpha),
+                    *(Closure("ggx", ONE, width * each.alpha, width * each.alpha) for width in widths),
+                ],
+            )
+            for each in setups
+        ]
+    )
+
+    def mean_distance(shape: Shape) -> float:
+        column = 1 + widths.index(shape["width"])
+        total = 0.0
+        for each, (whole, parts) in zip(setups, lobes, strict=True):
+            share = np.clip(shape["slope"] * (each.alpha - shape["start"]), 0.0, 1.0)
+            total += 0.5 * np.abs((1.0 - share) * parts[0] + share * parts[column] - whole).sum()
+        return total
+
+    shapes = [
+        {"start": start, "slope": slope, "width": width}
+        for start in (0.1, 0.125, 0.15, 0.175, 0.2)
+        for slope in (1.4, 1.6, 1.8, 2.0, 2.2, 2.4)
+        for width in widths
+    ]
+    return min(shapes, key=mean_distance)
+
+
+def _normalised_lobes(cases: Sequence[tuple[Setup, Sequence[Closure]]]) -> list[tuple[Floats, Floats]]:
+    """Return the energy of each lobe, (n,), and of each of its closures, (k, n), by direction, all of sum 1."""
+    lobes = []
+    for setup, closures in cases:
+        wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
+        whole = setup_values(setup, wi)[0] * weight
+        parts = np.stack([closure_cosine(each, setup.wo, wi)[:, 0] * weight for each in closures])
+        lobes.append((whole / whole.sum(), parts / parts.sum(axis=1, keepdims=True)))
+    return lobes
+
+
+def make_shapes() -> dict[str, dict[str, Any]]:
+    """Search the shapes, and tell how far from the lobes they are."""
+    shapes = {"clearcoat": coat_shape(), "highlight": highlight_shape()}
+    for name, setups in {
+        "clearcoat": coat_setups(shapes["clearcoat"], _SHAPE_GRID),
+        "highlight": highlight_setups(shapes["highlight"], grid=_SHAPE_GRID),
+    }.items():
+        distances = [distance(each) for each in setups]
+        shapes[name]["distance"] = {"largest": _rounded(max(distances)), "mean": _rounded(float(np.mean(distances)))}
+    return shapes
+
+
+Find = Callable[[str, Goal, Degree, Degree], Rational]
+
+
+def fit_goal(name: str, goal: Goal, above: Degree, below: Degree) -> Rational:
+    """Fit what a goal asks for; `name` does not matter."""
+    return fit_rational(goal.problem, above, below)
+
+
+def make_fits(
+    shapes: Mapping[str, Shape], grid: Grid = FULL, find: Find = fit_goal
+) -> dict[str, tuple[Rational, Goal]]:
+    """Find every fit that the mixes of these shapes need, and tell what each is to meet."""
+    fits: dict[str, tuple[Rational, Goal]] = {}
+
+    def add(name: str, goal: Goal, above: Degree, below: Degree) -> Rational:
+        fits[name] = find(name, goal, above, below), goal
+        return fits[name][0]
+
+    add("sheen", diffuse_goal(grid, 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _NONE)
+    levels = [0.0, 0.25, 0.5, 0.75, 1.0]
+    add("subsurface", diffuse_goal(grid, 1.0, levels, subsurface=1.0), Degree(2, 2, 4), Degree(2, 0, 2))
+
+    a = measure(specular_setups("2014", grid))
+    add("specular_2014", ratio_goal(a, a.cosine, a.whole / a.mix), Degree(2, 2, 2), Degree(2, 2, 2))
+    add("specular_cosine_2014", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))
+
+    a = measure(specular_setups("2012", grid))
+    typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
+    # Smith's factors of 2012 are in the weight: the view's, and the light's at a typical light.
+    roughness = np.tile(grid.roughness, len(grid.angles))
+    shadowing = shadowing_2012(a.cosine, roughness) * shadowing_2012(np.clip(typical, 0.0, 1.0), roughness)
+    add("specular_2012", ratio_goal(a, a.cosine, a.whole / a.mix / shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
+
+    a = measure(coat_setups(shapes["clearcoat"], grid))
+    add("clearcoat", ratio_goal(a, a.cosine, a.whole / a.mix), Degree(3, 2, 3), Degree(2, 1, 2))
+
+    a = measure(highlight_setups(shapes["highlight"], grid=grid))
+    add("highlight", _relative_goal(a), Degree(3, 3, 4), Degree(3, 3, 3))
+    add("highlight_cosine", cosine_goal(a), Degree(4, 4, 4), Degree(2, 2, 2))
+    straight, *bent = (measure(highlight_setups(shapes["highlight"], bend, grid)) for bend in (0.0, *grid.bends))
+    unbent = add("transmitted", _relative_goal(straight), Degree(3, 3, 4), Degree(3, 3, 3))
+    add("transmitted_tilt", _tilt_goal(shapes["highlight"], bent, unbent), Degree(1, 1, 2), _NONE)
+    return fits
+
+
+def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
+    """Search how anisotropic lobes deviate from isotropic ones, dielectric and metal."""
+    cases = []
+    for roughness, anisotropic, angle, azimuth in product(
+        (0.3, 0.45, 0.6), (0.3, 0.6, 0.9), (40, 60, 75, 85), (0, 45, 90)
+    ):
+        wo = view_at(angle, azimuth)
+        given = {"roughness": roughness, "anisotropic": anisotropic}
+        aspect = np.sqrt(1.0 - 0.9 * anisotropic)
+        x, y = roughness**2 / aspect, roughness**2 * aspect
+        whole = disney_lobe("specular", wo, metallic=1.0, baseColor=ONE, **given)
+        weighted = disney_lobe("specular", wo, specular=0.0, **given)
+        albedos = measure([Setup(angle, wo, wo, y, y, whole, weighted, (Closure("ggx", ONE, x, y),))])
+        cases.append(((x, y), wo, albedos.whole, albedos.weighted, albedos.mix))
+
+    def errors(shape: Shape) -> Floats:
+        found = []
+        for alphas, wo, whole, weighted, mix in cases:
+            seen = seen_alphas(alphas, wo, shape)
+            mean = schlick_weight(fits["specular_cosine_2014"](wo[2], seen.cosine)) * seen.skew
+            reflected = fits["specular_2014"](wo[2], seen.ratio) * mix
+            for f0 in (0.04, 1.0):
+                got, right = reflected * (f0 + (1.0 - f0) * mean), f0 * whole + (1.0 - f0) * weighted
+                found.append(np.abs(got - right) / np.maximum(right, _FLOOR))
+        return np.concatenate(found)
+
+    shapes = [
+        {"azimuth": azimuth, "skew": skew, "skew_rise": rise}
+        for azimuth in (0.0, 0.2, 0.4, 0.6, 0.8)
+        for skew in (0.1, 0.2, 0.3, 0.4, 0.5)
+        for rise in (0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.75)
+    ]
+    best = min(shapes, key=lambda shape: float(np.mean(errors(shape) ** 2)))
+    return best | {"residual": _residual(errors(best))}
+
+
+_NONE = Degree(0, 0, 0)
+
+
+def _relative_goal(a: Albedos) -> Goal:
+    return ratio_goal(a, relative_cosine(a.cosine, a.alpha), a.whole / a.mix)
+
+
+def _tilt_goal(shape: Shape, bent: Sequence[Albedos], straight: Rational) -> Goal:
+    """Seek what a bent view adds to the ratio of a wide lobe, over the tilt: 1 minus the cosine to the unbent view."""
+    a = Albedos(*(np.concatenate(each) for each in zip(*(vars(one).values() for one in bent), strict=True)))
+    factor = a.tilt * a.alpha * ggx_share(a.alpha, shape)
+    a = Albedos(*(each[factor > 0.0] for each in vars(a).values()))
+    factor = factor[factor > 0.0]
+    base = straight(relative_cosine(a.cosine, a.alpha), a.alpha)
+    whole = _relative_goal(a)
+    problem = Problem(a.tilt, a.cosine, (whole.problem.target - base) / factor, whole.problem.tolerance / factor)
+    return Goal(problem, lambda got: whole.error(base + factor * got), a.angle)
+
+
+def _entry(found: Rational, goal: Goal) -> dict[str, Any]:
+    error = goal.error(found(goal.problem.x, goal.problem.y))[goal.angle <= 85.0]
+    return {"numerator": found.numerator, "denominator": found.denominator, "residual": _residual(error)}
+
+
+def _residual(error: Floats) -> dict[str, float]:
+    return {"largest": _rounded(float(error.max())), "rms": _rounded(float(np.sqrt(np.mean(error * error))))}
+
+
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def make_table() -> dict[str, Any]:
+    """Make the table."""
+    shapes = make_shapes()
+    fits = make_fits(shapes)
+    shapes["anisotropic"] = anisotropic_shape({name: found for name, (found, _) in fits.items()})
+    return {"shapes": shapes, "fits": {name: _entry(*each) for name, each in fits.items()}}
+
+
+def main() -> None:
+    """Write the table."""
+    text = json.dumps(make_table(), indent=1)
+    # A row of numbers on a line.
+    text = re.sub(r"\[[^][]+\]", lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
+    DATA.write_text(text + "\n")
+
+
+if __name__ == "__main__":
+    main()

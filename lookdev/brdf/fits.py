@@ -1,0 +1,65 @@
+"""Fits: what closures need to know of integrals that have no closed form, as small rationals.
+
+They are fits, made by ``python -m lookdev.brdf.fit_closures``, which says what each one is of and writes the table
+``data/closure_fits.json``: coefficients, domain and residuals. Here they are evaluated, in plain arithmetic, so that
+they can be traced; where a variable is a constant, a row of coefficients folds into one.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lookdev.brdf.vectors import Array
+
+DATA = Path(__file__).parent / "data" / "closure_fits.json"
+"""Where the table is."""
+
+Rows = Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Rational:
+    """A quotient of two polynomials in x and y; a row holds the coefficients of one power of x, by powers of y."""
+
+    numerator: Rows
+    denominator: Rows
+
+    def __call__(self, x: Array, y: Array = 0.0) -> Array:
+        """Evaluate at x and y, (...), within the fitted domain."""
+        return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
+
+
+def polynomial(rows: Rows, x: Array, y: Array) -> Array:
+    """Evaluate the sum of ``rows[i][j] x^i y^j`` by Horner's rule."""
+    total: Array = 0.0
+    for row in reversed(rows):
+        inner: Array = 0.0
+        for coefficient in reversed(row):
+            inner = inner * y + coefficient
+        total = total * x + inner
+    return total
+
+
+@cache
+def table() -> dict[str, Any]:
+    """Return the whole table as it is in the file."""
+    loaded: dict[str, Any] = json.loads(DATA.read_text())
+    return loaded
+
+
+@cache
+def fit(name: str) -> Rational:
+    """Return a fit by its name in the table."""
+    entry = table()["fits"][name]
+    return Rational(entry["numerator"], entry["denominator"])
+
+
+def shape(name: str) -> Mapping[str, Any]:
+    """Return the numbers that a mix of closures is made by."""
+    shapes: Mapping[str, Any] = table()["shapes"][name]
+    return shapes

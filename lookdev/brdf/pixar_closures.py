@@ -1,0 +1,101 @@
+"""Closures of Cycles that stand for the lobes of Pixar's model (`lookdev.brdf.pixar`): highlights are fitted.
+
+A sin-Gaussian is a Beckmann lobe while it is narrow, with ``alpha^2 = 1 / power``; a wide one, which ends at the
+horizon, is mixed with GGX. A transmitted highlight is a refraction whose normal is the refracted view and whose index
+is so high that light leaves along the microfacet's normal, whatever the view. Mirrored directions are twice as far from
+their mean as half vectors are in the plane of incidence, and less across it: its alpha is twice as large, times the
+root of the cosine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from lookdev.brdf.closures import Closure, Kind
+from lookdev.brdf.fits import fit, shape
+from lookdev.brdf.frames import from_local
+from lookdev.brdf.fresnel import fresnel_blend
+from lookdev.brdf.vectors import Array, dot, same, scale
+
+IOR = 1000.0
+"""Index of refraction of transmitted highlights."""
+
+_LARGEST_RATIO = 1.25
+
+_KINDS: dict[bool, tuple[Kind, Kind]] = {
+    False: ("beckmann", "ggx"),
+    True: ("beckmann_refraction", "ggx_refraction"),
+}
+
+
+def diffuse_closures(at_normal: Array, at_grazing: Array, normal: Array, transmits: bool) -> tuple[Closure, ...]:
+    """Stand for a diffuse lobe; its directional albedo, the same from everywhere, is exact."""
+    # The cosine-weighted mean of (1 - cos)^5 is 1/21.
+    weight = at_normal * (20.0 / 21.0) + at_grazing * (1.0 / 21.0)
+    return (Closure("translucent" if transmits else "diffuse", weight, normal=normal),)
+
+
+def highlight_closures(
+    at_normal: Array, at_grazing: Array, power: Array, wo: Array, view: Array, normal: Array, transmits: bool
+) -> tuple[Closure, ...]:
+    """Stand for a highlight.
+
+    Parameters
+    ----------
+    at_normal, at_grazing : (..., 3)
+        Its weights.
+    power : (...)
+        Of the sin-Gaussian.
+    wo, view : (..., 3)
+        The view in the lobe's frame, as it is and as the lobe takes it: refracted where it transmits.
+    normal : (..., 3)
+        The lobe's.
+    """
+    alpha, cos_theta = 1.0 / np.sqrt(power), view[..., 2]
+    relative = relative_cosine(cos_theta, alpha)
+    if transmits:
+        tilt = 1.0 - np.minimum(dot(wo, view), 1.0)
+        factor = ggx_share(alpha, shape("highlight")) * alpha * tilt
+        ratio = fit("transmitted")(relative, alpha) + factor * fit("transmitted_tilt")(tilt, cos_theta)
+    else:
+        ratio = fit("highlight")(relative, alpha)
+    # Within the last half degree the fits are not to be trusted.
+    ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
+    typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
+    fresnel = fresnel_blend(at_normal, at_grazing, typical)
+    mix = highlight_mix(alpha, view, normal, transmits, shape("highlight"))
+    return tuple(replace(each, weight=scale(fresnel, ratio * each.weight)) for each in mix)
+
+
+def highlight_mix(
+    alpha: Array, view: Array, normal: Array, transmits: bool, shape: Mapping[str, float]
+) -> tuple[Closure, ...]:
+    """Return the closures of a highlight with their shares, (...), as weights.
+
+    `shape` has the `start` and `slope` by which GGX takes over as alpha grows, and its `width` relative to Beckmann's.
+    """
+    share = ggx_share(alpha, shape)
+    ior = 1.0
+    if transmits:
+        alpha = 2.0 * alpha * np.sqrt(view[..., 2])
+        normal, ior = from_local(normal, view), IOR
+    beckmann, ggx = _KINDS[transmits]
+    parts = (beckmann, 1.0 - share, alpha), (ggx, share, shape["width"] * alpha)
+    return tuple(
+        Closure(kind, part, np.minimum(a, 1.0), np.minimum(a, 1.0), normal, ior)
+        for kind, part, a in parts
+        if not same(part, 0.0)
+    )
+
+
+def ggx_share(alpha: Array, shape: Mapping[str, float]) -> Array:
+    """Return how much of a highlight's mix is GGX, (...): exactly none where it is narrow."""
+    return np.clip(shape["slope"] * (alpha - shape["start"]), 0.0, 1.0)
+
+
+def relative_cosine(cos_theta: Array, alpha: Array) -> Array:
+    """Return the cosine of the view relative to the lobe's width, in [0, 1], in which fits are smooth, (...)."""
+    return cos_theta / np.sqrt(cos_theta * cos_theta + alpha * alpha)

@@ -1,0 +1,58 @@
+"""Directions and weights to integrate over the light with: for lobes that have their peak near a mirrored view."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:
+    """Return directions (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
+
+    Two Gauss nodes a cell along slope and azimuth of the half vector. With ``t = tan^2 theta_h`` the first coordinate
+    is ``log(1 + t / t0) / L``: even within a lobe of width `alpha`, logarithmic beyond. A direction above the horizon
+    has ``tan theta_h < 2 / view_z``, which is where the grid ends.
+
+    Parameters
+    ----------
+    view : (3,)
+        Unit direction, above the horizon.
+    alpha
+        Width of the lobe, or of the narrowest of several.
+    cells
+        Along slope and azimuth.
+    """
+    t0 = (0.5 * alpha) ** 2
+    nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]
+    a, phi = (((np.arange(n)[:, None] + 0.5 * (nodes + 1.0)) / n).ravel() for n in cells)
+    weight = np.outer(*(np.tile(0.5 * weights, n) / n for n in cells))
+    length = np.log1p((2.0 / view[2]) ** 2 / t0)
+    grown = np.exp(a * length)
+    t = t0 * (grown - 1.0)
+    # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
+    weight *= (np.pi * t0 * length * grown / (1.0 + t) ** 1.5)[:, None]
+    cos_h, azimuth = 1.0 / np.sqrt(1.0 + t), 2.0 * np.pi * phi
+    sin_h = np.sqrt(t) * cos_h
+    x, y = np.outer(sin_h, np.cos(azimuth)), np.outer(sin_h, np.sin(azimuth))
+    wm = np.stack([x, y, np.broadcast_to(cos_h[:, None], x.shape)], axis=-1)
+    cos_d = wm @ view
+    wi = 2.0 * cos_d[..., None] * wm - view
+    # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
+    weight = weight * 4.0 * cos_d
+    above = (wi[..., 2] > 0.0) & (cos_d > 0.0)
+    return wi[above], weight[above]
+
+
+def hemisphere_grid(nodes: int) -> tuple[Floats, Floats]:
+    """Return directions (n, 3) and weights (n,) in steradians for what is smooth over the hemisphere."""
+    x, w = np.polynomial.legendre.leggauss(nodes)  # type: ignore[no-untyped-call]
+    cos = 0.5 * (x + 1.0)
+    sin = np.sqrt(1.0 - cos * cos)
+    # Periodic, so that the midpoint rule converges as Gauss does.
+    azimuth = 2.0 * np.pi * (np.arange(nodes) + 0.5) / nodes
+    directions = np.stack(
+        [np.outer(sin, np.cos(azimuth)), np.outer(sin, np.sin(azimuth)), np.outer(cos, np.ones(nodes))], axis=-1
+    )
+    return directions.reshape(-1, 3), np.repeat(w * np.pi / nodes, nodes)

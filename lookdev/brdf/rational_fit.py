@@ -1,0 +1,105 @@
+"""Least squares for rationals, for the script that makes the fits (`lookdev.brdf.fit_closures`).
+
+Levenberg-Marquardt with an analytic Jacobian, reweighted between rounds towards the smallest largest error (Lawson's
+way). A step is taken only where the denominator keeps above a floor on all of the box that the variables can be in, so
+there is no pole.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf.fits import Rational
+
+Floats = NDArray[np.float64]
+
+_FLOOR = 0.01
+_ROUNDS, _STEPS, _TRIES = 8, 40, 8
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """What is fitted: values `target` at `x` and `y`, each to be met within its `tolerance`, all (n,)."""
+
+    x: Floats
+    y: Floats
+    target: Floats
+    tolerance: Floats
+
+
+@dataclass(frozen=True)
+class Degree:
+    """Which powers a polynomial has: of x and of y up to, and together up to."""
+
+    x: int
+    y: int
+    total: int
+
+    def terms(self) -> list[tuple[int, int]]:
+        """Return the powers of x and y of each term, the constant first."""
+        return [(i, j) for i in range(self.x + 1) for j in range(self.y + 1) if i + j <= self.total]
+
+
+def fit_rational(problem: Problem, numerator: Degree, denominator: Degree) -> Rational:
+    """Fit a rational; the best of all steps counts."""
+    above, below = numerator.terms(), denominator.terms()[1:]
+    n = _powers(above, problem.x, problem.y) / problem.tolerance[:, None]
+    d = _powers(below, problem.x, problem.y)
+    guard = _powers(below, *_box(problem))
+    wanted = problem.target / problem.tolerance
+    size = len(above)
+    c = np.concatenate([np.linalg.lstsq(n, wanted, rcond=None)[0], np.zeros(len(below))])
+    weight = np.ones_like(wanted)
+    best, smallest = c, np.inf
+    for _ in range(_ROUNDS):
+        root, damping = np.sqrt(weight), 1e-3
+        for _ in range(_STEPS):
+            q = 1.0 + d @ c[size:]
+            value = n @ c[:size] / q
+            error = value - wanted
+            if np.abs(error).max() < smallest:
+                best, smallest = c, float(np.abs(error).max())
+            jacobian = np.hstack([n, -value[:, None] * d]) * (root / q)[:, None]
+            scale = np.sqrt((jacobian * jacobian).sum(axis=0)) + 1e-12
+            loss = (weight * error * error).sum()
+            for _ in range(_TRIES):
+                damped = np.vstack([jacobian / scale, np.sqrt(damping) * np.eye(len(c))])
+                step = np.linalg.lstsq(damped, np.append(-error * root, np.zeros(len(c))), rcond=None)[0] / scale
+                tried = c + step
+                q = 1.0 + d @ tried[size:]
+                moved = (weight * (n @ tried[:size] / q - wanted) ** 2).sum()
+                if moved < loss and (1.0 + guard @ tried[size:]).min() > _FLOOR:
+                    break
+                damping *= 4.0
+            else:
+                break
+            c, damping = tried, max(damping / 6.0, 1e-9)
+            if loss - moved < 1e-4 * loss:
+                break
+        error = np.abs(n @ c[:size] / (1.0 + d @ c[size:]) - wanted)
+        weight = weight * (error / error.max() + 0.03)
+        weight /= weight.mean()
+    top, bottom = best[:size], np.append(1.0, best[size:])
+    # Only the quotient counts.
+    largest = np.abs(bottom).max()
+    return Rational(_rows(above, top / largest), _rows(denominator.terms(), bottom / largest))
+
+
+def _powers(terms: list[tuple[int, int]], x: Floats, y: Floats) -> Floats:
+    return np.array([x**i * y**j for i, j in terms]).reshape(len(terms), x.size).T
+
+
+def _box(problem: Problem) -> tuple[Floats, Floats]:
+    """Return points (n,) of all that a fit may be evaluated at: x from 0 to 1, y from the least to the greatest."""
+    x, y = np.meshgrid(np.linspace(0.0, 1.0, 101), np.linspace(problem.y.min(), problem.y.max(), 41))
+    return x.ravel(), y.ravel()
+
+
+def _rows(terms: list[tuple[int, int]], coefficients: Floats) -> list[list[float]]:
+    rows: list[list[float]] = [[] for _ in range(1 + max(i for i, _ in terms))]
+    for (i, _), coefficient in zip(terms, coefficients, strict=True):
+        rows[i].append(float(f"{coefficient:.8g}"))
+    return rows

@@ -1,0 +1,61 @@
+"""Where the nodes of a tree stand: columns by their distance to the output, rows near what reads them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Mapping
+
+from lookdev.codegen.source import Link, ShaderNode
+
+_COLUMN = 220.0
+_GAP = 30.0
+_HEADER, _ROW, _VECTOR = 90.0, 24.0, 90.0
+
+
+def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
+    """Return the upper left corner of every node, in Blender's units; nodes do not overlap.
+
+    Parameters
+    ----------
+    nodes
+        By name, each after those that it reads.
+    """
+    readers: dict[str, list[str]] = defaultdict(list)
+    for name, node in nodes.items():
+        for source in dict.fromkeys(link.node for link in node.inputs.values() if isinstance(link, Link)):
+            readers[source].append(name)
+    columns: dict[str, int] = {}
+    for name in reversed(list(nodes)):
+        columns[name] = 1 + max((columns[reader] for reader in readers[name]), default=-1)
+    # What the group is given stands left of everything.
+    last = max(columns.values(), default=0)
+    for name, node in nodes.items():
+        if node.kind == "NodeGroupInput":
+            columns[name] = last + 1
+    by_column: dict[int, list[str]] = defaultdict(list)
+    for name in nodes:
+        by_column[columns[name]].append(name)
+    middles: dict[str, float] = {}
+    places: dict[str, tuple[float, float]] = {}
+    for column in sorted(by_column):
+        wanted = {
+            name: sum(middles[reader] for reader in readers[name]) / len(readers[name]) if readers[name] else 0.0
+            for name in by_column[column]
+        }
+        members = sorted(by_column[column], key=lambda name: -wanted[name])
+        heights = [_height(nodes[name]) for name in members]
+        # The column's middle stands where its nodes are wanted.
+        top = (sum(heights) + _GAP * len(members)) / 2.0 + sum(wanted.values()) / len(members)
+        for name, height in zip(members, heights, strict=True):
+            places[name] = (-_COLUMN * column, round(top))
+            middles[name] = top - height / 2.0
+            top -= height + _GAP
+    return places
+
+
+def _height(node: ShaderNode) -> float:
+    """Return about how tall a node is drawn; an unlinked vector has a field for each component."""
+    if node.kind == "TexImage":
+        return 300.0
+    rows = sum(_VECTOR if isinstance(value, tuple) else _ROW for value in node.inputs.values())
+    return _HEADER + rows + _ROW * len(node.properties)

@@ -1,0 +1,154 @@
+"""A job as a .blend: each look a scene, each light a world, each turntable a stretch of the timeline.
+
+Scenes are built as those that are rendered; then names, keys and settings are made those that an artist expects. Each
+has meshes of its own: with materials that belong to objects instead, Cycles would keep no mesh as an instance, and
+round otherwise.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lookdev.cycles import version
+from lookdev.cycles.nodes import Groups
+from lookdev.cycles.scene import Scene
+from lookdev.cycles.timeline import animate, follow, mark
+from lookdev.cycles.world import build_world
+from lookdev.errors import LookdevError, RenderError
+from lookdev.plan.blend import BLEND_TASK, BlendTask
+from lookdev.plan.task import SceneTask
+
+_VIEWS = {
+    "ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"),
+    "Un-tone-mapped": ("Standard",),
+    "Raw": ("Raw",),
+}
+"""What Blender calls the views of a job: of several names, the first that it has."""
+
+
+def export_file(request: Path) -> dict[str, Any]:
+    """Do what a file with a `BlendTask` says; return `notes` for the user, or the `error` that it failed of."""
+    try:
+        return {"notes": write_blend(BLEND_TASK.validate_json(request.read_bytes()))}
+    except LookdevError as error:
+        return {"error": str(error)}
+    except (RuntimeError, OSError, MemoryError) as error:
+        return {"error": f"{type(error).__name__}: {error}"}
+
+
+def write_blend(task: BlendTask) -> list[str]:
+    """Write a .blend; return what the user should know of it.
+
+    Raises
+    ------
+    RenderError
+        Blender cannot show one of the looks, or reads an image that the task does not name.
+    """
+    groups: Groups = {}
+    scenes: dict[str, Scene] = {}
+    for look, scene in task.scenes.items():
+        into = bpy.data.scenes.new(look) if scenes else None
+        # What is written on this machine may be rendered on another.
+        scenes[look] = Scene(replace(scene, device="cpu"), into, groups)
+    first, *others = scenes.values()
+    animate(
+        {"asset": first.root, "camera": first.camera},
+        task.turntables,
+        lambda pose: first.pose(first.task.camera, pose),
+    )
+    for other in others:
+        _share_camera(first, other)
+        other.pose(other.task.camera, task.turntables[-1].poses[-1])  # what does not move has no keys
+        follow(other.root, first.root)
+    world = _add_worlds(task)
+    views = set()
+    for look, each in scenes.items():
+        each.scene.name = each.root.name = look
+        bpy.data.worlds.remove(each.scene.world)
+        each.scene.world = world
+        _set_up(each.scene, task.scenes[look], task)
+        views.add(_set_view(each.scene, task.view))
+        mark(each.scene, task.turntables)
+        each.scene.view_layers[0].objects.active = each.objects[0]
+    _place_images(task)
+    _open_with(first.scene)
+    bpy.ops.wm.save_as_mainfile(filepath=str(task.file), compress=True, relative_remap=False)
+    unlike = sorted(views - {_VIEWS[task.view][0]})
+    return [f"Blender {version.VERSION} has no view '{task.view}': the file is shown by '{view}'" for view in unlike]
+
+
+def _share_camera(first: Scene, other: Scene) -> None:
+    lens = other.camera.data
+    bpy.data.objects.remove(other.camera)
+    bpy.data.cameras.remove(lens)
+    other.camera = other.scene.camera = first.camera
+    other.scene.collection.objects.link(first.camera)
+
+
+def _add_worlds(task: BlendTask) -> Any:
+    """Add the world of every light, to be chosen from; return the first."""
+    worlds = [
+        build_world(each.name, each.light, sampled=not each.light.constant, strength=each.strength, turn=each.turn)
+        for each in task.worlds
+    ]
+    for world in worlds:
+        world.use_fake_user = True
+    return worlds[0]
+
+
+def _set_up(scene: Any, shown: SceneTask, task: BlendTask) -> None:
+    """Set what only a render by hand needs: the engine by its own name, samples, device, frame rate."""
+    render, settings = scene.render, scene.cycles
+    render.engine = "CYCLES"
+    render.use_compositing = render.use_sequencer = True
+    render.film_transparent = not task.show_light
+    render.filepath = f"//{scene.name}/"
+    render.fps, render.fps_base = 24, 1.0
+    settings.samples, settings.use_sample_subset = shown.sampling.samples, False
+    settings.seed = shown.sampling.seed
+    settings.device = "CPU" if shown.device == "cpu" else "GPU"
+
+
+def _set_view(scene: Any, view: str) -> str:
+    """Set the view that is nearest to a job's, and nothing beside it; return its name."""
+    scene.display_settings.display_device = "sRGB"
+    settings = scene.view_settings
+    settings.look = "None"
+    settings.exposure, settings.gamma = 0.0, 1.0
+    for name in _VIEWS[view]:
+        with suppress(TypeError):  # Blender has no such view
+            settings.view_transform = name
+            return name
+    raise RenderError(f"Blender {version.VERSION} has none of the views {', '.join(_VIEWS[view])}")
+
+
+def _place_images(task: BlendTask) -> None:
+    """Pack images, or let them be found beside the .blend."""
+    for image in list(bpy.data.images):  # a new name moves it in Blender's own list
+        if image.source != "FILE":
+            continue
+        path = task.images.get(Path(image.filepath))
+        if path is None:
+            raise RenderError(f"{image.filepath}: the scene reads an image that the task does not name")
+        if task.pack:
+            image.pack()
+        image.name = Path(path).name
+        image.filepath = f"//{path}"
+        for packed in image.packed_files:
+            packed.filepath = image.filepath
+
+
+def _open_with(scene: Any) -> None:
+    """Let the window show a scene through its camera, with the shader editor at hand."""
+    window = bpy.context.window_manager.windows[0]
+    window.scene = scene
+    window.workspace = bpy.data.workspaces["Shading"]
+    for screen in bpy.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                area.spaces.active.region_3d.view_perspective = "CAMERA"

@@ -1,0 +1,195 @@
+"""Native shader nodes: the plain data of a `NodeSource` as Blender's node trees."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.cycles import version
+from lookdev.errors import RenderError, nearest_hint
+
+_SOCKETS = {
+    "float": "NodeSocketFloat",
+    "color": "NodeSocketColor",
+    "vector": "NodeSocketVector",
+    "shader": "NodeSocketShader",
+}
+# Blender numbers the sockets of a group; ours go by their names.
+_BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
+
+Groups = dict[str, Any]
+"""Groups that are built, by a digest of all that is in them: equal ones of several looks are one datablock."""
+
+
+def build_trees(source: NodeSource, built: Groups | None = None) -> dict[str, Any]:
+    """Build the groups of a source, or find them in `built`, to which they are added.
+
+    Returns
+    -------
+    dict
+        The groups by the names of their trees; Blender numbers the datablocks of different ones with one name.
+
+    Raises
+    ------
+    RenderError
+        A kind of node, a property, a socket, a group or an image is not there.
+    """
+    known: Groups = {} if built is None else built
+    groups: dict[str, Any] = {}
+    digests: dict[str, str] = {}
+    for tree in source.trees[:-1]:
+        shown = [digests.get(node.group) for node in tree.nodes if node.group]
+        digests[tree.name] = digest = hashlib.sha256(f"{tree!r} {shown}".encode()).hexdigest()
+        if digest not in known:
+            known[digest] = _build_group(source, tree, groups)
+        groups[tree.name] = known[digest]
+    return groups
+
+
+def build_material(source: NodeSource, built: Groups | None = None) -> Any:
+    """Build a material and its groups, as `build_trees` does.
+
+    Raises
+    ------
+    RenderError
+        As `build_trees`.
+    """
+    groups = build_trees(source, built)
+    material = bpy.data.materials.new(source.name)
+    # Not a light, and bumped normals are bent by the nodes themselves.
+    material.cycles.emission_sampling = "NONE"
+    material.cycles.use_bump_map_correction = False
+    material.use_transparent_shadow = True
+    _fill(source, source.trees[-1], version.empty_node_tree(material), groups)
+    return material
+
+
+def load_image(file: Path) -> Any:
+    """Load a linear image once, its numbers as they are, its colour not multiplied by its alpha.
+
+    Raises
+    ------
+    RenderError
+        There is no such image.
+    """
+    try:
+        image = bpy.data.images.load(str(file), check_existing=True)
+    except RuntimeError as error:
+        raise RenderError(f"{file}: Blender cannot load the image: {str(error).strip()}") from error
+    image.colorspace_settings.name = "Non-Color"
+    image.alpha_mode = "CHANNEL_PACKED"
+    return image
+
+
+def _build_group(source: NodeSource, tree: NodeTree, groups: dict[str, Any]) -> Any:
+    group = bpy.data.node_groups.new(tree.name, "ShaderNodeTree")
+    panels: dict[str, Any] = {}
+    for in_out, sockets in (("OUTPUT", tree.outputs), ("INPUT", tree.inputs)):
+        for socket in sockets:
+            if socket.panel and socket.panel not in panels:
+                panels[socket.panel] = group.interface.new_panel(socket.panel)
+            _add_socket(group.interface, socket, in_out, panels.get(socket.panel))
+    _fill(source, tree, group, groups)
+    return group
+
+
+def _add_socket(interface: Any, socket: GroupSocket, in_out: str, panel: Any) -> None:
+    made = interface.new_socket(
+        socket.name, description=socket.help, in_out=in_out, socket_type=_SOCKETS[socket.kind], parent=panel
+    )
+    if in_out == "OUTPUT" or socket.kind == "shader":
+        return
+    if socket.kind != "color":
+        if socket.kind == "float" and socket.soft == (0.0, 1.0):
+            made.subtype = "FACTOR"
+        made.min_value, made.max_value = socket.soft
+    made.default_value = _padded(socket.default, made.default_value)
+
+
+def _fill(source: NodeSource, tree: NodeTree, into: Any, groups: dict[str, Any]) -> None:
+    """Add the nodes of a tree, then their links."""
+    where = f"look '{source.name}', nodes '{tree.name}'"
+    nodes = {}
+    for node in tree.nodes:
+        try:
+            nodes[node.name] = _add_node(node, into, groups)
+        except RenderError as error:
+            raise RenderError(f"{where}, '{node.name}': {error}") from error
+    # Blender goes over all of a tree whenever a single thing in it is set: hence at once, and only what differs.
+    into.nodes.foreach_set("location", [x for node in tree.nodes for x in node.place])
+    for node in tree.nodes:
+        for identifier, value in node.inputs.items():
+            if not isinstance(value, Link):
+                continue
+            if value.node not in nodes:
+                raise RenderError(f"{where}, '{node.name}': '{identifier}' is linked to a node '{value.node}'; none is")
+            try:
+                start = _socket(nodes[value.node], "outputs", value.socket)
+                end = _socket(nodes[node.name], "inputs", identifier)
+            except RenderError as error:
+                raise RenderError(f"{where}, '{value.node}' to '{node.name}': {error}") from error
+            into.links.new(start, end)
+
+
+def _add_node(node: ShaderNode, into: Any, groups: dict[str, Any]) -> Any:
+    kind = node.kind if node.kind.startswith("Node") else f"ShaderNode{node.kind}"
+    try:
+        made = into.nodes.new(kind)
+    except RuntimeError as error:
+        raise RenderError(f"Blender {version.VERSION} has no node of kind '{node.kind}'") from error
+    made.name = node.name
+    made.label = node.label
+    if node.group:
+        if node.group not in groups:
+            raise RenderError(f"it shows a group '{node.group}', and none before it is called so")
+        made.node_tree = groups[node.group]
+    if node.image is not None:
+        made.image = load_image(node.image)
+    for name, setting in node.properties.items():
+        _set_property(made, name, setting)
+    for identifier, value in node.inputs.items():
+        if not isinstance(value, Link):
+            socket = _socket(made, "inputs", identifier)
+            try:
+                _set(socket, "default_value", _padded(value, socket.default_value))
+            except (TypeError, ValueError, AttributeError) as error:
+                raise RenderError(f"socket '{identifier}' does not take {value!r}: {error}") from error
+    return made
+
+
+def _set_property(node: Any, name: str, value: Any) -> None:
+    try:
+        if name not in node.bl_rna.properties:
+            raise AttributeError("there is none")
+        # What is read from JSON may have become a float.
+        exactly = {"INT": int, "BOOLEAN": bool}.get(node.bl_rna.properties[name].type)
+        _set(node, name, exactly(value) if exactly else value)
+    except (TypeError, ValueError, AttributeError) as error:
+        raise RenderError(f"property '{name}' cannot be {value!r}: {error}") from error
+
+
+def _set(owner: Any, name: str, value: Any) -> None:
+    old = getattr(owner, name)
+    if (tuple(old) if isinstance(value, tuple) else old) != value:
+        setattr(owner, name, value)
+
+
+def _socket(node: Any, side: str, identifier: str) -> Any:
+    """Return a socket that the node shows as it is set."""
+    key = "name" if node.bl_idname in _BY_NAME else "identifier"
+    # A disabled socket can be set and linked, to no effect.
+    shown = {getattr(socket, key): socket for socket in getattr(node, side) if socket.enabled}
+    if identifier not in shown:
+        raise RenderError(f"no socket '{identifier}' among the {side} ({nearest_hint(identifier, list(shown))})")
+    return shown[identifier]
+
+
+def _padded(value: Any, old: Any) -> Any:
+    """Return a value as a socket takes it: a colour with its fourth channel."""
+    if isinstance(value, tuple) and len(value) == 3 and len(old) == 4:
+        return (*value, 1.0)
+    return value

@@ -1,0 +1,100 @@
+"""Turntables as keyframes: one key a frame, at the value that the frame is rendered with."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.plan.blend import BlendTurntable
+from lookdev.plan.task import Pose
+
+Floats = NDArray[np.float64]
+
+_PATHS = ("location", "rotation_euler")
+_JUST = 1.0 / 64.0
+"""Of a frame: exact in float32, and more than what Blender takes for the same time."""
+
+
+def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
+    """Animate objects over turntables, one after another from frame 1, by a single action.
+
+    Parameters
+    ----------
+    objects
+        By what each is called in the action, the objects that `pose` moves.
+    turntables
+        At least one.
+    pose
+        Stands the objects where a pose wants them: location and XYZ Euler angles.
+    """
+    action = bpy.data.actions.new("turntables")
+    strip = action.layers.new("turntables").strips.new(type="KEYFRAME")
+    tables = [_moves(list(objects.values()), turntable, pose) for turntable in turntables]
+    for number, (name, item) in enumerate(objects.items()):
+        slot = action.slots.new(id_type="OBJECT", name=name)
+        _add_curves(strip.channelbag(slot, ensure=True), [table[number] for table in tables])
+        data = item.animation_data_create()
+        data.action, data.action_slot = action, slot
+
+
+def follow(item: Any, other: Any) -> None:
+    """Animate an object as another is, by the same curves."""
+    data = item.animation_data_create()
+    data.action, data.action_slot = other.animation_data.action, other.animation_data.action_slot
+
+
+def mark(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
+    """Give a scene the frames of turntables, and a marker where each begins."""
+    frame = 1
+    for turntable in turntables:
+        scene.timeline_markers.new(turntable.name, frame=frame)
+        frame += len(turntable.poses)
+    scene.frame_start, scene.frame_end = 1, frame - 1
+    scene.frame_set(1)
+
+
+def _moves(objects: Sequence[Any], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
+    """Return where objects stand over a turntable: (objects, frames, 6), location and rotation."""
+    frames = []
+    for each in turntable.poses:
+        pose(each)
+        frames.append([[*item.location, *item.rotation_euler] for item in objects])
+    return np.array(frames).transpose(1, 0, 2)
+
+
+def _add_curves(bag: Any, tables: Sequence[Floats]) -> None:
+    """Add the curves of what moves at all; a table (frames, 6) for each turntable."""
+    together = np.concatenate(tables)
+    for column, (path, index) in enumerate((path, index) for path in _PATHS for index in range(3)):
+        if np.ptp(together[:, column]) == 0.0:
+            continue
+        keys: list[tuple[float, float, str]] = []
+        first = 1
+        for table in tables:
+            keys += _keys(first, table[:, column].tolist(), 2.0 * math.pi if path == "rotation_euler" else math.inf)
+            first += len(table)
+        points = bag.fcurves.new(path, index=index).keyframe_points
+        points.add(len(keys))
+        for point, (frame, value, interpolation) in zip(points, keys, strict=True):
+            point.co = frame, value
+            point.interpolation = interpolation
+
+
+def _keys(first: int, values: Sequence[float], period: float) -> Iterator[tuple[float, float, str]]:
+    """Yield frame, value and interpolation of each key: exact at every frame, and straight on from one to the next.
+
+    Where a periodic value begins anew, it goes on past the period and is set back just before the next frame: an angle
+    past a whole turn would be rounded otherwise than the one that is rendered with.
+    """
+    for frame, (value, following) in enumerate(itertools.pairwise(values), start=first):
+        yield frame, value, "LINEAR"
+        jump = following - value
+        if abs(jump) > period / 2.0:
+            yield frame + 1 - _JUST, following - math.copysign(period, jump), "CONSTANT"
+    yield first + len(values) - 1, values[-1], "CONSTANT"

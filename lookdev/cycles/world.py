@@ -1,0 +1,77 @@
+"""Worlds by which Cycles itself lights a scene."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import bpy
+
+from lookdev.cycles import version
+from lookdev.cycles.nodes import load_image
+from lookdev.ibl import LightTables
+
+
+def build_world(
+    name: str,
+    light: LightTables,
+    *,
+    sampled: bool = True,
+    after_portals: bool = False,
+    strength: float = 1.0,
+    turn: float = 0.0,
+) -> Any:
+    """Build a world with an environment map.
+
+    Parameters
+    ----------
+    sampled
+        Whether Cycles draws directions from it: its map for that takes more than a second to make, whenever anything of
+        the world is changed.
+    after_portals
+        Whether only rays that went through a ray portal see it: other rays of the camera find black.
+    strength
+        Multiplies the radiance.
+    turn
+        Degrees about z, counter-clockwise seen from above.
+
+    Raises
+    ------
+    RenderError
+        The map cannot be read.
+    """
+    world = bpy.data.worlds.new(name)
+    tree = version.empty_node_tree(world)
+    coordinates = tree.nodes.new("ShaderNodeTexCoord")
+    mapping = tree.nodes.new("ShaderNodeMapping")
+    # The node turns the direction that is looked up, not the map.
+    mapping.vector_type = "POINT"
+    mapping.inputs["Rotation"].default_value = (0.0, 0.0, -math.radians(turn))
+    texture = tree.nodes.new("ShaderNodeTexEnvironment")
+    texture.image = load_image(light.radiance)
+    texture.interpolation = "Linear"
+    background = tree.nodes.new("ShaderNodeBackground")
+    background.inputs["Strength"].default_value = strength
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
+    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
+    tree.links.new(background.outputs["Background"], output.inputs["Surface"])
+    for place, node in enumerate((coordinates, mapping, texture, background, output)):
+        node.location = (300.0 * place, 0.0)
+    if after_portals:
+        path = tree.nodes.new("ShaderNodeLightPath")
+        passed = tree.nodes.new("ShaderNodeMath")
+        passed.operation = "GREATER_THAN"
+        passed.inputs[1].default_value = 0.5
+        shown = tree.nodes.new("ShaderNodeMath")
+        shown.operation = "MULTIPLY"
+        shown.inputs[1].default_value = strength
+        tree.links.new(path.outputs["Transparent Depth"], passed.inputs[0])
+        tree.links.new(passed.outputs[0], shown.inputs[0])
+        tree.links.new(shown.outputs[0], background.inputs["Strength"])
+        for place, node in enumerate((path, passed, shown)):
+            node.location = (300.0 * place, -300.0)
+    # The automatic map is of 4096 x 2048: less noise for the same time than one of the size of the light gives.
+    world.cycles.sampling_method = "AUTOMATIC" if sampled else "NONE"
+    return world

@@ -1,0 +1,292 @@
+"""`lookdev export blend` without Blender: what the exporter is told, which files are placed, and what is left of it."""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.batch.export import Exported, blend_task, export_blend, image_names
+from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
+from lookdev.plan.blend import BLEND_TASK
+from lookdev.plan.task import Pose
+
+LOOK = """#usda 1.0
+( defaultPrim = "Look" )
+def Material "Look"
+{
+    token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor.connect = </Look/Map.outputs:rgb>
+        float inputs:roughness = 0.5
+        token outputs:layer
+    }
+    def Shader "Map"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @paint chips.png@
+        float2 inputs:st.connect = </Look/St.outputs:result>
+        color3f outputs:rgb
+    }
+    def Shader "St"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+}
+"""
+JOB = """output = "out"
+[asset]
+builtin = "plane"
+[[look]]
+name = "chips"
+material = "chips.usda"
+[[ibl]]
+name = "tent"
+builtin = "white"
+exposure = 1.0
+rotation = 30.0
+[[ibl]]
+name = "bright"
+builtin = "white"
+exposure = -2.0
+rotation = 75.0
+[[turntable]]
+kind = "element"
+frames = 4
+[[turntable]]
+kind = "lighting"
+name = "sun"
+frames = 2
+degrees = 90
+[camera]
+azimuth = 10
+[render]
+resolution = [16, 16]
+samples = 4
+brdf_samples = 2
+background = "ibl"
+[outputs]
+view = "Raw"
+"""
+
+# An exporter that is told what to do by its second argument; the last one is the task.
+EXPORTER = """
+import json, pathlib, sys, time
+task = json.loads(pathlib.Path(sys.argv[-1]).read_text())
+def save():
+    pathlib.Path(task["file"]).write_bytes(b"BLENDER" + json.dumps(task).encode())
+    pathlib.Path(task["file"] + "@").write_bytes(b"as Blender does while it writes")
+"""
+SAVE = 'save(); print(json.dumps({"notes": ["a note"]}))'
+
+
+@pytest.fixture
+def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    pixels = np.linspace(0, 255, 4 * 4 * 3).reshape(4, 4, 3).astype(np.uint8)
+    oiio.ImageBuf(pixels).write(str(tmp_path / "paint chips.png"))
+    (tmp_path / "chips.usda").write_text(LOOK)
+    (tmp_path / "job.toml").write_text(JOB)
+    return tmp_path / "job.toml"
+
+
+@pytest.fixture
+def prepared(job: Path) -> Prepared:
+    return prepare_job(job, backend="nodes")
+
+
+Export = Callable[..., Exported]
+
+
+@pytest.fixture
+def export(job: Path, tmp_path: Path) -> Export:
+    """Return a function that exports to ``show/look.blend`` by an exporter that does what the text says."""
+
+    def run(does: str = SAVE, out: str = "show/look.blend", **options: object) -> Exported:
+        command = (sys.executable, "-c", EXPORTER + does)
+        return export_blend(job, tmp_path / out, command=command, **options)  # type: ignore[arg-type]
+
+    return run
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+
+
+def test_the_task_has_every_pose_of_the_first_light(prepared: Prepared, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", {}, pack=False)
+    assert [(each.name, each.poses) for each in task.turntables] == [
+        ("element", tuple(Pose(angle, 20.0) for angle in (350.0, 80.0, 170.0, 260.0))),
+        ("sun", (Pose(350.0, 20.0), Pose(350.0, 65.0))),
+    ]
+
+
+def test_other_lights_are_worlds_turned_beyond_the_first(prepared: Prepared, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", {}, pack=False)
+    assert [(world.name, world.strength, world.turn) for world in task.worlds] == [
+        ("tent", 2.0, 0.0),
+        ("bright", 0.25, 45.0),
+    ]
+
+
+def test_scenes_are_of_nodes_whatever_the_job_says(prepared: Prepared, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", {}, pack=False)
+    assert list(task.scenes) == ["chips"]
+    (source,) = task.scenes["chips"].shaders
+    assert type(source).__name__ == "NodeSource"
+    assert (task.view, task.show_light, task.pack) == ("Raw", True, False)
+
+
+def test_a_task_travels_as_json(prepared: Prepared, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", {tmp_path / "a.exr": "look_files/a.exr"}, pack=True)
+    assert BLEND_TASK.validate_json(BLEND_TASK.dump_json(task)) == task
+
+
+def test_images_are_called_as_the_user_called_them(prepared: Prepared) -> None:
+    called = image_names(prepared)
+    assert all(file.is_file() for file in called)
+    # Both lights are the same image: its name is the first one's.
+    assert sorted(name.rpartition("-")[0] for name in called.values()) == ["paint_chips", "tent"]
+    assert len(set(called.values())) == len(called)
+
+
+def test_tiles_of_a_set_are_called_one_by_one(job: Path) -> None:
+    for number in (1001, 1012):
+        tile = np.full((4, 4, 3), number % 100, np.uint8)
+        oiio.ImageBuf(tile).write(str(job.with_name(f"rust.{number}.png")))
+    job.with_name("chips.usda").write_text(LOOK.replace("paint chips.png", "rust.<UDIM>.png"))
+    called = image_names(prepare_job(job, backend="nodes"))
+    assert sorted(name.rpartition("-")[0] for name in called.values()) == ["rust.1001", "rust.1012", "tent"]
+
+
+def test_images_are_placed_beside_the_file(export: Export, tmp_path: Path) -> None:
+    exported = export()
+    folder = tmp_path / "show"
+    assert exported.file == folder / "look.blend"
+    assert exported.notes == ("a note",)
+    assert {exported.file, *exported.images} == {folder / name for name in names(folder)}
+    task = json.loads(exported.file.read_bytes().removeprefix(b"BLENDER"))
+    for file, path in task["images"].items():
+        assert (folder / path).read_bytes() == Path(file).read_bytes()
+        assert path.startswith("look_files/")
+
+
+def test_packed_images_leave_no_folder(export: Export, tmp_path: Path) -> None:
+    assert export(pack=True).images == ()
+    assert names(tmp_path / "show") == ["look.blend"]
+
+
+def test_the_summary_says_what_was_written_and_how_big(export: Export, tmp_path: Path) -> None:
+    summary = export().summary()
+    for said in (str(tmp_path / "show/look.blend"), "MB", "chips", "tent", "bright", "'nodes'", "look_files"):
+        assert said in summary
+
+
+def test_a_second_export_replaces_the_first(export: Export, tmp_path: Path) -> None:
+    export()
+    before = names(tmp_path / "show")
+    export("pathlib.Path(task['file']).write_bytes(b'BLENDER 2'); print('{}')")
+    assert (tmp_path / "show/look.blend").read_bytes() == b"BLENDER 2"
+    assert names(tmp_path / "show") == before
+
+
+@pytest.mark.parametrize(
+    ("does", "error", "said"),
+    [
+        ('print(json.dumps({"error": "look \'chips\' cannot be built"}))', RenderError, "look 'chips' cannot be built"),
+        ('save(); print(json.dumps({"error": "late"}))', RenderError, "late"),
+        ("sys.exit('Blender is not here')", WorkerError, "exit code 1: Blender is not here"),
+        ("print('{}')", WorkerError, "without an error, and without"),
+        ("print('Info: saved')", WorkerError, "exit code 0"),
+    ],
+)
+def test_a_failure_leaves_what_was_there(
+    does: str, error: type[Exception], said: str, export: Export, tmp_path: Path
+) -> None:
+    (tmp_path / "show").mkdir()
+    (tmp_path / "show/look.blend").write_bytes(b"BLENDER before")
+    with pytest.raises(error, match=said):
+        export(does)
+    assert names(tmp_path / "show") == ["look.blend"]
+    assert not (tmp_path / "show/look_files").exists()
+    assert (tmp_path / "show/look.blend").read_bytes() == b"BLENDER before"
+
+
+def test_a_failure_keeps_the_images_of_an_earlier_export(export: Export, tmp_path: Path) -> None:
+    export()
+    before = names(tmp_path / "show")
+    with pytest.raises(RenderError):
+        export('print(json.dumps({"error": "no"}))')
+    assert names(tmp_path / "show") == before
+
+
+def test_an_exporter_that_hangs_is_killed(export: Export, tmp_path: Path) -> None:
+    pid = tmp_path / "pid"
+    does = f"import os; pathlib.Path({str(pid)!r}).write_text(str(os.getpid())); save(); time.sleep(60)"
+    started = time.monotonic()
+    with pytest.raises(WorkerError, match="silent for 2 s"):
+        export(does, patience=2.0)
+    assert time.monotonic() - started < 20.0
+    assert not Path(f"/proc/{pid.read_text()}").exists()
+    assert names(tmp_path / "show") == []
+
+
+def test_ctrl_c_ends_the_exporter_and_leaves_nothing(
+    export: Export, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pid = tmp_path / "pid"
+    does = f"import os; pathlib.Path({str(pid)!r}).write_text(str(os.getpid())); save(); time.sleep(60)"
+
+    def interrupted(*_: object, **__: object) -> tuple[bytes, bytes]:
+        while not list((tmp_path / "show").glob(".look*/look.blend@")):
+            time.sleep(0.01)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("subprocess.Popen.communicate", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        export(does)
+    assert not Path(f"/proc/{pid.read_text()}").exists()
+    assert names(tmp_path / "show") == []
+
+
+@pytest.mark.parametrize(
+    ("out", "error", "said"),
+    [
+        ("look.usd", LookdevError, "look.blend would be right"),
+        ("look", LookdevError, "look.blend would be right"),
+        ("folder.blend", OutputError, "is a folder"),
+        ("job.toml/look.blend", OutputError, "job.toml"),
+    ],
+)
+def test_a_place_that_cannot_be_written(
+    out: str, error: type[Exception], said: str, export: Export, tmp_path: Path
+) -> None:
+    (tmp_path / "folder.blend").mkdir()
+    with pytest.raises(error, match=said):
+        export(out=out)
+
+
+def test_a_wrong_job_tells_all_its_faults(tmp_path: Path, job: Path, export: Export) -> None:
+    job.write_text(JOB.replace('builtin = "plane"', 'builtin = "plain"').replace("frames = 4", "frame = 4"))
+    with pytest.raises(FaultsError) as caught:
+        export()
+    assert "did you mean 'plane'" in str(caught.value)
+    assert "did you mean 'frames'" in str(caught.value)
+    assert not (tmp_path / "show").exists()
+
+
+def test_a_program_that_is_not_there(job: Path, tmp_path: Path) -> None:
+    with pytest.raises(WorkerError, match="cannot be started"):
+        export_blend(job, tmp_path / "look.blend", command=(str(tmp_path / "none"),))
+    assert not (tmp_path / "look_files").exists()

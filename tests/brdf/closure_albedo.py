@@ -1,0 +1,64 @@
+"""Directional albedo of the closures that stand for a BSDF, by quadrature; and the looks to try it on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf import Bsdf
+from lookdev.brdf.closures import Closure, closure_cosine
+from lookdev.brdf.frames import ZENITH, from_local, to_local
+from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+from lookdev.checks.samples import constant_look, sample_layers, varying
+from lookdev.material import Look
+from lookdev.reference.surface import look_bsdf
+
+Floats = NDArray[np.float64]
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+CELLS = (32, 32)
+
+
+def closures_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
+    """Return what the closures of a BSDF reflect and transmit to a viewer, (2, 3)."""
+    total = np.zeros((2, 3))
+    for lobe in bsdf.lobes(wo):
+        for closure in lobe.closures():
+            wi, weight = _directions(closure, wo)
+            energy = closure_cosine(closure, wo, wi) * weight[:, None]
+            total += [energy[wi[:, 2] > 0.0].sum(axis=0), energy[wi[:, 2] < 0.0].sum(axis=0)]
+    return total
+
+
+def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
+    width = float(min(closure.alpha_x, closure.alpha_y))
+    if closure.kind in ("diffuse", "translucent"):
+        wi, weight = hemisphere_grid(24)
+    elif closure.kind in ("ggx", "beckmann"):
+        wi, weight = half_vector_grid(to_local(closure.normal, wo), width, CELLS)
+    else:
+        # Light leaves along the microfacets' normals, which the zenith's half vectors are half as far from it as.
+        wi, weight = half_vector_grid(ZENITH, 0.5 * width, CELLS)
+    side = 1.0 if closure.kind in ("diffuse", "ggx", "beckmann") else -1.0
+    return side * from_local(closure.normal, wi), weight
+
+
+def view(angle: float, azimuth: float = 0.35) -> Floats:
+    """Return a unit direction, from degrees off the normal and radians around it."""
+    theta = np.radians(angle)
+    return np.array([np.sin(theta) * np.cos(azimuth), np.sin(theta) * np.sin(azimuth), np.cos(theta)])
+
+
+def bsdfs_of(look: Look, points: int, seed: int = 0) -> list[Bsdf]:
+    """Return a look as the constant surfaces that it is at random points; one where nothing varies."""
+    rng = np.random.default_rng(seed)
+    layers = sample_layers(look, points, rng)
+    count = points if any(varying(layer) for layer in layers) else 1
+    return [look_bsdf(constant_look(look, layers, index), _Anywhere()) for index in range(count)]
+
+
+class _Anywhere:
+    def handedness(self) -> Floats:
+        return np.ones(())

@@ -1,0 +1,97 @@
+"""`lookdev export` on the command line: options, what is said, exit codes."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.batch.export import Exported
+from lookdev.cli import main
+from lookdev.errors import RenderError
+
+ROOT = Path(__file__).parents[2]
+Command = Callable[..., int]
+
+
+@pytest.fixture
+def run_cli(monkeypatch: pytest.MonkeyPatch) -> Command:
+    """Return a function that runs the command line in this process and returns its exit code."""
+
+    def run(*arguments: object) -> int:
+        monkeypatch.setattr(sys, "argv", ["lookdev", "export", *map(str, arguments)])
+        try:
+            main()
+        except SystemExit as left:
+            return int(left.code or 0)
+        return 0
+
+    return run
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
+    """Let the export write one byte; return what it was asked for."""
+    given: dict[str, Any] = {}
+
+    def export_blend(job: Path, out: Path, **options: Any) -> Exported:
+        given.update(job=job, out=out, **options)
+        if "error" in given:
+            raise given["error"]
+        out.write_bytes(b"B")
+        return Exported(out, (), ("gold",), ("city",), ("no view like that",))
+
+    monkeypatch.setattr("lookdev.batch.export.export_blend", export_blend)
+    return given
+
+
+@pytest.mark.parametrize(("options", "pack"), [((), False), (("--pack",), True)])
+def test_options_reach_the_export(
+    options: tuple[str, ...],
+    pack: bool,
+    run_cli: Command,
+    asked: dict[str, Any],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    out = tmp_path / "look.blend"
+    assert run_cli("blend", "job.toml", "-o", out, *options) == 0
+    assert asked == {"job": Path("job.toml"), "out": out, "pack": pack}
+    said = capsys.readouterr()
+    assert said.out.startswith(f"{out}: 0.0 MB, scenes gold, worlds city")
+    assert said.err == "note: no view like that\n"
+
+
+def test_a_failure_of_blender_leaves_with_1(
+    run_cli: Command, asked: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    asked["error"] = RenderError("look 'gold' has too many layers")
+    assert run_cli("blend", "job.toml", "-o", tmp_path / "look.blend") == 1
+    assert capsys.readouterr().err == "lookdev: look 'gold' has too many layers\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("blend", ROOT / "jobs" / "suzanne.toml"), "Missing option '-o' / '--out'"),
+        (("blend", ROOT / "jobs" / "suzanne.toml", "-o", "look.usd"), "look.blend would be right"),
+        (("blend", ROOT / "jobs" / "none.toml", "-o", "look.blend"), "none.toml"),
+        (("blnd", ROOT / "jobs" / "suzanne.toml", "-o", "look.blend"), "No such command 'blnd'"),
+        (("blend", ROOT / "jobs" / "suzanne.toml", "-o", "look.blend", "--packed"), "No such option: --packed"),
+    ],
+)
+def test_what_is_not_right_leaves_with_2(
+    arguments: tuple[object, ...],
+    said: str,
+    run_cli: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run_cli(*arguments) == 2
+    assert said in " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert list(tmp_path.iterdir()) == []

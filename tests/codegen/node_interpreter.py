@@ -1,0 +1,154 @@
+"""Node trees evaluated as Blender would, in float32: what the tests compare with NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lookdev.codegen import GroupSocket, Link, NodeTree, ShaderNode
+
+F = np.float32
+
+
+def _where_valid(valid: Any, function: Callable[[], Any]) -> Any:
+    with np.errstate(all="ignore"):
+        return np.where(valid, function(), F(0.0))
+
+
+def _power(a: Any, b: Any) -> Any:
+    return _where_valid((a >= 0) | (b == np.floor(b)), lambda: np.power(a, b))
+
+
+# Cycles, as of its Math nodes: what has no value is 0.
+MATH: dict[str, Callable[..., Any]] = {
+    "ADD": lambda a, b: a + b,
+    "SUBTRACT": lambda a, b: a - b,
+    "MULTIPLY": lambda a, b: a * b,
+    "DIVIDE": lambda a, b: _where_valid(b != 0, lambda: a / b),
+    "MULTIPLY_ADD": lambda a, b, c: a * b + c,
+    "POWER": _power,
+    "LOGARITHM": lambda a, b: _where_valid((a > 0) & (b > 0), lambda: np.log(a) / np.log(b)),
+    "SQRT": lambda a: np.sqrt(np.maximum(a, F(0.0))),
+    "INVERSE_SQRT": lambda a: _where_valid(a > 0, lambda: F(1.0) / np.sqrt(a)),
+    "ABSOLUTE": np.abs,
+    "EXPONENT": np.exp,
+    "MINIMUM": np.minimum,
+    "MAXIMUM": np.maximum,
+    "LESS_THAN": lambda a, b: (a < b).astype(F),
+    "GREATER_THAN": lambda a, b: (a > b).astype(F),
+    "FLOOR": np.floor,
+    "SINE": np.sin,
+    "COSINE": np.cos,
+    "TANGENT": np.tan,
+    "TANH": np.tanh,
+    "ARCTAN2": np.arctan2,
+}
+
+
+def _dot(a: Any, b: Any) -> Any:
+    return np.sum(a * b, axis=-1)
+
+
+VECTOR_MATH: dict[str, Callable[..., Any]] = {
+    **{name: MATH[name] for name in ("ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "MULTIPLY_ADD", "POWER", "ABSOLUTE")},
+    **{name: MATH[name] for name in ("MINIMUM", "MAXIMUM", "FLOOR", "SINE", "COSINE", "TANGENT")},
+    "SCALE": lambda a, scale: a * scale[..., None],
+    "NORMALIZE": lambda a: a / np.sqrt(_dot(a, a))[..., None],
+    "CROSS_PRODUCT": np.cross,
+    "DOT_PRODUCT": _dot,
+}
+
+_SCALARS = {"Value", "Value_001", "Value_002", "X", "Y", "Z", "Scale", "Factor_Float", "A_Float", "B_Float"}
+_SCALARS |= {"Roughness", "Anisotropy", "Rotation", "IOR", "Fac"}
+
+
+def shape_input(socket: str, value: Any, *, scalar: bool | None = None) -> Any:
+    """Return a value as its socket takes it: numbers (N,), vectors and colours (N, 3); shaders as they are."""
+    if isinstance(value, list):
+        return value
+    value = np.asarray(value, dtype=F)
+    if socket in _SCALARS if scalar is None else scalar:
+        assert value.ndim < 2, f"a vector goes into {socket}"
+        return np.atleast_1d(value)
+    # A constant vector, or vectors; Blender spreads a number over one.
+    is_vector = value.ndim == 2 or (value.shape == (3,) and scalar is None)
+    return np.atleast_2d(value) if is_vector else np.atleast_1d(value)[..., None] * F([1, 1, 1])
+
+
+Given = Callable[[ShaderNode], Mapping[str, Any] | None]
+
+
+class Interpreter:
+    """Evaluates trees; `given` answers for nodes that read the scene, by the identifiers of their outputs."""
+
+    def __init__(self, trees: tuple[NodeTree, ...], given: Given = lambda node: None) -> None:
+        self.trees = {tree.name: tree for tree in trees}
+        self.given = given
+
+    def run(self, name: str, inputs: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Return what the output node of a tree is given, by socket.
+
+        A shader is a list of closures: (kind, distribution, what its sockets are given).
+        """
+        tree = self.trees[name]
+        values: dict[str, Mapping[str, Any]] = {}
+        taken: dict[str, Any] = {}
+        for node in tree.nodes:
+            raw = {
+                socket: values[each.node].get(each.socket, []) if isinstance(each, Link) else each
+                for socket, each in node.inputs.items()
+            }
+            if node.kind == "NodeGroupOutput" or node.kind.startswith("Output"):
+                taken = raw
+            elif node.kind == "NodeGroupInput":
+                values[node.name] = {socket.name: _of_socket(socket, inputs or {}) for socket in tree.inputs}
+            elif node.kind == "Group":
+                values[node.name] = self.given(node) or self.run(node.group, raw)
+            else:
+                sockets = {socket: shape_input(socket, value) for socket, value in raw.items()}
+                values[node.name] = self.given(node) or _node(node, sockets)
+        return taken
+
+
+def _of_socket(socket: GroupSocket, inputs: Mapping[str, Any]) -> Any:
+    if socket.kind == "shader":
+        return inputs.get(socket.name, [])
+    value = inputs.get(socket.name, socket.default)
+    if isinstance(value, tuple):
+        value = np.array([value])
+    return shape_input(socket.name, value, scalar=socket.kind == "float")
+
+
+def _node(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
+    operation = str(node.properties.get("operation", ""))
+    match node.kind:
+        case "Math":
+            return {"Value": MATH[operation](*sockets.values()).astype(F)}
+        case "VectorMath":
+            result = VECTOR_MATH[operation](*sockets.values()).astype(F)
+            return {"Value" if operation == "DOT_PRODUCT" else "Vector": result}
+        case "Mix":
+            kind = str(node.properties["data_type"]).title()
+            factor = sockets.get("Factor_Vector", sockets.get("Factor_Float"))
+            if kind == "Vector" and "Factor_Float" in sockets:
+                factor = factor[..., None]
+            return {f"Result_{kind}": (sockets[f"A_{kind}"] * (1 - factor) + sockets[f"B_{kind}"] * factor).astype(F)}
+        case "SeparateXYZ":
+            return {axis: sockets["Vector"][..., index] for index, axis in enumerate("XYZ")}
+        case "CombineXYZ":
+            return {"Vector": np.stack(np.broadcast_arrays(*(sockets[axis] for axis in "XYZ")), axis=-1)}
+        case "MixShader":
+            factor = sockets["Fac"]
+            below, above = sockets.get("Shader", []), sockets.get("Shader_001", [])
+            return {"Shader": [*_faded(below, 1 - factor), *_faded(above, factor)]}
+        case "AddShader":
+            return {"Shader": [*sockets["Shader"], *sockets["Shader_001"]]}
+        case kind if kind.startswith("Bsdf"):
+            return {"BSDF": [(kind, str(node.properties.get("distribution", "")), dict(sockets))]}
+    raise AssertionError(f"the interpreter does not know {node.kind}")
+
+
+def _faded(shader: list[Any], factor: Any) -> list[Any]:
+    return [(*kind, {**sockets, "Color": sockets["Color"] * factor[..., None]}) for *kind, sockets in shader]

@@ -1,0 +1,52 @@
+"""Fits are found in what is traced, and their groups compute what NumPy computes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from node_interpreter import Interpreter
+
+from lookdev.brdf.fits import fit, table
+from lookdev.codegen.graph import Graph
+from lookdev.codegen.node_fits import fit_tree, is_fit, match_fit
+from lookdev.codegen.node_look import generate_nodes
+from lookdev.codegen.symbolic import elements_of, symbol
+from lookdev.material import Layer, Look
+
+NAMES = [name for name, entry in table()["fits"].items() if len(entry["numerator"][0]) > 1]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_fit_is_found(name: str) -> None:
+    graph = Graph()
+    x, y = np.sin(symbol(graph, "a")), symbol(graph, "b")
+    (node,) = elements_of(fit(name)(x, y))
+    assert match_fit(node) == (f"Lookdev Fit {name}", {"x": elements_of(x)[0], "y": elements_of(y)[0]})
+
+
+def test_other_quotients_are_no_fits() -> None:
+    graph = Graph()
+    x, y = symbol(graph, "a"), symbol(graph, "b")
+    for other in (x / y, (2.0 * y + 1.0) / x, ((2.0 * y + 1.0) * x + (3.0 * y + 2.0)) / (x + 1.0), x * y + y):
+        assert match_fit(*elements_of(other)) is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_group_computes_the_fit(name: str) -> None:
+    rng = np.random.default_rng(1)
+    x, y = rng.uniform(0.0, 1.0, (2, 100)).astype(np.float32)
+    tree = fit_tree(f"Lookdev Fit {name}")
+    found = Interpreter((tree,)).run(tree.name, {"x": x, "y": y})["Value"]
+    wanted = fit(name)(x.astype(np.float64), y.astype(np.float64))
+    # Coefficients of some tens that cancel, in float32.
+    np.testing.assert_allclose(found, wanted, rtol=1e-4, atol=1e-5)
+
+
+def test_lobes_share_a_group() -> None:
+    source = generate_nodes(Look("look", (Layer("base", "pixar", {}),)), lambda texture: pytest.fail("no texture"))
+    names = [tree.name for tree in source.trees if is_fit(tree.name)]
+    shown = [node.group for tree in source.trees for node in tree.nodes if is_fit(node.group)]
+    # Of the specular and of the reflection lobe.
+    assert set(names) == set(shown)
+    assert len(names) == len(set(names))
+    assert all(shown.count(name) >= 2 for name in names)

@@ -1,0 +1,289 @@
+"""A look as nodes has the closures that its lobes name, with the weights that NumPy gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from node_interpreter import Interpreter
+
+from lookdev.brdf import PARAMETERS, StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf.closures import Closure, closure_cosine
+from lookdev.brdf.frames import from_local
+from lookdev.codegen import HANDEDNESS, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.codegen.node_fits import is_fit
+from lookdev.codegen.node_look import generate_nodes
+from lookdev.errors import ModelError
+from lookdev.material import Bump, Layer, Look, Primvar, Texture
+
+COUNT = 40
+
+
+def no_textures(texture: Texture | Bump) -> Path:
+    raise AssertionError(f"{texture} is opened")
+
+
+def generate(*layers: Layer) -> NodeSource:
+    return generate_nodes(Look("look", layers), no_textures)
+
+
+def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
+    """Return constants within soft ranges, many of them at an end."""
+    inputs: dict[str, Any] = {}
+    for name, parameter in PARAMETERS[model].items():
+        if parameter.kind == "token":
+            inputs[name] = str(rng.choice(parameter.choices))
+        elif parameter.kind == "normal":
+            if rng.random() < 0.3:
+                inputs[name] = (*rng.uniform(-0.4, 0.4, 2), 1.0)
+        elif parameter.kind == "color":
+            inputs[name] = (0.0, 0.0, 0.0) if rng.random() < 0.1 else tuple(rng.uniform(0.05, 1.0, 3))
+        elif rng.random() < 0.5:
+            inputs[name] = float(rng.choice(parameter.soft) if rng.random() < 0.5 else rng.uniform(*parameter.soft))
+    return inputs
+
+
+def directions(rng: np.random.Generator, *, above: bool) -> Any:
+    w = rng.normal(size=(COUNT, 3))
+    w /= np.linalg.norm(w, axis=-1, keepdims=True)
+    if above:
+        w[..., 2] = np.abs(w[..., 2]) + 0.02
+    return (w / np.linalg.norm(w, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
+    """Return the closures of nodes in the shading frame; `axes`, (N, 3, 3), has its rows in the world."""
+    found = []
+    for kind, distribution, sockets in shader:
+        if kind == "BsdfTransparent":
+            continue
+        sockets = {name: np.asarray(value, dtype=np.float64) for name, value in sockets.items()}
+        normal = np.einsum("nij,nj->ni", axes, np.broadcast_to(sockets["Normal"], (COUNT, 3)))
+        match kind:
+            case "BsdfDiffuse" | "BsdfTranslucent":
+                name = kind.removeprefix("Bsdf").lower()
+                found.append(Closure(name, sockets["Color"], normal=normal))
+            case "BsdfAnisotropic":
+                # As Cycles' svm_node_closure_bsdf.
+                alpha, a = sockets["Roughness"] ** 2, sockets.get("Anisotropy", np.zeros(1))
+                x = alpha * np.where(a < 0.0, 1.0 / (1.0 + a), 1.0 - a)
+                y = alpha * np.where(a < 0.0, 1.0 + a, 1.0 / (1.0 - a))
+                if "Tangent" in sockets:
+                    tangent = np.einsum("nij,nj->ni", axes, np.broadcast_to(sockets["Tangent"], (COUNT, 3)))
+                    np.testing.assert_allclose(tangent, from_local(normal, np.array([1.0, 0.0, 0.0])), atol=1e-5)
+                found.append(Closure(distribution.lower(), sockets["Color"], x, y, normal))
+            case "BsdfRefraction":
+                alpha, ior = sockets["Roughness"] ** 2, np.where(side > 0, sockets["IOR"], 1.0 / sockets["IOR"])
+                found.append(Closure(f"{distribution.lower()}_refraction", sockets["Color"], alpha, alpha, normal, ior))
+            case _:
+                raise AssertionError(kind)
+    return found
+
+
+def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, Any] | None = None) -> Any:
+    """Return f times the cosine, in a shading frame that is turned in the world, and how much goes straight through."""
+    rng = np.random.default_rng(3)
+    axes, _ = np.linalg.qr(rng.normal(size=(COUNT, 3, 3)))
+    side = rng.choice([-1.0, 1.0], COUNT)
+
+    def given(node: ShaderNode) -> Mapping[str, Any] | None:
+        if node.group == "Lookdev Frame":
+            names = ("Tangent", "Bitangent", "Normal")
+            return {name: axes[:, k].astype(np.float32) for k, name in enumerate(names)} | {"Viewer": wo}
+        if node.kind == "NewGeometry":
+            return {"Backfacing": (side < 0).astype(np.float32)}
+        if node.kind == "Attribute":
+            value = (attributes or {})[str(node.properties["attribute_name"])]
+            return {"Fac": value, "Vector": value}
+        return None
+
+    shader = Interpreter(source.trees, given).run(source.trees[-1].name)["Surface"]
+    total = np.zeros((COUNT, 3))
+    for closure in closures_of(shader, axes, side):
+        total = total + closure_cosine(closure, wo.astype(np.float64), wi)
+    through = [np.asarray(sockets["Color"]) for kind, _, sockets in shader if kind == "BsdfTransparent"]
+    return total, np.broadcast_to(sum(through, np.zeros(3)), (COUNT, 3))
+
+
+def check(layers: tuple[Layer, ...], values: Mapping[str, Any] | None = None, seed: int = 0) -> NodeSource:
+    """Compare a look's nodes with the closures of the NumPy model; `values` are those of primvars, by name."""
+    rng = np.random.default_rng(seed)
+    source = generate(*layers)
+    wo, wi = directions(rng, above=True), directions(rng, above=False).astype(np.float64)
+    attributes = {HANDEDNESS: np.ones(COUNT, dtype=np.float32)} | dict(values or {})
+    stack = []
+    for layer in layers:
+        constants = {name: value for name, value in layer.inputs.items() if not isinstance(value, Primvar)}
+        parameters = complete_parameters(layer.model, constants)
+        for name, value in layer.inputs.items():
+            if isinstance(value, Primvar):
+                parameters[name] = attributes[value.name].astype(np.float64)
+        mask = attributes[layer.mask.name].astype(np.float64) if isinstance(layer.mask, Primvar) else layer.mask
+        stack.append(StackLayer(layer.model, parameters, mask, layer.mode))
+    bsdf = stack_bsdf(stack)
+    wanted = np.zeros((COUNT, 3))
+    for lobe in bsdf.lobes(wo.astype(np.float64)):
+        for closure in lobe.closures():
+            wanted = wanted + closure_cosine(closure, wo.astype(np.float64), wi)
+    found, through = nodes_cosine(source, wo, wi, attributes)
+    # float32: some hundred roundings, and the peak of a mirror of alpha 0.001 moves by 1e-7 of an angle of 1e-3.
+    np.testing.assert_allclose(found, wanted, rtol=2e-3, atol=1e-5 * max(1.0, wanted.max()))
+    absence = np.broadcast_to(1.0 - np.asarray(bsdf.presence), (COUNT,))
+    np.testing.assert_allclose(through, np.repeat(absence[:, None], 3, axis=1), atol=1e-6)
+    assert source.see_through == bool(np.any(absence))
+    assert_whole(source)
+    return source
+
+
+def assert_whole(source: NodeSource) -> None:
+    """Links lead to earlier nodes, groups to earlier trees; no node is there twice, and no tree."""
+    names = [tree.name for tree in source.trees]
+    assert len(set(names)) == len(names)
+    for index, tree in enumerate(source.trees):
+        seen: set[str] = set()
+        contents = [repr((node.kind, node.properties, node.inputs, node.group)) for node in tree.nodes]
+        assert len(set(contents)) == len(contents)
+        for node in tree.nodes:
+            assert node.name not in seen
+            assert all(link.node in seen for link in node.inputs.values() if isinstance(link, Link))
+            seen.add(node.name)
+            if node.group:
+                shown = source.trees[names.index(node.group)]
+                assert names.index(node.group) < index
+                assert set(node.inputs) <= {socket.name for socket in shown.inputs}
+
+
+def tree_of(source: NodeSource, name: str) -> NodeTree:
+    return next(tree for tree in source.trees if tree.name == name)
+
+
+def sockets(source: NodeSource, name: str) -> list[str]:
+    return [socket.name for socket in tree_of(source, name).inputs]
+
+
+@pytest.mark.parametrize("model", sorted(PARAMETERS))
+@pytest.mark.parametrize("seed", range(12))
+def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
+    inputs = random_inputs(model, np.random.default_rng(seed))
+    source = check((Layer("base", model, inputs),), seed=seed)
+    names = [tree.name for tree in source.trees if not is_fit(tree.name)]
+    assert names == ["Lookdev Frame", f"Lookdev {model.title()}", "look"]
+
+
+MODEL_STACKS = [
+    ("disney", "disney"),
+    ("disney", "disney", "disney"),
+    ("pixar", "pixar"),
+    ("disney", "pixar"),
+    ("pixar", "disney", "pixar"),
+    ("disney", "disney", "pixar", "pixar"),
+]
+
+
+@pytest.mark.parametrize("models", MODEL_STACKS)
+@pytest.mark.parametrize("seed", range(4))
+def test_layers_are_combined_as_their_models_say(models: tuple[str, ...], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    tokens = {"disney": {"variant": "2014"}, "pixar": {"energy": "published"}}
+    layers = tuple(
+        Layer(f"layer{k}", model, random_inputs(model, rng) | tokens[model], mask=float(rng.uniform(0.2, 0.9)))
+        for k, model in enumerate(models)
+    )
+    check(layers, seed=seed)
+
+
+def test_a_layer_that_transmits() -> None:
+    top = Layer("top", "pixar", {"clear": 0.7, "roughness": 0.2}, mask=0.6, mode="transmit")
+    check((Layer("base", "pixar", {"surfaceColor": (0.5, 0.2, 0.1)}), top))
+
+
+def test_primvars_reach_parameters_and_masks() -> None:
+    rng = np.random.default_rng(1)
+    values = {
+        "wear": rng.uniform(0.1, 0.9, COUNT).astype(np.float32),
+        "paint": rng.uniform(0.1, 0.9, (COUNT, 3)).astype(np.float32),
+        "rough": rng.uniform(0.2, 0.9, COUNT).astype(np.float32),
+    }
+    base = Layer("base", "disney", {"baseColor": Primvar("paint", (0.5, 0.5, 0.5)), "roughness": Primvar("rough", 0.5)})
+    for model in PARAMETERS:
+        source = check((base, Layer("top", model, {}, mask=Primvar("wear", 0.0))), values)
+        assert [binding.attribute for binding in source.attributes] == ["paint", "rough", "wear"]
+
+
+def test_constants_that_end_a_term_have_no_socket() -> None:
+    source = generate(Layer("base", "disney", {"roughness": 0.3}))
+    assert sockets(source, "Lookdev Disney") == ["baseColor", "specular", "roughness"]
+    labels = [(node.kind, node.label) for node in tree_of(source, "Lookdev Disney").nodes if "Bsdf" in node.kind]
+    assert labels == [("BsdfDiffuse", "diffuse"), ("BsdfAnisotropic", "specular")]
+    metal = generate(Layer("base", "disney", {"metallic": 1.0, "anisotropic": 0.5}))
+    assert sockets(metal, "Lookdev Disney") == ["baseColor", "roughness", "anisotropic"]
+    kinds = [node.kind for node in tree_of(metal, "Lookdev Disney").nodes]
+    assert (kinds.count("BsdfAnisotropic"), kinds.count("BsdfDiffuse")) == (1, 0)
+
+
+def test_what_vanishes_takes_its_texture_with_it() -> None:
+    inputs = {"metallic": 1.0, "subsurface": Texture(Path("missing.exr"), "r", "raw")}
+    assert "subsurface" not in sockets(generate(Layer("base", "disney", inputs)), "Lookdev Disney")
+
+
+def test_sockets_are_those_of_the_parameters() -> None:
+    source = generate(
+        Layer("base", "disney", {"roughness": 0.25}), Layer("coat", "disney", {"clearcoat": 0.5}, mask=0.4)
+    )
+    layers = {socket.name: socket for socket in tree_of(source, "Lookdev Layers").inputs}
+    parameter = PARAMETERS["disney"]["roughness"]
+    socket = layers["base roughness"]
+    assert (socket.kind, socket.default, socket.soft) == ("float", parameter.default, parameter.soft)
+    assert (socket.help, socket.panel) == (parameter.help, "base")
+    assert layers["coat clearcoat"].panel == "coat"
+    assert "base clearcoat" not in layers
+    assert "base mask" not in layers
+    (shown,) = [node for node in source.trees[-1].nodes if node.group == "Lookdev Layers"]
+    assert shown.inputs["base roughness"] == 0.25
+    assert shown.inputs["coat mask"] == 0.4
+
+
+def test_a_socket_can_be_slid() -> None:
+    """A group that was generated for one look is another's with the values of that."""
+    slid, other = ({"roughness": rough, "specular": 0.9, "sheen": 0.5} for rough in (0.3, 0.7))
+    source = generate(Layer("base", "disney", slid))
+    wanted = generate(Layer("base", "disney", other))
+    assert tree_of(source, "Lookdev Disney") == tree_of(wanted, "Lookdev Disney")
+    assert source.digest != wanted.digest
+    assert source.digest == generate(Layer("base", "disney", dict(slid))).digest
+
+
+def test_layers_of_one_name_have_panels_of_their_own() -> None:
+    source = generate(Layer("paint", "disney", {}), Layer("paint", "disney", {"metallic": 0.5}, mask=0.5))
+    assert {"paint roughness", "paint 2 roughness"} <= set(sockets(source, "Lookdev Layers"))
+
+
+def test_a_black_surface_has_no_closures() -> None:
+    black = {"surfaceColor": (0.0, 0.0, 0.0), "roughness": 1.0, "normalScale": 0.0, "grazingScale": 0.0}
+    source = check((Layer("base", "pixar", black),))
+    assert [node.kind for node in tree_of(source, "Lookdev Pixar").nodes] == ["NodeGroupOutput"]
+
+
+@pytest.mark.parametrize(
+    ("inputs", "transmits", "see_through"),
+    [({}, False, False), ({"back": 0.5}, True, False), ({"clear": 0.5}, True, False), ({"presence": 0.5}, False, True)],
+)
+def test_what_passes_through_is_told(inputs: dict[str, Any], transmits: bool, see_through: bool) -> None:
+    source = generate(Layer("base", "pixar", inputs))
+    assert (source.exact, source.transmits, source.see_through) == (False, transmits, see_through)
+
+
+def test_a_normal_that_leans_asks_for_the_handedness() -> None:
+    source = check((Layer("base", "disney", {"normal": (0.2, 0.3, 1.0)}),))
+    assert [binding.attribute for binding in source.attributes] == [HANDEDNESS]
+    crossed = [node for node in tree_of(source, "Lookdev Frame").nodes if node.kind == "VectorTransform"]
+    plain = tree_of(generate(Layer("base", "disney", {})), "Lookdev Frame")
+    assert len(crossed) > len([node for node in plain.nodes if node.kind == "VectorTransform"])
+
+
+def test_layers_that_do_not_fit_together_are_an_error() -> None:
+    with pytest.raises(ModelError, match="variant"):
+        generate(Layer("base", "disney", {"variant": "2012"}), Layer("top", "disney", {}, mask=0.5))

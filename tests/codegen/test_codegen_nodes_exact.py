@@ -1,0 +1,238 @@
+"""The nodes that sample a look draw the directions, with the weights, that NumPy does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from node_interpreter import Interpreter
+
+from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf.lobes import evaluate_cosine, pdf, sample
+from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
+from lookdev.codegen.node_frame import frame_tree
+from lookdev.codegen.nodes_exact import generate_nodes_exact
+from lookdev.errors import CodegenError
+from lookdev.material import Bump, Formula, Input, Layer, Look, Primvar, Texture
+from lookdev.material.expression import parse
+
+COUNT = 400
+
+
+def no_textures(texture: Texture | Bump) -> Path:
+    raise AssertionError(f"{texture} is opened")
+
+
+def layer(model: str, mask: Any = 1.0, mode: Any = "over", **inputs: Input) -> Layer:
+    return Layer(model, model, inputs, mask, mode)
+
+
+LEAF = layer("pixar", surfaceColor=(0.3, 0.6, 0.1), roughness=0.4, back=0.5)
+COAT = layer("disney", 0.4, baseColor=(0.1, 0.2, 0.5), roughness=0.4, clearcoat=1.0)
+LOOKS: dict[str, tuple[Layer, ...]] = {
+    "diffuse": (layer("disney", baseColor=(0.5, 0.4, 0.3), roughness=1.0, sheen=1.0, variant="2012"),),
+    "coated": (layer("disney", baseColor=(0.1, 0.2, 0.5), roughness=0.4, clearcoat=1.0, anisotropic=0.6),),
+    "tilted": (layer("disney", baseColor=(0.1, 0.2, 0.5), roughness=0.4, normal=(0.3, -0.2, 0.9)),),
+    "mirror": (layer("disney", baseColor=(0.9, 0.7, 0.4), metallic=1.0, roughness=0.0),),
+    "painted": (layer("pixar", surfaceColor=(0.7, 0.5, 0.1), roughness=0.3, clear=0.3, back=0.2),),
+    "bent": (layer("pixar", surfaceColor=(0.7, 0.7, 0.7), clear=0.5, back=0.3, highlightNormal=(-0.4, 0.3, 0.8)),),
+    "lacquered": (LEAF, layer("pixar", 0.8, "transmit", surfaceColor=(0.9, 0.5, 0.2), roughness=0.15, clear=0.9)),
+    "mixed": (LEAF, COAT),
+}
+
+
+def bsdf_of(layers: tuple[Layer, ...], values: Mapping[str, Any]) -> Bsdf:
+    def known(value: Any) -> Any:
+        return values[value.name].astype(np.float64) if isinstance(value, Primvar) else value
+
+    stack = []
+    for each in layers:
+        constants = {name: value for name, value in each.inputs.items() if not isinstance(value, Primvar)}
+        parameters = complete_parameters(each.model, constants)
+        parameters |= {name: known(value) for name, value in each.inputs.items() if isinstance(value, Primvar)}
+        stack.append(StackLayer(each.model, parameters, known(each.mask), each.mode))
+    return stack_bsdf(stack)
+
+
+def unit(vectors: Any) -> Any:
+    return (vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)).astype(np.float32)
+
+
+def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
+    """Return the portals' weights and directions."""
+
+    def answer(node: ShaderNode) -> Mapping[str, Any] | None:
+        if node.group == "Lookdev Frame":
+            axes = given["axes"]
+            return {"Tangent": axes[0], "Bitangent": axes[1], "Normal": axes[2], "Viewer": given["wo"]}
+        match node.kind:
+            case "NewGeometry":
+                return {"True Normal": given["facet"], "Position": given["wo"]}
+            case "TexWhiteNoise":
+                return {"Color": given["u"]}
+            case "SeparateColor":
+                return {"Red": given["u"][..., 0], "Green": given["u"][..., 1]}
+            case "LightPath":
+                return {"Transparent Depth": np.full(1, given["depth"], np.float32)}
+            case "Attribute":
+                value = given[str(node.properties["attribute_name"])]
+                return {"Fac": value, "Vector": value}
+        return None
+
+    surface = Interpreter(source.trees, answer).run(source.trees[-1].name)["Surface"]
+    ((kind, _, sockets),) = surface
+    assert kind == "BsdfRayPortal"
+    return tuple(np.broadcast_to(sockets[name], (COUNT, 3)).astype(np.float64) for name in ("Color", "Direction"))
+
+
+@pytest.fixture
+def given() -> dict[str, Any]:
+    """What nodes that read the scene answer: a frame that is turned in the world, the facet like the shading normal."""
+    rng = np.random.default_rng(4)
+    axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    wo = rng.normal(size=(COUNT, 3))
+    wo[:, 2] = np.abs(wo[:, 2]) + 0.05
+    axes = axes.astype(np.float32)
+    return {
+        "axes": axes,
+        "facet": axes[2],
+        "wo": unit(wo),
+        "u": rng.random((COUNT, 3), dtype=np.float32),
+        "depth": 0,
+        HANDEDNESS: np.ones(COUNT, np.float32),
+    }
+
+
+def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSource:
+    """Compare the nodes of a look with `evaluate_cosine`, `pdf` and `sample` of its model."""
+    source = generate_nodes_exact(Look("look", layers), no_textures, bounces=2)
+    weight, world = run(source, given)
+    bsdf = bsdf_of(layers, given)
+    wo = given["wo"].astype(np.float64)
+    wi = world @ np.linalg.inv(given["axes"].astype(np.float64))
+    drawn = sample(bsdf, wo, given["u"][..., :2].astype(np.float64))
+    # Sines of angles up to 2 pi and square roots of differences from 1, in float32.
+    np.testing.assert_allclose(wi, drawn, atol=5e-4)
+    used = np.abs(drawn[..., 2]) > 1e-3
+    assert used.mean() > 0.8
+    wi = wi[used] / np.linalg.norm(wi[used], axis=-1, keepdims=True)
+    wo, weight = wo[used], weight[used]
+    bsdf = bsdf_of(layers, {name: value[used] for name, value in given.items() if np.shape(value)[:1] == (COUNT,)})
+    wanted = evaluate_cosine(bsdf, wo, wi) / pdf(bsdf, wo, wi)[..., None]
+    # The quotient is smooth in wi; several hundred roundings, of which lobes with alpha of 0.001 magnify those of wm.
+    np.testing.assert_allclose(weight, wanted, rtol=5e-3, atol=1e-5)
+    return source
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_nodes_sample_as_numpy_does(name: str, given: dict[str, Any]) -> None:
+    source = assert_samples(LOOKS[name], given)
+    assert source.exact
+    assert not source.see_through
+    assert source.transmits == (name in ("painted", "bent", "lacquered", "mixed"))
+
+
+def test_what_varies_over_the_surface_is_read(given: dict[str, Any]) -> None:
+    rng = np.random.default_rng(2)
+    given |= {"rough": rng.uniform(0.2, 0.9, COUNT).astype(np.float32), "rust": rng.random(COUNT, dtype=np.float32)}
+    given["rust"][: COUNT // 4] = 0.0
+    given["tint"] = rng.uniform(0.1, 0.9, (COUNT, 3)).astype(np.float32)
+    below = layer("disney", baseColor=Primvar("tint", (0.5, 0.5, 0.5)), roughness=Primvar("rough", 0.5), clearcoat=0.5)
+    above = layer("disney", Primvar("rust", 0.0), baseColor=(0.4, 0.2, 0.1), roughness=0.8, metallic=0.5)
+    source = assert_samples((below, above), given)
+    assert [binding.attribute for binding in source.attributes] == ["rough", "rust", "tint"]
+
+
+def test_a_portal_opens_as_often_as_there_are_bounces(given: dict[str, Any]) -> None:
+    for bounces in (0, 1, 3):
+        source = generate_nodes_exact(Look("look", (COAT,)), no_textures, bounces=bounces)
+        for depth in (bounces, bounces + 1):
+            weight, _ = run(source, given | {"depth": depth})
+            assert (weight.max() > 0.0) == (depth == bounces)
+
+
+def test_a_direction_that_the_facet_hides_is_dark(given: dict[str, Any]) -> None:
+    t, _, n = given["axes"]
+    leaning = unit(n + 1.5 * t)
+    source = generate_nodes_exact(Look("look", LOOKS["painted"]), no_textures, bounces=0)
+    seen, world = run(source, given)
+    weight, _ = run(source, given | {"facet": leaning})
+    agreed = np.sign(world @ n) == np.sign(world @ leaning)
+    assert 0.05 < agreed.mean() < 0.95
+    np.testing.assert_array_equal(weight, np.where(agreed[..., None], seen, 0.0))
+
+
+def test_a_surface_that_is_seen_through_is_refused() -> None:
+    look = Look("net", (layer("pixar", presence=0.4),))
+    with pytest.raises(CodegenError, match=r"net: is see-through.*'exact' or 'nodes'"):
+        generate_nodes_exact(look, no_textures, bounces=0)
+
+
+def test_a_black_look_sends_nothing_on(given: dict[str, Any]) -> None:
+    black = layer("pixar", surfaceColor=(0.0, 0.0, 0.0), specularTint=(0.0, 0.0, 0.0))
+    weight, _ = run(generate_nodes_exact(Look("black", (black,)), no_textures, bounces=0), given)
+    assert not weight.any()
+
+
+def test_what_folds_away_leaves_no_node() -> None:
+    hidden = layer("disney", Formula(parse("x * 0"), {"x": Primvar("unread", 0.0)}, {"x": "float"}), roughness=0.1)
+    plain, layered = (
+        generate_nodes_exact(Look("look", layers), no_textures, bounces=1) for layers in ((COAT,), (COAT, hidden))
+    )
+    assert plain == layered
+    assert not plain.attributes
+    kinds = [node.kind for node in plain.trees[-1].nodes]
+    assert kinds.count("TexWhiteNoise") == kinds.count("BsdfRayPortal") == 1
+
+
+def test_digests_tell_looks_apart() -> None:
+    sources = [
+        generate_nodes_exact(
+            Look("look", (replace(COAT, inputs={**COAT.inputs, "roughness": x}),)), no_textures, bounces=b
+        )
+        for x, b in ((0.4, 1), (0.4, 1), (0.4, 2), (0.41, 1))
+    ]
+    digests = [source.digest for source in sources]
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_the_frame_faces_the_viewer(mirrored: bool) -> None:
+    rng = np.random.default_rng(1)
+    viewer, normal, tangent = (unit(rng.normal(size=(COUNT, 3))) for _ in range(3))
+    tangent = unit(np.cross(normal, tangent))
+    facet = unit(normal + 0.1 * rng.normal(size=(COUNT, 3)))
+    facet = np.where(np.sum(facet * viewer, axis=-1, keepdims=True) < 0.0, -facet, facet)
+    # What the mesh of a reflected instance has: vectors that the reflection brings where they are wanted.
+    axes = np.diag([-1.0 if mirrored else 1.0, 1.0, 1.0]).astype(np.float32)
+    transformed = {"NORMAL": normal, "VECTOR": tangent}
+
+    def answer(node: ShaderNode) -> Mapping[str, Any] | None:
+        match node.kind:
+            case "NewGeometry":
+                return {"True Normal": facet, "Incoming": viewer}
+            case "Attribute":
+                return {"Vector": np.zeros(3)}
+            case "VectorTransform":
+                given = node.inputs["Vector"]
+                kind = str(node.properties["vector_type"])
+                return {"Vector": axes @ np.float32(given) if isinstance(given, tuple) else transformed[kind]}
+        return None
+
+    found = Interpreter((frame_tree(leaning=True),), answer).run("Lookdev Frame")
+    n, t, b, wo = (np.asarray(found[name], np.float64) for name in ("Normal", "Tangent", "Bitangent", "Viewer"))
+    side = np.where(np.sum(normal * facet, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
+    lean = np.sum(side * normal * viewer, axis=-1)
+    assert (lean < -1e-3).any()
+    assert (side < 0.0).any()
+    np.testing.assert_allclose(n[lean > 1e-3], (side * normal)[lean > 1e-3], atol=1e-6)
+    assert (np.sum(n * viewer, axis=-1)[lean < -1e-3] > 0.0).all()
+    # A few roundings of unit vectors; bending a normal that leans by a right angle shortens it, and them, by tenths.
+    np.testing.assert_allclose(np.sum(n * t, axis=-1), 0.0, atol=5e-6)
+    np.testing.assert_allclose(b, side * np.cross(n, t) * (-1.0 if mirrored else 1.0), atol=5e-6)
+    np.testing.assert_allclose(wo, np.stack([np.sum(viewer * axis, axis=-1) for axis in (t, b, n)], axis=-1), atol=5e-6)

@@ -1,0 +1,66 @@
+"""Looks as native nodes, written by hand."""
+
+from __future__ import annotations
+
+from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
+
+_OUTPUT = ShaderNode("Output", "OutputMaterial", {"target": "CYCLES"}, {"Surface": Link("Surface", "BSDF")})
+
+
+def diffuse(color: tuple[float, float, float]) -> NodeSource:
+    """Return a Diffuse BSDF with the shading normals of the asset, in a group whose colour is a socket."""
+    group = NodeTree(
+        "Lookdev Diffuse",
+        (
+            ShaderNode("In", "NodeGroupInput"),
+            ShaderNode("Normal", "Attribute", {"attribute_type": "GEOMETRY", "attribute_name": "lookdev_normal"}),
+            ShaderNode(
+                "World",
+                "VectorTransform",
+                {"vector_type": "NORMAL", "convert_from": "OBJECT", "convert_to": "WORLD"},
+                {"Vector": Link("Normal", "Vector")},
+            ),
+            ShaderNode(
+                "BSDF",
+                "BsdfDiffuse",
+                inputs={"Color": Link("In", "baseColor"), "Normal": Link("World", "Vector"), "Roughness": 0.0},
+            ),
+            ShaderNode("Out", "NodeGroupOutput", inputs={"BSDF": Link("BSDF", "BSDF")}),
+        ),
+        (GroupSocket("baseColor", "color", (0.8, 0.8, 0.8), help="The colour."),),
+        (GroupSocket("BSDF", "shader"),),
+    )
+    shown = ShaderNode("Surface", "Group", inputs={"baseColor": color}, group=group.name)
+    return NodeSource("diffuse", (group, NodeTree("diffuse", (shown, _OUTPUT))), (), f"diffuse {color}", False)
+
+
+def portal(color: tuple[float, float, float]) -> NodeSource:
+    """Return a surface that sends all light straight on through itself, tinted, as a portal does."""
+    nodes = (
+        ShaderNode("Geometry", "NewGeometry"),
+        ShaderNode(
+            "Onward", "VectorMath", {"operation": "SCALE"}, {"Vector": Link("Geometry", "Incoming"), "Scale": -1.0}
+        ),
+        ShaderNode("Surface", "BsdfRayPortal", inputs={"Color": color, "Direction": Link("Onward", "Vector")}),
+        _OUTPUT,
+    )
+    return NodeSource("portal", (NodeTree("portal", nodes),), (), f"portal {color}", True)
+
+
+def crowded(vectors: int) -> NodeSource:
+    """Return a Diffuse BSDF for which so many vectors are needed at once: their sum, then each of them again."""
+    nodes = [ShaderNode("Geometry", "NewGeometry")]
+
+    def add(name: str, operation: str, a: Link, b: Link | tuple[float, float, float]) -> Link:
+        nodes.append(ShaderNode(name, "VectorMath", {"operation": operation}, {"Vector": a, "Vector_001": b}))
+        return Link(name, "Vector")
+
+    place = Link("Geometry", "Position")
+    seen = [add(f"Value {number}", "MULTIPLY", place, (1.0 + number,) * 3) for number in range(vectors)]
+    total = seen[0]
+    for number, each in enumerate(seen[1:]):
+        total = add(f"Sum {number}", "ADD", total, each)
+    for number, each in enumerate(seen):
+        total = add(f"Largest {number}", "MAXIMUM", total, each)
+    surface = ShaderNode("Surface", "BsdfDiffuse", inputs={"Color": total})
+    return NodeSource("crowded", (NodeTree("crowded", (*nodes, surface, _OUTPUT)),), (), f"crowded {vectors}", False)

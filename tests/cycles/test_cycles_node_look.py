@@ -1,0 +1,55 @@
+"""Looks as closures in Cycles: as bright as the exact backend has them, and none too big for Cycles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from conftest import POSE, orbit_camera
+from looks import LOOKS
+
+from lookdev.asset import load_asset, save_asset
+from lookdev.batch.prepare import make_scene
+from lookdev.batch.worker import Rendered, Worker
+from lookdev.ibl import LightTables
+from lookdev.job.schema import Backend
+from lookdev.material import Look
+from lookdev.material.usd import read_look
+from lookdev.plan.task import FrameTask, Sampling
+
+pytestmark = pytest.mark.cycles
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+
+
+def shoot(worker: Worker, look: Look, light: LightTables, backend: Backend, *, samples: int, size: int) -> Rendered:
+    asset = load_asset(builtin="sphere")
+    slots = [look] * len(asset.slots)
+    sampling = Sampling(samples, None, None, None, 1, 0)
+    camera = orbit_camera(asset.center, asset.radius)
+    scene = make_scene(asset, save_asset(asset), slots, light, camera, (size, size), sampling, backend)
+    worker.start()
+    return worker.render(FrameTask(scene, POSE, 0.0, "", (Path("frame.exr"),), {}), lambda progress: None)
+
+
+def mean(frame: Rendered) -> Any:
+    picture = (frame.a.astype(np.float64) + frame.b) / 2.0
+    return picture[frame.alpha > 0.5].mean(axis=0)
+
+
+@pytest.mark.parametrize("name", ["coated", "lacquered"])
+def test_white_light_comes_back_as_from_the_exact_lobes(name: str, worker: Worker, light_of) -> None:
+    look = Look(name, LOOKS[name])
+    exact, nodes = (
+        mean(shoot(worker, look, light_of("white"), backend, samples=64, size=32)) for backend in ("exact", "nodes")
+    )
+    # The albedo over all views: 1 % is what is promised of any. The noise of some 600 pixels is a tenth of that.
+    np.testing.assert_allclose(nodes, exact, rtol=0.01)
+
+
+def test_an_example_of_many_nodes_fits_into_cycles(worker: Worker, light_of) -> None:
+    look = read_look(MATERIALS / "leaf.usda", None, {})
+    frame = shoot(worker, look, light_of("white"), "nodes", samples=4, size=16)
+    assert mean(frame).min() > 0.01

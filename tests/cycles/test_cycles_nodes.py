@@ -1,0 +1,238 @@
+"""Native nodes in Cycles: hand-written ones render as what they are, and what Cycles cannot show is an error before."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import node_sources
+import numpy as np
+import pytest
+from conftest import POSE, RenderScene, orbit_camera
+from looks import LOOKS
+from pydantic import TypeAdapter
+
+from lookdev.asset import Asset, load_asset, save_asset
+from lookdev.batch.worker import Rendered, Worker
+from lookdev.checks.error import relmse
+from lookdev.codegen import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
+from lookdev.errors import RenderError
+from lookdev.ibl import LightTables
+from lookdev.plan.task import FrameTask, Pose, Sampling, SceneTask
+
+pytestmark = pytest.mark.cycles
+
+GREY = (0.5, 0.4, 0.3)
+PROBE = Path(__file__).with_name("node_probe.py")
+RenderSource = Callable[..., Rendered]
+
+
+@pytest.fixture(scope="module")
+def shoot(worker: Worker) -> RenderSource:
+    """Return a function that renders a built-in asset with a source in all its slots."""
+
+    @cache
+    def stored(which: str) -> tuple[Asset, Path]:
+        asset = load_asset(builtin=which)
+        return asset, save_asset(asset)
+
+    def render_one(
+        which: str,
+        source: Source,
+        light: LightTables,
+        *,
+        pose: Pose = POSE,
+        samples: int = 64,
+        seed: int = 0,
+        bounces: int = 0,
+        error: float | None = None,
+        device: str = "cpu",
+    ) -> Rendered:
+        asset, file = stored(which)
+        sampling = Sampling(samples, error, None, None, bounces, seed)
+        camera = orbit_camera(asset.center, asset.radius)
+        sources = (source,) * len(asset.slots)
+        scene = SceneTask(file, sources, light, (48, 48), sampling, camera, device)
+        worker.start()
+        return worker.render(FrameTask(scene, pose, 0.0, f"{seed}", (Path("frame.exr"),), {}), lambda progress: None)
+
+    return render_one
+
+
+def mean(frame: Rendered) -> Any:
+    return (frame.a.astype(np.float64) + frame.b) / 2.0
+
+
+def test_white_light_on_a_diffuse_surface_is_its_colour(shoot: RenderSource, light_of) -> None:
+    frame = shoot("sphere", node_sources.diffuse(GREY), light_of("white"))
+    filled = mean(frame)[frame.alpha == 1.0]
+    assert len(filled) > 800
+    # Every direction weighs the same. Facets hide the few that are below their horizon from the smooth normal's.
+    np.testing.assert_allclose(filled.mean(axis=0), GREY, rtol=1e-3)
+    assert not frame.a[frame.alpha == 0.0].any()
+
+
+def test_it_is_as_bright_as_the_diffuse_part_of_principled(shoot: RenderSource, light_of) -> None:
+    light = light_of("city")
+    principled = PrincipledSource("grey", {"Base Color": GREY, "Roughness": 1.0, "Specular IOR Level": 0.0})
+    ours = [mean(shoot("suzanne", node_sources.diffuse(GREY), light, seed=seed)).mean() for seed in range(4)]
+    theirs = [mean(shoot("suzanne", principled, light, seed=seed)).mean() for seed in range(4)]
+    error = np.hypot(*(np.std(values, ddof=1) / 2.0 for values in (ours, theirs)))
+    # Blender keeps its own normals in 16 bits, and shades facets at the edge of a shadow smoothly: up to 0.5 %.
+    assert abs(np.mean(ours) - np.mean(theirs)) < 4.0 * error + 5e-3 * np.mean(theirs)
+
+
+def test_a_pose_shows_what_our_own_shaders_show(shoot: RenderSource, render: RenderScene, light_of) -> None:
+    light = light_of("city")
+    exact = mean(render("suzanne", LOOKS["diffuse"], light, samples=64, bounces=0))
+
+    def likeness(pose: Pose) -> float:
+        nodes = mean(shoot("suzanne", node_sources.diffuse(GREY), light, pose=pose))
+        return float(np.corrcoef(nodes.ravel(), exact.ravel())[0, 1])
+
+    assert likeness(POSE) > 0.98
+    for wrong in (
+        Pose(POSE.lighting, POSE.element),
+        Pose(-POSE.element % 360.0, POSE.lighting),
+        Pose(POSE.element, 0.0),
+    ):
+        assert likeness(wrong) < 0.95
+
+
+@pytest.fixture(scope="module")
+def probed(tmp_path_factory: pytest.TempPathFactory, light_of) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("probe")
+    light = folder / "light.json"
+    light.write_bytes(TypeAdapter(LightTables).dump_json(light_of("city")))
+    command = [sys.executable, PROBE, save_asset(load_asset(builtin="suzanne")), light, folder / "out.npz"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
+    assert done.returncode == 0, done.stderr[-3000:]
+    with np.load(folder / "out.npz") as stored:
+        return {name: stored[name] for name in stored.files}
+
+
+def test_a_turned_scene_is_a_turned_world(probed: dict[str, Any]) -> None:
+    a, b = (probed[name].astype(np.float64).mean(axis=-1) for name in ("turned", "world_turned"))
+    error = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / len(a))
+    seen = error > 0.0
+    t = (a.mean(axis=0) - b.mean(axis=0))[seen] / error[seen]
+    # No bias, within four sigma of the mean of Student's t with 6 degrees of freedom.
+    assert abs(t.mean()) < 4.0 * np.sqrt(6.0 / 4.0 / seen.sum())
+    assert np.mean(np.abs(t) > 5.96) < 0.001 + 4.0 * np.sqrt(0.001 / seen.sum())  # 0.1 % of it are beyond 5.96
+
+
+def test_nodes_become_blenders(probed: dict[str, Any]) -> None:
+    facts = json.loads(str(probed["facts"]))
+    assert facts["groups"] == 1, "equal groups are one"
+    assert facts["colors"] == [[0.1, 0.2, 0.3, 1.0], [0.5, 0.5, 0.5, 1.0]]
+    assert (facts["default"], facts["help"]) == ([0.8, 0.8, 0.8, 1.0], "The colour.")
+    assert (facts["bump"], facts["emission"]) == (False, "NONE")
+    assert facts["images"] == [["Non-Color", "CHANNEL_PACKED"]]
+
+
+def test_behind_portals_is_light_and_behind_the_asset_is_none(shoot: RenderSource, light_of) -> None:
+    light = light_of("white")
+    frame = shoot("sphere", node_sources.portal(GREY), light, bounces=1)
+    covered = shoot("sphere", node_sources.diffuse(GREY), light)
+    np.testing.assert_allclose(frame.alpha, covered.alpha, atol=1e-6)
+    assert not frame.a[frame.alpha == 0.0].any()
+    # A ray passes the sphere twice; at its edge both places may be one.
+    np.testing.assert_allclose(mean(frame)[20:28, 20:28], np.broadcast_to(np.square(GREY), (8, 8, 3)), rtol=1e-5)
+
+
+def test_without_bounces_a_portal_ends_at_the_next_surface(shoot: RenderSource, light_of) -> None:
+    frame = shoot("sphere", node_sources.portal(GREY), light_of("white"), bounces=0)
+    again = shoot("plane", node_sources.portal(GREY), light_of("white"), bounces=0)
+    assert again.a[again.alpha == 1.0].min() > 0.29
+    assert frame.alpha.max() == 1.0
+
+
+@pytest.mark.parametrize("kind", ["diffuse", "portal"])
+def test_the_same_frame_again_is_the_same(kind: str, shoot: RenderSource, light_of) -> None:
+    source, light = getattr(node_sources, kind)(GREY), light_of("city")
+    first = shoot("sphere", source, light, samples=4, bounces=1)
+    shoot("sphere", source, light, samples=4, bounces=1, pose=Pose(200.0, 10.0))
+    again = shoot("sphere", source, light, samples=4, bounces=1)
+    np.testing.assert_allclose(again.a, first.a, rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(again.alpha, first.alpha)
+
+
+def test_halves_are_independent_and_their_estimate_is_honest(shoot: RenderSource, light_of) -> None:
+    source, light = node_sources.diffuse(GREY), light_of("city")
+    truth = mean(shoot("sphere", source, light, samples=512, seed=100))
+    ratios, alike = [], []
+    for seed in range(8):
+        frame = shoot("sphere", source, light, samples=16, seed=seed)
+        ratios.append(frame.relmse / relmse(mean(frame), truth, frame.alpha))
+        inside = frame.alpha == 1.0
+        a, b = ((half - truth)[inside].mean(axis=-1) for half in (frame.a, frame.b))
+        alike.append(np.corrcoef(a, b)[0, 1])
+    assert 0.5 < min(ratios) <= max(ratios) < 2.0, ratios
+    # The mean of correlations of some 900 pixels each, within four sigma of none.
+    assert abs(np.mean(alike)) < 4.0 / np.sqrt(8 * 800), alike
+
+
+def test_a_target_error_is_reached(shoot: RenderSource, light_of) -> None:
+    frame = shoot("sphere", node_sources.diffuse(GREY), light_of("city"), samples=4096, error=2e-3)
+    assert frame.relmse <= 2e-3
+    assert 16 < frame.samples < 4096
+
+
+def test_nodes_that_cycles_cannot_hold_are_told_before_a_frame(shoot: RenderSource, light_of) -> None:
+    light = light_of("white")
+    with pytest.raises(RenderError, match=r"look 'crowded': .* 255 .* backend = \"exact\""):
+        shoot("sphere", node_sources.crowded(100), light)
+    assert shoot("sphere", node_sources.crowded(60), light).alpha.max() == 1.0
+
+
+def with_node(node: ShaderNode) -> NodeSource:
+    source = node_sources.diffuse(GREY)
+    material = source.trees[-1]
+    return replace(source, trees=(*source.trees[:-1], replace(material, nodes=(*material.nodes, node))))
+
+
+@pytest.mark.parametrize(
+    ("node", "said"),
+    [
+        (ShaderNode("Odd", "Mathh"), "no node of kind 'Mathh'"),
+        (ShaderNode("Odd", "Math", {"mode": "ADD"}), "property 'mode' cannot be 'ADD'"),
+        (ShaderNode("Odd", "Math", {"operation": "PLUS"}), "property 'operation' cannot be 'PLUS'"),
+        (ShaderNode("Odd", "Math", inputs={"Vector": 1.0}), "no socket 'Vector' among the inputs"),
+        # It is there, but not of this operation.
+        (ShaderNode("Odd", "Math", {"operation": "ADD"}, {"Value_002": 1.0}), "no socket 'Value_002' among the inputs"),
+        (ShaderNode("Odd", "Math", inputs={"Value": "one"}), "socket 'Value' does not take 'one'"),
+        (ShaderNode("Odd", "Math", inputs={"Value": Link("Gone", "Value")}), "a node 'Gone'"),
+        (
+            ShaderNode("Odd", "Math", inputs={"Value": Link("Surface", "baseColor")}),
+            "no socket 'baseColor' among the out",
+        ),
+        (ShaderNode("Odd", "Group", group="Lookdev Gone"), "a group 'Lookdev Gone'"),
+        (ShaderNode("Odd", "TexImage", image=Path("/nowhere/gone.exr")), "/nowhere/gone.exr"),
+    ],
+)
+def test_what_blender_does_not_have_is_told(node: ShaderNode, said: str, shoot: RenderSource, light_of) -> None:
+    with pytest.raises(RenderError) as caught:
+        shoot("sphere", with_node(node), light_of("white"))
+    assert said in str(caught.value)
+    assert "look 'diffuse', nodes 'diffuse', " in str(caught.value)
+    assert "'Odd'" in str(caught.value)
+
+
+def test_a_device_that_is_not_there_is_told_with_those_that_are(shoot: RenderSource, light_of) -> None:
+    device = "metal" if sys.platform != "darwin" else "cuda"
+    with pytest.raises(RenderError, match=rf"no device of the kind '{device}' .* it finds: .*cpu"):
+        shoot("sphere", node_sources.diffuse(GREY), light_of("white"), device=device)
+
+
+def test_trees_of_a_material_may_have_no_groups(shoot: RenderSource, light_of) -> None:
+    glow = ShaderNode("Surface", "Emission", inputs={"Color": GREY, "Strength": 2.0})
+    output = ShaderNode("Output", "OutputMaterial", inputs={"Surface": Link("Surface", "Emission")})
+    source = NodeSource("glow", (NodeTree("glow", (glow, output)),), (), "glow", False)
+    frame = shoot("sphere", source, light_of("white"), samples=2)
+    np.testing.assert_allclose(mean(frame)[24, 24], 2.0 * np.array(GREY), rtol=1e-6)
