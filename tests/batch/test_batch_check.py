@@ -15,7 +15,8 @@ from lookdev.batch import check
 from lookdev.batch.check import check_file
 from lookdev.brdf import PARAMETERS
 from lookdev.checks.finding import Finding
-from lookdev.errors import FaultsError
+from lookdev.codegen import NodeSource, ShaderSource
+from lookdev.errors import FaultsError, LookdevError
 from lookdev.material import Look
 from lookdev.plan.task import FrameTask
 
@@ -133,3 +134,30 @@ def test_a_look_alone_takes_its_variant_and_prim() -> None:
         found(file, variants={"metal": "mithril"})
     with pytest.raises(FaultsError, match="/Nowhere"):
         found(file, prim="/Nowhere")
+
+
+def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTask]) -> None:
+    points, albedo, image = check_file(MATERIALS / "brushed_metal.usda", backend="nodes")
+    assert "backend nodes" in points.skipped
+    assert albedo.check == "albedo"
+    # All pictures of the fake are white: nothing is to be seen.
+    assert (image.passed, image.figures["flip"]) == (True, 0.0)
+    kinds = [type(task.scene.shaders[0]) for task in rendered]
+    assert kinds == [NodeSource] * 4 + [ShaderSource] * 4
+    assert len({task.scene.sampling.seed for task in rendered}) == 8
+    assert len({(task.scene.resolution, task.scene.sampling.samples, task.pose) for task in rendered}) == 1
+
+
+def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) -> None:
+    points, *others = check_file(MATERIALS / "brushed_metal.usda", backend="nodes-exact")
+    assert points.skipped
+    assert [finding.check for finding in others] == ["albedo", "image"]
+    assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource}
+
+
+def test_a_job_says_its_backend_itself(job: Path, rendered: list[FrameTask]) -> None:
+    with pytest.raises(LookdevError, match="a job says itself what renders it"):
+        list(check_file(job, backend="nodes"))
+    job.write_text(JOB.replace("seed = 3", 'seed = 3\nbackend = "nodes"'))
+    assert all("flip" in finding.figures for finding in check_file(job, only=["image"]))
+    assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource, ShaderSource}

@@ -11,6 +11,7 @@ import pytest
 
 from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
 from lookdev.checks.albedo import check_albedo
+from lookdev.job.schema import Backend
 from lookdev.material import Layer, Look, Primvar
 from lookdev.plan.task import FrameTask
 
@@ -65,6 +66,17 @@ def test_a_look_that_transmits_agrees_on_both_sides(worker: Worker) -> None:
         "reflected, Cycles",
         "transmitted, Cycles",
     ]
+
+
+@pytest.mark.cycles
+@pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
+def test_native_nodes_agree(backend: Backend, worker: Worker) -> None:
+    finding = check_albedo(
+        GLOSSY, lambda task: worker.render(task, lambda progress: None), angles=ANGLES, backend=backend
+    )
+    assert finding.passed, finding.summary
+    # The band of the fits is no wider than what they promise.
+    assert finding.figures["cycles_error"] < 0.01
 
 
 @pytest.mark.cycles

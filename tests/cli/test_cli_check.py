@@ -48,7 +48,7 @@ def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 def test_agreement_leaves_with_0(run_cli: Command, found: dict[str, Any], capsys: pytest.CaptureFixture[str]) -> None:
     assert run_cli("gold.usda") == 0
     assert found["file"] == Path("gold.usda")
-    assert (found["only"], found["depth"], found["seed"]) == ([], "default", 0)
+    assert (found["only"], found["depth"], found["seed"], found["backend"]) == ([], "default", 0, None)
     assert "all 1 checks agree" in capsys.readouterr().out
 
 
@@ -68,9 +68,11 @@ def test_options_reach_the_checks_and_a_page_is_written(
 ) -> None:
     page = tmp_path / "report.html"
     options = ("--only", "points, image", "--depth", "quick", "--seed", 7, "--prim", "/Gold", "--variants", "wear=old")
+    options += ("--backend", "nodes-exact")
     assert run_cli("gold.usda", *options, "--html", page) == 0
     assert found["only"] == ["points", "image"]
     assert (found["depth"], found["seed"], found["prim"], found["variants"]) == ("quick", 7, "/Gold", {"wear": "old"})
+    assert found["backend"] == "nodes-exact"
     assert "40000 cases" in page.read_text(encoding="utf-8")
 
 
