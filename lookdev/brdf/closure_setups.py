@@ -10,8 +10,9 @@ import numpy as np
 
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.closures import Closure, closure_cosine
-from lookdev.brdf.disney_closures import coat_mix
+from lookdev.brdf.disney_closures import COAT_F0, coat_mix
 from lookdev.brdf.frames import ZENITH, from_local, mirrored
+from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.pixar import FRONT, THROUGH, Partition, Term, partition_lobes
 from lookdev.brdf.pixar_closures import highlight_mix
@@ -100,7 +101,7 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Albedos:
-    """Setups as arrays (n,): directional albedos of the whole lobe, of the weighted one and of the mix."""
+    """Setups as arrays (n,): directional albedos of the whole lobe and of the mix, and of both weighted by Schlick."""
 
     angle: Floats
     cosine: Floats
@@ -109,6 +110,7 @@ class Albedos:
     whole: Floats
     weighted: Floats
     mix: Floats
+    mix_weighted: Floats
 
 
 def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
@@ -138,7 +140,7 @@ def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
             lobe = disney_lobe("clearcoat", wo, clearcoat=1.0, clearcoatGloss=each)
             width = 0.1 + (0.001 - 0.1) * each
             mix = coat_mix(width, shape)
-            closures = [Closure("ggx", 0.25 * share * ONE, alpha, alpha) for share, alpha in mix]
+            closures = [Closure("metal", 0.25 * share * ONE, alpha, alpha, f0=COAT_F0 * ONE) for share, alpha in mix]
             setups.append(Setup(angle, wo, wo, width, width, lobe, lobe, closures))
     return setups
 
@@ -169,12 +171,16 @@ def measure(setups: Sequence[Setup]) -> Albedos:
     rows = []
     for each in setups:
         wi, weight = half_vector_grid(each.view, each.width, _CELLS)
-        whole, weighted, mix = setup_values(each, wi) @ weight
+        values = setup_values(each, wi)
+        whole, weighted, mix = values @ weight
+        mix_weighted = (values[2] * schlick_weight(Directions.of(each.view, wi).cos_theta_d)) @ weight
         if each.whole.transmits:
             # A refraction is even around its own normal, twice as wide as half vectors.
             wi, weight = half_vector_grid(ZENITH, each.width, _CELLS)
             mix = sum(closure_cosine(one, each.wo, -from_local(each.view, wi))[:, 0] for one in each.mix) @ weight
-        rows.append((each.angle, each.view[2], 1.0 - each.wo @ each.view, each.alpha, whole, weighted, mix))
+        rows.append(
+            (each.angle, each.view[2], 1.0 - each.wo @ each.view, each.alpha, whole, weighted, mix, mix_weighted)
+        )
     return Albedos(*np.array(rows).T)
 
 

@@ -18,10 +18,21 @@ from typing import Literal
 import numpy as np
 
 from lookdev.brdf.frames import ZENITH, to_local
+from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.microfacet import gtr2_aniso
-from lookdev.brdf.vectors import TINY, Array, dot, normalize, scale
+from lookdev.brdf.vectors import TINY, Array, dot, mix_color, normalize, scale
 
-Kind = Literal["diffuse", "translucent", "ggx", "beckmann", "ggx_refraction", "beckmann_refraction"]
+Kind = Literal[
+    "diffuse",
+    "rough_diffuse",
+    "translucent",
+    "ggx",
+    "beckmann",
+    "metal",
+    "sheen",
+    "ggx_refraction",
+    "beckmann_refraction",
+]
 
 PI = np.pi
 
@@ -31,18 +42,24 @@ class Closure:
     """One closure of Cycles, seen from a fixed direction, in the frame of the shading normal.
 
     kind
-        ``"diffuse"`` (Lambert), ``"translucent"`` (Lambert on the other side), ``"ggx"`` and ``"beckmann"``
-        (microfacets that reflect everything, each light once, height-correlated shadowing), ``"ggx_refraction"`` and
-        ``"beckmann_refraction"`` (microfacets that all light goes through).
+        ``"diffuse"`` (Lambert), ``"rough_diffuse"`` (Oren and Nayar), ``"translucent"`` (Lambert on the other side),
+        ``"ggx"`` and ``"beckmann"`` (microfacets that reflect everything, each light once, height-correlated
+        shadowing), ``"metal"`` (GGX with Schlick's Fresnel), ``"sheen"`` (a metal of alpha 1 and `f0` 0),
+        ``"ggx_refraction"`` and ``"beckmann_refraction"`` (microfacets that all light goes through).
     weight : (..., 3)
-        At least 0.
+        At least 0; grey and at most 1 of a metal and of a rough diffuse one.
     alpha_x, alpha_y : (...)
-        Along the first two axes of the frame that `frames.to_local` makes of `normal`, in [0.001, 1]; without meaning
-        for Lambert's. Cycles takes a microfacet for a mirror where their product is below 2e-10.
+        Along the first two axes of the frame that `frames.to_local` makes of `normal`, in [0.001, 1], the first 1 to 10
+        times the second; without meaning for Lambert's and sheen. Cycles takes a microfacet for a mirror where their
+        product is below 2e-10.
     normal : (..., 3)
         Unit normal, the zenith where it is the shading normal.
     ior : (...)
         Index of refraction of the other side, of a refraction.
+    f0 : (..., 3)
+        What a metal reflects at normal incidence, in [0, 1]; the colour of a rough diffuse one, at least 0.
+    roughness : (...)
+        Of a rough diffuse one, in [0, 1].
     """
 
     kind: Kind
@@ -51,6 +68,13 @@ class Closure:
     alpha_y: Array = 1.0
     normal: Array = field(default_factory=lambda: ZENITH)
     ior: Array = 1.0
+    f0: Array = field(default_factory=lambda: np.zeros(3))
+    roughness: Array = 0.0
+
+    @property
+    def transmits(self) -> bool:
+        """Whether light comes from the other side."""
+        return self.kind in ("translucent", "ggx_refraction", "beckmann_refraction")
 
 
 def closure_cosine(closure: Closure, wo: Array, wi: Array) -> Array:
@@ -68,12 +92,48 @@ def closure_cosine(closure: Closure, wo: Array, wi: Array) -> Array:
         that normal or of the surface.
     """
     o, i = to_local(closure.normal, wo), to_local(closure.normal, wi)
-    side = 1.0 if closure.kind in ("diffuse", "ggx", "beckmann") else -1.0
+    side = -1.0 if closure.transmits else 1.0
     valid = (o[..., 2] > 0.0) & (side * i[..., 2] > 0.0) & (side * wi[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
     o, i = np.where(mask, o, ZENITH), np.where(mask, i, side * ZENITH)
-    value = np.abs(i[..., 2]) / PI if closure.kind in ("diffuse", "translucent") else _microfacets(closure, o, i)
-    return scale(closure.weight, np.where(valid, value, 0.0))
+    color = closure.weight
+    if closure.kind in ("diffuse", "translucent", "rough_diffuse"):
+        value = np.abs(i[..., 2]) / PI
+    else:
+        value = _microfacets(closure, o, i)
+    if closure.kind == "rough_diffuse":
+        color = color * _oren_nayar(closure, o, i)
+    if closure.kind in ("metal", "sheen"):
+        color = color * mix_color(closure.f0, np.ones(3), schlick_weight(dot(o, normalize(o + i))))
+    return scale(color, np.where(valid, value, 0.0))
+
+
+# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model; light that is scattered again as of OpenPBR 1.1.
+def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
+    """Return what Oren and Nayar's is to Lambert's, (..., 3)."""
+    sigma, nv, nl = closure.roughness, wo[..., 2], wi[..., 2]
+    once = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * PI)))
+    t = dot(wo, wi) - nl * nv
+    t = np.where(t > 0.0, t / np.maximum(np.maximum(nl, nv), TINY), t)
+    ev, el = (rough_diffuse_albedo(sigma, oren_nayar_g(cosine)) for cosine in (nv, nl))
+    mean = once * (1.0 + sigma * (2.0 - 5.6 / PI) / 3.0)
+    color = np.clip(closure.f0, 0.0, 1.0)
+    again = color * color * np.expand_dims(mean / np.maximum(1.0 - mean, TINY) * (1.0 - ev) * (1.0 - el), -1)
+    again = again / (1.0 - color * np.expand_dims(1.0 - mean, -1))
+    return closure.f0 * (np.expand_dims(once * (1.0 + sigma * t), -1) + again)
+
+
+def rough_diffuse_albedo(sigma: Array, g: Array) -> Array:
+    """Return what is scattered once, (...), of `g` as `oren_nayar_g` has it."""
+    return (1.0 + sigma * g * (1.0 / PI)) / (1.0 + sigma * (0.5 - 2.0 / (3.0 * PI)))
+
+
+def oren_nayar_g(cos_theta: Array) -> Array:
+    """Integrate the rough term of Oren and Nayar's over the light, (...)."""
+    sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
+    tan = sin_theta / np.maximum(cos_theta, 1e-6)
+    theta = np.arctan2(sin_theta, cos_theta)
+    return sin_theta * (theta - 2.0 / 3.0 - sin_theta * cos_theta) + 2.0 / 3.0 * tan * (1.0 - sin_theta**3)
 
 
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:

@@ -17,9 +17,11 @@ import numpy as np
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.closures import Closure
 from lookdev.brdf.disney_closures import (
+    COAT_F0,
     clearcoat_closures,
     diffuse_albedo,
-    sheen_albedo,
+    diffuse_closure,
+    sheen_closure,
     specular_closures,
     subsurface_albedo,
 )
@@ -60,8 +62,12 @@ def _diffuse(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
     def closures() -> tuple[Closure, ...]:
         cos_theta = wo[..., 2]
         albedo = mix(diffuse_albedo(cos_theta, roughness), subsurface_albedo(cos_theta, roughness), p["subsurface"])
-        color = scale(base_color, albedo) + scale(sheen_color, sheen_albedo(cos_theta))
-        return (Closure("diffuse", scale(color, dielectric), normal=normal),)
+        return (
+            diffuse_closure(
+                scale(base_color, dielectric), albedo, roughness * (1.0 - p["subsurface"]), cos_theta, normal
+            ),
+            sheen_closure(scale(sheen_color, dielectric), cos_theta, normal),
+        )
 
     return Lobe(
         "diffuse",
@@ -119,7 +125,7 @@ def _clearcoat(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
     alpha = mix(0.1, 0.001, p["clearcoatGloss"])
 
     def fresnel(cos_theta: Array) -> Array:
-        return mix(0.04, 1.0, schlick_weight(cos_theta))
+        return mix(COAT_F0, 1.0, schlick_weight(cos_theta))
 
     def evaluate(d: Directions) -> Array:
         g = mf.smith_ggx(d.cos_theta_i, 0.25) * mf.smith_ggx(d.cos_theta_o, 0.25)

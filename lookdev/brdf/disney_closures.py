@@ -11,11 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.closures import Closure
+from lookdev.brdf.closures import Closure, rough_diffuse_albedo
 from lookdev.brdf.fits import fit, shape
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.microfacet import smith_ggx
 from lookdev.brdf.vectors import Array, mix, mix_color, same, scale
+
+# Burley 2012, section 5.4: an index of 1.5.
+COAT_F0 = 0.04
 
 
 # The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
@@ -35,15 +38,32 @@ def subsurface_albedo(cos_theta: Array, roughness: Array) -> Array:
     return fit("subsurface")(cos_theta, roughness)
 
 
-def sheen_albedo(cos_theta: Array) -> Array:
-    """Directional albedo of white sheen, (...): fitted."""
-    return fit("sheen")(cos_theta)
+def diffuse_closure(color: Array, albedo: Array, retro: Array, cos_theta: Array, normal: Array) -> Closure:
+    """Stand for diffuse light of a `color`, (..., 3), that reflects `albedo` times it.
+
+    retro : (...), the roughness by which light comes back to where it is from.
+    """
+    wanted = scale(color, albedo)
+    if same(retro, 0.0):
+        return Closure("diffuse", wanted, normal=normal)
+    sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
+    # Cycles divides by what even less roughness takes from the albedo, in float32.
+    sigma = np.maximum(sigma, 0.01)
+    # Of white, what is not scattered once is scattered again; of others, by about the square of their colour.
+    once = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
+    own = wanted / mix(once, 1.0, _square(np.minimum(wanted, 1.0)))
+    return Closure("rough_diffuse", np.ones(3), normal=normal, f0=own, roughness=sigma)
+
+
+def sheen_closure(color: Array, cos_theta: Array, normal: Array) -> Closure:
+    """Stand for sheen of a `color`, (..., 3): an exact shape but for a factor 1 / (cos_theta_i + cos_theta_o)."""
+    return Closure("sheen", scale(color, fit("sheen")(cos_theta)), normal=normal)
 
 
 def specular_closures(
     f0: Array, roughness: Array, alphas: tuple[Array, Array], variant: str, wo: Array, normal: Array
 ) -> tuple[Closure, ...]:
-    """Stand for the specular lobe: GGX with its alphas, seen along `wo`, (..., 3), in the lobe's frame.
+    """Stand for the specular lobe: a metal and GGX with its alphas, seen along `wo`, (..., 3), in the lobe's frame.
 
     f0 : (..., 3), the reflectance at normal incidence.
     """
@@ -55,14 +75,28 @@ def specular_closures(
         # Cycles' alphas end at 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
         # Of a wider lobe, about as much as is wider is shadowed; in 2012 shadowing does not know of it.
-        within = x / alphas[0] if variant == "2014" else 1.0
-    ratio = within * fit(f"specular_{variant}")(cos_theta, seen.ratio)
+        within = x / alphas[0]
+    ratio, grazing = (fit(f"specular_{name}{variant}")(cos_theta, seen.ratio) for name in ("", "grazing_"))
     # The cosine of a typical light to the half vector.
     typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, seen.cosine), 0.0, 1.0)
     if variant == "2012":
-        ratio = np.clip(ratio * shadowing_2012(cos_theta, roughness) * shadowing_2012(typical, roughness), 0.0, 1.0)
-    fresnel = mix_color(f0, np.ones(3), schlick_weight(typical) * seen.skew)
-    return (Closure("ggx", scale(fresnel, ratio), x, y, normal),)
+        within = shadowing_2012(cos_theta, roughness) * shadowing_2012(typical, roughness)
+    ratio, grazing = (np.clip(within * each, 0.001, 1.0) for each in (ratio, grazing))
+    mean = schlick_weight(typical) * seen.skew
+    # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
+    # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
+    own_mean = ratio * mean / grazing
+    wanted = scale(mix_color(f0, np.ones(3), mean), ratio)
+    own_f0 = (wanted / np.expand_dims(grazing, -1) - np.expand_dims(own_mean, -1)) / np.expand_dims(
+        np.maximum(1.0 - own_mean, 0.001), -1
+    )
+    # What f in [0, 1] does not reach is reflected alike by all microfacets.
+    rest = np.maximum(wanted - np.expand_dims(grazing, -1), 0.0)
+    weight = np.expand_dims(grazing, -1) * np.ones(3)
+    return (
+        Closure("metal", weight, x, y, normal, f0=np.clip(own_f0, 0.0, 1.0)),
+        Closure("ggx", rest, x, y, normal),
+    )
 
 
 @dataclass(frozen=True)
@@ -98,7 +132,7 @@ def clearcoat_closures(weight: Array, alpha: Array, cos_theta: Array, normal: Ar
     """Stand for the clearcoat lobe, `weight` (...) times what Burley 2012 says: GTR1 as three GGX lobes."""
     ratio = weight * fit("clearcoat")(cos_theta, alpha)
     return tuple(
-        Closure("ggx", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, normal)
+        Closure("metal", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, normal, f0=COAT_F0 * np.ones(3))
         for share, a in coat_mix(alpha, shape("clearcoat"))
     )
 

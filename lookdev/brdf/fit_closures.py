@@ -37,8 +37,8 @@ from lookdev.brdf.closure_setups import (
     specular_setups,
     view_at,
 )
-from lookdev.brdf.closures import Closure, closure_cosine
-from lookdev.brdf.disney_closures import seen_alphas, shadowing_2012
+from lookdev.brdf.closures import Closure, closure_cosine, oren_nayar_g
+from lookdev.brdf.disney_closures import COAT_F0, seen_alphas, shadowing_2012
 from lookdev.brdf.fits import DATA, Rational
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions
@@ -71,6 +71,15 @@ def ratio_goal(a: Albedos, x: Floats, target: Floats) -> Goal:
     return Goal(Problem(x, a.alpha, target, tolerance), lambda got: np.abs(got / target - 1.0) * relative, a.angle)
 
 
+def grazing_goal(a: Albedos, known: Floats) -> Goal:
+    """Seek what the lobe, weighted by Schlick, reflects to what the mix does, weighted so; a factor of it is known."""
+    # Where it is a small part of the whole, it need not be known as well.
+    relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
+    target = a.weighted / a.mix_weighted / known
+    problem = Problem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _loosened(a.angle))
+    return Goal(problem, lambda got: np.abs(got / target - 1.0) * relative, a.angle)
+
+
 def cosine_goal(a: Albedos) -> Goal:
     """Seek the cosine at which Schlick's weight is its mean over the lobe."""
     mean = a.weighted / a.whole
@@ -81,19 +90,53 @@ def cosine_goal(a: Albedos) -> Goal:
     return Goal(problem, lambda got: np.abs(schlick_weight(got) - mean) / allowed * _TOLERANCE, a.angle)
 
 
-def diffuse_goal(grid: Grid, base_color: float, roughness: Sequence[float], **given: float) -> Goal:
-    """Seek a directional albedo of Disney's diffuse lobe by the cosine of the view and roughness."""
+def diffuse_goal(grid: Grid, closure: Closure, base_color: float, roughness: Sequence[float], **given: float) -> Goal:
+    """Seek the weight of a closure for Disney's diffuse lobe, by the cosine of the view and roughness."""
     wi, weight = hemisphere_grid(96)
     rows = []
     for angle in grid.angles:
         wo = view_at(angle)
+        own = closure_cosine(closure, wo, wi)[:, 0] @ weight
         for each in roughness:
             lobe = disney_lobe("diffuse", wo, baseColor=base_color * ONE, roughness=each, **given)
-            rows.append((angle, wo[2], each, (lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2]) @ weight))
-    angle, x, y, albedo = np.array(rows).T
+            rows.append((angle, wo[2], each, own, (lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2]) @ weight))
+    angle, x, y, own, albedo = np.array(rows).T
     floored = np.maximum(albedo, _FLOOR)
-    problem = Problem(x, y, albedo, _TOLERANCE * floored * _loosened(angle))
-    return Goal(problem, lambda got: np.abs(got - albedo) / floored, angle)
+    problem = Problem(x, y, albedo / own, _TOLERANCE * floored / own * _loosened(angle))
+    return Goal(problem, lambda got: np.abs(got * own - albedo) / floored, angle)
+
+
+def retro_goal(grid: Grid) -> Goal:
+    """Seek what Oren and Nayar's rough term reflects, by the cosine of the view."""
+    x = np.cos(np.radians(grid.angles))
+    target = oren_nayar_g(x)
+    problem = Problem(x, np.zeros_like(x), target, _TOLERANCE * _loosened(grid.angles))
+    # Of an albedo, it is the part that roughness has, at most.
+    return Goal(problem, lambda got: np.abs(got - target) / np.pi, grid.angles)
+
+
+def retro_shape() -> dict[str, Any]:
+    """Search how rough Oren and Nayar's is at grazing views, for Disney's diffuse lobe of roughness 1."""
+    wi, weight = hemisphere_grid(48)
+    lobes = []
+    for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
+        wo = view_at(angle)
+        lobe = disney_lobe("diffuse", wo, baseColor=0.5 * ONE, roughness=roughness)
+        energy = lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2] * weight
+        lobes.append((wo, roughness, energy / energy.sum()))
+
+    def distances(strength: float) -> list[float]:
+        found = []
+        for wo, roughness, wanted in lobes:
+            sigma = strength * roughness * (1.0 - wo[2]) ** 3
+            closure = Closure("rough_diffuse", ONE, f0=0.5 * ONE, roughness=sigma)
+            energy = closure_cosine(closure, wo, wi)[:, 0] * weight
+            found.append(float(0.5 * np.abs(energy / energy.sum() - wanted).sum()))
+        return found
+
+    best = min((round(0.02 * k, 2) for k in range(40)), key=lambda strength: float(np.mean(distances(strength))))
+    found = distances(best)
+    return {"strength": best, "distance": {"largest": _rounded(max(found)), "mean": _rounded(float(np.mean(found)))}}
 
 
 def coat_shape() -> dict[str, Any]:
@@ -103,7 +146,7 @@ def coat_shape() -> dict[str, Any]:
     powers = [round(0.05 * k, 2) for k in range(2, 21)]
     lobes = _normalised_lobes(
         [
-            (setup, [Closure("ggx", ONE, a, a) for a in (setup.width**power for power in powers)])
+            (setup, [Closure("metal", ONE, a, a, f0=COAT_F0 * ONE) for a in (setup.width**power for power in powers)])
             for setup in coat_setups({"shares": [1.0], "powers": [1.0]}, few)
         ]
     )
@@ -195,13 +238,20 @@ def make_fits(
         fits[name] = find(name, goal, above, below), goal
         return fits[name][0]
 
-    add("sheen", diffuse_goal(grid, 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _NONE)
+    add("sheen", diffuse_goal(grid, Closure("sheen", ONE), 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _NONE)
+    add("retro", retro_goal(grid), Degree(4, 0, 4), _NONE)
     levels = [0.0, 0.25, 0.5, 0.75, 1.0]
-    add("subsurface", diffuse_goal(grid, 1.0, levels, subsurface=1.0), Degree(2, 2, 4), Degree(2, 0, 2))
+    add(
+        "subsurface",
+        diffuse_goal(grid, Closure("diffuse", ONE), 1.0, levels, subsurface=1.0),
+        Degree(2, 2, 4),
+        Degree(2, 0, 2),
+    )
 
     a = measure(specular_setups("2014", grid))
     add("specular_2014", ratio_goal(a, a.cosine, a.whole / a.mix), Degree(2, 2, 2), Degree(2, 2, 2))
     add("specular_cosine_2014", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))
+    add("specular_grazing_2014", grazing_goal(a, np.ones(1)), Degree(2, 2, 2), Degree(2, 2, 2))
 
     a = measure(specular_setups("2012", grid))
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
@@ -209,6 +259,7 @@ def make_fits(
     roughness = np.tile(grid.roughness, len(grid.angles))
     shadowing = shadowing_2012(a.cosine, roughness) * shadowing_2012(np.clip(typical, 0.0, 1.0), roughness)
     add("specular_2012", ratio_goal(a, a.cosine, a.whole / a.mix / shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
+    add("specular_grazing_2012", grazing_goal(a, shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
 
     a = measure(coat_setups(shapes["clearcoat"], grid))
     add("clearcoat", ratio_goal(a, a.cosine, a.whole / a.mix), Degree(3, 2, 3), Degree(2, 1, 2))
@@ -294,6 +345,7 @@ def make_table() -> dict[str, Any]:
     """Make the table."""
     shapes = make_shapes()
     fits = make_fits(shapes)
+    shapes["retro"] = retro_shape()
     shapes["anisotropic"] = anisotropic_shape({name: found for name, (found, _) in fits.items()})
     return {"shapes": shapes, "fits": {name: _entry(*each) for name, each in fits.items()}}
 

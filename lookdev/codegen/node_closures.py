@@ -37,12 +37,12 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
     """
     closures = _merged(_traced(graph, bsdf))
     # Vectors first: what is one is then computed once.
-    vectors = [vector for each, _ in closures for vector in (each.weight, _to_world(frame, each.normal))]
+    vectors = [vector for each, _ in closures for vector in (each.weight, each.f0, _to_world(frame, each.normal))]
     builder.prepare(elements_of(vector) for vector in vectors)
     total: Link | None = None
     for closure, label in closures:
         total = add_shaders(builder, total, _add(graph, builder, closure, frame, label))
-    return total, any(closure.kind not in ("diffuse", "ggx", "beckmann") for closure, _ in closures)
+    return total, any(closure.transmits for closure, _ in closures)
 
 
 def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | None:
@@ -76,7 +76,7 @@ def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]
     for closure, label in closures:
         if same(closure.weight, 0.0):
             continue
-        shape = closure.alpha_x, closure.alpha_y, closure.ior
+        shape = closure.alpha_x, closure.alpha_y, closure.ior, closure.f0, closure.roughness
         key = (closure.kind, *(element for value in (*shape, closure.normal) for element in elements_of(value)))
         if key in merged:
             known, labels = merged[key]
@@ -87,12 +87,17 @@ def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]
 
 
 def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
-    inputs: dict[str, Any] = {
-        "Color": built(builder, closure.weight),
-        "Normal": built(builder, _to_world(frame, closure.normal)),
-    }
+    inputs: dict[str, Any] = {"Normal": built(builder, _to_world(frame, closure.normal))}
     properties = {}
+    color = built(builder, closure.weight)
     match closure.kind:
+        case "metal":
+            return _add_metal(builder, closure, frame, label, inputs)
+        case "sheen":
+            return _add_sheen(builder, color, label, inputs)
+        case "rough_diffuse":
+            inputs |= {"Color": built(builder, closure.f0), "Roughness": built(builder, closure.roughness)}
+            return _faded(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
         case "diffuse":
             kind = "BsdfDiffuse"
             inputs["Roughness"] = 0.0
@@ -110,22 +115,51 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
             kind = "BsdfAnisotropic"
             properties["distribution"] = closure.kind.upper()
             inputs |= _glossy(builder, closure, frame)
-    return Link(builder.add(kind, properties, inputs, label), "BSDF")
+    return Link(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
+
+
+def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: dict[str, Any]) -> Link:
+    """Add a metal, which has no colour to weigh it by."""
+    inputs |= {"Base Color": built(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
+    inputs |= _glossy(builder, closure, frame)
+    properties = {"distribution": "GGX", "fresnel_type": "F82"}
+    return _faded(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
+
+
+def _faded(builder: TreeBuilder, closure: Closure, node: str) -> Link:
+    """Weigh what no colour weighs: mix it with nothing."""
+    shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
+    if same(weight, 1.0):
+        return shader
+    return Link(builder.add("MixShader", inputs={"Fac": built(builder, weight), "Shader_001": shader}), "Shader")
+
+
+def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, Any]) -> Link:
+    """Add sheen: a black metal, weighed by a coat that is nothing but a colour.
+
+    The coat's index is the air's, so it reflects nothing; its normal is the viewer, so light goes through as much of it
+    as its tint is for.
+    """
+    inputs |= {"Base Color": (0.0, 0.0, 0.0), "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": (1.0, 1.0, 1.0)}
+    inputs |= {"Coat Weight": 1.0, "Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Tint": color}
+    inputs["Coat Normal"] = Link(builder.add("NewGeometry"), "Incoming")
+    return Link(builder.add("BsdfPrincipled", {"distribution": "GGX"}, inputs, label), "BSDF")
 
 
 def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, Any]:
     """Return roughness, anisotropy and tangent.
 
-    Of a positive anisotropy a, Cycles makes alpha_x = r^2 (1 - a) and alpha_y = r^2 / (1 - a); of a negative,
-    alpha_x = r^2 / (1 + a) and alpha_y = r^2 (1 + a).
+    Of an anisotropy a, Cycles makes alpha_x = r^2 / s and alpha_y = r^2 s: of a metal s^2 = 1 - 0.9 a, as Disney's BRDF
+    does; of others s = 1 + a where a is negative.
     """
     x, y = closure.alpha_x, closure.alpha_y
     if same(x, y):
         return {"Roughness": built(builder, np.sqrt(x))}
-    aspect = np.sqrt(x / y)
+    aspect2 = y / x
+    anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind == "metal" else np.sqrt(aspect2) - 1.0
     return {
         "Roughness": built(builder, np.sqrt(np.sqrt(x * y))),
-        "Anisotropy": built(builder, np.minimum(1.0 / aspect, 1.0) - np.minimum(aspect, 1.0)),
+        "Anisotropy": built(builder, anisotropy),
         "Tangent": built(builder, _to_world(frame, from_local(closure.normal, _X))),
     }
 

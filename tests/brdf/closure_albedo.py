@@ -34,14 +34,14 @@ def closures_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
 
 def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
     width = float(min(closure.alpha_x, closure.alpha_y))
-    if closure.kind in ("diffuse", "translucent"):
+    if closure.kind in ("diffuse", "rough_diffuse", "translucent", "sheen"):
         wi, weight = hemisphere_grid(24)
-    elif closure.kind in ("ggx", "beckmann"):
+    elif not closure.transmits:
         wi, weight = half_vector_grid(to_local(closure.normal, wo), width, CELLS)
     else:
         # Light leaves along the microfacets' normals, which the zenith's half vectors are half as far from it as.
         wi, weight = half_vector_grid(ZENITH, 0.5 * width, CELLS)
-    side = 1.0 if closure.kind in ("diffuse", "ggx", "beckmann") else -1.0
+    side = -1.0 if closure.transmits else 1.0
     return side * from_local(closure.normal, wi), weight
 
 

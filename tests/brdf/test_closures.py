@@ -88,6 +88,28 @@ def test_lambert_reflects_its_weight(kind: Kind, side: float) -> None:
     assert not closure_cosine(closure, view(40.0), -side * wi).any()
 
 
+@pytest.mark.parametrize("sigma", [0.01, 0.4])
+@pytest.mark.parametrize("angle", [0.0, 60.0, 85.0])
+def test_a_white_rough_surface_loses_nothing(sigma: float, angle: float) -> None:
+    wi, weight = hemisphere_grid(48)
+    closure = Closure("rough_diffuse", 0.5 * ONE, f0=ONE, roughness=sigma)
+    # The mean that Cycles divides by is rounded to 0.2 % of what is scattered again.
+    np.testing.assert_allclose(weight @ closure_cosine(closure, view(angle), wi), 0.5, rtol=2e-3)
+
+
+def test_metals_are_ggx_by_schlick() -> None:
+    wo, wi = view(50.0), view(80.0, 2.0)
+    ggx = closure_cosine(Closure("ggx", ONE, 0.5, 0.2), wo, wi)
+    white, gold = (closure_cosine(Closure("metal", ONE, 0.5, 0.2, f0=f0), wo, wi) for f0 in (ONE, 0.3 * ONE))
+    np.testing.assert_allclose(white, ggx, rtol=1e-12)
+    cos_theta_d = np.sqrt(0.5 * (1.0 + wo @ wi))
+    np.testing.assert_allclose(gold / ggx, 0.3 + 0.7 * (1.0 - cos_theta_d) ** 5, rtol=1e-12)
+    # With an alpha of 1, D is 1 / pi, and G 2 cos_i cos_o / (cos_i + cos_o).
+    sheen = closure_cosine(Closure("sheen", ONE), wo, wi)
+    wanted = (1.0 - cos_theta_d) ** 5 * wi[2] / (2.0 * np.pi * (wi[2] + wo[2]))
+    np.testing.assert_allclose(sheen, wanted, rtol=1e-12)
+
+
 @pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("angle", [0.0, 40.0, 85.0, 89.9])
 def test_the_diffuse_albedo_is_exact(roughness: float, angle: float) -> None:
@@ -152,7 +174,11 @@ def test_weights_stay_bounded_however_a_view_grazes() -> None:
                 for closure in lobe.closures():
                     weight = np.asarray(closure.weight)
                     assert (weight >= 0.0).all(), (lobe.name, angle)
-                    assert (weight <= 2.5).all(), (lobe.name, angle)
+                    # Sheen is as strong as its tint, the inverse of the luminance of a pure blue.
+                    assert (weight <= (80.0 if closure.kind == "sheen" else 2.5)).all(), (lobe.name, angle)
+                    if closure.kind == "metal":
+                        assert (weight <= 1.0).all(), (lobe.name, angle)
+                        assert ((closure.f0 >= 0.0) & (closure.f0 <= 1.0)).all(), (lobe.name, angle)
                     assert (np.asarray(closure.alpha_x) <= 1.0).all()
                     assert (np.asarray(closure.alpha_y) <= 1.0).all()
 

@@ -61,7 +61,17 @@ VECTOR_MATH: dict[str, Callable[..., Any]] = {
 }
 
 _SCALARS = {"Value", "Value_001", "Value_002", "X", "Y", "Z", "Scale", "Factor_Float", "A_Float", "B_Float"}
-_SCALARS |= {"Roughness", "Anisotropy", "Rotation", "IOR", "Fac"}
+_SCALARS |= {
+    "Roughness",
+    "Anisotropy",
+    "Rotation",
+    "IOR",
+    "Fac",
+    "Metallic",
+    "Coat Weight",
+    "Coat Roughness",
+    "Coat IOR",
+}
 
 
 def shape_input(socket: str, value: Any, *, scalar: bool | None = None) -> Any:
@@ -151,4 +161,7 @@ def _node(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _faded(shader: list[Any], factor: Any) -> list[Any]:
-    return [(*kind, {**sockets, "Color": sockets["Color"] * factor[..., None]}) for *kind, sockets in shader]
+    """Weigh closures by a weight of their own: a colour may be more than one."""
+    return [
+        (*kind, {**sockets, "Weight": sockets.get("Weight", F(1.0)) * factor[..., None]}) for *kind, sockets in shader
+    ]

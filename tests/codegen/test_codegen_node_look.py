@@ -20,6 +20,8 @@ from lookdev.errors import ModelError
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 
 COUNT = 40
+PURE_SHEEN = {"Base Color": 0.0, "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": 1.0, "Coat Weight": 1.0}
+PURE_SHEEN |= {"Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Normal": 0.0}
 
 
 def no_textures(texture: Texture | Bump) -> Path:
@@ -62,22 +64,41 @@ def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
             continue
         sockets = {name: np.asarray(value, dtype=np.float64) for name, value in sockets.items()}
         normal = np.einsum("nij,nj->ni", axes, np.broadcast_to(sockets["Normal"], (COUNT, 3)))
+        weight = np.clip(sockets.pop("Weight", np.ones((1, 3))), 0.0, 1.0)
+        color = weight * sockets.get("Color", 0.0)
         match kind:
-            case "BsdfDiffuse" | "BsdfTranslucent":
-                name = kind.removeprefix("Bsdf").lower()
-                found.append(Closure(name, sockets["Color"], normal=normal))
-            case "BsdfAnisotropic":
+            case "BsdfDiffuse":
+                roughness = sockets["Roughness"]
+                found.append(Closure("rough_diffuse", weight, normal=normal, f0=sockets["Color"], roughness=roughness))
+            case "BsdfTranslucent":
+                found.append(Closure("translucent", color, normal=normal))
+            case "BsdfAnisotropic" | "BsdfMetallic":
                 # As Cycles' svm_node_closure_bsdf.
                 alpha, a = sockets["Roughness"] ** 2, sockets.get("Anisotropy", np.zeros(1))
-                x = alpha * np.where(a < 0.0, 1.0 / (1.0 + a), 1.0 - a)
-                y = alpha * np.where(a < 0.0, 1.0 + a, 1.0 / (1.0 - a))
                 if "Tangent" in sockets:
                     tangent = np.einsum("nij,nj->ni", axes, np.broadcast_to(sockets["Tangent"], (COUNT, 3)))
                     np.testing.assert_allclose(tangent, from_local(normal, np.array([1.0, 0.0, 0.0])), atol=1e-5)
-                found.append(Closure(distribution.lower(), sockets["Color"], x, y, normal))
+                if kind == "BsdfMetallic":
+                    assert distribution == "GGX"
+                    assert (sockets["Edge Tint"] == 1.0).all()
+                    assert (a >= 0.0).all()
+                    aspect = np.sqrt(1.0 - 0.9 * a)
+                    f0 = np.clip(sockets["Base Color"], 0.0, 1.0)
+                    found.append(Closure("metal", weight, alpha / aspect, alpha * aspect, normal, f0=f0))
+                else:
+                    assert (a <= 0.0).all()
+                    x, y = alpha / (1.0 + a), alpha * (1.0 + a)
+                    found.append(Closure(distribution.lower(), color, x, y, normal))
+            case "BsdfPrincipled":
+                # A coat of index 1 seen along its normal: nothing but a tint.
+                given = {
+                    name: value.ravel()[0] for name, value in sockets.items() if name not in ("Coat Tint", "Normal")
+                }
+                assert given | {"Coat Normal": 0.0} == PURE_SHEEN
+                found.append(Closure("sheen", weight * sockets["Coat Tint"], normal=normal))
             case "BsdfRefraction":
                 alpha, ior = sockets["Roughness"] ** 2, np.where(side > 0, sockets["IOR"], 1.0 / sockets["IOR"])
-                found.append(Closure(f"{distribution.lower()}_refraction", sockets["Color"], alpha, alpha, normal, ior))
+                found.append(Closure(f"{distribution.lower()}_refraction", color, alpha, alpha, normal, ior))
             case _:
                 raise AssertionError(kind)
     return found
@@ -94,7 +115,7 @@ def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, 
             names = ("Tangent", "Bitangent", "Normal")
             return {name: axes[:, k].astype(np.float32) for k, name in enumerate(names)} | {"Viewer": wo}
         if node.kind == "NewGeometry":
-            return {"Backfacing": (side < 0).astype(np.float32)}
+            return {"Backfacing": (side < 0).astype(np.float32), "Incoming": np.zeros((COUNT, 3), dtype=np.float32)}
         if node.kind == "Attribute":
             value = (attributes or {})[str(node.properties["attribute_name"])]
             return {"Fac": value, "Vector": value}
@@ -217,11 +238,11 @@ def test_constants_that_end_a_term_have_no_socket() -> None:
     source = generate(Layer("base", "disney", {"roughness": 0.3}))
     assert sockets(source, "Lookdev Disney") == ["baseColor", "specular", "roughness"]
     labels = [(node.kind, node.label) for node in tree_of(source, "Lookdev Disney").nodes if "Bsdf" in node.kind]
-    assert labels == [("BsdfDiffuse", "diffuse"), ("BsdfAnisotropic", "specular")]
+    assert labels == [("BsdfDiffuse", "diffuse"), ("BsdfMetallic", "specular"), ("BsdfAnisotropic", "specular")]
     metal = generate(Layer("base", "disney", {"metallic": 1.0, "anisotropic": 0.5}))
     assert sockets(metal, "Lookdev Disney") == ["baseColor", "roughness", "anisotropic"]
     kinds = [node.kind for node in tree_of(metal, "Lookdev Disney").nodes]
-    assert (kinds.count("BsdfAnisotropic"), kinds.count("BsdfDiffuse")) == (1, 0)
+    assert (kinds.count("BsdfMetallic"), kinds.count("BsdfDiffuse")) == (1, 0)
 
 
 def test_what_vanishes_takes_its_texture_with_it() -> None:

@@ -15,12 +15,13 @@ from lookdev.batch.prepare import make_scene
 from lookdev.batch.worker import Rendered, Worker
 from lookdev.ibl import LightTables
 from lookdev.job.schema import Backend
-from lookdev.material import Look
+from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.plan.task import FrameTask, Sampling
 
 pytestmark = pytest.mark.cycles
 
+SHEEN = (Layer("sheen", "disney", {"baseColor": (0.0, 0.0, 0.0), "sheen": 1.0, "specular": 0.0}),)
 MATERIALS = Path(__file__).parents[2] / "materials"
 
 
@@ -39,9 +40,9 @@ def mean(frame: Rendered) -> Any:
     return picture[frame.alpha > 0.5].mean(axis=0)
 
 
-@pytest.mark.parametrize("name", ["coated", "lacquered"])
+@pytest.mark.parametrize("name", ["coated", "lacquered", "brushed", "sheen"])
 def test_white_light_comes_back_as_from_the_exact_lobes(name: str, worker: Worker, light_of) -> None:
-    look = Look(name, LOOKS[name])
+    look = Look(name, SHEEN if name == "sheen" else LOOKS[name])
     exact, nodes = (
         mean(shoot(worker, look, light_of("white"), backend, samples=64, size=32)) for backend in ("exact", "nodes")
     )
