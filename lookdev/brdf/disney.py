@@ -23,12 +23,12 @@ from lookdev.brdf.disney_closures import (
     diffuse_closure,
     sheen_closure,
     specular_closures,
-    subsurface_albedo,
+    subsurface_closures,
 )
 from lookdev.brdf.frames import facing_viewer, to_local, unit_normal
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
-from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, scale
+from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, same, scale
 
 PI = np.pi
 
@@ -61,13 +61,16 @@ def _diffuse(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
 
     def closures() -> tuple[Closure, ...]:
         cos_theta = wo[..., 2]
-        albedo = mix(diffuse_albedo(cos_theta, roughness), subsurface_albedo(cos_theta, roughness), p["subsurface"])
-        return (
-            diffuse_closure(
-                scale(base_color, dielectric), albedo, roughness * (1.0 - p["subsurface"]), cos_theta, normal
-            ),
-            sheen_closure(scale(sheen_color, dielectric), cos_theta, normal),
-        )
+        under = p["subsurface"]
+        closures: tuple[Closure, ...] = (sheen_closure(scale(sheen_color, dielectric), cos_theta, normal),)
+        if not same(under, 0.0):
+            color = scale(base_color, dielectric * under)
+            closures += subsurface_closures(color, cos_theta, roughness, normal)
+        if not same(under, 1.0):
+            color = scale(base_color, dielectric * (1.0 - under))
+            albedo = diffuse_albedo(cos_theta, roughness)
+            closures += (diffuse_closure(color, albedo, roughness, cos_theta, normal),)
+        return closures
 
     return Lobe(
         "diffuse",

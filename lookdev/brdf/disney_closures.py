@@ -13,9 +13,9 @@ import numpy as np
 
 from lookdev.brdf.closures import Closure, rough_diffuse_albedo
 from lookdev.brdf.fits import fit, shape
-from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.microfacet import smith_ggx
-from lookdev.brdf.vectors import Array, mix, mix_color, same, scale
+from lookdev.brdf.vectors import TINY, Array, mix, mix_color, same, scale
 
 # Burley 2012, section 5.4: an index of 1.5.
 COAT_F0 = 0.04
@@ -53,6 +53,22 @@ def diffuse_closure(color: Array, albedo: Array, retro: Array, cos_theta: Array,
     once = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
     own = wanted / mix(once, 1.0, _square(np.minimum(wanted, 1.0)))
     return Closure("rough_diffuse", np.ones(3), normal=normal, f0=own, roughness=sigma)
+
+
+# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)): the term of Hanrahan and Krueger 1993 but for Fss, which is
+# nearly what it is for the view alone. Its directional albedo is 1 - cos_theta ln(1 + 1 / cos_theta).
+def subsurface_closures(color: Array, cos_theta: Array, roughness: Array, normal: Array) -> tuple[Closure, ...]:
+    """Stand for the subsurface term of a `color`, (..., 3): GGX of alpha 1, and Lambert where Fss is below 1."""
+    # The mean of cos^2 theta_d is about 1/2.
+    fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
+    wide, even = 2.5 * fss, 0.625 * (1.0 - fss)
+    c = np.maximum(cos_theta, TINY)
+    reflected = wide * (1.0 - c * np.log(1.0 + 1.0 / c)) + even
+    ratio = subsurface_albedo(cos_theta, roughness) / reflected
+    return (
+        Closure("ggx", scale(color, ratio * wide), normal=normal),
+        Closure("diffuse", scale(color, ratio * even), normal=normal),
+    )
 
 
 def sheen_closure(color: Array, cos_theta: Array, normal: Array) -> Closure:

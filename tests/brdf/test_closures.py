@@ -52,6 +52,25 @@ def test_reflecting_closures_are_reciprocal(kind: Kind) -> None:
     np.testing.assert_allclose(forth, back, rtol=1e-12)
 
 
+def test_ggx_of_alpha_1_is_the_term_of_hanrahan_and_krueger() -> None:
+    for wo, wi in ((view(20.0), view(60.0, 2.0)), (view(83.0), view(80.0, 0.5))):
+        expected = wi[2] / (2.0 * np.pi * (wi[2] + wo[2]))
+        np.testing.assert_allclose(closure_cosine(Closure("ggx", ONE), wo, wi), expected, rtol=1e-12)
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize(("angle", "most"), [(0.0, 0.02), (50.0, 0.03), (83.0, 0.07)])
+def test_the_shape_of_light_from_under_the_surface(roughness: float, angle: float, most: float) -> None:
+    wo = view(angle)
+    parameters = complete_parameters("disney", {"baseColor": ONE, "roughness": roughness, "subsurface": 1.0})
+    (lobe,) = (each for each in MODELS["disney"](parameters).lobes(wo) if each.name == "diffuse")
+    wi, weight = hemisphere_grid(64)
+    directions = Directions.of(np.broadcast_to(wo, wi.shape), wi)
+    model = lobe.evaluate(directions)[:, 0] * wi[:, 2] * weight
+    closures = sum(closure_cosine(each, wo, wi)[:, 0] for each in lobe.closures()) * weight
+    assert 0.5 * np.abs(model / model.sum() - closures / closures.sum()).sum() < most
+
+
 @pytest.mark.parametrize(("kind", "alpha"), [("ggx", 0.05), ("ggx", 0.6), ("beckmann", 0.05), ("beckmann", 0.6)])
 def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: Kind, alpha: float) -> None:
     # From above, G1 of the view is 1 and f cos_i = D G1(wi) / 4; nearly along the normal the light's G1 is 1 too.
