@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import tomllib
@@ -67,6 +68,7 @@ def tables() -> dict[str, str]:
         if reference:
             made[f"job.{name}"] = _job_table(schema["$defs"][reference.rpartition("/")[2]], schema)
     made["presets"] = _preset_table()
+    made["nodes.gaps"] = _gap_table()
     return made | {f"models.{model}": _model_table(PARAMETERS[model].values()) for model in PARAMETERS}
 
 
@@ -74,6 +76,16 @@ def _preset_table() -> str:
     presets = read_library([ROOT / "materials" / "presets"]).presets
     rows = [(f"[{p.name}](../materials/presets/{p.file.name})", p.category, p.model, p.doc) for p in presets]
     return _markdown([("preset", "category", "model", "what it is"), *rows])
+
+
+def _gap_table() -> str:
+    with (ROOT / "tests" / "end_to_end" / "gaps.csv").open(newline="", encoding="utf-8") as stream:
+        gaps = list(csv.DictReader(stream))
+    rows = [
+        (g["preset"], g["flip"], g["flip_noise"], g["relmse"], f"{float(g['albedo']):.2%}")
+        for g in sorted(gaps, key=lambda gap: -float(gap["flip"]))
+    ]
+    return _markdown([("preset", "FLIP", "of noise", "relMSE", "albedo"), *rows])
 
 
 def _job_table(table: dict[str, Any], schema: dict[str, Any]) -> str:

@@ -37,7 +37,7 @@ def check_stack(scene: Any) -> None:
     if names:
         looks = ", ".join(f"'{name}'" for name in names)
         raise RenderError(
-            f"look {looks}: its nodes need more numbers at once than the 255 that Cycles' node machine can hold; "
+            f"look {looks}: its nodes need more numbers at once than Cycles' node machine has room for; "
             'give it fewer layers, masks or textures, or render it with backend = "exact"'
         )
 
