@@ -28,7 +28,7 @@ from lookdev.errors import LookdevError, nearest_hint
 from lookdev.ibl import read_distribution
 from lookdev.job.schema import Backend
 from lookdev.material import Look
-from lookdev.plan.task import FrameTask
+from lookdev.plan.task import FrameTask, SceneTask
 from lookdev.reference.render import frame_pixels
 
 Alter = Callable[[str], str]
@@ -75,7 +75,6 @@ kind = "element"
 frames = 8
 [render]
 resolution = [512, 512]
-backend = "{backend}"
 [[look]]
 name = {name}
 material = {material}
@@ -147,14 +146,13 @@ def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend
         ),
         material=json.dumps(str(file.resolve()), ensure_ascii=False),
         variants=", ".join(f"{json.dumps(name)} = {json.dumps(choice)}" for name, choice in variants.items()),
-        backend=backend or "exact",
     )
     if prim is not None:
         text += f"prim = {json.dumps(prim)}\n"
     with tempfile.TemporaryDirectory(prefix="lookdev-check-") as folder:
         job = Path(folder, "check.toml")
         job.write_text(text, encoding="utf-8")
-        return prepare_job(job)
+        return prepare_job(job, backend)
 
 
 @dataclass(frozen=True)
@@ -225,7 +223,7 @@ def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[
     )
     small = replace(scene, resolution=(width, height), shaders=shaders)
 
-    def render(number: int, samples: int) -> Halves:
+    def render(number: int, samples: int, small: SceneTask = small) -> Halves:
         # Seeds far from those of the job's own frames and of each other; the shader takes less than 2^18.
         sampling = replace(scene.sampling, samples=samples, error=None, seed=(subject.seed * 8 + number) % (1 << 18))
         return subject.render(replace(task, scene=replace(small, sampling=sampling), digest=f"{name} {number}"))
@@ -234,9 +232,9 @@ def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[
     alpha = np.mean([frame.alpha for frame in frames], axis=0)
     if subject.backend == "nodes":
         asset = read_asset(scene.asset_file)
-        small = make_scene(asset, scene.asset_file, looks, scene.light, scene.camera, (width, height), scene.sampling)
-        exact = [render(_RENDERS + number, depth.samples) for number in range(_RENDERS)]
-        return check_gap(name, _halves(exact), _halves(frames), alpha)
+        exact = make_scene(asset, scene.asset_file, looks, scene.light, scene.camera, (width, height), scene.sampling)
+        wanted = [render(_RENDERS + number, depth.samples, exact) for number in range(_RENDERS)]
+        return check_gap(name, _halves(wanted), _halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
         read_asset(scene.asset_file),

@@ -14,11 +14,12 @@ from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, Lobe, evaluate_cosine, pdf, sample, seen_along
 from lookdev.brdf.frames import to_local
+from lookdev.brdf.quadrature import half_vector_grid
 
 Floats = NDArray[np.float64]
 
-# Half the smallest alpha that the models allow, squared.
-_T0 = 0.0005**2
+# The smallest alpha that the models allow.
+_NARROWEST = 0.001
 _CELLS = (128, 96)
 
 
@@ -78,7 +79,7 @@ def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
     for lobe in bsdf.lobes(wo):
         view = to_local(lobe.normal, wo)
         if view[2] > 0.0:
-            wi, weight = _half_vector_grid(_seen_view(lobe, view), cells)
+            wi, weight = half_vector_grid(_seen_view(lobe, view), _NARROWEST, cells)
             wi = _from_lobe(lobe, wi)
             alone = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
             total[int(lobe.transmits)] += (evaluate_cosine(alone, wo, wi) * weight[:, None]).sum(axis=0)
@@ -101,33 +102,3 @@ def _from_lobe(lobe: Lobe, wi: Floats) -> Floats:
     rotation = to_local(lobe.normal, np.eye(3)).T
     mirrored = wi * (1.0, 1.0, -1.0) if lobe.transmits else wi
     return np.asarray(mirrored @ rotation)
-
-
-def _half_vector_grid(view: Floats, cells: tuple[int, int]) -> tuple[Floats, Floats]:
-    """Return directions (n, 3) above the horizon and their quadrature weights (n,) in steradians.
-
-    Two Gauss nodes a cell along slope and azimuth of the half vector. With ``t = tan^2 theta_h`` the first coordinate
-    is ``log(1 + t / t0) / L``: even within the narrowest lobe, logarithmic beyond. A direction above the horizon has
-    ``tan theta_h < 2 / view_z``, which is where the grid ends.
-    """
-    nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]
-    a, phi = (((np.arange(n)[:, None] + 0.5 * (nodes + 1.0)) / n).ravel() for n in cells)
-    weight = np.outer(*(np.tile(0.5 * weights, n) / n for n in cells))
-    length = np.log1p((2.0 / view[2]) ** 2 / _T0)
-    grown = np.exp(a * length)
-    t = _T0 * (grown - 1.0)
-    # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
-    weight *= (np.pi * _T0 * length * grown / (1.0 + t) ** 1.5)[:, None]
-    cos_h = 1.0 / np.sqrt(1.0 + t)
-    sin_h = np.sqrt(t) * cos_h
-    azimuth = 2.0 * np.pi * phi
-    wm = np.stack(
-        [np.outer(sin_h, np.cos(azimuth)), np.outer(sin_h, np.sin(azimuth)), np.outer(cos_h, np.ones_like(azimuth))],
-        axis=-1,
-    )
-    cos_d = wm @ view
-    wi = 2.0 * cos_d[..., None] * wm - view
-    # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
-    weight = weight * 4.0 * cos_d
-    above = (wi[..., 2] > 0.0) & (cos_d > 0.0)
-    return wi[above], weight[above]

@@ -9,18 +9,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from conftest import orbit_camera
+from conftest import POSE, orbit_camera
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_erosion
 
+from lookdev.asset import Asset
 from lookdev.batch.worker import Rendered
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.checks.error import EPSILON
+from lookdev.checks.finding import Finding
+from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.ibl import LightTables, read_distribution
-from lookdev.material import Layer
+from lookdev.material import Layer, Look
 from lookdev.plan.task import Pose
-from lookdev.reference.render import Estimate, shape_pixels
+from lookdev.reference.render import Estimate, frame_pixels, shape_pixels
 from lookdev.reference.shapes import Shape
 
 
@@ -92,6 +95,33 @@ def assert_agreement(
     scale = reference.value**2 + EPSILON
     true, claimed = ((((a + b) / 2.0 - reference.value) ** 2) / scale).mean(), (((a - b) / 2.0) ** 2 / scale).mean()
     assert 0.5 < claimed / true < 2.0
+
+
+def check_mesh(
+    frames: Sequence[Rendered],
+    asset: Asset,
+    layers: Sequence[Layer],
+    light: LightTables,
+    *,
+    samples: int,
+    bounces: int,
+    pixels: int = 80,
+) -> Finding:
+    """Compare random pixels of square frames at `POSE`, `samples` of each, with the reference."""
+    alpha = frames[0].alpha
+    chosen = choose_pixels(alpha, pixels, seed=1)
+    reference = frame_pixels(
+        asset,
+        [Look("look", tuple(layers))] * len(asset.slots),
+        read_distribution(light),
+        orbit_camera(asset.center, asset.radius),
+        POSE,
+        (alpha.shape[1], alpha.shape[0]),
+        chosen,
+        bounces=bounces,
+    )
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
+    return check_frame(asset.name, halves, alpha, len(frames) * samples, chosen, reference)
 
 
 def relative_difference(

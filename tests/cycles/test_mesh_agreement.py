@@ -7,17 +7,16 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from conftest import POSE, RenderScene, orbit_camera
+from agreement import check_mesh
+from conftest import RenderScene
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
-from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.ibl import LightTables, read_distribution
-from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Texture
+from lookdev.ibl import LightTables
+from lookdev.material import Bump, Coordinates, Formula, Layer, Texture
 from lookdev.material.expression import parse
-from lookdev.reference.render import frame_pixels
 
 pytestmark = pytest.mark.cycles
 
@@ -85,21 +84,9 @@ def assert_agreement(render: RenderScene, asset: Asset, layers: tuple[Layer, ...
     frames = [
         render(asset, layers, light, samples=SAMPLES, seed=seed, size=SIZE, bounces=BOUNCES) for seed in range(SEEDS)
     ]
-    pixels = choose_pixels(frames[0].alpha, PIXELS, seed=1)
-    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
 
     def agreement(bounces: int) -> Finding:
-        reference = frame_pixels(
-            asset,
-            [Look("look", layers)] * len(asset.slots),
-            read_distribution(light),
-            orbit_camera(asset.center, asset.radius),
-            POSE,
-            (SIZE, SIZE),
-            pixels,
-            bounces=bounces,
-        )
-        return check_frame(asset.name, halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
+        return check_mesh(frames, asset, layers, light, samples=SAMPLES, bounces=bounces, pixels=PIXELS)
 
     found = agreement(BOUNCES)
     assert found.passed, "\n".join((found.summary, *found.details))

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from agreement import assert_agreement, relative_difference
+from agreement import assert_agreement, check_mesh, relative_difference
 from conftest import POSE, orbit_camera
 from looks import LOOKS
 
@@ -21,12 +21,10 @@ from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.batch.prepare import make_scene
 from lookdev.batch.worker import Rendered, Worker
 from lookdev.checks.finding import Finding
-from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.ibl import LightTables, load_environment, prepare_light, read_distribution
+from lookdev.ibl import LightTables, load_environment, prepare_light
 from lookdev.material import Coordinates, Formula, Layer, Look
 from lookdev.material.expression import parse
 from lookdev.plan.task import FrameTask, Sampling
-from lookdev.reference.render import frame_pixels
 from lookdev.reference.shapes import Sphere
 
 pytestmark = pytest.mark.cycles
@@ -117,21 +115,9 @@ def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, worker: Worker,
     stripes = Formula(wave, {"st": Coordinates("st")}, {"st": "color"})
     layers = (Layer("Striped", "disney", {"baseColor": stripes, "roughness": 0.6, "normal": (0.2, 0.3, 0.9)}),)
     rendered = frames(worker, asset, layers, light, samples=128, bounces=bounces)
-    pixels = choose_pixels(rendered[0].alpha, 80, seed=1)
-    halves = np.stack([half for frame in rendered for half in (frame.a, frame.b)])
 
     def agreement(bounces: int) -> Finding:
-        reference = frame_pixels(
-            asset,
-            [Look("look", layers)] * len(asset.slots),
-            read_distribution(light),
-            orbit_camera(asset.center, asset.radius),
-            POSE,
-            (SIZE, SIZE),
-            pixels,
-            bounces=bounces,
-        )
-        return check_frame(name, halves, rendered[0].alpha, SEEDS * 128, pixels, reference)
+        return check_mesh(rendered, asset, layers, light, samples=128, bounces=bounces)
 
     found = agreement(bounces)
     assert found.passed, "\n".join((found.summary, *found.details))
