@@ -108,15 +108,18 @@ def make_scene(
     # Slots that share a look share its shader.
     different = {id(look): look for look in slots}
 
-    def generate(sampling: Sampling) -> dict[int, ShaderSource | NodeSource]:
-        return {key: look_source(look, backend, light, resolution, sampling) for key, look in different.items()}
+    def generate(sampling: Sampling, shadows: bool) -> dict[int, ShaderSource | NodeSource]:
+        return {
+            key: look_source(look, backend, light, resolution, sampling, shadows=shadows)
+            for key, look in different.items()
+        }
 
     # Light that a convex asset reflects never meets it again; light that passes through meets a closed one from inside.
     chosen = replace(sampling, bounces=0) if asset.convex else sampling
-    shaders = generate(chosen)
+    shaders = generate(chosen, shadows=not asset.convex)
     if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in shaders.values()):
         chosen = sampling
-        shaders = generate(sampling)
+        shaders = generate(sampling, shadows=True)
     return SceneTask(asset_file, tuple(shaders[id(look)] for look in slots), light, resolution, chosen, camera, device)
 
 

@@ -5,6 +5,9 @@ The emitted fragments share names with the shaders that include them (`lookdev/s
 - setup reads ``wo_x wo_y wo_z`` and the inputs, and defines what does not depend on the light's direction;
 - evaluate reads ``wi_x wi_y wi_z`` and sets ``color f``, the BSDF times the cosine of each lobe, and ``float pdf``;
 - sample reads ``u1 u2`` and sets ``wi_x wi_y wi_z``.
+
+Where some lobes are aided by directions of the light, evaluate also sets ``float unaided_pdf``, the part of the others,
+and sample ``int aided``, whether it drew from one of them.
 """
 
 from __future__ import annotations
@@ -49,7 +52,8 @@ class TracedLobe:
 class BrdfCode:
     """Emitted fragments, a list of lines each, and the run-time symbols they read.
 
-    `transmits` where light can come from the back; `see_through` where setup defines a ``float presence``.
+    `transmits` where light can come from the back; `see_through` where setup defines a ``float presence``; `aids` where
+    some lobes are aided by directions of the light.
     """
 
     setup: tuple[str, ...]
@@ -58,6 +62,7 @@ class BrdfCode:
     inputs: frozenset[str]
     transmits: bool
     see_through: bool
+    aids: bool
 
 
 def trace_lobes(
@@ -88,8 +93,14 @@ def trace_lobes(
     return tuple(traced)
 
 
-def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
-    """Write the three fragments for traced lobes, and the presence, a scalar, where it is not 1."""
+def emit_brdf(
+    lobes: Sequence[TracedLobe], presence: Any = 1.0, aided: Callable[[TracedLobe], bool] = lambda lobe: False
+) -> BrdfCode:
+    """Write the three fragments for traced lobes, and the presence, a scalar, where it is not 1.
+
+    `aided` says which lobes may leave light that meets nothing on its way to directions of the light.
+    """
+    aids = {id(lobe) for lobe in lobes if aided(lobe)}
     see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.f, lobe.pdf, *lobe.wi)]
     varying = depends_on(values, VARYING)
@@ -109,11 +120,12 @@ def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - set(WO)
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(lobes, setup, varying)),
-        sample=tuple(_sample(lobes, setup)),
+        evaluate=tuple(_evaluate(lobes, aids, setup, varying)),
+        sample=tuple(_sample(lobes, aids, setup)),
         inputs=frozenset(inputs),
         transmits=any(lobe.transmits for lobe in lobes),
         see_through=see_through,
+        aids=bool(aids),
     )
 
 
@@ -124,28 +136,38 @@ def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
-def _evaluate(lobes: Sequence[TracedLobe], setup: Block, varying: set[Node]) -> Iterable[str]:
+def _evaluate(lobes: Sequence[TracedLobe], aids: set[int], setup: Block, varying: set[Node]) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
     sides = {transmits: [lobe for lobe in lobes if lobe.transmits is transmits] for transmits in (False, True)}
     shares = {id(lobe): f"share_{index}" for index, lobe in enumerate(lobes)} if len(lobes) > 1 else {}
     outer = Block("", indent=2)
     outer.write("color f = 0;")
     outer.write("float pdf = 0;")
+    if aids:
+        outer.write("float unaided_pdf = 0;")
     both = all(sides.values())
     for transmits, members in sides.items():
         if members:
             if both or transmits:
                 outer.write("if (wi_z < 0) {" if transmits else "if (wi_z > 0) {")
-            outer.lines += _evaluate_side(members, shares, setup, varying, "t" if transmits else "e", 2 + both)
+            outer.lines += _evaluate_side(members, shares, aids, setup, varying, "t" if transmits else "e", 2 + both)
             if both or transmits:
                 outer.write("}")
     if len(lobes) > 1:
         outer.write("pdf /= shares;")
+        if aids:
+            outer.write("unaided_pdf /= shares;")
     return outer.lines
 
 
 def _evaluate_side(
-    lobes: Sequence[TracedLobe], shares: Mapping[int, str], setup: Block, varying: set[Node], prefix: str, indent: int
+    lobes: Sequence[TracedLobe],
+    shares: Mapping[int, str],
+    aids: set[int],
+    setup: Block,
+    varying: set[Node],
+    prefix: str,
+    indent: int,
 ) -> Iterable[str]:
     """Sum lobes; what two of them share is computed before, a lobe's own part under a guard on its share."""
     groups = [reachable((*lobe.f, lobe.pdf), stop=setup.named) for lobe in lobes]
@@ -179,12 +201,18 @@ def _evaluate_side(
         outer.write(f"if ({share or 'share_0'} > 0) {{  // {lobe.name}" if guarded else f"{{  // {lobe.name}")
         outer.lines += inner.lines
         outer.write(f"    f += color({color});")
-        outer.write(f"    pdf += {share} * {density};" if share else f"    pdf = {density};")
+        if share:
+            density = f"{share} * {density}"
+        if aids and id(lobe) not in aids:
+            outer.write(f"    float own_pdf = {density};")
+            outer.write("    unaided_pdf += own_pdf;")
+            density = "own_pdf"
+        outer.write(f"    pdf += {density};" if share else f"    pdf = {density};")
         outer.write("}")
     return outer.lines
 
 
-def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
+def _sample(lobes: Sequence[TracedLobe], aids: set[int], setup: Block) -> Iterable[str]:
     """Choose a lobe by u1, stretch u1 over its share, sample it."""
     outer = Block("", indent=3)
     if len(lobes) > 1:
@@ -204,6 +232,8 @@ def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
         wi = [inner.expression(value) for value in lobe.wi]
         for name, code in zip(WI, wi, strict=True):
             inner.write(f"{name} = {code};")
+        if id(lobe) in aids:
+            inner.write("aided = 1;")
         outer.lines += inner.lines
         outer.write("}")
     return outer.lines

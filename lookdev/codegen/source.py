@@ -38,7 +38,8 @@ class ShaderSource:
     """One generated OSL shader: its text, what it reads, and the digest of text and texture contents.
 
     `transmits` where light passes through the surface, `see_through` where the surface is not wholly present;
-    `directions` are how many of a shading point come from the BRDF and how many from the light.
+    `directions` are how many of a shading point come from the BRDF and how many from the light; `shadows` where the
+    asset may stand in their way.
     """
 
     name: str
@@ -49,6 +50,7 @@ class ShaderSource:
     transmits: bool = False
     see_through: bool = False
     directions: tuple[int, int] = (0, 0)
+    shadows: bool = True
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.ibl import bins
-from lookdev.ibl.tables import BINS_HEIGHT, SLOTS, SLOTS_HEIGHT
+from lookdev.ibl.tables import MOST_POINTS, SLOTS
 from lookdev.material import Bump, Look, Texture
 
 
@@ -56,6 +56,7 @@ def generate_surface(
     bounces: int,
     light_size: tuple[int, int],
     constant_light: bool = False,
+    shadows: bool = True,
     resolution: tuple[int, int],
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
@@ -74,6 +75,8 @@ def generate_surface(
         Width and height of the light's table.
     constant_light
         The same radiance comes from everywhere.
+    shadows
+        The asset may stand in the way of light; without, there are no `bounces` either.
     resolution
         Width and height of the picture in pixels: each pixel has a scramble of its own.
     """
@@ -83,7 +86,16 @@ def generate_surface(
     by_light = ibl_samples != 0 and not constant_light
     lobes = trace_lobes(graph, bsdf, broad_share=_BROAD_SHARES[bounces > 0] if by_light else 1.0)
     brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant_light)
-    code = emit_brdf(lobes, *elements_of(bsdf.presence))
+    # At least one: otherwise a path ends.
+    onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
+    # Light from behind has directions of its own only where there are two at least.
+    from_behind = min(ibl_samples, onward[1]) > 1
+    (presence,) = elements_of(bsdf.presence)
+    code = emit_brdf(
+        lobes,
+        presence,
+        aided=lambda lobe: ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits),
+    )
     attributes = inputs.read_by(code.inputs)
     sections = _sections(code)
     # Numbered as they appear in the code, so that what is not needed leaves no trace.
@@ -103,9 +115,10 @@ def generate_surface(
             "constants": [
                 f"#define IBL_SAMPLES {ibl_samples}",
                 *_counts("", brdf_samples, ibl_samples, code.transmits),
-                # At least one: otherwise a path ends.
-                *_counts("_ONWARD", max(1, brdf_samples // 4), -(-ibl_samples // 2), code.transmits),
+                *_counts("_ONWARD", *onward, code.transmits),
+                f"#define AIDED {int(code.aids)}",
                 f"#define BOUNCES {bounces}",
+                f"#define SHADOWS {int(shadows)}",
                 f"#define LIGHT_WIDTH {light_size[0]}",
                 f"#define LIGHT_HEIGHT {light_size[1]}",
                 f"#define IMAGE_WIDTH {resolution[0]}",
@@ -137,6 +150,7 @@ def generate_surface(
         code.transmits,
         code.see_through,
         (brdf_samples, ibl_samples),
+        shadows,
     )
 
 
@@ -194,8 +208,9 @@ def light_constants() -> list[str]:
     return [
         f"#define LIGHT_SLOTS {SLOTS}",
         f"#define LIGHT_SLOTS_SHIFT {33 - SLOTS.bit_length()}",
-        f"#define LIGHT_SLOTS_HEIGHT {SLOTS_HEIGHT}",
-        f"#define LIGHT_BINS_HEIGHT {BINS_HEIGHT}",
+        f"#define LIGHT_MOST_POINTS {MOST_POINTS}",
+        f"#define LIGHT_ALL_SLOTS {bins.COUNT * SLOTS}",
+        f"#define LIGHT_BIN_NUMBERS {2 * bins.COUNT}",
         f"#define LIGHT_ROWS {bins.ROWS}",
         f"#define LIGHT_CELLS {{{', '.join(map(str, bins.CELLS))}}}",
         f"#define LIGHT_FIRST {{{', '.join(map(str, bins.FIRST))}}}",

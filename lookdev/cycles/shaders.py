@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import _cycles
 import bpy
+import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.errors import RenderError
 from lookdev.ibl import LightTables
+
+Array = NDArray[np.int32] | NDArray[np.float32]
 
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
 _ATTRIBUTE_SOCKETS = {"uv": "NodeSocketVector", "float": "NodeSocketFloat", "color": "NodeSocketColor"}
@@ -39,13 +44,17 @@ def compile_osl(osl: str) -> Path:
 
 def surface_material(source: ShaderSource, light: LightTables) -> Any:
     """Make a material of a look's light integral."""
-    values = {f"light_{part}": str(getattr(light, part)) for part in ("radiance", "points", "slots", "bins")}
+    values = {"light_radiance": str(light.radiance)}
     values |= {binding.parameter: str(binding.file) for binding in source.textures}
+    arrays: dict[str, Array] = {}
+    if source.directions[1]:
+        values["light_points"] = str(light.points)
+        arrays = {"light_slots": np.load(light.slots), "light_bins": np.load(light.bins)}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would otherwise put every triangle of it into its light tree.
     material.cycles.emission_sampling = "NONE"
     tree = version.empty_node_tree(material)
-    script = script_node(tree, source, values)
+    script = script_node(tree, source, values, arrays)
     _link_attribute(tree, script, "shading_normal", "lookdev_normal", "uv")
     _link_attribute(tree, script, "shading_tangent", "lookdev_tangent", "uv")
     for attribute in source.attributes:
@@ -53,14 +62,23 @@ def surface_material(source: ShaderSource, light: LightTables) -> Any:
     return material
 
 
-def script_node(tree: Any, source: ShaderSource, values: Mapping[str, str | int | float]) -> Any:
+def script_node(
+    tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, Array] | None = None
+) -> Any:
     """Add a script node with its sockets and connect it to the surface output.
 
-    Blender would find the sockets by asking `oslquery`, which loads its own OpenImageIO beside the one installed.
+    Blender would find the sockets by asking `oslquery`, which loads its own OpenImageIO beside the one installed. It
+    has none for `arrays`: they go into the compiled shader, as what its parameters are by default.
     """
     script = tree.nodes.new("ShaderNodeScript")
-    script.mode = "EXTERNAL"
-    script.filepath = str(compile_osl(source.osl))
+    compiled = compile_osl(source.osl)
+    if arrays:
+        script.mode = "INTERNAL"
+        script.bytecode = with_arrays(compiled.read_text(encoding="utf-8"), arrays)
+        script.bytecode_hash = hashlib.md5(script.bytecode.encode(), usedforsecurity=False).hexdigest()
+    else:
+        script.mode = "EXTERNAL"
+        script.filepath = str(compiled)
     for name, value in values.items():
         script.inputs.new(type=_SOCKETS[type(value)], name=name, identifier=name).default_value = value
     surface = script.outputs.new(type="NodeSocketShader", name="surface", identifier="surface")
@@ -68,6 +86,26 @@ def script_node(tree: Any, source: ShaderSource, values: Mapping[str, str | int 
     output.target = "CYCLES"
     tree.links.new(surface, output.inputs["Surface"])
     return script
+
+
+def with_arrays(oso: str, arrays: Mapping[str, Array]) -> str:
+    """Write arrays into a compiled shader, over what its parameters of that name are by default.
+
+    A constant array is looked up where it lies in memory. The compiler would take it as source text too, but slowly.
+
+    Raises
+    ------
+    RenderError
+        The shader has no such parameter, of that size and type.
+    """
+    for name, values in arrays.items():
+        kind = "int" if values.dtype.kind == "i" else "float"
+        found = re.search(rf"^param\t{kind}\[{values.size}\]\t{name}\t([^\t\n]*)", oso, re.MULTILINE)
+        if found is None:
+            raise RenderError(f"the compiled shader has no parameter {kind} {name}[{values.size}]")
+        text = " ".join(map(str if kind == "int" else "{:.9g}".format, values.ravel().tolist()))
+        oso = oso[: found.start(1)] + text + oso[found.end(1) :]
+    return oso
 
 
 def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str) -> None:

@@ -16,6 +16,9 @@ A point of a surface with normal n wants directions in proportion to radiance ti
 3. That is nearly the density q = m g / integral, which needs no table. q weighs a sample against others (multiple
    importance sampling); what is left is the factor q / p = g M c / sum(g), close to 1.
 
+Slots and bins are arrays in the shader: a look-up in a texture costs ten times as much (CPU, Blender 4.5). The points
+are too many for that; radiance wants to be interpolated.
+
 The shader takes slots by numbers whose bits are reversed: any aligned block of 2^k numbers is spread evenly along the
 curve, and so over the light. A picture that has converged is a quadrature with N points: over the choice of their
 random numbers it is right, and for those that there are, it is off by what docs/accuracy.md says.
@@ -25,9 +28,8 @@ The files
 ``*.radiance.exr``: R, G, B radiance.
 ``*.points.exr``, 1024 x 1024: point n is pixel (n mod 1024, n div 1024). R = azimuth, radians; G = z; B = m; A = the
 colour, two integers of 12 bits: red and green, in parts of 3 m.
-``*.slots.exr``: slot n of bin b is pixel (e mod 1024, e div 1024), e = b M + n. R = its first point; G = c;
-B = M c / (times sum(g)).
-``*.bins.exr``, 1 x `BINS_HEIGHT`: R = 1 / integral of each bin, 0 where no light reaches it.
+``*.slots.npy``: slot n of bin b is integer b M + n, `packed`.
+``*.bins.npy``: two numbers for each bin, 1 / integral, 0 where no light reaches it, and M / sum(g).
 """
 
 from __future__ import annotations
@@ -54,17 +56,22 @@ from lookdev.ibl.warp import BilinearWarp, lookup, lookup_towards
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-TABLE_VERSION = 2  # part of the digest: raise it with any change to what the tables hold
+TABLE_VERSION = 3  # part of the digest: raise it with any change to what the tables hold
 POINTS_SIDE = 1024
 """Of the grid of random numbers, and of the file: N is its square."""
 
-SLOTS = 2**14
+SLOTS = 2**12
 """Of each bin, M."""
 
-# Powers of two: texel centres are exact in float32, and a look-up that always interpolates returns the texel.
-FILE_WIDTH = 1024
-BINS_HEIGHT = 2**7
-SLOTS_HEIGHT = BINS_HEIGHT * SLOTS // FILE_WIDTH
+MOST_POINTS = 3583
+"""The largest count of a slot that `packed` has a code for."""
+
+_CODE_BITS = 12
+_MOST_TIMES = 2**_CODE_BITS - MOST_POINTS
+# No point counts for less than the mass of a slot over this: no slot has more than `MOST_POINTS` then.
+_FEW_POINTS = 2300
+_TILE_SIDE = 4096
+
 COLOR_STEPS = 4095
 """The largest of the 12-bit integers."""
 
@@ -168,17 +175,16 @@ def prepare_light(env: EnvironmentMap) -> LightTables:
     digest = hashlib.sha256(f"{env.digest} light tables {TABLE_VERSION}".encode()).hexdigest()
     folder = cache_dir("ibl")
     height, width = env.radiance.shape[:2]
-    radiance, points_file, slots_file, bins_file = (
-        folder / f"{digest}.{part}.exr" for part in ("radiance", "points", "slots", "bins")
-    )
+    radiance, points_file = (folder / f"{digest}.{part}.exr" for part in ("radiance", "points"))
+    slots_file, bins_file = (folder / f"{digest}.{part}.npy" for part in ("slots", "bins"))
     if not radiance.is_file():
         _write_exr(radiance, "RGB", env.radiance)
     if not light.is_constant and not all(file.is_file() for file in (points_file, slots_file, bins_file)):
         points, towards = light.points()
-        slots, inverse = cut_slots(towards, light.integral)
+        slots, numbers = cut_slots(towards, light.integral)
         _write_exr(points_file, "RGBA", points.reshape(POINTS_SIDE, POINTS_SIDE, 4))
-        _write_exr(slots_file, "RGB", slots.reshape(SLOTS_HEIGHT, FILE_WIDTH, 3))
-        _write_exr(bins_file, "RGB", np.repeat(inverse[:, None, None], 3, axis=-1))
+        _write_npy(slots_file, slots)
+        _write_npy(bins_file, numbers)
     return LightTables(radiance, points_file, slots_file, bins_file, width, height, digest, light.is_constant)
 
 
@@ -193,22 +199,21 @@ def read_distribution(tables: LightTables) -> LightDistribution:
     return LightDistribution(_read_exr(tables.radiance, "RGB").astype(np.float64))
 
 
-def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
     """Cut the curve of the points into the slots of each bin.
 
     Parameters
     ----------
     towards : (N, 3)
-        The points, in proportion to the light, whose `integral` over the sphere is given.
+        The points, in proportion to the light, whose `integral` over the sphere is given. Not more than 387 M: four
+        thirds of that and `_FEW_POINTS` is the most that a slot may have.
 
     Returns
     -------
-    (128, M, 3), (128,)
-        What the files hold; slots of no weight beyond the last bin.
+    (COUNT, M), (COUNT, 2)
+        What the files hold; bins that no light reaches have empty slots.
     """
-    slots, inverse = np.zeros((BINS_HEIGHT, SLOTS, 3), np.float32), np.zeros(BINS_HEIGHT, np.float32)
-    # One point, of no weight.
-    slots[..., 1] = 1.0
+    slots, numbers = np.zeros((bins.COUNT, SLOTS), np.int32), np.zeros((bins.COUNT, 2), np.float32)
     # In float32, as the shader: g is but a weight.
     x, y, z = (np.ascontiguousarray(column, np.float32) for column in towards.T)
 
@@ -217,33 +222,46 @@ def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.float32], ND
         seen = bins.widened(a * x + b * y + c * z)
         total = float(seen.sum(dtype=np.float64))
         if total > 0.0:
-            first, count, times = cut(seen, SLOTS)
-            slots[number] = np.stack([first, count, SLOTS * count / times / total], axis=-1)
-            inverse[number] = len(towards) / (integral * total)
+            slots[number] = packed(*cut(seen, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
+            numbers[number] = len(towards) / (integral * total), SLOTS / total
 
     # NumPy lets go of the interpreter's lock.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(fill, range(bins.COUNT)))
-    return slots, inverse
+    return slots, numbers
 
 
-def cut(values: Floats | NDArray[np.float32], number: int) -> tuple[Ints, Ints, Ints]:
+def packed(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
+    """Write ranges of `cut` as integers: 20 bits of the first point, 12 of a code.
+
+    The code is the count up to `MOST_POINTS`; above, it stands for a single point that fills ``code - MOST_POINTS + 1``
+    slots. 0 is an empty slot: some of the slots of a point that would fill more than there are codes for.
+    """
+    # Slots of one point follow each other.
+    place = np.arange(len(first)) - np.searchsorted(first, first)
+    code = np.where(times > 1, MOST_POINTS - 1 + np.minimum(times, _MOST_TIMES), count)
+    return np.where(place < _MOST_TIMES, first << _CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
+
+
+def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
     """Cut a row of values (n,), not negative and not all zero, into ranges of nearly the same sum.
 
-    Where the values are zero for longer than a range, one ends: it would be drawn from in vain.
+    Values below `least` count as that, so that no range is long. Where the values are zero for longer than a range, one
+    ends: it would be drawn from in vain.
 
     Returns
     -------
     three arrays (number,)
-        First place and count of each range, and how many of the ranges are this very one. Together they cover all that
-        is above zero, none of it twice.
+        First place and count of each range, and how many of the ranges are this very one; of several the count is 1.
+        Together they cover all that is above zero, none of it twice.
     """
-    kept, reached = np.flatnonzero(values), np.cumsum(values, dtype=np.float64)
+    kept, weights = np.flatnonzero(values), np.maximum(values, least)
+    reached = np.cumsum(weights, dtype=np.float64)
     longest = max(1, len(kept) // number)
     while (parted := np.flatnonzero(np.diff(kept) > longest)).size > number // 4:
         longest *= 2
     begin, end = kept[np.append(0, parted + 1)], kept[np.append(parted, len(kept) - 1)] + 1
-    before = reached[begin] - values[begin]
+    before = reached[begin] - weights[begin]
     mass = reached[end - 1] - before
     # Each stretch has at least one range, the heaviest what rounding down leaves.
     shares = 1 + np.floor((number - len(mass)) * mass / mass.sum()).astype(np.int64)
@@ -254,10 +272,15 @@ def cut(values: Floats | NDArray[np.float32], number: int) -> tuple[Ints, Ints, 
     first = np.clip(np.searchsorted(reached, wanted, side="right"), begin[stretch], end[stretch] - 1)
     # A value may be too small to show in a sum.
     first = np.where(within == 0, begin[stretch], first)
-    # What outweighs a range has several.
+    # What outweighs a range has several: all but the last of those that begin with it, if something follows in that.
     starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
+    times = times[group]
     count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first
-    return first, count, times[group]
+    so_far = np.cumsum(values > 0.0)
+    parted_off = (times > 1) & (so_far[first + count - 1] > so_far[first])
+    rest = parted_off & np.append(np.diff(group) > 0, True)
+    count = np.where(rest, count - 1, np.where(times > 1, 1, count))
+    return first + rest, count, np.where(rest, 1, times - parted_off)
 
 
 def along_hilbert(cells: Ints, side: int) -> Ints:
@@ -282,11 +305,24 @@ def _directions(places: Floats) -> Floats:
 
 def _write_exr(path: Path, channels: str, values: Floats | NDArray[np.float32]) -> None:
     planes = {name: np.ascontiguousarray(values[..., i], dtype=np.float32) for i, name in enumerate(channels)}
-    header = {"compression": OpenEXR.ZIPS_COMPRESSION, "type": OpenEXR.scanlineimage}
+    # OpenImageIO, which answers texture() on 4.5, cuts an image that is not tiled into tiles of 64 x 64, and to change
+    # the tile costs more than to look something up in it. A thread holds on to two.
+    tile = OpenEXR.TileDescription()
+    tile.ySize, tile.xSize = (min(side, _TILE_SIDE) for side in values.shape[:2])
+    tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage, "tiles": tile}
     try:
         with atomic_path(path) as temporary, OpenEXR.File(header, planes) as exr:
             exr.write(str(temporary))
     except (RuntimeError, OSError) as error:
+        raise EnvironmentMapError(f"{path}: cannot write the light's tables: {error}") from error
+
+
+def _write_npy(path: Path, values: NDArray[np.int32] | NDArray[np.float32]) -> None:
+    try:
+        with atomic_path(path) as temporary, temporary.open("wb") as file:
+            np.save(file, values)
+    except OSError as error:
         raise EnvironmentMapError(f"{path}: cannot write the light's tables: {error}") from error
 
 

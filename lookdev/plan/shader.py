@@ -22,6 +22,8 @@ def surface_shader(
     resolution: tuple[int, int],
     sampling: Sampling,
     resolve: Callable[[Texture | Bump], Path] = image_file,
+    *,
+    shadows: bool = True,
 ) -> ShaderSource:
     """Generate the light integral shader of a look, as `generate_surface` does."""
     return generate_surface(
@@ -32,6 +34,7 @@ def surface_shader(
         bounces=sampling.bounces,
         light_size=(light.width, light.height),
         constant_light=light.constant,
+        shadows=shadows,
         resolution=resolution,
     )
 
@@ -43,8 +46,10 @@ def look_source(
     resolution: tuple[int, int],
     sampling: Sampling,
     resolve: Callable[[Texture | Bump], Path] = image_file,
+    *,
+    shadows: bool = True,
 ) -> ShaderSource | NodeSource:
-    """Generate what a slot that wears a look is given under a backend.
+    """Generate what a slot that wears a look is given under a backend; without `shadows` no asset is in light's way.
 
     Raises
     ------
@@ -53,7 +58,7 @@ def look_source(
     """
     match backend:
         case "exact":
-            return surface_shader(look, light, resolution, sampling, resolve)
+            return surface_shader(look, light, resolution, sampling, resolve, shadows=shadows)
         case "nodes":
             return generate_nodes(look, resolve)
         case "nodes-exact":

@@ -74,11 +74,13 @@ def scene_skips(scene: SceneTask, looks: Sequence[Look], render: JobRender) -> I
     """Tell what a scene leaves out, and why; `looks` has what each slot wears, `render` what was asked for."""
     if scene.sampling.bounces < render.bounces:
         yield "bounces", "convex asset"
+    ours = [shader for shader in scene.shaders if isinstance(shader, ShaderSource)]
+    if ours and not any(shader.shadows for shader in ours):
+        yield "shadow rays", "convex asset"
     if not any(_transmits(shader) for shader in scene.shaders):
         yield "light from behind", "nothing transmits"
-    counts = [shader.directions for shader in scene.shaders if isinstance(shader, ShaderSource)]
-    if counts:
-        brdf, light = (max(each) for each in zip(*counts, strict=True))
+    if ours:
+        brdf, light = (max(each) for each in zip(*(shader.directions for shader in ours), strict=True))
         if not light and scene.light.constant and render.ibl_samples != 0:
             yield "light samples", "constant light"
         if not brdf:

@@ -44,13 +44,6 @@ int light_bin(vector n, float turn, output vector axis)
     return first[row] + cell;
 }
 
-// One over the integral of a bin, 0 where it sees no light.
-float light_scale(string file, int bin)
-{
-    color value = lookdev_texel(file, 0, bin, 1, LIGHT_BINS_HEIGHT);
-    return value[0];
-}
-
 // The largest cosine between a direction and the normals of a bin, from that to its axis.
 float light_widened(float cosine)
 {
@@ -59,18 +52,25 @@ float light_widened(float cosine)
 }
 
 // Sample `number` of a bin: a direction and the radiance from there; `ratio` times the widened cosine is q / p.
-color light_sample(string slots, string points, int bin, int number, int seed, float turn, output vector wi,
-                   output float ratio)
+color light_sample(int slots[], float bins[], string points, int bin, int number, int seed, float turn,
+                   output vector wi, output float ratio)
 {
     // Bits reversed: numbers that follow each other are far apart on the curve.
-    int slot = bin * LIGHT_SLOTS + ((sobol_reverse(number) >> LIGHT_SLOTS_SHIFT) & (LIGHT_SLOTS - 1));
-    color range = lookdev_texel(slots, slot & 1023, slot >> 10, 1024, LIGHT_SLOTS_HEIGHT);
+    int slot = slots[bin * LIGHT_SLOTS + ((sobol_reverse(number) >> LIGHT_SLOTS_SHIFT) & (LIGHT_SLOTS - 1))];
+    int code = slot & 4095;
+    if (code == 0) {
+        ratio = 0;
+        return 0;
+    }
+    // A count of points, or how many slots a single one fills.
+    int count = code > LIGHT_MOST_POINTS ? 1 : code;
+    int times = code > LIGHT_MOST_POINTS ? code - LIGHT_MOST_POINTS + 1 : 1;
+    ratio = bins[2 * bin + 1] * count / times;
     float u = sobol_unit(sobol_hash(seed ^ (number * 0x2c1b3c6d + 0x297a2d39)));
-    int place = int(range[0]) + int(min(range[1] * u, range[1] - 1));
+    int place = ((slot >> 12) & 0xfffff) + min(int(count * u), count - 1);
     float color_code;
     color cell = texture(points, ((place & 1023) + 0.5) / 1024, IMAGE_T(((place >> 10) + 0.5) / 1024), 0, 0, 0, 0,
                          "wrap", "clamp", "interp", "closest", "alpha", color_code);
-    ratio = range[2];
     float s;
     float c;
     sincos(cell[0] + turn, s, c);

@@ -55,7 +55,7 @@ def test_skips_are_those_of_the_scene() -> None:
         return skips_of(Cell(scene, "white", look), made)
 
     opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
-    assert told("sphere", "plastic") == ("bounces (convex asset)", opaque, lit)
+    assert told("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit)
     assert told("suzanne", "plastic") == (opaque, lit)
     assert told("sphere", "pixar") == (lit,)
     # All five masks are read: nothing is said of textures.

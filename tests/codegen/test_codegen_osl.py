@@ -36,13 +36,17 @@ def textures(tmp_path: Path) -> dict[str, Texture]:
     }
 
 
-def surface(*layers: Layer, bounces: int = 1) -> ShaderSource:
+def surface(
+    *layers: Layer, bounces: int = 1, shadows: bool = True, ibl_samples: int = 1, constant_light: bool = False
+) -> ShaderSource:
     return generate_surface(
         Look("test", layers),
         lambda source: source.height.file if isinstance(source, Bump) else source.file,
         brdf_samples=1,
-        ibl_samples=1,
+        ibl_samples=ibl_samples,
         bounces=bounces,
+        constant_light=constant_light,
+        shadows=shadows,
         light_size=(64, 32),
         resolution=(8, 8),
     )
@@ -321,6 +325,43 @@ def test_a_condition_is_an_integer() -> None:
     block = Block("s", indent=0)
     assert block.name(condition) == "s0"
     assert block.lines == ["int s0 = x > 0.5;"]
+
+
+def aided_in(source: ShaderSource) -> set[str]:
+    """Return the lobes after whose drawing the shader says that light's directions aid them."""
+    sample = source.osl[source.osl.index("sobol_2d(index") : source.osl.index("wi = wi_x * t")]
+    return {part.split("\n")[0] for part in sample.split("{  // ")[1:] if "aided = 1;" in part}
+
+
+def test_broad_lobes_leave_light_to_its_directions() -> None:
+    coated = base(clearcoat=1.0)
+    assert aided_in(surface(coated)) == {"diffuse"}
+    code = surface(coated).osl
+    assert "#define AIDED 1" in code
+    # The others weigh against the light's directions, all lobes against each other.
+    assert code.count("unaided_pdf += own_pdf;") == 2
+    assert len(re.findall(r" pdf \+= ", code)) == 3
+    for without in (surface(coated, ibl_samples=0), surface(coated, constant_light=True), surface(base(metallic=1.0))):
+        assert not aided_in(without)
+        assert "#define AIDED 0" in without.osl
+        assert "unaided_pdf += " not in without.osl
+
+
+def test_light_from_behind_aids_only_where_it_has_directions_at_every_depth() -> None:
+    leaf = pixar(back=0.5, roughness=0.4)
+    few, more = surface(leaf, ibl_samples=2), surface(leaf, ibl_samples=3)
+    assert "#define BACK_SAMPLES_ONWARD 0" in few.osl
+    assert "#define BACK_SAMPLES_ONWARD 1" in more.osl
+    assert aided_in(few) < aided_in(more)
+    assert len(aided_in(more)) == 2
+
+
+def test_shadow_rays_are_asked_for(textures: dict[str, Texture]) -> None:
+    lit, unshaded = (surface(base(), bounces=0, shadows=shadows) for shadows in (True, False))
+    assert lit.shadows
+    assert not unshaded.shadows
+    assert "#define SHADOWS 1" in lit.osl
+    assert "#define SHADOWS 0" in unshaded.osl
 
 
 def test_an_unknown_section_is_told() -> None:

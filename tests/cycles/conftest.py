@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.asset import Asset, load_asset, save_asset
@@ -32,8 +34,20 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
 
 
 @pytest.fixture(scope="session")
-def light_of() -> Callable[[str], LightTables]:
-    return lambda name: prepare_light(load_environment(builtin=name))
+def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], LightTables]:
+    """Return a function that prepares a built-in light, or ``slopes``.
+
+    That is of another colour from everywhere, three times as bright here as there: where a light with small lamps is
+    not sampled as such, its noise is not Student's. Its first and last row are alike: at a pole Cycles' world
+    interpolates between them.
+    """
+    azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 129)[:-1], np.linspace(1.0, -1.0, 64))
+    channels = (1.0 + 0.5 * np.sin(azimuth), 1.0 + 0.5 * np.cos(azimuth), 1.0 + 0.5 * np.cos(np.pi * height))
+    slopes = tmp_path_factory.mktemp("light") / "slopes.exr"
+    buffer = oiio.ImageBuf(oiio.ImageSpec(128, 64, 3, oiio.FLOAT))
+    buffer.set_pixels(buffer.roi, np.stack(channels, axis=-1).astype(np.float32))
+    assert buffer.write(str(slopes))
+    return lambda name: prepare_light(load_environment(slopes) if name == "slopes" else load_environment(builtin=name))
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,8 @@
 """Run OSL snippets inside Blender's Cycles, a row of numbers a pixel: ``python osl_probe.py request.npz answer.npz``.
 
 The request holds for every probe its shader text (``NAME.osl``), its table (``NAME.table``, (n, 12) float32) and the
-samples a pixel (``NAME.samples``); the answer holds what the shader emitted, (n, 3), averaged over the samples.
+samples a pixel (``NAME.samples``), and arrays that are parameters of all of them (``array.NAME``); the answer holds
+what the shader emitted, (n, 3), averaged over the samples.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ TEMPLATE = """
 #define SAMPLES %(samples)d
 #include "stdosl.h"
 %(headers)s
-shader probe(string table_file = "", int rows = 1, output closure color surface = 0)
+shader probe(string table_file = "", int rows = 1, %(arrays)s output closure color surface = 0)
 {
     vector ndc = transform("NDC", P);
     int column = int(floor(ndc[0] * 128));
@@ -45,7 +46,9 @@ shader probe(string table_file = "", int rows = 1, output closure color surface 
 """
 
 
-def render(osl: str, table: NDArray[np.float32], samples: int, folder: Path) -> NDArray[np.float32]:
+def render(
+    osl: str, table: NDArray[np.float32], samples: int, arrays: dict[str, Any], folder: Path
+) -> NDArray[np.float32]:
     """Evaluate one shader over a table."""
     import bpy
 
@@ -67,7 +70,7 @@ def render(osl: str, table: NDArray[np.float32], samples: int, folder: Path) -> 
     material = bpy.data.materials.new("probe")
     material.cycles.emission_sampling = "NONE"
     source = ShaderSource("probe", osl, (), (), "")
-    script_node(version.empty_node_tree(material), source, {"table_file": str(file), "rows": rows})
+    script_node(version.empty_node_tree(material), source, {"table_file": str(file), "rows": rows}, arrays)
     mesh.materials.append(material)
     lens = bpy.data.cameras.new("camera")
     lens.type, lens.sensor_fit, lens.ortho_scale = "ORTHO", "HORIZONTAL", 2.0
@@ -87,11 +90,13 @@ def main(request: Path, answer: Path) -> None:
     """Answer all probes of a request."""
     results = {}
     with np.load(request, allow_pickle=False) as stored:
-        for name in sorted({key.partition(".")[0] for key in stored.files}):
+        names = {tuple(key.split(".")) for key in stored.files}
+        arrays = {name: stored[f"array.{name}"] for kind, name in names if kind == "array"}
+        for name in sorted({name for name, _ in names} - {"array"}):
             folder = request.parent / name
             folder.mkdir()
             osl, samples = str(stored[f"{name}.osl"]), int(stored[f"{name}.samples"])
-            results[name] = render(osl, stored[f"{name}.table"], samples, folder)
+            results[name] = render(osl, stored[f"{name}.table"], samples, arrays, folder)
     np.savez(answer, **results)
 
 

@@ -46,3 +46,20 @@ def test_backlit_shapes_agree_within_their_own_noise(asset: str, look: str, rend
     ]
     scrambles = SCRAMBLES.get(look, 4)
     assert_agreement(frames, LOOKS[look], shape, radius, light, POSE, bounces=bounces, scrambles=scrambles)
+
+
+@pytest.mark.parametrize(("asset", "ibl_samples"), [("plane", 1), pytest.param("sphere", 2, marks=pytest.mark.slow)])
+def test_light_from_behind_without_directions_of_its_own(
+    asset: str, ibl_samples: int, render: RenderScene, light_of
+) -> None:
+    """Of one direction none is for the back, of two none after a bounce: there the lobes must find light themselves."""
+    light, (shape, radius) = light_of("slopes"), SHAPES[asset]
+    bounces = BOUNCES if asset == "sphere" else 0
+    frames = [
+        render(
+            asset, LOOKS["leaf"], light, samples=64, seed=seed, size=SIZE, pose=POSE, bounces=BOUNCES,
+            ibl_samples=ibl_samples,
+        )
+        for seed in range(SEEDS)
+    ]  # fmt: skip
+    assert_agreement(frames, LOOKS["leaf"], shape, radius, light, POSE, bounces=bounces, scrambles=4)

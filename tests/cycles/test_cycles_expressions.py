@@ -95,7 +95,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         codes = {f"e{number}": _code(text) for number, text in enumerate(EXPRESSIONS)} | {"tiles": _tiles_code(texture)}
         request: dict[str, Any] = {}
         for name, code in codes.items():
-            request[f"{name}.osl"] = TEMPLATE % {"samples": 1, "headers": headers, "code": code}
+            request[f"{name}.osl"] = TEMPLATE % {"arrays": "", "samples": 1, "headers": headers, "code": code}
             request[f"{name}.table"] = _points().astype(np.float32)
             request[f"{name}.samples"] = 1
         np.savez(folder / "request.npz", **request)

@@ -19,7 +19,7 @@ from osl_probe import TEMPLATE
 from lookdev.codegen.surface import expand_template, light_constants
 from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, bins, prepare_light, read_distribution
 from lookdev.ibl.mapping import rotate_z, uv_to_direction
-from lookdev.ibl.tables import BINS_HEIGHT, SLOTS
+from lookdev.ibl.tables import MOST_POINTS, SLOTS
 from lookdev.ibl.warp import lookup
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, sample_slopes, sample_texture, slope_texture
@@ -42,7 +42,7 @@ _ROUNDING = 2e-6
 class Probes:
     """What was asked (tables as float64) and answered, by name; and the files that were read.
 
-    `points`, `slots` and `inverse` are the light's.
+    `points`, `slots` and `numbers`, those of its bins, are the light's.
     """
 
     tables: dict[str, Floats]
@@ -50,8 +50,8 @@ class Probes:
     image: Texture
     light: LightDistribution
     points: NDArray[np.float32]
-    slots: NDArray[np.float32]
-    inverse: NDArray[np.float32]
+    slots: NDArray[np.int32]
+    numbers: NDArray[np.float32]
 
 
 def _texture_code(function: str, file: Callable[[Any, Any], Path], value: str) -> str:
@@ -111,15 +111,15 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         beyond = square + [1.0, 0.0] * rng.integers(0, 2, (4096, 1))
         directions = uv_to_direction(square)
         normals = _normals(rng)
-        # Samples of all bins and one beyond, and of a few slots so often that all their points occur. Hashed in the
-        # shader, numbers and seeds take all 32 bits.
-        drawn = np.stack([rng.integers(0, bins.COUNT + 1, 8192), *rng.integers(0, 2**24, (2, 8192))], axis=-1)
+        # Samples of all bins, and of a few slots so often that most of their points occur. Hashed in the shader,
+        # numbers and seeds take all 32 bits.
+        drawn = np.stack([rng.integers(0, bins.COUNT, 8192), *rng.integers(0, 2**24, (2, 8192))], axis=-1)
         drawn[4096:, :2] = drawn[0, :2]
         drawn = np.concatenate([drawn, rng.uniform(-7.0, 7.0, (8192, 1))], axis=-1)
         of_slot = (
             "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2]));"
             "color got = "
-            f'light_sample("{tables.slots}", "{tables.points}", int(in[0]), hashed, seed, in[3], wi, ratio);'
+            f'light_sample(light_slots, light_bins, "{tables.points}", int(in[0]), hashed, seed, in[3], wi, ratio);'
         )
         of_normal = "vector axis; int bin = light_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
@@ -148,11 +148,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
             "radiance": (beyond, f'value = light_radiance_at("{tables.radiance}", in[0], in[1]);', 1),
             "bin": (normals, f"{of_normal} value = color(bin);", 1),
             "axis": (normals, f"{of_normal} value = axis;", 1),
-            "scale": (
-                np.arange(float(BINS_HEIGHT))[:, None],
-                f'value = color(light_scale("{tables.bins}", int(in[0])));',
-                1,
-            ),
+            "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(light_bins[2 * int(in[0])]);", 1),
             "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(light_widened(in[0]));", 1),
             "sample": (drawn, f"{of_slot} value = wi;", 1),
             "sample_radiance": (drawn, f"{of_slot} value = got;", 1),
@@ -162,10 +158,12 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
             wanted = np.arange(4096.0)[:, None] % samples
             code = "int index = stratum(time, SAMPLES); value = color(index == int(in[0]), index, index * index);"
             asked[f"time{samples}"] = (wanted, code, samples)
+        arrays = "int light_slots[LIGHT_ALL_SLOTS] = {0}, float light_bins[LIGHT_BIN_NUMBERS] = {0},"
         request: dict[str, Any] = {}
         for name, (table, code, samples) in asked.items():
-            osl = TEMPLATE % {"samples": samples, "headers": headers, "code": code}
+            osl = TEMPLATE % {"samples": samples, "headers": headers, "arrays": arrays, "code": code}
             request |= {f"{name}.osl": osl, f"{name}.table": table.astype(np.float32), f"{name}.samples": samples}
+        request |= {"array.light_slots": np.load(tables.slots), "array.light_bins": np.load(tables.bins)}
         np.savez(folder / "request.npz", **request)
         command = [sys.executable, str(Path(__file__).parent / "osl_probe.py"), "request.npz", "answer.npz"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
@@ -176,8 +174,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         with np.load(folder / "answer.npz") as stored:
             values = {name: stored[name].astype(np.float64) for name in stored.files}
         points = _read(tables.points, "RGBA").reshape(-1, 4)
-        slots = _read(tables.slots, "RGB").reshape(BINS_HEIGHT, SLOTS, 3)
-        return Probes(rounded, values, image, light, points, slots, _read(tables.bins, "R")[:, 0, 0])
+        return Probes(rounded, values, image, light, points, np.load(tables.slots), np.load(tables.bins))
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
@@ -268,8 +265,8 @@ def test_axes_are_those_of_the_bins(probes: Probes) -> None:
 
 
 def test_the_weight_of_a_bin_is_that_of_numpy(probes: Probes) -> None:
-    np.testing.assert_array_equal(probes.values["scale"][:, 0], probes.inverse)
-    assert (probes.inverse[: bins.COUNT] > 0.0).all()
+    np.testing.assert_array_equal(probes.values["scale"][:, 0], probes.numbers[:, 0])
+    assert (probes.numbers > 0.0).all()
     # Rounding under the root matters only where the sine is small, and there the weight is 1 or 0.
     wanted = bins.widened(probes.tables["widened"][:, 0])
     np.testing.assert_allclose(probes.values["widened"][:, 0], wanted, atol=_ROUNDING)
@@ -284,23 +281,22 @@ def _hash(value: NDArray[np.uint32]) -> NDArray[np.uint32]:
     return x ^ (x >> 16)
 
 
-def _drawn(probes: Probes) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Return the slots (n, 3) and the points (n,) that `light_sample` should draw."""
+def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
     number, seed = _hash(probes.tables["sample"][:, 1:3].astype(np.uint32)).T
     bits = SLOTS.bit_length() - 1
     reverse = np.array([int(f"{n % SLOTS:0{bits}b}"[::-1], 2) for n in number])
-    slots = probes.slots[probes.tables["sample"][:, 0].astype(int), reverse]
+    bin_number = probes.tables["sample"][:, 0].astype(int)
+    slots = probes.slots[bin_number, reverse]
+    first, count = (slots >> 12) & 0xFFFFF, slots & 4095
+    # The light is broad: no point fills several slots.
+    assert (count <= MOST_POINTS).all()
+    wanted = probes.numbers[bin_number, 1] * count
+    np.testing.assert_allclose(probes.values["sample_ratio"][:, 0], wanted, rtol=_ROUNDING)
     u = (_hash(seed ^ (number * np.uint32(0x2C1B3C6D) + np.uint32(0x297A2D39))) >> 8).astype(np.float32) / 2**24
-    return slots, (slots[:, 0] + np.floor(slots[:, 1] * u)).astype(np.int64)
-
-
-def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
-    slots, point = _drawn(probes)
-    np.testing.assert_array_equal(probes.values["sample_ratio"][:, 0], slots[:, 2])
-    # Each point of a slot that is drawn from often occurs.
-    first, count, _ = slots[-1]
-    assert np.unique(point[4096:]).tolist() == list(range(int(first), int(first + count)))
-    assert count > 10
+    point = first + np.floor(count * u).astype(np.int64)
+    # Many points of a slot that is drawn from often occur.
+    assert (first[4096:] == first[-1]).all()
+    assert len(np.unique(point[4096:])) > 0.9 * count[-1] > 100
     azimuth, z = probes.points[point, :2].astype(np.float64).T
     place = np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1)
     wanted = rotate_z(uv_to_direction(place), np.degrees(probes.tables["sample"][:, 3]))
@@ -309,12 +305,6 @@ def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
     light = lookup(probes.light.table, place)
     mean = light.mean(axis=-1, keepdims=True)
     np.testing.assert_allclose(probes.values["sample_radiance"] / mean, light / mean, atol=2e-3)
-
-
-def test_what_is_beyond_the_last_bin_has_no_weight(probes: Probes) -> None:
-    beyond = probes.tables["sample"][:, 0] == bins.COUNT
-    assert beyond.any()
-    assert not probes.values["sample_ratio"][beyond].any()
 
 
 @pytest.mark.parametrize("samples", _SAMPLES)

@@ -11,7 +11,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 from agreement import assert_agreement, check_mesh, relative_difference
 from conftest import POSE, orbit_camera
@@ -21,7 +20,7 @@ from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.batch.prepare import make_scene
 from lookdev.batch.worker import Rendered, Worker
 from lookdev.checks.finding import Finding
-from lookdev.ibl import LightTables, load_environment, prepare_light
+from lookdev.ibl import LightTables
 from lookdev.material import Coordinates, Formula, Layer, Look
 from lookdev.material.expression import parse
 from lookdev.plan.task import FrameTask, Sampling
@@ -30,24 +29,6 @@ from lookdev.reference.shapes import Sphere
 pytestmark = pytest.mark.cycles
 
 SIZE, SEEDS = 48, 8
-
-
-@pytest.fixture(scope="module")
-def lights(tmp_path_factory: pytest.TempPathFactory) -> dict[str, LightTables]:
-    """White light, and one of another colour from everywhere, three times as bright here as there.
-
-    Its first and last row are alike: at a pole Cycles' world interpolates between them.
-    """
-    azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 129)[:-1], np.linspace(1.0, -1.0, 64))
-    channels = (1.0 + 0.5 * np.sin(azimuth), 1.0 + 0.5 * np.cos(azimuth), 1.0 + 0.5 * np.cos(np.pi * height))
-    file = tmp_path_factory.mktemp("light") / "slopes.exr"
-    buffer = oiio.ImageBuf(oiio.ImageSpec(128, 64, 3, oiio.FLOAT))
-    buffer.set_pixels(buffer.roi, np.stack(channels, axis=-1).astype(np.float32))
-    assert buffer.write(str(file))
-    return {
-        "white": prepare_light(load_environment(builtin="white")),
-        "slopes": prepare_light(load_environment(file)),
-    }
 
 
 def frames(
@@ -88,8 +69,8 @@ ALL = [
     ("ibl", "look", "bounces"),
     [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL],
 )
-def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int, worker: Worker, lights) -> None:
-    light, samples = lights[ibl], 128
+def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int, worker: Worker, light_of) -> None:
+    light, samples = light_of(ibl), 128
     rendered = frames(worker, load_asset(builtin="sphere"), LOOKS[look], light, samples=samples, bounces=bounces)
     # The background is black and wholly transparent, though the world is there for rays of portals.
     assert not rendered[0].a[rendered[0].alpha == 0.0].any()
@@ -99,9 +80,9 @@ def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("look", ["polished", "chrome"])
-def test_a_shiny_sphere_agrees(look: str, worker: Worker, lights) -> None:
-    rendered = frames(worker, load_asset(builtin="sphere"), LOOKS[look], lights["slopes"], samples=128, bounces=0)
-    difference = relative_difference(rendered, LOOKS[look], Sphere(), 1.0, lights["slopes"], POSE)
+def test_a_shiny_sphere_agrees(look: str, worker: Worker, light_of) -> None:
+    rendered = frames(worker, load_asset(builtin="sphere"), LOOKS[look], light_of("slopes"), samples=128, bounces=0)
+    difference = relative_difference(rendered, LOOKS[look], Sphere(), 1.0, light_of("slopes"), POSE)
     # Their noise is so small that it no longer hides what float32 does to a direction near the map's pole. On average
     # over 300 pixels, which are each known to 2e-3, they still agree to three times what that leaves.
     assert np.abs(difference.mean(axis=0)).max() < 4e-4
@@ -109,8 +90,8 @@ def test_a_shiny_sphere_agrees(look: str, worker: Worker, lights) -> None:
 
 
 @pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 1, marks=pytest.mark.slow)])
-def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, worker: Worker, lights) -> None:
-    light, asset = lights["white"], load_asset(builtin=name)
+def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, worker: Worker, light_of) -> None:
+    light, asset = light_of("white"), load_asset(builtin=name)
     wave = parse("0.3 + 0.5 * smoothstep(8 * st[0] - floor(8 * st[0]), 0.4, 0.6)")
     stripes = Formula(wave, {"st": Coordinates("st")}, {"st": "color"})
     layers = (Layer("Striped", "disney", {"baseColor": stripes, "roughness": 0.6, "normal": (0.2, 0.3, 0.9)}),)

@@ -5,7 +5,6 @@ import pytest
 from numpy.typing import NDArray
 
 from lookdev.ibl import bins
-from lookdev.ibl.tables import BINS_HEIGHT
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +31,6 @@ def test_bins_are_counted_from_row_to_row() -> None:
     assert len(bins.CELLS) == len(bins.FIRST) == bins.ROWS
     assert [*bins.FIRST, bins.COUNT] == [0, *np.cumsum(bins.CELLS)]
     assert bins.AXES.shape == (bins.COUNT, 3)
-    assert bins.COUNT <= BINS_HEIGHT
     np.testing.assert_allclose(np.linalg.norm(bins.AXES, axis=-1), 1.0, rtol=1e-14)
 
 

@@ -113,3 +113,15 @@ def test_ranges_end_where_nothing_is_for_long() -> None:
         values[450 : 450 + zeros] = 0.0
         probability, _ = drawn(*cut(values, 8), len(values))
         assert (probability[450 : 450 + zeros] > 0.0).sum() == covered
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_ranges_of_small_values_are_short(seed: int) -> None:
+    values, number = random_values(seed), 64
+    least = values.sum() / (4 * number)
+    first, count, times = cut(values, number, least=least)
+    probability, _ = drawn(first, count, times, len(values))
+    assert (probability[values > 0.0] > 0.0).all()
+    # A range has 4/3 of its share at most, as stretches take a quarter beforehand, and an edge falls into a value.
+    share = np.maximum(values, least).sum() / (number - number // 4 - 1)
+    assert (count <= share / least + 1.0).all()

@@ -143,6 +143,9 @@ def test_each_skip_has_its_cause(make_job: MakeJob, bare: SceneTask) -> None:
     convex = replace(bare.sampling, bounces=0)
     assert changed(sampling=convex) == ["bounces (convex asset)"]
     assert changed(sampling=convex, more="[render]\nbounces = 0\n") == []
+    unshaded = replace(source, shadows=False)
+    assert changed((unshaded,)) == ["shadow rays (convex asset)"]
+    assert changed((unshaded, source)) == []
     opaque = replace(source, transmits=False)
     assert changed((opaque,)) == ["light from behind (nothing transmits)"]
     assert changed((opaque, source)) == []
