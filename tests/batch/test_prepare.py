@@ -121,8 +121,8 @@ def test_turning_a_sphere_of_a_plain_look_is_one_frame(
     plan = prepare_job(job).plan
     assert [len(frame.task.files) for frame in plan.frames] == files * 2
     skipped = {look: [skip.what for skip in plan.skips if skip.look == look] for look in ("good", "other")}
-    bounces = ["bounces"] if frames else []
-    assert skipped["good"] == skipped["other"] == [*bounces, "light from behind", "light samples", *frames]
+    convex = ["bounces", "shadow rays"] if frames else []
+    assert skipped["good"] == skipped["other"] == [*convex, "light from behind", "light samples", *frames]
 
 
 @pytest.mark.parametrize(("backend", "exact"), [("nodes", False), ("nodes-exact", True)])
