@@ -36,7 +36,8 @@ VARYING = frozenset((*WI, "u1", "u2"))
 class TracedLobe:
     """The scalar expressions of one lobe; `share` is a constant where the lobe is there everywhere.
 
-    `f` is times the cosine; `wi` is in the surface's frame.
+    `f` is times the cosine; `wi` is in the surface's frame. An `aided` lobe may leave light that meets nothing on its
+    way to directions of the light.
     """
 
     name: str
@@ -46,6 +47,7 @@ class TracedLobe:
     f: tuple[Any, ...]
     pdf: Any
     wi: tuple[Any, ...]
+    aided: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,14 +95,8 @@ def trace_lobes(
     return tuple(traced)
 
 
-def emit_brdf(
-    lobes: Sequence[TracedLobe], presence: Any = 1.0, aided: Callable[[TracedLobe], bool] = lambda lobe: False
-) -> BrdfCode:
-    """Write the three fragments for traced lobes, and the presence, a scalar, where it is not 1.
-
-    `aided` says which lobes may leave light that meets nothing on its way to directions of the light.
-    """
-    aids = {id(lobe) for lobe in lobes if aided(lobe)}
+def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
+    """Write the three fragments for traced lobes, and the presence, a scalar, where it is not 1."""
     see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.f, lobe.pdf, *lobe.wi)]
     varying = depends_on(values, VARYING)
@@ -120,12 +116,12 @@ def emit_brdf(
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - set(WO)
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(lobes, aids, setup, varying)),
-        sample=tuple(_sample(lobes, aids, setup)),
+        evaluate=tuple(_evaluate(lobes, setup, varying)),
+        sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
         transmits=any(lobe.transmits for lobe in lobes),
         see_through=see_through,
-        aids=bool(aids),
+        aids=any(lobe.aided for lobe in lobes),
     )
 
 
@@ -136,13 +132,14 @@ def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
-def _evaluate(lobes: Sequence[TracedLobe], aids: set[int], setup: Block, varying: set[Node]) -> Iterable[str]:
+def _evaluate(lobes: Sequence[TracedLobe], setup: Block, varying: set[Node]) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
     sides = {transmits: [lobe for lobe in lobes if lobe.transmits is transmits] for transmits in (False, True)}
     shares = {id(lobe): f"share_{index}" for index, lobe in enumerate(lobes)} if len(lobes) > 1 else {}
     outer = Block("", indent=2)
     outer.write("color f = 0;")
     outer.write("float pdf = 0;")
+    aids = any(lobe.aided for lobe in lobes)
     if aids:
         outer.write("float unaided_pdf = 0;")
     both = all(sides.values())
@@ -163,7 +160,7 @@ def _evaluate(lobes: Sequence[TracedLobe], aids: set[int], setup: Block, varying
 def _evaluate_side(
     lobes: Sequence[TracedLobe],
     shares: Mapping[int, str],
-    aids: set[int],
+    aids: bool,
     setup: Block,
     varying: set[Node],
     prefix: str,
@@ -203,7 +200,7 @@ def _evaluate_side(
         outer.write(f"    f += color({color});")
         if share:
             density = f"{share} * {density}"
-        if aids and id(lobe) not in aids:
+        if aids and not lobe.aided:
             outer.write(f"    float own_pdf = {density};")
             outer.write("    unaided_pdf += own_pdf;")
             density = "own_pdf"
@@ -212,7 +209,7 @@ def _evaluate_side(
     return outer.lines
 
 
-def _sample(lobes: Sequence[TracedLobe], aids: set[int], setup: Block) -> Iterable[str]:
+def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     """Choose a lobe by u1, stretch u1 over its share, sample it."""
     outer = Block("", indent=3)
     if len(lobes) > 1:
@@ -232,7 +229,7 @@ def _sample(lobes: Sequence[TracedLobe], aids: set[int], setup: Block) -> Iterab
         wi = [inner.expression(value) for value in lobe.wi]
         for name, code in zip(WI, wi, strict=True):
             inner.write(f"{name} = {code};")
-        if id(lobe) in aids:
+        if lobe.aided:
             inner.write("aided = 1;")
         outer.lines += inner.lines
         outer.write("}")

@@ -27,7 +27,7 @@ from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.ibl import bins
-from lookdev.ibl.tables import MOST_POINTS, SLOTS
+from lookdev.ibl.tables import CODE_BITS, MOST_POINTS, SLOTS
 from lookdev.material import Bump, Look, Texture
 
 
@@ -90,12 +90,10 @@ def generate_surface(
     onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
     # Light from behind has directions of its own only where there are two at least.
     from_behind = min(ibl_samples, onward[1]) > 1
-    (presence,) = elements_of(bsdf.presence)
-    code = emit_brdf(
-        lobes,
-        presence,
-        aided=lambda lobe: ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits),
+    lobes = tuple(
+        replace(lobe, aided=ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)) for lobe in lobes
     )
+    code = emit_brdf(lobes, *elements_of(bsdf.presence))
     attributes = inputs.read_by(code.inputs)
     sections = _sections(code)
     # Numbered as they appear in the code, so that what is not needed leaves no trace.
@@ -208,6 +206,7 @@ def light_constants() -> list[str]:
     return [
         f"#define LIGHT_SLOTS {SLOTS}",
         f"#define LIGHT_SLOTS_SHIFT {33 - SLOTS.bit_length()}",
+        f"#define LIGHT_CODE_BITS {CODE_BITS}",
         f"#define LIGHT_MOST_POINTS {MOST_POINTS}",
         f"#define LIGHT_ALL_SLOTS {bins.COUNT * SLOTS}",
         f"#define LIGHT_BIN_NUMBERS {2 * bins.COUNT}",

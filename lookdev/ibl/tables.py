@@ -36,7 +36,9 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -66,8 +68,10 @@ SLOTS = 2**12
 MOST_POINTS = 3583
 """The largest count of a slot that `packed` has a code for."""
 
-_CODE_BITS = 12
-_MOST_TIMES = 2**_CODE_BITS - MOST_POINTS
+CODE_BITS = 12
+"""Of a packed slot; above them is its first point."""
+
+_MOST_TIMES = 2**CODE_BITS - MOST_POINTS
 # No point counts for less than the mass of a slot over this: no slot has more than `MOST_POINTS` then.
 _FEW_POINTS = 2300
 _TILE_SIDE = 4096
@@ -240,7 +244,7 @@ def packed(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
     # Slots of one point follow each other.
     place = np.arange(len(first)) - np.searchsorted(first, first)
     code = np.where(times > 1, MOST_POINTS - 1 + np.minimum(times, _MOST_TIMES), count)
-    return np.where(place < _MOST_TIMES, first << _CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
+    return np.where(place < _MOST_TIMES, first << CODE_BITS | code, 0).astype(np.uint32).view(np.int32)
 
 
 def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -> tuple[Ints, Ints, Ints]:
@@ -311,18 +315,21 @@ def _write_exr(path: Path, channels: str, values: Floats | NDArray[np.float32]) 
     tile.ySize, tile.xSize = (min(side, _TILE_SIDE) for side in values.shape[:2])
     tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage, "tiles": tile}
-    try:
-        with atomic_path(path) as temporary, OpenEXR.File(header, planes) as exr:
-            exr.write(str(temporary))
-    except (RuntimeError, OSError) as error:
-        raise EnvironmentMapError(f"{path}: cannot write the light's tables: {error}") from error
+    with _writing(path) as temporary, OpenEXR.File(header, planes) as exr:
+        exr.write(str(temporary))
 
 
 def _write_npy(path: Path, values: NDArray[np.int32] | NDArray[np.float32]) -> None:
+    with _writing(path) as temporary, temporary.open("wb") as file:
+        np.save(file, values)
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[Path]:
     try:
-        with atomic_path(path) as temporary, temporary.open("wb") as file:
-            np.save(file, values)
-    except OSError as error:
+        with atomic_path(path) as temporary:
+            yield temporary
+    except (RuntimeError, OSError) as error:
         raise EnvironmentMapError(f"{path}: cannot write the light's tables: {error}") from error
 
 

@@ -57,7 +57,7 @@ color light_sample(int slots[], float bins[], string points, int bin, int number
 {
     // Bits reversed: numbers that follow each other are far apart on the curve.
     int slot = slots[bin * LIGHT_SLOTS + ((sobol_reverse(number) >> LIGHT_SLOTS_SHIFT) & (LIGHT_SLOTS - 1))];
-    int code = slot & 4095;
+    int code = slot & ((1 << LIGHT_CODE_BITS) - 1);
     if (code == 0) {
         ratio = 0;
         return 0;
@@ -67,7 +67,7 @@ color light_sample(int slots[], float bins[], string points, int bin, int number
     int times = code > LIGHT_MOST_POINTS ? code - LIGHT_MOST_POINTS + 1 : 1;
     ratio = bins[2 * bin + 1] * count / times;
     float u = sobol_unit(sobol_hash(seed ^ (number * 0x2c1b3c6d + 0x297a2d39)));
-    int place = ((slot >> 12) & 0xfffff) + min(int(count * u), count - 1);
+    int place = ((slot >> LIGHT_CODE_BITS) & 0xfffff) + min(int(count * u), count - 1);
     float color_code;
     color cell = texture(points, ((place & 1023) + 0.5) / 1024, IMAGE_T(((place >> 10) + 0.5) / 1024), 0, 0, 0, 0,
                          "wrap", "clamp", "interp", "closest", "alpha", color_code);
