@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from lookdev.asset.store import read_asset
 from lookdev.batch.prepare import Prepared, make_scene, prepare_job
-from lookdev.batch.worker import renderer
 from lookdev.brdf import PARAMETERS
 from lookdev.checks.albedo import ANGLES, Halves, Render, check_albedo
 from lookdev.checks.finding import Finding
@@ -25,11 +24,12 @@ from lookdev.checks.points import check_points
 from lookdev.checks.stability import stress
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.ibl import read_distribution
 from lookdev.job.schema import Backend
+from lookdev.light import read_distribution
 from lookdev.material import Look
-from lookdev.plan.task import FrameTask, SceneTask
 from lookdev.reference.render import frame_pixels
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.worker import renderer
 
 Alter = Callable[[str], str]
 Image = NDArray[np.float32]

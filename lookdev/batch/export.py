@@ -18,14 +18,14 @@ from pathlib import Path
 from pydantic import BaseModel, ValidationError
 
 from lookdev.batch.prepare import Prepared, prepare_job
-from lookdev.batch.worker import PATIENCE, last_words
 from lookdev.cache import atomic_path
 from lookdev.codegen import NodeSource
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
 from lookdev.material import Bump, Formula, Look, Texture
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
-from lookdev.plan.blend import BLEND_TASK, BlendTask, BlendTurntable, BlendWorld
+from lookdev.render.blend import BLEND_TASK, BlendTask, BlendTurntable, BlendWorld
+from lookdev.render.worker import PATIENCE, last_words
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 

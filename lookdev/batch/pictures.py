@@ -23,7 +23,7 @@ from lookdev.output.display import composite, to_display, write_pixels
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_sheet
 from lookdev.plan import Plan, frame_files
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
 
 Floats = NDArray[np.float32]
 Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]

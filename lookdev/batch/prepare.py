@@ -11,16 +11,19 @@ from pathlib import Path
 from lookdev.asset import Asset, Slot, load_asset, save_asset
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
-from lookdev.ibl import LightTables, load_environment, prepare_light
 from lookdev.job import Job, JobLook, load_job
 from lookdev.job.schema import Backend, Device
+from lookdev.light import LightTables, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.output.exr import read_header
-from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
-from lookdev.plan.shader import look_source
+from lookdev.plan import Plan, build_plan, frame_sampling
 from lookdev.plan.skips import find_skips, same_all_around
-from lookdev.plan.task import Camera, Sampling, SceneTask
+from lookdev.render.source import look_source
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Camera
+from lookdev.scene.framing import frame_camera
+from lookdev.scene.sampling import Sampling
 
 # What stands where a job gives a part no look: the grey of a photographer's card, without gloss.
 _NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
@@ -62,7 +65,14 @@ def prepare_job(path: Path, backend: Backend | None = None) -> Prepared:
     _raise_all(faults)
     assert asset is not None, "without an asset there is a fault"
     asset_file = save_asset(asset)
-    camera = frame_camera(job.camera, asset.center, asset.radius, job.render.resolution)
+    camera = frame_camera(
+        asset.center,
+        asset.radius,
+        job.render.resolution,
+        fov=job.camera.horizontal_fov,
+        elevation=job.camera.elevation,
+        margin=job.camera.margin,
+    )
     sampling = frame_sampling(job.render)
     scenes: dict[tuple[str, str], SceneTask] = {}
     for place, look in zip(places, job.look, strict=True):

@@ -28,12 +28,12 @@ from lookdev.batch.events import (
 )
 from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
 from lookdev.batch.pictures import Background, Pictures, share, write_shared
-from lookdev.batch.worker import PATIENCE, WORKER_COMMAND, Progress, Rendered, Worker, last_words
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.job import Job, load_job
 from lookdev.output.exr import write_frame
 from lookdev.plan import Plan
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import PATIENCE, WORKER_COMMAND, Progress, Rendered, Worker, last_words
 
 if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared

@@ -16,19 +16,22 @@ import numpy as np
 
 from lookdev.asset import Asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import WORKER_COMMAND, Rendered, renderer
 from lookdev.bench.looks import LOOKS, BenchLook
 from lookdev.bench.matrix import OURS, SCENES, Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
 from lookdev.codegen import PrincipledSource
-from lookdev.ibl import EnvironmentMap, LightTables, load_environment, prepare_light
-from lookdev.job import JobCamera, JobRender
+from lookdev.job import JobRender
 from lookdev.job.schema import Backend
-from lookdev.plan import frame_camera, frame_sampling
+from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
+from lookdev.plan import frame_sampling
 from lookdev.plan.digest import RENDER_VERSION, blender_version
 from lookdev.plan.skips import Skip, scene_skips
-from lookdev.plan.task import FrameTask, Pose, Sampling, SceneTask
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.worker import WORKER_COMMAND, Rendered, renderer
+from lookdev.scene.camera import Pose
+from lookdev.scene.framing import frame_camera
+from lookdev.scene.sampling import Sampling
 
 COMMANDS: dict[str, Sequence[str]] = {
     **dict.fromkeys(OURS, WORKER_COMMAND),
@@ -64,7 +67,7 @@ def bench_scene(
 ) -> SceneTask:
     """Return the scene for one of our backends, sampled as a job does that says nothing of it."""
     size = (resolution, resolution)
-    camera = frame_camera(JobCamera(), asset.center, asset.radius, size)
+    camera = frame_camera(asset.center, asset.radius, size)
     sampling = frame_sampling(JobRender(bounces=bounces))
     slots = [look.make()] * len(asset.slots)
     return make_scene(asset, save_asset(asset), slots, light, camera, size, sampling, backend)

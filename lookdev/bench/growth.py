@@ -10,13 +10,14 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
-from lookdev.batch.worker import Rendered, renderer
 from lookdev.bench.assets import make_boulder
 from lookdev.bench.backends import COMMANDS, PATIENCE, POSE, bench_asset, bench_light, bench_scene, sampled
 from lookdev.bench.looks import LOOKS, MOST_LAYERS, BenchLook, layered
 from lookdev.bench.matrix import MILLION, SCENES
 from lookdev.errors import LookdevError
-from lookdev.plan.task import FrameTask, Pose, SceneTask
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.worker import Rendered, renderer
+from lookdev.scene.camera import Pose
 
 PIXELS = (64, 128, 256, 512)
 LAYERS = (1, 2, 4, MOST_LAYERS)

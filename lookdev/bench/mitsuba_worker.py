@@ -25,9 +25,9 @@ from lookdev.asset.bounds import about_origin
 from lookdev.asset.normals import face_starts
 from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
-from lookdev.plan import wire
-from lookdev.plan.answers import Answers, save_arrays
-from lookdev.plan.task import FrameTask, SceneTask
+from lookdev.render import wire
+from lookdev.render.answers import Answers, save_arrays
+from lookdev.render.task import FrameTask, SceneTask
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 """Fastest first: the first needs LLVM's library on the machine."""

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path, cache_dir
-from lookdev.checks.error import EPSILON
 from lookdev.errors import LookdevError
+from lookdev.metrics import EPSILON
 
 Floats = NDArray[np.float64]
 
@@ -116,7 +116,7 @@ class Reference:
         return np.asarray(self._squares / (self.parts * (self.parts - 1)))
 
     def _relative(self, squares: Floats) -> float:
-        """Return the mean over the asset of squared errors, relative as `lookdev.checks.error.relmse` has it."""
+        """Return the mean over the asset of squared errors, relative as `lookdev.metrics.relmse` has it."""
         covered = self.alpha > 0.0
         return float((squares / (self.mean**2 + EPSILON))[covered].mean())
 

@@ -24,15 +24,15 @@ import numpy as np
 from lookdev.asset import BUILTINS, save_asset
 from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.batch.run import render_job
-from lookdev.batch.worker import last_words
 from lookdev.bench.backends import bench_asset, bench_environment, bench_light, bench_scene
 from lookdev.bench.curves import at
 from lookdev.bench.looks import LOOKS, usda
 from lookdev.bench.matrix import LARGEST_SAMPLES, SCENES
 from lookdev.bench.measure import CurvePoint
-from lookdev.checks.error import relmse_of_halves
 from lookdev.errors import LookdevError, RenderError
+from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
+from lookdev.render.worker import last_words
 
 TARGET = 1e-3
 """The relMSE that frames are rendered to."""

@@ -22,15 +22,17 @@ from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.samples import case_layer, constant_look, sample_layers, varying
 from lookdev.codegen import ShaderSource
-from lookdev.ibl import EnvironmentMap, LightTables, load_environment, prepare_light
-from lookdev.ibl.environment import Repairs
-from lookdev.ibl.mapping import uv_to_direction
 from lookdev.job.schema import Backend
+from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
+from lookdev.light.environment import Repairs
+from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
-from lookdev.plan.shader import look_source
-from lookdev.plan.task import Camera, FrameTask, Pose, Sampling, SceneTask
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.reference.surface import look_bsdf
+from lookdev.render.source import look_source
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.scene.camera import Camera, Pose
+from lookdev.scene.sampling import Sampling
 
 Floats = NDArray[np.float64]
 

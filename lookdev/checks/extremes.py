@@ -16,9 +16,9 @@ from lookdev.asset.tangents import corner_tangents
 from lookdev.brdf import PARAMETERS, Parameter
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch
-from lookdev.codegen.surface import PointLayer
-from lookdev.ibl import EnvironmentMap
-from lookdev.ibl.environment import Repairs
+from lookdev.codegen.osl.surface import PointLayer
+from lookdev.light import EnvironmentMap
+from lookdev.light.environment import Repairs
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]

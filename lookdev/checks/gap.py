@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.checks.error import EPSILON
 from lookdev.checks.finding import Finding, Picture, Plot
 from lookdev.checks.images import flip, frame_picture
+from lookdev.metrics import EPSILON
 
 Floats = NDArray[np.floating[Any]]
 Doubles = NDArray[np.float64]

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_dilation
 
-from lookdev.checks.error import EPSILON
 from lookdev.checks.finding import Finding, Picture, Plot, Series
 from lookdev.errors import RenderError
+from lookdev.metrics import EPSILON
 from lookdev.reference.render import Estimate
 
 Floats = NDArray[np.floating[Any]]

@@ -23,21 +23,17 @@ from lookdev.asset import Asset, save_asset
 from lookdev.brdf import PARAMETERS, evaluate_cosine, pdf, sample
 from lookdev.checks.albedo import Halves, Render
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
-from lookdev.checks.extremes import (
-    SceneCase,
-    extreme_cases,
-    hostile_scenes,
-    moderate_numbers,
-    scene_cases,
-)
+from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
 from lookdev.checks.samples import case_line, constant, sample_layers, tokens
-from lookdev.codegen.surface import PointLayer
+from lookdev.codegen.osl.surface import PointLayer
 from lookdev.errors import RenderError, WorkerError
-from lookdev.ibl import prepare_light
+from lookdev.light import prepare_light
 from lookdev.material import Layer, Look
-from lookdev.plan.shader import surface_shader
-from lookdev.plan.task import Camera, FrameTask, Pose, Sampling, SceneTask
+from lookdev.render.source import surface_shader
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.scene.camera import Camera, Pose
+from lookdev.scene.sampling import Sampling
 
 Floats = NDArray[np.float64]
 Depth = Literal["quick", "default", "full"]

@@ -11,9 +11,9 @@ import numpy as np
 
 from lookdev.brdf import Parameter
 from lookdev.brdf.vectors import scale
-from lookdev.codegen.graph import Graph
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding, TextureBinding
-from lookdev.codegen.symbolic import symbol
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import symbol
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Coordinates, Formula, Primvar, Texture
 from lookdev.material.textures import resolved, udim_tiles

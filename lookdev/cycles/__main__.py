@@ -14,7 +14,7 @@ import tempfile
 import threading
 from pathlib import Path
 
-from lookdev.plan.answers import Answers, save_arrays
+from lookdev.render.answers import Answers, save_arrays
 
 _LONGEST_CHATTER = 1 << 20
 """Bytes of log: what Blender says of frames that came out well, some 10 kB each, is kept up to here."""
@@ -33,7 +33,7 @@ def _serve(answers: Answers) -> None:
     from lookdev.cycles.render import render_frame
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
-    from lookdev.plan.wire import decode
+    from lookdev.render.wire import decode
 
     requests: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()

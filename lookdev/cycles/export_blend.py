@@ -20,8 +20,8 @@ from lookdev.cycles.scene import Scene
 from lookdev.cycles.timeline import animate, follow, mark
 from lookdev.cycles.world import build_world
 from lookdev.errors import LookdevError, RenderError
-from lookdev.plan.blend import BLEND_TASK, BlendTask
-from lookdev.plan.task import SceneTask
+from lookdev.render.blend import BLEND_TASK, BlendTask
+from lookdev.render.task import SceneTask
 
 _VIEWS = {
     "ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"),

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.checks.error import relmse_of_halves
 from lookdev.cycles import engine
 from lookdev.cycles.scene import Scene
-from lookdev.plan.task import FrameTask, Sampling
+from lookdev.metrics import relmse_of_halves
+from lookdev.render.task import FrameTask
+from lookdev.scene.sampling import Sampling
 
 Image = NDArray[np.float32]
 

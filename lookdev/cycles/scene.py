@@ -21,7 +21,8 @@ from lookdev.cycles.principled import configure_as_users_do, principled_material
 from lookdev.cycles.shaders import surface_material
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
-from lookdev.plan.task import Camera, Pose, SceneTask
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Camera, Pose
 
 
 class Scene:

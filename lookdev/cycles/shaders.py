@@ -18,7 +18,7 @@ from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.errors import RenderError
-from lookdev.ibl import LightTables
+from lookdev.light import LightTables
 
 Array = NDArray[np.int32] | NDArray[np.float32]
 

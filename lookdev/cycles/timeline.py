@@ -11,8 +11,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.plan.blend import BlendTurntable
-from lookdev.plan.task import Pose
+from lookdev.render.blend import BlendTurntable
+from lookdev.scene.camera import Pose
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import bpy
 
 from lookdev.cycles import version
 from lookdev.cycles.nodes import load_image
-from lookdev.ibl import LightTables
+from lookdev.light import LightTables
 
 
 def build_world(

@@ -1,16 +1,7 @@
 """What the user asked: a job file, read strictly, every fault told at once."""
 
 from lookdev.job.load import json_schema, load_job, parse_job
-from lookdev.job.schema import (
-    Job,
-    JobAsset,
-    JobCamera,
-    JobIbl,
-    JobLook,
-    JobOutputs,
-    JobRender,
-    JobTurntable,
-)
+from lookdev.job.schema import Job, JobAsset, JobCamera, JobIbl, JobLook, JobOutputs, JobRender, JobTurntable
 
 __all__ = [
     "Job",

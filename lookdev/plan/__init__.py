@@ -1,6 +1,5 @@
 """What to render: a job's poses as frame tasks, each with a digest of all that affects it."""
 
-from lookdev.plan.framing import frame_camera
 from lookdev.plan.plan import Copy, Plan, PlannedFile, PlannedFrame, build_plan, frame_files, frame_sampling
 from lookdev.plan.poses import turntable_poses
 
@@ -10,7 +9,6 @@ __all__ = [
     "PlannedFile",
     "PlannedFrame",
     "build_plan",
-    "frame_camera",
     "frame_files",
     "frame_sampling",
     "turntable_poses",

@@ -10,7 +10,8 @@ from functools import cache
 from importlib.metadata import version
 
 from lookdev.codegen import PrincipledSource, Source
-from lookdev.plan.task import Pose, SceneTask
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Pose
 
 RENDER_VERSION = 1
 """Raised when the program renders the same frame task to other pixels than before."""

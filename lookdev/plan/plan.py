@@ -13,7 +13,9 @@ from lookdev.job import Job, JobIbl, JobLook, JobRender, JobTurntable
 from lookdev.plan.digest import frame_digest, part_digests
 from lookdev.plan.poses import turntable_poses, unturned
 from lookdev.plan.skips import Skip
-from lookdev.plan.task import FrameTask, Pose, Sampling, SceneTask
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.scene.camera import Pose
+from lookdev.scene.sampling import Sampling
 
 State = Literal["done", "stale", "new"]
 Header = Mapping[str, str]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from lookdev.job import JobTurntable
-from lookdev.plan.task import Pose
+from lookdev.scene.camera import Pose
 
 
 def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: float = 0.0) -> tuple[Pose, ...]:

@@ -12,7 +12,7 @@ from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.job import Job, JobIbl, JobRender
 from lookdev.material import Bump, Formula, Layer, Look, Texture
 from lookdev.plan.poses import turntable_poses, unturned
-from lookdev.plan.task import SceneTask
+from lookdev.render.task import SceneTask
 
 
 @dataclass(frozen=True)

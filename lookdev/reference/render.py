@@ -22,13 +22,12 @@ from scipy.stats import qmc
 
 from lookdev.asset import Asset
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample, seen_along
-from lookdev.ibl import LightDistribution
-from lookdev.ibl.mapping import rotate_z
+from lookdev.light import LightDistribution
+from lookdev.light.mapping import rotate_z
 from lookdev.material import Look
-from lookdev.plan.camera import camera_rays
-from lookdev.plan.task import Camera, Pose
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.shapes import Floats, Mask, Shape
+from lookdev.scene.camera import Camera, Pose, camera_rays
 
 Ints = NDArray[np.int64]
 Places = NDArray[Any]

@@ -1,7 +1,7 @@
-// The light: an equirectangular map with its sampling tables, as `lookdev/ibl/tables.py` lays them out.
+// The light: an equirectangular map with its sampling tables, as `lookdev/light/tables.py` lays them out.
 // (x, y) are in [0, 1]: x along a row, y from the top; `turn` rotates the map about z, in radians.
 
-// lookdev/ibl/mapping.py, direction_to_uv with v = 1 - y. atan2 keeps its precision at the poles, acos would not.
+// lookdev/light/mapping.py, direction_to_uv with v = 1 - y. atan2 keeps its precision at the poles, acos would not.
 void light_from_direction(vector w, float turn, output float x, output float y)
 {
     x = 0.5 - (atan2(w[1], w[0]) - turn) / M_2PI;
@@ -26,7 +26,7 @@ color light_radiance_at(string file, float x, float y)
 }
 
 #if IBL_SAMPLES > 0
-// The bin of a normal (lookdev/ibl/bins.py), and its axis.
+// The bin of a normal (lookdev/light/bins.py), and its axis.
 int light_bin(vector n, float turn, output vector axis)
 {
     int cells[LIGHT_ROWS] = LIGHT_CELLS;

@@ -10,11 +10,12 @@ from pathlib import Path
 
 from lookdev.batch.run import RunResult, run_plan
 from lookdev.codegen import ShaderSource
-from lookdev.ibl import LightTables
 from lookdev.job import Job, parse_job
+from lookdev.light import LightTables
 from lookdev.output.exr import read_header
-from lookdev.plan import Plan, build_plan, frame_camera, frame_sampling
-from lookdev.plan.task import SceneTask
+from lookdev.plan import Plan, build_plan, frame_sampling
+from lookdev.render.task import SceneTask
+from lookdev.scene.framing import frame_camera
 
 WIDTH, HEIGHT = 8, 6
 JOB = """
@@ -61,7 +62,7 @@ def make_plan(job: Job) -> Plan:
             light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147"),
             resolution=(WIDTH, HEIGHT),
             sampling=frame_sampling(job.render),
-            camera=frame_camera(job.camera, (0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT)),
+            camera=frame_camera((0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT), elevation=job.camera.elevation),
             device="cpu",
         )
         for look in job.look

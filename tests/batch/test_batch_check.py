@@ -18,7 +18,7 @@ from lookdev.checks.finding import Finding
 from lookdev.codegen import NodeSource, ShaderSource
 from lookdev.errors import FaultsError, LookdevError
 from lookdev.material import Look
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 JOB = f"""

@@ -15,8 +15,8 @@ import pytest
 from lookdev.batch.export import Exported, blend_task, export_blend, image_names
 from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.plan.blend import BLEND_TASK
-from lookdev.plan.task import Pose
+from lookdev.render.blend import BLEND_TASK
+from lookdev.scene.camera import Pose
 
 LOOK = """#usda 1.0
 ( defaultPrim = "Look" )

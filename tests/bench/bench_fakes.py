@@ -11,7 +11,7 @@ import numpy as np
 from lookdev.bench.matrix import Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
-from lookdev.checks.error import EPSILON
+from lookdev.metrics import EPSILON
 
 SIDE = 64
 

@@ -20,12 +20,14 @@ import numpy as np
 
 from lookdev.asset import load_asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import WORKER_COMMAND, Worker
 from lookdev.cache import cache_dir
-from lookdev.ibl import load_environment, prepare_light
+from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.output import write_frame, write_png
-from lookdev.plan.task import Camera, FrameTask, Pose, Sampling
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import WORKER_COMMAND, Worker
+from lookdev.scene.camera import Camera, Pose
+from lookdev.scene.sampling import Sampling
 
 SAMPLES = (2, 16, 64)
 

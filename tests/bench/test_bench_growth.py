@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from lookdev.asset import read_asset
-from lookdev.batch.worker import Rendered
 from lookdev.bench import growth
 from lookdev.bench.assets import make_boulder, triangle_count
 from lookdev.bench.growth import measure_growth
 from lookdev.errors import LookdevError
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered
 
 
 class FakeProcesses:

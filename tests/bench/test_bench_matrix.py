@@ -12,9 +12,9 @@ from lookdev.bench.backends import bench_asset, bench_light, bench_scene, pictur
 from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered, usda
 from lookdev.bench.matrix import BACKENDS, IBLS, SCENES, Cell, Options, listing, parse_options
 from lookdev.errors import LookdevError
-from lookdev.ibl import load_environment
+from lookdev.light import load_environment
 from lookdev.material.usd import read_look
-from lookdev.plan.task import SceneTask
+from lookdev.render.task import SceneTask
 
 WHITE = load_environment(builtin="white")
 

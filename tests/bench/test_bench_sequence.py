@@ -17,9 +17,9 @@ from lookdev.batch.prepare import Prepared
 from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
 from lookdev.bench.sequence import Produced, Subject, choose_samples, measure_sequence, meet, producers
-from lookdev.checks.error import EPSILON
 from lookdev.errors import LookdevError, RenderError
 from lookdev.job import load_job
+from lookdev.metrics import EPSILON
 from lookdev.output.exr import read_frame, write_frame
 
 GREY = 0.5

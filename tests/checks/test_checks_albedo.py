@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
 from lookdev.checks.albedo import check_albedo
 from lookdev.job.schema import Backend
 from lookdev.material import Layer, Look, Primvar
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import WORKER_COMMAND, Rendered, Worker
 
 GLOSSY = Look("glossy", (Layer("Base", "disney", {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.3}),))
 LEAF = Look("leaf", (Layer("Leaf", "pixar", {"back": 0.4, "clear": 0.3, "roughness": Primvar("rough", 0.3)}),))

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from lookdev.checks.error import EPSILON
 from lookdev.checks.gap import MOST_FLIP, check_gap, measure_gap
+from lookdev.metrics import EPSILON
 
 SHAPE = (64, 64, 3)
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.batch.worker import WORKER_COMMAND, Worker
 from lookdev.brdf import PARAMETERS, pixar
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.vectors import Array, mix_color
@@ -22,10 +21,11 @@ from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, mo
 from lookdev.checks.finding import Finding
 from lookdev.checks.samples import case_line
 from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
-from lookdev.codegen.surface import PointLayer
+from lookdev.codegen.osl.surface import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.material import Layer, Look, Texture
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import WORKER_COMMAND, Worker
 
 Floats = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.surface import generate_surface
+from lookdev.codegen.osl.surface import generate_surface
 from lookdev.material import Bump, Formula, Input, Layer, Look, Texture
 from lookdev.material.expression import parse
 

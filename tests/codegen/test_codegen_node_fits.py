@@ -7,10 +7,10 @@ import pytest
 from node_interpreter import Interpreter
 
 from lookdev.brdf.fits import fit, table
-from lookdev.codegen.graph import Graph
-from lookdev.codegen.node_fits import fit_tree, is_fit, match_fit
-from lookdev.codegen.node_look import generate_nodes
-from lookdev.codegen.symbolic import elements_of, symbol
+from lookdev.codegen.nodes.fits import fit_tree, is_fit, match_fit
+from lookdev.codegen.nodes.look import generate_nodes
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import elements_of, symbol
 from lookdev.material import Layer, Look
 
 NAMES = [name for name, entry in table()["fits"].items() if len(entry["numerator"][0]) > 1]

@@ -14,8 +14,8 @@ from lookdev.brdf import PARAMETERS, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.closures import Closure, closure_cosine
 from lookdev.brdf.frames import from_local
 from lookdev.codegen import HANDEDNESS, Link, NodeSource, NodeTree, ShaderNode
-from lookdev.codegen.node_fits import is_fit
-from lookdev.codegen.node_look import generate_nodes
+from lookdev.codegen.nodes.fits import is_fit
+from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.errors import ModelError
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 

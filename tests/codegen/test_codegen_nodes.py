@@ -10,10 +10,10 @@ import pytest
 from node_interpreter import Interpreter, shape_input
 
 from lookdev.brdf.vectors import dot, mix, mix_color, normalize
-from lookdev.codegen.graph import Graph
-from lookdev.codegen.nodes import TreeBuilder
+from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import GroupSocket, Link, NodeTree
-from lookdev.codegen.symbolic import SymbolicArray, elements_of, symbol, symbols
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
 FLOATS = ("a", "b", "c")

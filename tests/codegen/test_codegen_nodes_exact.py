@@ -14,8 +14,8 @@ from node_interpreter import Interpreter
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.lobes import evaluate_cosine, pdf, sample
 from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
-from lookdev.codegen.node_frame import frame_tree
-from lookdev.codegen.nodes_exact import generate_nodes_exact
+from lookdev.codegen.nodes.exact import generate_nodes_exact
+from lookdev.codegen.nodes.frame import frame_tree
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Formula, Input, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse

@@ -13,10 +13,10 @@ import pytest
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.pixar import FRONT, THROUGH
 from lookdev.codegen import HANDEDNESS, ShaderSource
-from lookdev.codegen.brdf import emit_brdf, trace_lobes
-from lookdev.codegen.graph import Graph
-from lookdev.codegen.osl import Block, literal
-from lookdev.codegen.surface import PointLayer, expand_template, generate_points, generate_surface
+from lookdev.codegen.osl.block import Block, literal
+from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
+from lookdev.codegen.osl.surface import PointLayer, expand_template, generate_points, generate_surface
+from lookdev.codegen.trace.graph import Graph
 from lookdev.errors import CodegenError, ModelError
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 

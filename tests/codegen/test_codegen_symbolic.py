@@ -10,10 +10,10 @@ import pytest
 
 from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Directions
-from lookdev.codegen.brdf import WI, WO, trace_lobes
-from lookdev.codegen.graph import OPERATIONS, Graph, Node
-from lookdev.codegen.osl import _CODE
-from lookdev.codegen.symbolic import SymbolicArray, elements_of, symbol, symbols
+from lookdev.codegen.osl.block import _CODE
+from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
 

@@ -15,16 +15,16 @@ from scipy import stats
 from scipy.ndimage import binary_erosion
 
 from lookdev.asset import Asset
-from lookdev.batch.worker import Rendered
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
-from lookdev.checks.error import EPSILON
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.ibl import LightTables, read_distribution
+from lookdev.light import LightTables, read_distribution
 from lookdev.material import Layer, Look
-from lookdev.plan.task import Pose
+from lookdev.metrics import EPSILON
 from lookdev.reference.render import Estimate, frame_pixels, shape_pixels
 from lookdev.reference.shapes import Shape
+from lookdev.render.worker import Rendered
+from lookdev.scene.camera import Pose
 
 
 def constant_bsdf(layers: Sequence[Layer]) -> Bsdf:

@@ -11,10 +11,12 @@ import pytest
 
 from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
-from lookdev.ibl import LightTables, load_environment, prepare_light
+from lookdev.light import LightTables, load_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.plan.task import Camera, FrameTask, Pose, Sampling
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import WORKER_COMMAND, Rendered, Worker
+from lookdev.scene.camera import Camera, Pose
+from lookdev.scene.sampling import Sampling
 
 RenderScene = Callable[..., Rendered]
 

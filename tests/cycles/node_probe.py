@@ -21,8 +21,10 @@ from lookdev.cycles import engine
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.scene import Scene
 from lookdev.cycles.world import build_world
-from lookdev.ibl import LightTables
-from lookdev.plan.task import Camera, Pose, Sampling, SceneTask
+from lookdev.light import LightTables
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Camera, Pose
+from lookdev.scene.sampling import Sampling
 
 POSE = Pose(30.0, 75.0)
 SAMPLES = 64

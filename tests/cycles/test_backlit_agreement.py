@@ -12,8 +12,8 @@ from agreement import assert_agreement
 from conftest import RenderScene
 from looks import LOOKS
 
-from lookdev.plan.task import Pose
 from lookdev.reference.shapes import Plane, Shape, Sphere
+from lookdev.scene.camera import Pose
 
 pytestmark = pytest.mark.cycles
 

@@ -14,11 +14,11 @@ import pytest
 from numpy.typing import NDArray
 from osl_probe import TEMPLATE
 
-from lookdev.codegen.graph import Graph
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.osl import Block
-from lookdev.codegen.surface import expand_template
-from lookdev.codegen.symbolic import elements_of, symbol
+from lookdev.codegen.osl.block import Block
+from lookdev.codegen.osl.surface import expand_template
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import elements_of, symbol
 from lookdev.material import Texture
 from lookdev.material.expression import parse
 from lookdev.material.expression.shaping import FUNCTIONS, OPERATORS

@@ -14,9 +14,9 @@ import pytest
 
 from lookdev.brdf.vectors import dot, mix, mix_color, normalize
 from lookdev.codegen import Link, NodeSource
-from lookdev.codegen.graph import Graph
-from lookdev.codegen.nodes import TreeBuilder
-from lookdev.codegen.symbolic import elements_of, symbols
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 pytestmark = pytest.mark.cycles
 

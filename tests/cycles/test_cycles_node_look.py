@@ -12,12 +12,13 @@ from looks import LOOKS
 
 from lookdev.asset import load_asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import Rendered, Worker
-from lookdev.ibl import LightTables
 from lookdev.job.schema import Backend
+from lookdev.light import LightTables
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
-from lookdev.plan.task import FrameTask, Sampling
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene.sampling import Sampling
 
 pytestmark = pytest.mark.cycles
 

@@ -16,12 +16,11 @@ import pytest
 
 from lookdev.brdf.parameters import Parameter
 from lookdev.codegen import Link, NodeSource, NodeTree
-from lookdev.codegen.graph import Graph
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.node_inputs import bind_inputs
-from lookdev.codegen.nodes import TreeBuilder
-from lookdev.codegen.osl import reachable
-from lookdev.codegen.symbolic import elements_of
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.nodes.inputs import bind_inputs
+from lookdev.codegen.trace.graph import Graph, reachable
+from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.material import Bump, Coordinates, Formula, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import image_file, sample_slopes, sample_texture

@@ -19,12 +19,14 @@ from looks import LOOKS
 from pydantic import TypeAdapter
 
 from lookdev.asset import Asset, load_asset, save_asset
-from lookdev.batch.worker import Rendered, Worker
-from lookdev.checks.error import relmse
 from lookdev.codegen import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
 from lookdev.errors import RenderError
-from lookdev.ibl import LightTables
-from lookdev.plan.task import FrameTask, Pose, Sampling, SceneTask
+from lookdev.light import LightTables
+from lookdev.metrics import relmse
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene.camera import Pose
+from lookdev.scene.sampling import Sampling
 
 pytestmark = pytest.mark.cycles
 

@@ -16,11 +16,11 @@ import pytest
 from numpy.typing import NDArray
 from osl_probe import TEMPLATE
 
-from lookdev.codegen.surface import expand_template, light_constants
-from lookdev.ibl import EnvironmentMap, LightDistribution, Repairs, bins, prepare_light, read_distribution
-from lookdev.ibl.mapping import rotate_z, uv_to_direction
-from lookdev.ibl.tables import MOST_POINTS, SLOTS
-from lookdev.ibl.warp import lookup
+from lookdev.codegen.osl.surface import expand_template, light_constants
+from lookdev.light import EnvironmentMap, LightDistribution, Repairs, bins, prepare_light, read_distribution
+from lookdev.light.mapping import rotate_z, uv_to_direction
+from lookdev.light.tables import MOST_POINTS, SLOTS
+from lookdev.light.warp import lookup
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, sample_slopes, sample_texture, slope_texture
 

@@ -10,7 +10,7 @@ import pytest
 from conftest import RenderScene
 from looks import LOOKS
 
-from lookdev.checks.error import relmse
+from lookdev.metrics import relmse
 
 pytestmark = pytest.mark.cycles
 

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from lookdev.batch.export import export_blend
 from lookdev.batch.prepare import Prepared, prepare_job
-from lookdev.batch.worker import Rendered, Worker
 from lookdev.plan import turntable_poses
-from lookdev.plan.camera import camera_rays
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene.camera import camera_rays
 
 pytestmark = pytest.mark.cycles
 

@@ -14,7 +14,7 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
-from lookdev.ibl import LightTables
+from lookdev.light import LightTables
 from lookdev.material import Bump, Coordinates, Formula, Layer, Texture
 from lookdev.material.expression import parse
 

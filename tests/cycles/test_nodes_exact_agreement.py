@@ -18,13 +18,14 @@ from looks import LOOKS
 
 from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import Rendered, Worker
 from lookdev.checks.finding import Finding
-from lookdev.ibl import LightTables
+from lookdev.light import LightTables
 from lookdev.material import Coordinates, Formula, Layer, Look
 from lookdev.material.expression import parse
-from lookdev.plan.task import FrameTask, Sampling
 from lookdev.reference.shapes import Sphere
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene.sampling import Sampling
 
 pytestmark = pytest.mark.cycles
 

@@ -15,13 +15,13 @@ from pathlib import Path
 
 from lookdev.asset import read_asset
 from lookdev.batch.prepare import make_scene, prepare_job
-from lookdev.batch.worker import Rendered, renderer
 from lookdev.cache import atomic_path
 from lookdev.checks.albedo import check_albedo
 from lookdev.checks.gap import measure_gap
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import new_look
-from lookdev.plan.task import FrameTask
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered, renderer
 
 ROOT = Path(__file__).parents[2]
 PRESETS = sorted((ROOT / "materials/presets").glob("*.usda"))

@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from lookdev.asset import Asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.batch.worker import WORKER_COMMAND, Progress, Rendered, Worker
-from lookdev.ibl import EnvironmentMap, Repairs, prepare_light
+from lookdev.light import EnvironmentMap, Repairs, prepare_light
 from lookdev.material import Look
-from lookdev.plan.task import Camera, FrameTask, Pose, Sampling
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import WORKER_COMMAND, Progress, Rendered, Worker
+from lookdev.scene.camera import Camera, Pose
+from lookdev.scene.sampling import Sampling
 
 # Samples of the light alone keep the generated shader, and its compilation, small.
 SAMPLES = 16

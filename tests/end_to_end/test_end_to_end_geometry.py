@@ -13,12 +13,11 @@ from stage import Stage, difference, light_of
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
-from lookdev.ibl import EnvironmentMap
-from lookdev.ibl.mapping import direction_to_uv, rotate_z, uv_to_direction
+from lookdev.light import EnvironmentMap
+from lookdev.light.mapping import direction_to_uv, rotate_z, uv_to_direction
 from lookdev.material import Layer, Look
 from lookdev.output.background import environment_background
-from lookdev.plan.camera import camera_rays
-from lookdev.plan.task import Camera, Pose
+from lookdev.scene.camera import Camera, Pose, camera_rays
 
 pytestmark = pytest.mark.cycles
 

@@ -12,8 +12,8 @@ import pytest
 from stage import difference
 
 from lookdev.batch.prepare import prepare_job
-from lookdev.batch.worker import WORKER_COMMAND, Rendered, Worker
-from lookdev.plan.task import Pose
+from lookdev.render.worker import WORKER_COMMAND, Rendered, Worker
+from lookdev.scene.camera import Pose
 
 pytestmark = [pytest.mark.cycles, pytest.mark.slow]
 

@@ -12,11 +12,11 @@ from stage import Stage
 
 from lookdev.asset import Asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.batch.worker import WORKER_COMMAND, Progress, Rendered
 from lookdev.errors import RenderError
-from lookdev.ibl import load_environment
+from lookdev.light import load_environment
 from lookdev.material import Layer, Look
-from lookdev.plan.task import Camera
+from lookdev.render.worker import WORKER_COMMAND, Progress, Rendered
+from lookdev.scene.camera import Camera
 
 pytestmark = pytest.mark.cycles
 

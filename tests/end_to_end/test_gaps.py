@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from gaps import PRESETS, ROOT, measure, read
 
-from lookdev.batch.worker import renderer
 from lookdev.checks.gap import MOST_FLIP
+from lookdev.render.worker import renderer
 
 
 def test_every_preset_is_recorded_and_near() -> None:

@@ -21,7 +21,7 @@ import pytest
 from lookdev.batch.check import DEPTHS, check_file
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.checks.albedo import ANGLES
-from lookdev.ibl import EnvironmentMap, LightDistribution, LightTables, prepare_light, read_distribution
+from lookdev.light import EnvironmentMap, LightDistribution, LightTables, prepare_light, read_distribution
 
 DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
-from lookdev.ibl import LightDistribution, load_environment
+from lookdev.light import LightDistribution, load_environment
 from lookdev.material.usd import read_look
 from lookdev.reference.shapes import Sphere
 

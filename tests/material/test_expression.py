@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.codegen.graph import Graph, Node
-from lookdev.codegen.osl import Block, reachable
-from lookdev.codegen.symbolic import SymbolicArray, elements_of, symbol, symbols
+from lookdev.codegen.osl.block import Block
+from lookdev.codegen.trace.graph import Graph, Node, reachable
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, OPERATORS, Function
 from lookdev.material.expression.syntax import LONGEST

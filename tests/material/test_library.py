@@ -9,14 +9,7 @@ import pytest
 from presets import write_preset
 
 from lookdev.errors import LookError
-from lookdev.material.library import (
-    LIBRARY_VARIABLE,
-    SHIPPED,
-    find_preset,
-    library_folders,
-    library_text,
-    read_library,
-)
+from lookdev.material.library import LIBRARY_VARIABLE, SHIPPED, find_preset, library_folders, library_text, read_library
 
 
 @pytest.fixture(autouse=True)

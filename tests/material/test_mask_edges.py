@@ -31,7 +31,7 @@ from lookdev.brdf import MODELS, PARAMETERS, evaluate_cosine, pdf, sample
 from lookdev.brdf.layering import blend_parameters
 from lookdev.brdf.pixar import layer_partition
 from lookdev.brdf.pixar_layering import layer
-from lookdev.ibl import BUILTIN_LIGHTS, LightDistribution, load_environment
+from lookdev.light import BUILTIN_LIGHTS, LightDistribution, load_environment
 
 # The distribution of a highlight, alpha^2 / (alpha^2 cos^2 + sin^2)^2, is nowhere above (1 + x)^2 / (4 x) times the
 # larger of its ends when alpha grows by a factor x: 1 %, which `NARROW` allows, for 1.22.

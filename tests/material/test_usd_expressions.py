@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from look_files import BASE, LAYER1, ST, STACK, disney, faults_of, shader, stack
 
-from lookdev.codegen.graph import Graph
 from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.trace.graph import Graph
 from lookdev.material import Coordinates, Formula, Primvar, Texture
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import read_look

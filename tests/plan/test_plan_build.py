@@ -12,7 +12,8 @@ import pytest
 from lookdev.errors import OutputError
 from lookdev.job import Job
 from lookdev.plan import Copy, Plan, PlannedFile, build_plan, frame_files, frame_sampling
-from lookdev.plan.task import FrameTask, Pose, SceneTask
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.scene.camera import Pose
 
 Scenes = dict[tuple[str, str], SceneTask]
 MakeJob = Callable[..., Job]

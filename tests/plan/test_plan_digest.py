@@ -12,7 +12,8 @@ import pytest
 from lookdev.codegen import NodeSource, PrincipledSource
 from lookdev.plan import digest as digest_module
 from lookdev.plan.digest import frame_digest, part_digests
-from lookdev.plan.task import Pose, SceneTask
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Pose
 
 POSE = Pose(30.0, 60.0)
 Change = Callable[[SceneTask], SceneTask]

@@ -12,15 +12,16 @@ import pytest
 
 from lookdev.brdf import MODELS, PARAMETERS, complete_parameters, evaluate_cosine
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
-from lookdev.ibl import LightTables
-from lookdev.ibl.mapping import rotate_z
 from lookdev.job import Job
 from lookdev.job.schema import Backend
+from lookdev.light import LightTables
+from lookdev.light.mapping import rotate_z
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.plan.shader import look_source, surface_shader
 from lookdev.plan.skips import find_skips, same_all_around
-from lookdev.plan.task import Sampling, SceneTask
+from lookdev.render.source import look_source, surface_shader
+from lookdev.render.task import SceneTask
+from lookdev.scene.sampling import Sampling
 
 MakeJob = Callable[..., Job]
 MAP = Texture(Path("map.png"), "r", "raw")

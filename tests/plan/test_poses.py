@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.ibl.mapping import rotate_z
 from lookdev.job import JobTurntable
+from lookdev.light.mapping import rotate_z
 from lookdev.plan import turntable_poses
-from lookdev.plan.camera import camera_rays
 from lookdev.plan.poses import unturned
-from lookdev.plan.task import Camera, Pose
+from lookdev.scene.camera import Camera, Pose, camera_rays
 
 
 def test_frames_divide_the_turn_and_do_not_repeat_the_first() -> None:

@@ -12,13 +12,12 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
-from lookdev.ibl import LightDistribution, load_environment
+from lookdev.light import LightDistribution, load_environment
 from lookdev.material import Layer, Look, Primvar
-from lookdev.plan.camera import camera_rays
-from lookdev.plan.task import Camera, Pose
 from lookdev.reference.mesh import MeshScene, corner_triangles
 from lookdev.reference.render import frame_pixels, shape_pixels
 from lookdev.reference.shapes import Plane, Sphere
+from lookdev.scene.camera import Camera, Pose, camera_rays
 
 POSE = Pose(30.0, 75.0)
 CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)

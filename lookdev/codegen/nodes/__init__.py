@@ -1,0 +1,1 @@
+"""Shader nodes of Blender from traced models, as plain data."""

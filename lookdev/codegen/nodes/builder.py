@@ -1,0 +1,322 @@
+"""Expression graphs as Blender's shader nodes.
+
+A `TreeBuilder` collects the nodes of one tree. Values are asked for as scalars, or as vectors of three: components that
+are computed alike become one vector node, and a scalar that is a component of one is taken out of it. Nodes compute in
+float32; `match` says by which operations, `nodes_layout` where they stand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from lookdev.codegen.nodes.layout import laid_out
+from lookdev.codegen.nodes.match import Triple, depth_of, match, match_dot, match_normalize
+from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
+from lookdev.codegen.trace.graph import Node
+from lookdev.errors import CodegenError
+
+_AXES = ("X", "Y", "Z")
+_SOCKETS = ("Value", "Value_001", "Value_002")
+_VECTOR_SOCKETS = ("Vector", "Vector_001", "Vector_002")
+
+# What both Math and Vector Math can do.
+_VECTOR_OPERATIONS = frozenset(
+    [
+        "ADD",
+        "SUBTRACT",
+        "MULTIPLY",
+        "DIVIDE",
+        "MULTIPLY_ADD",
+        "ABSOLUTE",
+        "MINIMUM",
+        "MAXIMUM",
+        "FLOOR",
+        "POWER",
+        "SINE",
+        "COSINE",
+        "TANGENT",
+        "MIX",
+    ]
+)
+
+Term: TypeAlias = "Node | Triple"
+"""What one output of a node gives: a number, or three that are not all the same number."""
+
+
+@dataclass(frozen=True)
+class _Recipe:
+    """How a term is computed: a node, and terms or constants for its sockets."""
+
+    kind: str
+    inputs: Mapping[str, Any]
+    output: str
+    properties: Mapping[str, SocketValue | bool] = field(default_factory=dict)
+    group: str = ""
+
+
+Outline: TypeAlias = "Callable[[Node], tuple[str, dict[str, Any]] | None]"
+"""Tells which group computes a node of a graph, as its output ``"Value"``, and what the group's sockets are given."""
+
+
+class TreeBuilder:
+    """Collects the nodes of one tree; equal nodes are one. What `outline` knows becomes a group's node."""
+
+    def __init__(self, name: str, outline: Outline = lambda node: None) -> None:
+        self.name = name
+        self._outline = outline
+        self._nodes: dict[str, ShaderNode] = {}
+        self._names: dict[tuple[Any, ...], str] = {}
+        # By a symbol, or three: where their value is. By one of three: which, and its place.
+        self._bound: dict[tuple[str, ...], Link] = {}
+        self._parts: dict[str, tuple[Link, int]] = {}
+        self._links: dict[Term, Link] = {}
+        self._recipes: dict[Term, _Recipe] = {}
+        self._components: dict[Node, tuple[Triple, int]] = {}
+        self._depths: dict[Node, int] = {}
+
+    def add(
+        self,
+        kind: str,
+        properties: Mapping[str, SocketValue | bool] | None = None,
+        inputs: Mapping[str, SocketValue | Link] | None = None,
+        label: str = "",
+        group: str = "",
+        image: Path | None = None,
+    ) -> str:
+        """Add a node, or find its equal, and return its name; arguments as a `ShaderNode` has them."""
+        properties, inputs = dict(properties or {}), dict(inputs or {})
+        # By repr: 0.0 == -0.0 and True == 1.0 in Python.
+        key = (kind, *(tuple(sorted((k, repr(v)) for k, v in d.items())) for d in (properties, inputs)), group, image)
+        name = self._names.get(key)
+        if name is None:
+            name = self._names[key] = f"{group or kind} {len(self._nodes)}"
+            self._nodes[name] = ShaderNode(name, kind, properties, inputs, label, group, image)
+        return name
+
+    def bind(self, symbols: Sequence[str], link: Link) -> None:
+        """Say where symbols have their value: one is a scalar output, three are the components of a vector's.
+
+        Raises
+        ------
+        CodegenError
+            They have it somewhere else.
+        """
+        if self._bound.setdefault(tuple(symbols), link) != link:
+            raise CodegenError(f"nodes of {self.name} have two values for {', '.join(symbols)}; another name is right")
+        if len(symbols) == 3:
+            self._parts.update((symbol, (link, index)) for index, symbol in enumerate(symbols))
+
+    def scalar(self, value: Any) -> Link | float:
+        """Return where the value of a graph's node, or a number, is found.
+
+        Raises
+        ------
+        CodegenError
+            A symbol is bound to nothing, or a constant is not finite.
+        """
+        return self._term_value(value) if isinstance(value, Node) else _number(value)
+
+    def vector(self, values: Sequence[Any]) -> Link | tuple[float, float, float]:
+        """Return where three values are found as one vector, or three numbers.
+
+        A number that is wanted thrice may come from a scalar output, which Blender spreads over a vector.
+
+        Raises
+        ------
+        CodegenError
+            A symbol is bound to nothing, or a constant is not finite.
+        """
+        term = _term(values)
+        if _is_term(term):
+            return self._term_value(term)
+        x, y, z = (_number(value) for value in values)
+        return x, y, z
+
+    def prepare(self, roots: Iterable[Sequence[Any]]) -> None:
+        """Name vectors that will be asked for, so that scalars asked for before are taken out of them."""
+        self._plan([term for root in roots if _is_term(term := _term(root))])
+
+    def tree(self, inputs: Sequence[GroupSocket] = (), outputs: Sequence[GroupSocket] = ()) -> NodeTree:
+        """Return the tree, laid out: nodes that lead to an output, and the inputs that they read."""
+        kept = _leading_out(self._nodes)
+        read = {
+            link.socket
+            for node in kept.values()
+            for link in node.inputs.values()
+            if isinstance(link, Link) and kept[link.node].kind == "NodeGroupInput"
+        }
+        places = laid_out(kept)
+        nodes = tuple(replace(node, place=places[name]) for name, node in kept.items())
+        return NodeTree(self.name, nodes, tuple(each for each in inputs if each.name in read), tuple(outputs))
+
+    def _term_value(self, term: Term) -> Link:
+        self._plan([term])
+        stack = [term]
+        while stack:
+            current = stack[-1]
+            if current in self._links:
+                stack.pop()
+                continue
+            recipe = self._recipes[current]
+            missing = [each for each in recipe.inputs.values() if _is_term(each) and each not in self._links]
+            if missing:
+                stack += reversed(missing)
+                continue
+            inputs = {
+                socket: self._links[each] if _is_term(each) else _constant(each)
+                for socket, each in recipe.inputs.items()
+            }
+            name = self.add(recipe.kind, recipe.properties, inputs, group=recipe.group)
+            self._links[current] = Link(name, recipe.output)
+            stack.pop()
+        return self._links[term]
+
+    def _plan(self, roots: Sequence[Term]) -> None:
+        """Decide how terms, and all that they need, are computed: vectors first, so that scalars come out of them."""
+        vectors = [root for root in roots if isinstance(root, tuple)]
+        scalars = [root for root in roots if isinstance(root, Node)]
+        unbound: set[str] = set()
+        while vectors or scalars:
+            term = vectors.pop() if vectors else scalars.pop()
+            if term in self._links or term in self._recipes or self._is_bound(term):
+                continue
+            if isinstance(term, Node) and term.op == "symbol" and term.args[0] not in self._parts:
+                unbound.add(str(term.args[0]))
+                continue
+            for node in [term] if isinstance(term, Node) else term:
+                depth_of(node, self._depths)
+            recipe = self._vector_recipe(term) if isinstance(term, tuple) else self._scalar_recipe(term)
+            self._recipes[term] = recipe
+            for each in recipe.inputs.values():
+                if _is_term(each):
+                    (scalars if isinstance(each, Node) else vectors).append(each)
+        if unbound:
+            known = ", ".join(sorted({name for names in self._bound for name in names})) or "none"
+            raise CodegenError(
+                f"nodes of {self.name} read what nothing gives them: {', '.join(sorted(unbound))}; known: {known}"
+            )
+
+    def _is_bound(self, term: Term) -> bool:
+        """Tell whether a term is a bound symbol, or three bound together; its link is then known."""
+        nodes = (term,) if isinstance(term, Node) else term
+        if not all(isinstance(node, Node) and node.op == "symbol" for node in nodes):
+            return False
+        link = self._bound.get(tuple(str(node.args[0]) for node in nodes))
+        if link is not None:
+            self._links[term] = link
+        return link is not None
+
+    def _scalar_recipe(self, node: Node) -> _Recipe:
+        if node in self._components:
+            triple, index = self._components[node]
+            return _Recipe("SeparateXYZ", {"Vector": triple}, _AXES[index])
+        if node.op == "symbol":
+            link, index = self._parts[str(node.args[0])]
+            return _Recipe("SeparateXYZ", {"Vector": link}, _AXES[index])
+        outlined = self._outline(node)
+        if outlined:
+            return _Recipe("Group", outlined[1], "Value", group=outlined[0])
+        dot = match_dot(node)
+        if dot and all(self._is_vector(factor) for factor in dot):
+            return _vector_math("DOT_PRODUCT", [_term(factor) for factor in dot], "Value")
+        operation, *operands = match(node, self._links)
+        if operation == "MIX":
+            a, b, factor = operands
+            return _mix("Float", a, b, factor)
+        return _Recipe("Math", dict(zip(_SOCKETS, operands, strict=False)), "Value", {"operation": operation})
+
+    def _vector_recipe(self, triple: Triple) -> _Recipe:
+        recipe = self._as_one(triple)
+        if recipe is None:
+            return _Recipe("CombineXYZ", dict(zip(_AXES, triple, strict=True)), "Vector")
+        for index, node in enumerate(triple):
+            if node not in self._components and node not in self._links:
+                self._components[node] = triple, index
+                # Also where it was planned by itself, before the vector came to light.
+                self._recipes[node] = self._scalar_recipe(node)
+        return recipe
+
+    def _is_vector(self, triple: Triple) -> bool:
+        """Tell whether three values are at hand as one, or cost no more to compute so."""
+        term = _term(triple)
+        return not isinstance(term, tuple) or not _is_term(term) or self._is_bound(term) or bool(self._as_one(term))
+
+    def _as_one(self, triple: Triple) -> _Recipe | None:
+        """Return one node that computes three values, if one does."""
+        nodes = [node for node in triple if isinstance(node, Node)]
+        # Of one depth, none can depend on another, and so the vector not on a part of itself.
+        if len(nodes) < 3 or len({self._depths[node] for node in nodes}) > 1 or all(n in self._links for n in nodes):
+            return None
+        if any(node.op == "symbol" for node in nodes):
+            return None
+        vector = match_normalize(triple)
+        if vector:
+            return _vector_math("NORMALIZE", [vector])
+        matches = [match(node, self._links) for node in nodes]
+        operation = matches[0][0]
+        if operation not in _VECTOR_OPERATIONS or any(each[0] != operation for each in matches):
+            return None
+        operands = [_term(parts) for parts in list(zip(*matches, strict=True))[1:]]
+        if operation == "MIX":
+            return _mix("Vector", *operands)
+        if operation == "MULTIPLY":
+            for vector, factor in (operands, reversed(operands)):
+                if not isinstance(factor, tuple):
+                    return _Recipe("VectorMath", {"Vector": vector, "Scale": factor}, "Vector", {"operation": "SCALE"})
+        return _vector_math(operation, operands)
+
+
+def _vector_math(operation: str, operands: Sequence[Any], output: str = "Vector") -> _Recipe:
+    spread = (operand if isinstance(operand, Node | tuple) else (operand,) * 3 for operand in operands)
+    return _Recipe("VectorMath", dict(zip(_VECTOR_SOCKETS, spread, strict=False)), output, {"operation": operation})
+
+
+def _mix(kind: str, a: Any, b: Any, factor: Any) -> _Recipe:
+    """Blend a at factor 0 to b at 1: a (1 - factor) + b factor, exactly a and b at the ends."""
+    properties: dict[str, SocketValue | bool] = {"data_type": kind.upper(), "clamp_factor": False}
+    place = "Factor_Float"
+    if kind == "Vector":
+        properties["factor_mode"] = "NON_UNIFORM" if isinstance(factor, tuple) else "UNIFORM"
+        place = "Factor_Vector" if isinstance(factor, tuple) else place
+        a, b = (each if isinstance(each, Node | tuple) else (each,) * 3 for each in (a, b))
+    return _Recipe("Mix", {place: factor, f"A_{kind}": a, f"B_{kind}": b}, f"Result_{kind}", properties)
+
+
+def _term(values: Sequence[Any]) -> Any:
+    """Return three values as a triple, or as one where all are the same."""
+    # Numbers by repr: 0.0 == -0.0 in Python.
+    different = {each if isinstance(each, Node) else repr(each) for each in values}
+    return values[0] if len(different) == 1 else tuple(values)
+
+
+def _is_term(value: Any) -> bool:
+    return isinstance(value, Node) or (isinstance(value, tuple) and any(isinstance(each, Node) for each in value))
+
+
+def _constant(value: Any) -> SocketValue | Link:
+    if isinstance(value, Link):
+        return value
+    return tuple(_number(each) for each in value) if isinstance(value, tuple) else _number(value)
+
+
+def _number(value: Any) -> float:
+    if not np.isfinite(value):
+        raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
+    return float(value)
+
+
+def _leading_out(nodes: Mapping[str, ShaderNode]) -> dict[str, ShaderNode]:
+    """Return the nodes that an output of the tree depends on, in their order."""
+    stack = [name for name, node in nodes.items() if node.kind == "NodeGroupOutput" or node.kind.startswith("Output")]
+    found: set[str] = set()
+    while stack:
+        name = stack.pop()
+        if name not in found:
+            found.add(name)
+            stack += [link.node for link in nodes[name].inputs.values() if isinstance(link, Link)]
+    return {name: node for name, node in nodes.items() if name in found}

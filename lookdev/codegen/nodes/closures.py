@@ -1,0 +1,171 @@
+"""The closures that stand for the lobes of a BSDF, as nodes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf import Bsdf
+from lookdev.brdf.closures import Closure
+from lookdev.brdf.frames import ZENITH, from_local
+from lookdev.brdf.vectors import Array, same, scale
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.nodes.group import bound, built
+from lookdev.codegen.osl.bsdf import WO
+from lookdev.codegen.source import Link
+from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.symbolic import elements_of, symbols
+
+_X = np.array([1.0, 0.0, 0.0])
+
+
+def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[Link | None, bool]:
+    """Add the closures of a BSDF, traced in `graph`, to a tree.
+
+    Parameters
+    ----------
+    frame
+        Tangent, bitangent and normal in the world, (3, 3): symbols bound in the tree, as those of `WO` are.
+
+    Returns
+    -------
+    tuple
+        Where their sum is, None where there are none, and whether light passes through.
+    """
+    closures = _merged(_traced(graph, bsdf))
+    # Vectors first: what is one is then computed once.
+    vectors = [vector for each, _ in closures for vector in (each.weight, each.f0, _to_world(frame, each.normal))]
+    builder.prepare(elements_of(vector) for vector in vectors)
+    total: Link | None = None
+    for closure, label in closures:
+        total = add_shaders(builder, total, _add(graph, builder, closure, frame, label))
+    return total, any(closure.transmits for closure, _ in closures)
+
+
+def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | None:
+    """Add two shaders; None is black."""
+    if a is None or b is None:
+        return b if a is None else a
+    return Link(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
+
+
+def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Array) -> Link | None:
+    """Let rays go on, unchanged, where the surface is not present."""
+    absence = 1.0 - presence
+    if same(absence, 0.0):
+        return shader
+    (element,) = elements_of(absence)
+    amount = builder.vector([element] * 3)
+    return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
+
+
+def _traced(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
+    """Give the closures of lobes that are there, at least at some points, and whose they are."""
+    for lobe in bsdf.lobes(symbols(graph, WO)):
+        (share,) = elements_of(lobe.share)
+        if isinstance(share, Node) or share > 0.0:
+            yield from ((closure, lobe.name) for closure in lobe.closures())
+
+
+def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
+    """Sum closures that differ in nothing but weight, and leave out those without any."""
+    merged: dict[tuple[Any, ...], tuple[Closure, str]] = {}
+    for closure, label in closures:
+        if same(closure.weight, 0.0):
+            continue
+        shape = closure.alpha_x, closure.alpha_y, closure.ior, closure.f0, closure.roughness
+        key = (closure.kind, *(element for value in (*shape, closure.normal) for element in elements_of(value)))
+        if key in merged:
+            known, labels = merged[key]
+            closure = replace(known, weight=known.weight + closure.weight)
+            label = labels if label in labels.split(", ") else f"{labels}, {label}"
+        merged[key] = closure, label
+    return list(merged.values())
+
+
+def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
+    inputs: dict[str, Any] = {"Normal": built(builder, _to_world(frame, closure.normal))}
+    properties = {}
+    color = built(builder, closure.weight)
+    match closure.kind:
+        case "metal":
+            return _add_metal(builder, closure, frame, label, inputs)
+        case "sheen":
+            return _add_sheen(builder, color, label, inputs)
+        case "rough_diffuse":
+            inputs |= {"Color": built(builder, closure.f0), "Roughness": built(builder, closure.roughness)}
+            return _faded(builder, closure, builder.add("BsdfDiffuse", inputs=inputs, label=label))
+        case "diffuse":
+            kind = "BsdfDiffuse"
+            inputs["Roughness"] = 0.0
+        case "translucent":
+            kind = "BsdfTranslucent"
+        case "ggx_refraction" | "beckmann_refraction":
+            kind = "BsdfRefraction"
+            properties["distribution"] = closure.kind.removesuffix("_refraction").upper()
+            inputs["Roughness"] = built(builder, np.sqrt(closure.alpha_x))
+            # Cycles takes a surface seen from behind for the inside of a solid; ours are alike from both sides.
+            geometry = Link(builder.add("NewGeometry"), "Backfacing")
+            behind = bound(graph, builder, "frame.behind", geometry, vector=False)
+            inputs["IOR"] = built(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
+        case "ggx" | "beckmann":
+            kind = "BsdfAnisotropic"
+            properties["distribution"] = closure.kind.upper()
+            inputs |= _glossy(builder, closure, frame)
+    return Link(builder.add(kind, properties, {"Color": color} | inputs, label), "BSDF")
+
+
+def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: dict[str, Any]) -> Link:
+    """Add a metal, which has no colour to weigh it by."""
+    inputs |= {"Base Color": built(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
+    inputs |= _glossy(builder, closure, frame)
+    properties = {"distribution": "GGX", "fresnel_type": "F82"}
+    return _faded(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
+
+
+def _faded(builder: TreeBuilder, closure: Closure, node: str) -> Link:
+    """Weigh what no colour weighs: mix it with nothing."""
+    shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
+    if same(weight, 1.0):
+        return shader
+    return Link(builder.add("MixShader", inputs={"Fac": built(builder, weight), "Shader_001": shader}), "Shader")
+
+
+def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, Any]) -> Link:
+    """Add sheen: a black metal, weighed by a coat that is nothing but a colour.
+
+    The coat's index is the air's, so it reflects nothing; its normal is the viewer, so light goes through as much of it
+    as its tint is for.
+    """
+    inputs |= {"Base Color": (0.0, 0.0, 0.0), "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": (1.0, 1.0, 1.0)}
+    inputs |= {"Coat Weight": 1.0, "Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Tint": color}
+    inputs["Coat Normal"] = Link(builder.add("NewGeometry"), "Incoming")
+    return Link(builder.add("BsdfPrincipled", {"distribution": "GGX"}, inputs, label), "BSDF")
+
+
+def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, Any]:
+    """Return roughness, anisotropy and tangent.
+
+    Of an anisotropy a, Cycles makes alpha_x = r^2 / s and alpha_y = r^2 s: of a metal s^2 = 1 - 0.9 a, as Disney's BRDF
+    does; of others s = 1 + a where a is negative.
+    """
+    x, y = closure.alpha_x, closure.alpha_y
+    if same(x, y):
+        return {"Roughness": built(builder, np.sqrt(x))}
+    aspect2 = y / x
+    anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind == "metal" else np.sqrt(aspect2) - 1.0
+    return {
+        "Roughness": built(builder, np.sqrt(np.sqrt(x * y))),
+        "Anisotropy": built(builder, anisotropy),
+        "Tangent": built(builder, _to_world(frame, from_local(closure.normal, _X))),
+    }
+
+
+def _to_world(frame: Array, w: Array) -> Array:
+    """Express a vector (3,) of the surface's frame in the world."""
+    if same(w, ZENITH):
+        return frame[2]
+    return scale(frame[0], w[0]) + scale(frame[1], w[1]) + scale(frame[2], w[2])

@@ -1,0 +1,63 @@
+"""Fits (`lookdev.brdf.fits`) as groups of their own: long polynomials that several lobes share are one node each."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf.fits import fit, table
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.source import GroupSocket, Link, NodeTree
+from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol
+
+_PREFIX = "Lookdev Fit "
+_INPUTS = ("x", "y")
+
+
+def match_fit(node: Node) -> tuple[str, dict[str, Any]] | None:
+    """Return the group that computes a node, and what its sockets are given, if the node is a fit in two variables."""
+    variables = _variables(node)
+    if variables is None:
+        return None
+    x, y = (SymbolicArray(node.graph, np.array(each, dtype=object)) for each in variables)
+    for name, entry in table()["fits"].items():
+        # Equal expressions are one node.
+        if len(entry["numerator"][0]) > 1 and elements_of(fit(name)(x, y))[0] is node:
+            return f"{_PREFIX}{name}", dict(zip(_INPUTS, variables, strict=True))
+    return None
+
+
+def is_fit(group: str) -> bool:
+    """Tell whether a group's name is that of a fit."""
+    return group.startswith(_PREFIX)
+
+
+def fit_tree(group: str) -> NodeTree:
+    """Return the tree of a fit's group."""
+    graph, builder = Graph(), TreeBuilder(group)
+    given = builder.add("NodeGroupInput")
+    for name in _INPUTS:
+        builder.bind([name], Link(given, name))
+    value = fit(group.removeprefix(_PREFIX))(*(symbol(graph, name) for name in _INPUTS))
+    builder.add("NodeGroupOutput", inputs={"Value": builder.scalar(*elements_of(value))})
+    return builder.tree([GroupSocket(name, "float") for name in _INPUTS], [GroupSocket("Value", "float")])
+
+
+def _variables(node: Node) -> tuple[Node, Node] | None:
+    """Return x and y where a node may be a polynomial of both, (... y + c) x + (... y + c), or a quotient of two."""
+    numerator = node.args[0] if node.op == "divide" else node
+    outer = _factor(numerator)
+    inner = _factor(numerator.args[1]) if outer is not None else None
+    return (outer, inner) if outer is not None and inner is not None else None
+
+
+def _factor(value: Any) -> Node | None:
+    """Return b of a b + c, a step of Horner's rule."""
+    if not isinstance(value, Node) or value.op != "add":
+        return None
+    product = value.args[0]
+    if not isinstance(product, Node) or product.op != "multiply" or not isinstance(product.args[1], Node):
+        return None
+    return product.args[1]

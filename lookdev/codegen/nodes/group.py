@@ -1,0 +1,120 @@
+"""Groups of nodes whose sockets are parameters of the models."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from lookdev.brdf import Parameter
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.nodes.fits import match_fit
+from lookdev.codegen.source import GroupSocket, Link, NodeTree
+from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+
+
+class Group:
+    """One group that is being built: what it computes is traced in a graph of its own."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.graph = Graph()
+        self.builder = TreeBuilder(name, match_fit)
+        # By the name of a socket, what the tree that shows the group sets it to: an array of the graph outside.
+        self._given: dict[str, Any] = {}
+        self._sockets: list[GroupSocket] = []
+        self._input = self.builder.add("NodeGroupInput")
+
+    def take(self, parameters: Mapping[str, Parameter], values: Mapping[str, Any], panel: str = "") -> dict[str, Any]:
+        """Return what values are inside the group: symbols of sockets, or the constants that end a term's life.
+
+        Parameters
+        ----------
+        parameters
+            Of the values, by name.
+        values
+            Tokens, and arrays of the graph outside.
+        panel
+            Where the sockets stand; part of their names, which are unique in a group.
+        """
+        inside: dict[str, Any] = {}
+        for name, value in values.items():
+            parameter = parameters[name]
+            if parameter.kind == "token" or _folds(parameter, value):
+                inside[name] = value
+            else:
+                inside[name] = self._socket(parameter, f"{panel} {name}" if panel else name, value, panel)
+        return inside
+
+    def take_shader(self, name: str, panel: str = "") -> Link:
+        """Add a socket for a shader and return where it is inside."""
+        self._sockets.append(GroupSocket(name, "shader", panel=panel))
+        return Link(self._input, name)
+
+    def tree(self, shader: Link | None = None, values: Mapping[GroupSocket, Any] | None = None) -> NodeTree:
+        """Return the tree; its outputs are a shader, if any, and values of the graph inside."""
+        values = values or {}
+        self.builder.prepare(_vectors(values.values()))
+        inputs: dict[str, Any] = {socket.name: built(self.builder, value) for socket, value in values.items()}
+        outputs = list(values)
+        if shader is not None:
+            inputs["Shader"] = shader
+        if shader is not None or not values:
+            outputs.insert(0, GroupSocket("Shader", "shader"))
+        self.builder.add("NodeGroupOutput", inputs=inputs)
+        return self.builder.tree(self._sockets, outputs)
+
+    def show(self, outside: TreeBuilder, tree: NodeTree, shaders: Mapping[str, Link] | None = None) -> str:
+        """Add a node that shows the finished tree to another, with all that its sockets are given; return its name."""
+        given = self.wanted(tree)
+        outside.prepare(_vectors(given.values()))
+        inputs: dict[str, Any] = {name: built(outside, value) for name, value in given.items()}
+        return outside.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
+
+    def wanted(self, tree: NodeTree) -> dict[str, Any]:
+        """Return what the sockets of the finished tree are given."""
+        return {socket.name: self._given[socket.name] for socket in tree.inputs if socket.kind != "shader"}
+
+    def _socket(self, parameter: Parameter, name: str, value: Any, panel: str) -> Any:
+        self._sockets.append(replace(socket_of(parameter), name=name, panel=panel))
+        self._given[name] = value
+        return bound(self.graph, self.builder, name, Link(self._input, name), vector=parameter.kind != "float")
+
+
+def socket_of(parameter: Parameter) -> GroupSocket:
+    """Return the socket of a parameter, by its own name."""
+    kind: Any = "vector" if parameter.kind == "normal" else parameter.kind
+    return GroupSocket(parameter.name, kind, parameter.default, parameter.soft, parameter.help)
+
+
+def bound(graph: Graph, builder: TreeBuilder, name: str, link: Link, *, vector: bool) -> Any:
+    """Return the array, () or (3,), of what a node gives, by symbols of that name."""
+    value = symbols_of(graph, name, vector=vector)
+    builder.bind([str(node.args[0]) for node in elements_of(value)], link)
+    return value
+
+
+def symbols_of(graph: Graph, name: str, *, vector: bool) -> Any:
+    """Return symbols of that name as an array, () or (3,)."""
+    return symbols(graph, [f"{name}_{i}" for i in range(3)]) if vector else symbol(graph, name)
+
+
+def built(builder: TreeBuilder, value: Any) -> Link | float | tuple[float, float, float]:
+    """Return where an array, () or (3,), is found in a tree."""
+    elements = elements_of(value)
+    return builder.vector(elements) if len(elements) == 3 else builder.scalar(elements[0])
+
+
+def _folds(parameter: Parameter, value: Any) -> bool:
+    """Tell whether a value is a constant at which terms of the model vanish."""
+    elements = elements_of(value)
+    if any(isinstance(each, Node) for each in elements):
+        return False
+    if parameter.kind == "normal":
+        return bool(elements[0] == elements[1] == 0.0 and elements[2] > 0.0)
+    return not any(elements) if parameter.kind == "color" else elements[0] in parameter.hard
+
+
+def _vectors(values: Iterable[Any]) -> list[list[Any]]:
+    return [elements for value in values if len(elements := elements_of(value)) == 3]

@@ -1,0 +1,154 @@
+"""What a look reads at a point, as nodes: textures, primvars and coordinates, for the symbols of `Inputs`.
+
+An image node wraps both axes alike. Where a texture does not, and in the sets of a UDIM, single look-ups are put
+together by arithmetic, the same as that of `lookdev/shaders/texture.h`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lookdev.cache import file_digest
+from lookdev.codegen.inputs import Inputs, LookUp
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.source import AttributeBinding, Link, NodeTree
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import elements_of, symbols
+
+_EXTENSION = {"black": "CLIP", "clamp": "EXTEND", "repeat": "REPEAT", "mirror": "MIRROR"}
+_IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+
+
+def bind_inputs(builder: TreeBuilder, inputs: Inputs, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
+    """Add the nodes that give symbols of a look their values, and bind them.
+
+    Parameters
+    ----------
+    builder
+        The tree to add to.
+    inputs
+        Where the symbols come from.
+    names
+        The symbols that are wanted, and maybe others, which are left alone.
+
+    Returns
+    -------
+    tuple of AttributeBinding
+        What the nodes read from the mesh.
+
+    Raises
+    ------
+    TextureError
+        An image is missing or unreadable.
+    """
+    names = list(names)
+    attributes = tuple(inputs.read_by(names))
+    for binding in attributes:
+        _bind_attribute(builder, binding)
+    for name in inputs.looked_up_by(names):
+        _bind_look_up(builder, inputs.graph, name, inputs.look_up(name))
+    return attributes
+
+
+def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding]) -> str:
+    """Return the digest of trees, of what they read from a mesh, and of the content of their images."""
+    digest = hashlib.sha256(repr(tuple(attributes)).encode())
+    for tree in trees:
+        digest.update(repr(replace(tree, nodes=())).encode())
+        for node in tree.nodes:
+            digest.update(repr(replace(node, image=None)).encode())
+            if node.image is not None:
+                digest.update(file_digest(node.image).encode())
+    return digest.hexdigest()
+
+
+def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
+    name = binding.parameter
+    components = [f"{name}[{i}]" for i in range(3)]
+    if binding.kind == "uv":
+        builder.bind(components, Link(builder.add("UVMap", {"uv_map": binding.attribute}), "UV"))
+        return
+    node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.attribute})
+    if binding.kind == "float":
+        builder.bind([name], Link(node, "Fac"))
+    else:
+        builder.bind(components, Link(node, "Vector"))
+
+
+def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp) -> None:
+    texture = look_up.texture
+    uv = symbols(graph, [f"{look_up.uv}[{i}]" for i in range(3)])
+    a, b, c, d, e, f = texture.transform
+    s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
+    # An image has no third coordinate: the UV set's lets a place that is not transformed be the node's output itself.
+    third = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
+
+    def read(file: Path, place: Sequence[Any], wrap: str) -> Any:
+        vector = builder.vector(elements_of(np.stack(place)))
+        properties = {"interpolation": "Linear", "projection": "FLAT", "extension": _EXTENSION[wrap]}
+        node = builder.add("TexImage", properties, {"Vector": vector}, texture.file.stem, image=file)
+        names = [f"{node}[{i}]" for i in range(4)]
+        builder.bind(names[:3], Link(node, "Color"))
+        builder.bind(names[3:], Link(node, "Alpha"))
+        return symbols(graph, names)
+
+    wraps = texture.wrap_s, texture.wrap_t
+    if 0 not in look_up.files:
+        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); where there is none, all is 0.
+        column, row = np.floor(s), np.floor(t)
+        value = np.zeros(4)
+        for number, file in look_up.files.items():
+            i, j = (number - 1001) % 10, (number - 1001) // 10
+            here = np.where(_is(column, i) & _is(row, j), 1.0, 0.0)
+            value = value + read(file, (s - column, t - row, np.array(0.0)), "clamp") * here
+    elif wraps[0] == wraps[1]:
+        value = read(look_up.files[0], (s, t, third), wraps[0])
+    else:
+        value = np.zeros(4)
+        for y in _copies(t, wraps[1]):
+            for x in _copies(s, wraps[0]):
+                value = value + read(look_up.files[0], (x, y, np.array(0.0)), "black")
+    if look_up.slopes and 0 in look_up.files:
+        value = value * np.stack([_wrap_slope(s, wraps[0]), _wrap_slope(t, wraps[1]), np.array(1.0), np.array(1.0)])
+    *color, alpha = elements_of(value)
+    # An image was read for them: they are links, not constants.
+    color_link: Any = builder.vector(color)
+    alpha_link: Any = builder.scalar(alpha)
+    builder.bind([f"{name}[{i}]" for i in range(3)], color_link)
+    builder.bind([f"{name}_a"], alpha_link)
+
+
+def _is(coordinate: Any, whole: int) -> Any:
+    return (coordinate > whole - 0.5) & (coordinate < whole + 0.5)
+
+
+def _copies(s: Any, wrap: str) -> tuple[Any, ...]:
+    """Give the places in an image, and beside it, whose sum is a wrapped look-up at s.
+
+    Bilinear weights are tents about texel centres: an image that repeats or mirrors is the sum of its copies, of which
+    no more than two reach a place.
+    """
+    if wrap == "black":
+        return (s,)
+    if wrap == "repeat":
+        place = s - np.floor(s)
+        return place, np.where(place < 0.5, place + 1.0, place - 1.0)
+    # Within half a texel of an edge, clamped and mirrored are the same.
+    place = np.absolute(s - 2.0 * np.floor(0.5 * s + 0.5)) if wrap == "mirror" else np.clip(s, 0.0, 1.0)
+    return place, np.where(place < 0.5, -place, 2.0 - place)
+
+
+def _wrap_slope(s: Any, wrap: str) -> Any:
+    """Return the derivative of an axis' wrapping: mirrored copies run backwards, a clamped edge changes nothing."""
+    if wrap == "mirror":
+        whole = np.floor(s)
+        return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))
+    if wrap == "clamp":
+        return np.where((s >= 0.0) & (s <= 1.0), 1.0, 0.0)
+    return np.array(1.0)

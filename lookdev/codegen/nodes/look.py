@@ -1,0 +1,238 @@
+"""A look as Cycles' own closures: what the ``nodes`` backend renders, and what an artist opens in Blender.
+
+The material's tree has textures, primvars, mask expressions and the constants; groups have the models, and sockets that
+can be slid. Layers of one model are combined in one group: Disney's as parameters, Pixar's as partitions of light. From
+the first layer of another model on, shaders are blended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.brdf import MASK, PARAMETERS, Bsdf, Parameter, StackLayer, stack_bsdf
+from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
+from lookdev.brdf.layering import blend_parameters
+from lookdev.brdf.vectors import Array, same
+from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.look import look_stack
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.nodes.closures import add_shaders, add_transparent, shade
+from lookdev.codegen.nodes.fits import fit_tree, is_fit
+from lookdev.codegen.nodes.frame import add_frame, frame_tree
+from lookdev.codegen.nodes.group import Group, bound, built, socket_of, symbols_of
+from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
+from lookdev.codegen.source import HANDEDNESS, AttributeBinding, Link, NodeSource, NodeTree
+from lookdev.codegen.trace.graph import Graph, reachable
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of
+from lookdev.material import Bump, Look, Texture
+
+_TITLES = {"disney": "Lookdev Disney", "pixar": "Lookdev Pixar"}
+_LAYERS = "Lookdev Layers"
+_PRESENCE = Parameter("presence", "float", 1.0, help="How much of the surface is there.")
+_OF_PART = {"mask": MASK, "presence": _PRESENCE}
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What stands for some of the layers: a shader, and how much of the surface is there, in the material's graph."""
+
+    shader: Link
+    presence: Array
+    transmits: bool
+
+
+def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> NodeSource:
+    """Generate the closures of a look.
+
+    Parameters
+    ----------
+    look
+        Constants that end a term's life are folded; what is not needed then is not there, nor are its textures.
+    resolve
+        Turns a texture into its linear EXR file, a height map into that of its slopes.
+
+    Raises
+    ------
+    ModelError
+        A constant is outside its hard range, or the layers do not fit together.
+    TextureError
+        An image is missing or unreadable.
+    """
+    return _Material(look, resolve).source()
+
+
+class _Material:
+    """The material's own tree while it is built, and the groups so far."""
+
+    def __init__(self, look: Look, resolve: Callable[[Texture | Bump], Path]) -> None:
+        self._look = look
+        self._graph = Graph()
+        self._inputs = Inputs(self._graph, resolve)
+        self._builder = TreeBuilder(look.name)
+        self._groups: list[NodeTree] = []
+        self._attributes: dict[AttributeBinding, None] = {}
+
+    def source(self) -> NodeSource:
+        """Return the finished source."""
+        stack = look_stack(self._look, self._inputs)
+        names = _unique(layer.name for layer in self._look.layers)
+        # Layers must fit together, also those of which nothing is left.
+        presence = stack_bsdf(stack).presence
+        runs = list(_runs(stack))
+        if len(runs) == 1:
+            whole = self._run(stack, names, part="")
+        else:
+            whole = self._mixed([self._run(stack[run], names[run], names[run][0]) for run in runs], stack, names)
+        self._builder.add("OutputMaterial", inputs={"Surface": whole.shader})
+        attributes = sorted(self._attributes, key=lambda binding: binding.parameter)
+        frame = frame_tree(leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
+        shown = {node.group for tree in self._groups for node in tree.nodes}
+        fits = [fit_tree(name) for name in sorted(shown) if is_fit(name)]
+        trees = (frame, *fits, *self._groups, self._builder.tree())
+        return NodeSource(
+            self._look.name,
+            trees,
+            tuple(attributes),
+            node_digest(trees, attributes),
+            exact=False,
+            transmits=whole.transmits,
+            see_through=not same(presence, 1.0),
+        )
+
+    def _run(self, stack: Sequence[StackLayer], names: Sequence[str], part: str) -> _Part:
+        """Add what shades layers of one model; `part` names it where it is not all of the look."""
+        model = stack[0].model
+        if len(stack) == 1:
+            group = Group(f"{_TITLES[model]} {part}".strip())
+            return self._shaded(group, _taken(group, stack), part)
+        group = Group(f"{_LAYERS} {part}".strip())
+        layers = _taken(group, stack, names)
+        return self._parameters(group, layers, part) if model == "disney" else self._shaded(group, layers, part)
+
+    def _shaded(self, group: Group, stack: Sequence[StackLayer], part: str) -> _Part:
+        """Finish a group that shades by the layers taken into it."""
+        bsdf = stack_bsdf(stack)
+        shader, transmits = _closures(group, bsdf)
+        if not part:
+            tree = group.tree(add_transparent(group.builder, shader, bsdf.presence))
+            return _Part(Link(self._show(group, tree), "Shader"), np.array(1.0), transmits)
+        whole = same(bsdf.presence, 1.0)
+        tree = group.tree(shader, {} if whole else {socket_of(_PRESENCE): bsdf.presence})
+        node = self._show(group, tree)
+        presence: Array = np.array(1.0)
+        if not whole:
+            place = Link(node, _PRESENCE.name)
+            presence = bound(self._graph, self._builder, f"{group.name} presence", place, vector=False)
+        return _Part(Link(node, "Shader"), presence, transmits)
+
+    def _parameters(self, layers: Group, stack: Sequence[StackLayer], part: str) -> _Part:
+        """Finish a group that blends the parameters of Disney's layers, and add one that shades by them."""
+        blended = dict(stack[0].parameters)
+        for layer in stack[1:]:
+            blended = blend_parameters(DISNEY_PARAMETERS, blended, layer.parameters, layer.mask)
+        # Where the first group gives its outputs is known after the second has told which it reads.
+        between = {name: f"{layers.name} {name}" for name, value in blended.items() if isinstance(value, SymbolicArray)}
+        outside = {
+            name: symbols_of(self._graph, between[name], vector=DISNEY_PARAMETERS[name].kind != "float")
+            if name in between
+            else value
+            for name, value in blended.items()
+        }
+        group = Group(f"{_TITLES['disney']} {part}".strip())
+        shading = replace(stack[0], parameters=group.take(DISNEY_PARAMETERS, outside))
+        shader, _ = _closures(group, stack_bsdf([shading]))
+        tree = group.tree(shader)
+        read = [name for name in group.wanted(tree) if name in between]
+        node = self._show(
+            layers, layers.tree(None, {socket_of(DISNEY_PARAMETERS[name]): blended[name] for name in read})
+        )
+        for name in read:
+            vector = DISNEY_PARAMETERS[name].kind != "float"
+            bound(self._graph, self._builder, between[name], Link(node, name), vector=vector)
+        return _Part(Link(self._show(group, tree), "Shader"), np.array(1.0), transmits=False)
+
+    def _mixed(self, parts: Sequence[_Part], stack: Sequence[StackLayer], names: Sequence[str]) -> _Part:
+        """Blend shaders, base first: f is ``mask * f_above + (1 - mask * presence_above) * f_below``."""
+        group = Group(_LAYERS)
+        above = len(parts) - 1
+        panels = [names[0], *names[-above:]]
+        # Nothing is beneath the base.
+        layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
+        shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}
+        total: Link | None = None
+        presence: Array = np.array(0.0)
+        for panel, part, layer in zip(panels, parts, layers, strict=True):
+            shader = group.take_shader(f"{panel} shader", panel)
+            inside = group.take(_OF_PART, {"mask": layer.mask, "presence": part.presence}, panel)
+            covered = inside["mask"] * inside["presence"]
+            total = _over(group.builder, shader, total, inside["mask"], covered)
+            presence = 1.0 - (1.0 - covered) * (1.0 - presence)
+        tree = group.tree(add_transparent(group.builder, total, presence))
+        node = self._show(group, tree, shaders)
+        return _Part(Link(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
+
+    def _show(self, group: Group, tree: NodeTree, shaders: Mapping[str, Link] | None = None) -> str:
+        """Add a finished group to the material's tree, and what it reads; return the node's name."""
+        self._groups.append(tree)
+        elements = [element for value in group.wanted(tree).values() for element in elements_of(value)]
+        names = [str(node.args[0]) for node in reachable(elements) if node.op == "symbol"]
+        self._attributes |= dict.fromkeys(bind_inputs(self._builder, self._inputs, names))
+        return group.show(self._builder, tree, shaders)
+
+
+def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
+    """Add the frame and the closures of a BSDF to a group; return their sum and whether light passes through."""
+    frame = add_frame(group.builder)
+    # No parameter's name, nor a layer's, has a dot.
+    axes = {"frame.tangent": frame.tangent, "frame.bitangent": frame.bitangent, "frame.normal": frame.normal}
+    bases = [bound(group.graph, group.builder, name, link, vector=True) for name, link in axes.items()]
+    return shade(group.graph, group.builder, bsdf, np.stack(bases))
+
+
+def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Array, covered: Array) -> Link | None:
+    """Lay a shader on another, which `covered` of is hidden."""
+    if below is not None and same(mask, covered) and not same(mask, 0.0) and not same(mask, 1.0):
+        inputs = {"Fac": built(builder, mask), "Shader": below, "Shader_001": above}
+        return Link(builder.add("MixShader", inputs=inputs), "Shader")
+    return add_shaders(builder, _scaled(builder, below, 1.0 - covered), _scaled(builder, above, mask))
+
+
+def _scaled(builder: TreeBuilder, shader: Link | None, factor: Array) -> Link | None:
+    """Multiply a shader by a number from 0 to 1."""
+    if shader is None or same(factor, 0.0):
+        return None
+    if same(factor, 1.0):
+        return shader
+    return Link(builder.add("MixShader", inputs={"Fac": built(builder, factor), "Shader_001": shader}), "Shader")
+
+
+def _taken(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:
+    """Return layers as they are inside a group; of more than one, each has a panel."""
+    taken = []
+    for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):
+        mask = group.take({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
+        parameters = group.take(PARAMETERS[layer.model], layer.parameters, panel)
+        taken.append(replace(layer, mask=mask, parameters=parameters))
+    return taken
+
+
+def _runs(stack: Sequence[StackLayer]) -> Iterator[slice]:
+    """Give the layers that are combined by one model: the base and those like it, then one by one, as `stack_bsdf`."""
+    count = next((number for number, each in enumerate(stack) if each.model != stack[0].model), len(stack))
+    yield slice(0, count)
+    yield from (slice(number, number + 1) for number in range(count, len(stack)))
+
+
+def _unique(names: Iterator[str]) -> list[str]:
+    """Number names that have been there before."""
+    unique: list[str] = []
+    for name in names:
+        number, new = 2, name
+        while new in unique:
+            number, new = number + 1, f"{name} {number}"
+        unique.append(new)
+    return unique

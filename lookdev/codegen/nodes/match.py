@@ -1,0 +1,185 @@
+"""What Blender's Math nodes call the operations of expression graphs, and which several of them one node can do.
+
+Their arithmetic differs from NumPy's only where models never go: a division by 0 gives 0, as do the square root and the
+logarithm of a negative number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterator
+from typing import Any, TypeAlias
+
+from lookdev.codegen.trace.graph import Node, in_order
+
+Triple: TypeAlias = tuple[Any, Any, Any]
+"""The components of a vector: nodes and numbers."""
+
+Match: TypeAlias = tuple[Any, ...]
+"""An operation and its operands; ``"MIX", a, b, t`` is a (1 - t) + b t."""
+
+_OPERATIONS: dict[str, str] = {
+    "add": "ADD",
+    "subtract": "SUBTRACT",
+    "multiply": "MULTIPLY",
+    "divide": "DIVIDE",
+    "absolute": "ABSOLUTE",
+    "sqrt": "SQRT",
+    "exp": "EXPONENT",
+    "sin": "SINE",
+    "cos": "COSINE",
+    "tan": "TANGENT",
+    "tanh": "TANH",
+    "arctan2": "ARCTAN2",
+    "floor": "FLOOR",
+    "power": "POWER",
+    "maximum": "MAXIMUM",
+    "minimum": "MINIMUM",
+    "greater": "GREATER_THAN",
+    "less": "LESS_THAN",
+    # Booleans are 0 and 1.
+    "logical_and": "MULTIPLY",
+    "logical_or": "MAXIMUM",
+}
+
+_E = 2.718281828459045
+
+
+def match(node: Node, known: Container[Any] = ()) -> Match:
+    """Return the operation that computes a node, and what of.
+
+    A product that is added becomes part of the addition, unless it is `known`: there anyway.
+    """
+    apply = node.graph.apply
+    match node.op, node.args:
+        case "add", (a, b):
+            return _match_mix(a, b) or _match_mix(b, a) or _match_multiply_add(a, b, known) or ("ADD", a, b)
+        case "subtract", (a, b) if _is_product(a, known) and not isinstance(b, Node):
+            return ("MULTIPLY_ADD", *a.args, -b)
+        case "subtract", (a, b) if _is_product(b, known) and not all(isinstance(each, Node) for each in b.args):
+            factor, number = b.args if isinstance(b.args[0], Node) else reversed(b.args)
+            return "MULTIPLY_ADD", factor, -number, a
+        case "divide", (_, b) if _is_inverse_root(node):
+            return "INVERSE_SQRT", b.args[0]
+        case "negative", (a,):
+            return "MULTIPLY", a, -1.0
+        case "log", (a,):
+            return "LOGARITHM", a, _E
+        case "expm1", (a,):
+            # tanh(x / 2) (exp(x) + 1), which cancels nowhere.
+            half = Node("tanh", (apply("multiply", a, 0.5),), node.graph)
+            return "MULTIPLY_ADD", half, apply("exp", a), half
+        case "greater_equal", (a, b):
+            return "SUBTRACT", 1.0, apply("less", a, b)
+        case "less_equal", (a, b):
+            return "SUBTRACT", 1.0, apply("greater", a, b)
+        case "equal", (a, b):
+            return "SUBTRACT", 1.0, apply("add", apply("less", a, b), apply("greater", a, b))
+        case "logical_not", (a,):
+            return "SUBTRACT", 1.0, a
+        case "where", (condition, a, b):
+            return _match_where(condition, a, b)
+        case _:
+            return (_OPERATIONS[node.op], *node.args)
+
+
+def match_dot(node: Node) -> tuple[Triple, Triple] | None:
+    """Return the two vectors whose dot product a node is, if it is one."""
+    factor: Any = None
+    if node.op == "multiply" and not isinstance(node.args[1], Node):
+        # A mean of three.
+        node, factor = node.args
+    summands = _summands(node)
+    if summands is None:
+        return None
+    if factor is not None:
+        return summands, (factor, factor, factor)
+    pairs = [each.args for each in summands if isinstance(each, Node) and each.op == "multiply"]
+    if len(pairs) < 3:
+        return None
+    (a0, b0), (a1, b1), (a2, b2) = pairs
+    return (a0, a1, a2), (b0, b1, b2)
+
+
+def match_normalize(triple: Triple) -> Triple | None:
+    """Return the vector that a triple is, divided by its length; None if it is none."""
+    if not all(isinstance(each, Node) and each.op == "multiply" for each in triple):
+        return None
+    (x, inverse), (y, second), (z, third) = (each.args for each in triple)
+    if inverse is not second or inverse is not third or not _is_inverse_root(inverse):
+        return None
+    vector, (square,) = (x, y, z), inverse.args[1].args
+    dot = match_dot(square)
+    return vector if dot is not None and all(_alike(vector, each) for each in dot) else None
+
+
+def depth_of(value: Any, depths: dict[Node, int]) -> None:
+    """Add to `depths` how many operations deep a node, and all that it needs, are."""
+    for node in in_order([value], stop=lambda each: each in depths):
+        depths[node] = 1 + max((depths[each] for each in node.operands()), default=0)
+
+
+def _alike(a: Triple, b: Triple) -> bool:
+    return all(x is y if isinstance(x, Node) else x == y for x, y in zip(a, b, strict=True))
+
+
+def _summands(node: Node) -> Triple | None:
+    if node.op != "add" or not isinstance(node.args[0], Node) or node.args[0].op != "add":
+        return None
+    return (*node.args[0].args, node.args[1])
+
+
+def _is_product(value: Any, known: Container[Any]) -> bool:
+    """Tell whether a value is a product that is needed for a sum only; what is divided by a length is a vector's."""
+    return (
+        isinstance(value, Node)
+        and value.op == "multiply"
+        and value not in known
+        and not any(_is_inverse_root(each) for each in value.args)
+    )
+
+
+def _is_inverse_root(value: Any) -> bool:
+    if not isinstance(value, Node) or value.op != "divide":
+        return False
+    one, root = value.args
+    return not isinstance(one, Node) and one == 1.0 and root.op == "sqrt"
+
+
+def _match_multiply_add(a: Any, b: Any, known: Container[Any]) -> Match | None:
+    if _is_product(a, known):
+        return ("MULTIPLY_ADD", *a.args, b)
+    return ("MULTIPLY_ADD", *b.args, a) if _is_product(b, known) else None
+
+
+def _factors(value: Any) -> Iterator[tuple[Any, Any]]:
+    """Give the ways to take a factor, the first, out of a value."""
+    if isinstance(value, Node) and value.op == "multiply":
+        x, y = value.args
+        yield x, y
+        yield y, x
+    yield value, 1.0
+
+
+def _match_mix(p: Any, q: Any) -> Match | None:
+    """Match a (1 - t) + b t."""
+    for rest, a in _factors(p):
+        if isinstance(rest, Node) and rest.op == "subtract" and not isinstance(rest.args[0], Node):
+            one, t = rest.args
+            if one == 1.0:
+                for factor, b in _factors(q):
+                    if factor is t:
+                        return "MIX", a, b, t
+    return None
+
+
+def _match_where(condition: Node, a: Any, b: Any) -> Match:
+    match condition.op, condition.args:
+        case "logical_not", (inner,):
+            condition, a, b = inner, b, a
+        case "greater_equal", (x, y):
+            condition, a, b = condition.graph.apply("less", x, y), b, a
+        case "less_equal", (x, y):
+            condition, a, b = condition.graph.apply("greater", x, y), b, a
+    if not isinstance(b, Node) and b == 0.0:
+        return "MULTIPLY", a, condition
+    return "MIX", b, a, condition

@@ -1,0 +1,1 @@
+"""OSL text from traced models."""

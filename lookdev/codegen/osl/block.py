@@ -1,0 +1,121 @@
+"""Expression graphs as OSL text.
+
+A `Block` is one scope of the emitted code: it knows which nodes already have a name there, gives a name to every
+node used more than once, and writes the rest inline. OSL computes in float32.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from lookdev.codegen.trace.graph import Node, in_order, reachable
+from lookdev.errors import CodegenError
+
+_CODE: dict[str, str] = {
+    "add": "({} + {})",
+    "subtract": "({} - {})",
+    "multiply": "({} * {})",
+    "divide": "({} / {})",
+    "negative": "(-{})",
+    "absolute": "fabs({})",
+    "sqrt": "sqrt({})",
+    "exp": "exp({})",
+    "expm1": "expm1({})",
+    "log": "log({})",
+    "sin": "sin({})",
+    "cos": "cos({})",
+    "tan": "tan({})",
+    "arctan2": "atan2({}, {})",
+    "floor": "floor({})",
+    "power": "pow({}, {})",
+    "maximum": "max({}, {})",
+    "minimum": "min({}, {})",
+    "greater": "({} > {})",
+    "greater_equal": "({} >= {})",
+    "less": "({} < {})",
+    "less_equal": "({} <= {})",
+    "equal": "({} == {})",
+    "logical_and": "({} && {})",
+    "logical_or": "({} || {})",
+    "logical_not": "(!{})",
+    "where": "({} ? {} : {})",
+}
+
+_BOOLEAN = frozenset(
+    ["greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"]
+)
+
+# Longer expressions get a name, so that the generated shader can be read.
+_MAX_INLINE = 70
+
+
+def literal(value: float | bool) -> str:
+    """Write a constant; raises CodegenError where it is not finite, since OSL has no such literal."""
+    if isinstance(value, bool | np.bool_):
+        return "1" if value else "0"
+    if not np.isfinite(value):
+        raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
+    return repr(float(value))
+
+
+class Block:
+    """One scope of emitted code."""
+
+    def __init__(self, prefix: str, indent: int, named: Mapping[Node, str] | None = None) -> None:
+        self.lines: list[str] = []
+        self.named: dict[Node, str] = dict(named or {})
+        self._prefix = prefix
+        self._pad = "    " * indent
+        self._uses: Counter[Node] = Counter()
+
+    def write(self, text: str) -> None:
+        """Append one line of code as it is."""
+        self.lines.append(self._pad + text)
+
+    def prepare(self, roots: Iterable[Any]) -> None:
+        """Count uses under `roots`, all that this block will ask for, so that shared nodes get a name."""
+        roots = list(roots)
+        for node in reachable(roots, stop=self.named):
+            if node not in self.named:
+                self._uses.update(node.operands())
+        self._uses.update(root for root in roots if isinstance(root, Node))
+
+    def name(self, value: Any) -> str:
+        """Compute `value` into a variable of its own and return its name (or its literal)."""
+        code = self.expression(value)
+        if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
+            self._define(value, code)
+            return self.named[value]
+        return code
+
+    def expression(self, value: Any) -> str:
+        """Return code for `value`, writing the variables it needs first."""
+        inline: dict[Any, str] = {}
+
+        def shown(part: Any) -> str:
+            if not isinstance(part, Node):
+                return literal(part)
+            return self.named.get(part) or inline[part]
+
+        for node in in_order([value], stop=lambda node: node in self.named):
+            if node.op == "symbol":
+                inline[node] = str(node.args[0])
+                continue
+            code = _CODE[node.op].format(*(shown(arg) for arg in node.args))
+            if self._uses[node] > 1 or len(code) > _MAX_INLINE:
+                self._define(node, code)
+            else:
+                inline[node] = code
+        return shown(value)
+
+    def _define(self, node: Node, code: str) -> None:
+        name = f"{self._prefix}{len(self.named)}"
+        kind = "int" if node.op in _BOOLEAN else "float"
+        if code.startswith("(") and code.endswith(")"):
+            code = code[1:-1]
+        self.write(f"{kind} {name} = {code};")
+        self.named[node] = name

@@ -1,0 +1,278 @@
+"""Whole shaders: a hand-written OSL template with the generated BRDF in it.
+
+A template is a file of `lookdev/shaders`. Lines that consist of ``//@ name`` are replaced by the generated lines
+of that name, ``//@ include file`` by that file, so that the text handed to the OSL compiler stands alone.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.brdf import PARAMETERS, StackLayer, stack_bsdf
+from lookdev.brdf.pixar_layering import Mode
+from lookdev.cache import file_digest
+from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.look import look_bsdf
+from lookdev.codegen.osl.bsdf import WI, WO, BrdfCode, TracedLobe, emit_brdf, trace_lobes
+from lookdev.codegen.source import HANDEDNESS, ShaderSource
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.errors import CodegenError
+from lookdev.light import bins
+from lookdev.light.tables import CODE_BITS, MOST_POINTS, SLOTS
+from lookdev.material import Bump, Look, Texture
+
+
+def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
+    """Fill a template of `lookdev/shaders`; an unknown section is a CodegenError."""
+    lines: list[str] = []
+    for line in (files("lookdev") / "shaders" / name).read_text(encoding="utf-8").splitlines():
+        command = line.strip().removeprefix("//@ ").split() if line.strip().startswith("//@ ") else []
+        if command[:1] == ["include"]:
+            lines += expand_template(command[1], sections).splitlines()
+        elif command:
+            if command[0] not in sections:
+                raise CodegenError(f"template {name} has no such section: '{command[0]}'")
+            lines += sections[command[0]]
+        else:
+            lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def generate_surface(
+    look: Look,
+    resolve: Callable[[Texture | Bump], Path],
+    *,
+    brdf_samples: int | None,
+    ibl_samples: int | None,
+    bounces: int,
+    light_size: tuple[int, int],
+    constant_light: bool = False,
+    shadows: bool = True,
+    resolution: tuple[int, int],
+) -> ShaderSource:
+    """Generate the light integral shader of a look.
+
+    Parameters
+    ----------
+    look
+        Constants in it are folded; lobes that vanish take their textures with them.
+    resolve
+        Turns a texture into its linear EXR file, a height map into that of its slopes.
+    brdf_samples, ibl_samples
+        Directions drawn a shading point from the BRDF and from the light; None: as many as suit the look.
+    bounces
+        Times that light may be reflected by the asset before it leaves it towards the camera.
+    light_size
+        Width and height of the light's table.
+    constant_light
+        The same radiance comes from everywhere.
+    shadows
+        The asset may stand in the way of light; without, there are no `bounces` either.
+    resolution
+        Width and height of the picture in pixels: each pixel has a scramble of its own.
+    """
+    graph = Graph()
+    inputs = Inputs(graph, resolve)
+    bsdf = look_bsdf(look, inputs)
+    by_light = ibl_samples != 0 and not constant_light
+    lobes = trace_lobes(graph, bsdf, broad_share=_BROAD_SHARES[bounces > 0] if by_light else 1.0)
+    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant_light)
+    # At least one: otherwise a path ends.
+    onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
+    # Light from behind has directions of its own only where there are two at least.
+    from_behind = min(ibl_samples, onward[1]) > 1
+    lobes = tuple(
+        replace(lobe, aided=ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)) for lobe in lobes
+    )
+    code = emit_brdf(lobes, *elements_of(bsdf.presence))
+    attributes = inputs.read_by(code.inputs)
+    sections = _sections(code)
+    # Numbered as they appear in the code, so that what is not needed leaves no trace.
+    read = dict.fromkeys(re.findall(r"\blookup\d+", "".join(line for lines in sections.values() for line in lines)))
+    names = {name: f"texture{number}" for number, name in enumerate(read)}
+    emitted = [inputs.emit(name) for name in read]
+
+    def named(text: str) -> str:
+        return re.sub(r"\blookup\d+", lambda found: names[found[0]], text)
+
+    bound = tuple(
+        replace(binding, parameter=named(binding.parameter)) for _, bindings in emitted for binding in bindings
+    )
+    osl = expand_template(
+        "surface.osl",
+        {
+            "constants": [
+                f"#define IBL_SAMPLES {ibl_samples}",
+                *_counts("", brdf_samples, ibl_samples, code.transmits),
+                *_counts("_ONWARD", *onward, code.transmits),
+                f"#define AIDED {int(code.aids)}",
+                f"#define BOUNCES {bounces}",
+                f"#define SHADOWS {int(shadows)}",
+                f"#define LIGHT_WIDTH {light_size[0]}",
+                f"#define LIGHT_HEIGHT {light_size[1]}",
+                f"#define IMAGE_WIDTH {resolution[0]}",
+                f"#define IMAGE_HEIGHT {resolution[1]}",
+                f"#define TRANSMITS {int(code.transmits)}",
+                f"#define SEE_THROUGH {int(code.see_through)}",
+                *light_constants(),
+                f"#define LEANING {int(any(each.attribute == HANDEDNESS for each in attributes))}",
+            ],
+            "parameters": [
+                *(f'    string {binding.parameter} = "",' for binding in bound),
+                *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
+            ],
+            "inputs": [f"    {named(line)}" for lines, _ in emitted for line in lines],
+            **{section: [named(line) for line in lines] for section, lines in sections.items()},
+        },
+    )
+    digest = hashlib.sha256(osl.encode())
+    for binding in bound:
+        digest.update(file_digest(binding.file).encode())
+    for attribute in attributes:
+        digest.update(repr(attribute).encode())
+    return ShaderSource(
+        look.name,
+        osl,
+        bound,
+        tuple(attributes),
+        digest.hexdigest(),
+        code.transmits,
+        code.see_through,
+        (brdf_samples, ibl_samples),
+        shadows,
+    )
+
+
+def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:
+    """Define how many directions there are; those of the light are divided among front and back."""
+    back = ibl_samples // 2 if transmits else 0
+    return [
+        f"#define BRDF_SAMPLES{where} {brdf_samples}",
+        f"#define FRONT_SAMPLES{where} {ibl_samples - back}",
+        f"#define BACK_SAMPLES{where} {back}",
+    ]
+
+
+# Directions of the light do for a broad lobe, but they do not find what the asset itself sends: without and with
+# bounces. Measured: less is not better.
+_BROAD_SHARES = (0.05, 0.3)
+
+
+def _split(
+    lobes: Sequence[TracedLobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
+) -> tuple[int, int]:
+    """Choose how many directions come from the BRDF and how many from the light, where nobody said."""
+    if constant_light:
+        # It tells nothing about where to look, whatever was asked for.
+        return brdf_samples or 4, 0
+    chosen = (0, 4) if bounces == 0 and all(lobe.broad for lobe in lobes) else (4, 4)
+    brdf, ibl = (
+        own if given is None else given for given, own in zip((brdf_samples, ibl_samples), chosen, strict=True)
+    )
+    # Somebody has to look for light.
+    return (brdf, ibl) if brdf + ibl else (1, 0)
+
+
+@dataclass(frozen=True)
+class PointLayer:
+    """What the code of one layer at listed points depends on.
+
+    `constants` has the numbers that are the same at every point: they fold as in the shader of a look. Everything else
+    is read from a table.
+    """
+
+    model: str
+    tokens: Mapping[str, str]
+    mode: Mode = "over"
+    constants: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
+        numbers = [parameter for parameter in PARAMETERS[self.model].values() if parameter.kind != "token"]
+        return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
+
+
+def light_constants() -> list[str]:
+    """Return the definitions by which `lookdev/shaders/light.h` finds its way in the tables of a light."""
+    return [
+        f"#define LIGHT_SLOTS {SLOTS}",
+        f"#define LIGHT_SLOTS_SHIFT {33 - SLOTS.bit_length()}",
+        f"#define LIGHT_CODE_BITS {CODE_BITS}",
+        f"#define LIGHT_MOST_POINTS {MOST_POINTS}",
+        f"#define LIGHT_ALL_SLOTS {bins.COUNT * SLOTS}",
+        f"#define LIGHT_BIN_NUMBERS {2 * bins.COUNT}",
+        f"#define LIGHT_ROWS {bins.ROWS}",
+        f"#define LIGHT_CELLS {{{', '.join(map(str, bins.CELLS))}}}",
+        f"#define LIGHT_FIRST {{{', '.join(map(str, bins.FIRST))}}}",
+        f"#define LIGHT_COS_RADIUS {math.cos(bins.RADIUS)!r}",
+        f"#define LIGHT_SIN_RADIUS {math.sin(bins.RADIUS)!r}",
+    ]
+
+
+def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
+    """Generate the shader that evaluates a stack of layers at listed points: numbers are read from a table.
+
+    A row of the table holds wo, wi, then masks and parameters in the order of `point_columns`, in `point_cells` texels
+    of three channels. `lobes` restricts the stack to some of its lobes.
+    """
+    graph = Graph()
+    stack = []
+    for number, layer in enumerate(layers):
+        values: dict[str, object] = dict(layer.tokens)
+        for name, shape in layer.shapes().items():
+            place = f"layer{number}_{name}"
+            if name in layer.constants:
+                values[name] = np.asarray(layer.constants[name], dtype=np.float64)
+            else:
+                values[name] = symbols(graph, [f"{place}_{i}" for i in range(3)]) if shape else symbol(graph, place)
+        mask = values.pop("mask")
+        stack.append(StackLayer(layer.model, values, mask, layer.mode))
+    bsdf = stack_bsdf(stack)
+    code = emit_brdf(trace_lobes(graph, bsdf, lambda lobe: lobes is None or lobe.name in lobes))
+    columns = point_columns(layers)
+    rows = [f"    float {name} = 0;" for name in columns]
+    for index in range(0, len(columns), 3):
+        rows.append(f"    cell = points_cell(points_file, {index // 3}, number);")
+        rows += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
+    constants = [
+        f"#define POINT_CELLS {point_cells(layers)}",
+        f"#define TRANSMITS {int(code.transmits)}",
+        f"#define TWO_SIDED {int(bsdf.two_sided)}",
+    ]
+    osl = expand_template("points.osl", {"constants": constants, "columns": rows, **_sections(code)})
+    return ShaderSource("points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest(), code.transmits)
+
+
+def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
+    """Return the columns of a table of points: wo, wi, then what varies of each layer, its mask and its inputs."""
+    columns = [*WO, *WI]
+    for number, layer in enumerate(layers):
+        for name, shape in layer.shapes().items():
+            if name not in layer.constants:
+                place = f"layer{number}_{name}"
+                columns += [f"{place}_{i}" for i in range(3)] if shape else [place]
+    return tuple(columns)
+
+
+def point_cells(layers: Sequence[PointLayer]) -> int:
+    """Return how many texels of three channels a row of a table of points takes.
+
+    A power of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+    """
+    return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
+
+
+_OSL_TYPE = {"uv": "vector", "float": "float", "color": "color"}
+
+
+def _sections(code: BrdfCode) -> dict[str, Sequence[str]]:
+    return {"setup": code.setup, "evaluate": code.evaluate, "sample": code.sample}

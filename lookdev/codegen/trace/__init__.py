@@ -1,0 +1,1 @@
+"""Symbolic arrays and the expression graph that a model leaves behind."""

@@ -1,0 +1,116 @@
+"""Symbolic arrays: what stands for a textured parameter or a direction while a model is traced.
+
+A `SymbolicArray` implements ``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18), so the NumPy code of a
+model runs on it unchanged. An operation whose every element folds to a constant gives an ordinary array back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+from numpy.typing import NDArray
+
+from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.errors import CodegenError
+
+
+class SymbolicArray(NDArrayOperatorsMixin):
+    """An array whose elements are nodes of one expression graph, or constants."""
+
+    def __init__(self, graph: Graph, elements: NDArray[np.object_]) -> None:
+        self.graph = graph
+        self.elements = elements
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape, as of an ordinary array."""
+        return self.elements.shape
+
+    @property
+    def ndim(self) -> int:
+        """Number of axes."""
+        return self.elements.ndim
+
+    def __getitem__(self, index: Any) -> Any:
+        return _wrap(self.graph, self.elements[index])
+
+    def __bool__(self) -> bool:
+        raise CodegenError("a model branches on a value known only at run time; use numpy.where")
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        if method != "__call__" or kwargs:
+            raise CodegenError(f"a model uses numpy.{ufunc.__name__}.{method} with {sorted(kwargs)}; plain calls only")
+        return _elementwise(self.graph, ufunc.__name__, *inputs)
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        if func not in _FUNCTIONS:
+            known = ", ".join(sorted(function.__name__ for function in _FUNCTIONS))
+            raise CodegenError(f"a model uses numpy.{func.__name__}, which symbolic arrays do not know; known: {known}")
+        return _FUNCTIONS[func](self.graph, *args, **kwargs)
+
+
+def symbols(graph: Graph, names: Sequence[str]) -> SymbolicArray:
+    """Return a vector of named symbols, shape (len(names),)."""
+    return SymbolicArray(graph, np.array([graph.symbol(name) for name in names], dtype=object))
+
+
+def symbol(graph: Graph, name: str) -> SymbolicArray:
+    """Return one named symbol, shape ()."""
+    return SymbolicArray(graph, np.array(graph.symbol(name), dtype=object))
+
+
+def elements_of(value: Any) -> list[Any]:
+    """Return the nodes and constants of a symbolic or ordinary array, flat."""
+    return list(_elements(value).ravel())
+
+
+def _elements(value: Any) -> NDArray[np.object_]:
+    if isinstance(value, SymbolicArray):
+        return value.elements
+    return np.asarray(value).astype(object)
+
+
+def _wrap(graph: Graph, elements: Any) -> Any:
+    array = np.asarray(elements, dtype=object)
+    if any(isinstance(element, Node) for element in array.ravel()):
+        return SymbolicArray(graph, array)
+    return np.array(array.tolist())
+
+
+def _elementwise(graph: Graph, op: str, *inputs: Any) -> Any:
+    function: Callable[..., Any] = np.frompyfunc(lambda *args: graph.apply(op, *args), len(inputs), 1)
+    return _wrap(graph, function(*(_elements(value) for value in inputs)))
+
+
+def _sum(graph: Graph, a: Any, axis: int) -> Any:
+    if axis != -1:
+        raise CodegenError(f"a model sums over axis {axis}; only the last axis has a generated counterpart")
+    return _wrap(graph, np.frompyfunc(lambda x, y: graph.apply("add", x, y), 2, 1).reduce(_elements(a), axis=-1))
+
+
+def _stack(graph: Graph, arrays: Sequence[Any], axis: int = 0) -> Any:
+    return _wrap(graph, np.stack([_elements(array) for array in arrays], axis=axis))
+
+
+def _expand_dims(graph: Graph, a: Any, axis: int) -> Any:
+    return _wrap(graph, np.expand_dims(_elements(a), axis))
+
+
+def _where(graph: Graph, condition: Any, x: Any, y: Any) -> Any:
+    return _elementwise(graph, "where", condition, x, y)
+
+
+def _clip(graph: Graph, a: Any, a_min: Any, a_max: Any) -> Any:
+    return _elementwise(graph, "minimum", _elementwise(graph, "maximum", a, a_min), a_max)
+
+
+_FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.sum: _sum,
+    np.stack: _stack,
+    np.expand_dims: _expand_dims,
+    np.where: _where,
+    np.clip: _clip,
+}

@@ -1,0 +1,132 @@
+"""Directions drawn in proportion to a map over the sphere that is looked up bilinearly: exactly, by inversion."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from lookdev.light.mapping import direction_to_uv
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_NEWTON = 3  # steps: the start is off by what a sine bends over a row, each step squares that
+
+
+class BilinearWarp:
+    """Unit square to lat-long square, so that uniform points become directions with a density like `values`.
+
+    Over solid angle the density is the map's bilinear look-up (see `lookup`) over `integral`: the places are found by
+    inverting its cumulative distribution, rows first, with the cosine of the latitude in it.
+
+    Parameters
+    ----------
+    values : (H, W)
+        Not negative, row 0 at the zenith. A map of zeros counts as one of ones.
+
+    Attributes
+    ----------
+    integral
+        Of the look-up over the sphere, in units of the values times steradians.
+    """
+
+    def __init__(self, values: Floats) -> None:
+        if not values.any():
+            values = np.ones_like(values)
+        height, width = values.shape
+        # Between the centres of rows k - 1 and k; beyond the first and the last, the value stays.
+        self._rows = np.concatenate([values[:1], values, values[-1:]])
+        middle = 0.5 * (self._rows + np.roll(self._rows, -1, axis=1))
+        self._along = np.concatenate([np.zeros((height + 2, 1)), np.cumsum(middle, axis=1)], axis=1) / width
+        self._row_sums = self._along[:, -1].copy()
+        strips = np.arange(height + 1)
+        first, last = np.where(strips == 0, 0.5, 0.0), np.where(strips == height, 0.5, 1.0)
+        self._start = self._primitive(strips, first)
+        mass = self._primitive(strips, last) - self._start
+        self._down = np.concatenate([[0.0], np.cumsum(np.maximum(mass, 0.0))])
+        self._first, self._last = first, last
+        # d omega = sin(theta) d theta d phi, theta = pi y / H, phi = 2 pi u.
+        self.integral = float(2.0 * np.pi**2 / height * self._down[-1])
+
+    def places(self, u: ArrayLike) -> Floats:
+        """Map points (N, 2) of the unit square to places (N, 2) in the map: x along a row, y from the top, to 1."""
+        u1, u2 = np.moveaxis(np.asarray(u, np.float64), -1, 0)
+        height, width = len(self._rows) - 2, self._rows.shape[1]
+        wanted = u2 * self._down[-1]
+        strip = np.clip(np.searchsorted(self._down, wanted, side="right") - 1, 0, height)
+        t = self._invert_strip(strip, wanted - self._down[strip])
+        y = (strip - 0.5 + t) / height
+
+        def along(column: Ints) -> Floats:
+            return np.asarray((1.0 - t) * self._along[strip, column] + t * self._along[strip + 1, column])
+
+        rest = u1 * along(np.full(len(t), width))
+        low, high = np.zeros(len(t), np.int64), np.full(len(t), width, np.int64)
+        for _ in range(int(width).bit_length()):
+            half = (low + high) // 2
+            beyond = along(half) <= rest
+            low, high = np.where(beyond, half, low), np.where(beyond, high, half)
+        low = np.minimum(low, width - 1)
+        left = (1.0 - t) * self._rows[strip, low] + t * self._rows[strip + 1, low]
+        after = (low + 1) % width
+        right = (1.0 - t) * self._rows[strip, after] + t * self._rows[strip + 1, after]
+        x = (low + 0.5 + _invert_line(left, right, (rest - along(low)) * width)) / width
+        return np.stack([x % 1.0, np.clip(y, 0.0, 1.0)], axis=-1)
+
+    def _primitive(self, strip: Ints, t: Floats) -> Floats:
+        """Integrate ``(a + (b - a) t) sin(theta)`` over t, where a and b are the sums of the rows about a strip."""
+        a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
+        step = np.pi / (len(self._rows) - 2)
+        theta = step * (strip - 0.5 + t)
+        return np.asarray((slope / step * np.sin(theta) - (a + slope * t) * np.cos(theta)) / step)
+
+    def _invert_strip(self, strip: Ints, mass: Floats) -> Floats:
+        """Return where in its strip each mass is reached, t in [0, 1]."""
+        a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
+        step = np.pi / (len(self._rows) - 2)
+        first, last = self._first[strip], self._last[strip]
+        share = mass / np.maximum(self._down[strip + 1] - self._down[strip], np.finfo(np.float64).tiny)
+        begin, end = ((a + slope * t) * np.sin(step * (strip - 0.5 + t)) for t in (first, last))
+        total = 0.5 * (np.maximum(begin, 0.0) + np.maximum(end, 0.0))
+        t = first + (last - first) * _invert_line(np.maximum(begin, 0.0), np.maximum(end, 0.0), share * total)
+        for _ in range(_NEWTON):
+            density = (a + slope * t) * np.sin(step * (strip - 0.5 + t))
+            error = self._primitive(strip, t) - self._start[strip] - mass
+            t = np.clip(t - np.where(density > 0.0, error / np.where(density > 0.0, density, 1.0), 0.0), first, last)
+        return np.asarray(t)
+
+
+def _invert_line(left: Floats, right: Floats, mass: Floats) -> Floats:
+    """Return t in [0, 1] up to which a density that runs straight from `left` to `right` holds `mass`."""
+    root = np.sqrt(np.maximum(left * left + 2.0 * (right - left) * mass, 0.0))
+    return np.asarray(np.clip(2.0 * mass / np.maximum(left + root, np.finfo(np.float64).tiny), 0.0, 1.0))
+
+
+def lookup(table: ArrayLike, uv: ArrayLike) -> Floats:
+    """Look up a lat-long table bilinearly, periodic in u and clamped in v.
+
+    Parameters
+    ----------
+    table : (H, W, C), row 0 at v = 1.
+    uv : (..., 2).
+
+    Returns
+    -------
+    (..., C) float64.
+    """
+    table = np.asarray(table)
+    height, width = table.shape[:2]
+    u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
+    x, y = u * width - 0.5, (1.0 - v) * height - 0.5
+    column, row = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    s, t = (x - column)[..., None], (y - row)[..., None]
+    left, right = column % width, (column + 1) % width
+    top, bottom = np.clip(row, 0, height - 1), np.clip(row + 1, 0, height - 1)
+    upper = (1.0 - s) * table[top, left] + s * table[top, right]
+    lower = (1.0 - s) * table[bottom, left] + s * table[bottom, right]
+    return np.asarray((1.0 - t) * upper + t * lower, np.float64)
+
+
+def lookup_towards(table: ArrayLike, direction: ArrayLike) -> Floats:
+    """Look up a table in directions (..., 3)."""
+    return lookup(table, direction_to_uv(direction))

@@ -1,0 +1,67 @@
+"""What the exporter of a .blend is told: the scenes of a job, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from lookdev.light import LightTables
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Pose
+
+
+@dataclass(frozen=True)
+class BlendWorld:
+    """A light of a job: `strength` multiplies its radiance, `turn` degrees about z are beyond those of the poses."""
+
+    name: str
+    light: LightTables
+    strength: float
+    turn: float
+
+
+@dataclass(frozen=True)
+class BlendTurntable:
+    """A stretch of the timeline: one frame for each pose."""
+
+    name: str
+    poses: tuple[Pose, ...]
+
+
+@dataclass(frozen=True)
+class BlendTask:
+    """A .blend to be written.
+
+    Parameters
+    ----------
+    file
+        Where it is saved.
+    scenes
+        By the name of its look, what each scene shows: sources are nodes, the light is that of the first world.
+    worlds, turntables
+        At least one of each, in the order of the job; the turntables' frames are counted on from 1.
+    images
+        Each image that looks and worlds read, and its path relative to the .blend.
+    pack
+        Whether images are packed into the .blend; otherwise they lie at their relative paths.
+    view
+        A name of `lookdev.output.display.VIEWS`.
+    show_light
+        Whether the light is to be seen behind the asset.
+    """
+
+    file: Path
+    scenes: Mapping[str, SceneTask]
+    worlds: tuple[BlendWorld, ...]
+    turntables: tuple[BlendTurntable, ...]
+    images: Mapping[Path, str]
+    pack: bool
+    view: str
+    show_light: bool
+
+
+BLEND_TASK = TypeAdapter(BlendTask)
+"""A task as JSON and back; floats survive exactly."""

@@ -1,0 +1,322 @@
+"""The parent's side of the render worker: one process, one frame at a time, never trusted.
+
+The worker reads one JSON line a frame on stdin and answers in JSON lines on stdout; what it and Blender say
+besides goes to a log file. It ends when stdin ends, so it dies with this process however that dies.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, Annotated, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+
+from lookdev.errors import RenderError, WorkerError
+from lookdev.render import wire
+from lookdev.render.task import FrameTask
+
+WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
+PATIENCE = 600.0
+"""Seconds of silence after which a worker counts as hung: a slow round of samples must fit in."""
+
+LONGEST_MESSAGE = 1 << 20
+"""Bytes. Messages are short; more than this without a line end is not one, and must not fill the memory."""
+
+
+class Ready(BaseModel):
+    type: Literal["ready"]
+    blender: str
+
+
+class Progress(BaseModel):
+    type: Literal["progress"]
+    digest: str
+    samples: int
+    of: int
+    relmse: float | None
+
+
+class Done(BaseModel):
+    type: Literal["done"]
+    digest: str
+    arrays: Path
+    samples: int
+    seconds: float
+    relmse: float
+    memory: int
+
+
+class Failed(BaseModel):
+    type: Literal["failed"]
+    digest: str
+    message: str
+
+
+Message = Annotated[Ready | Progress | Done | Failed, Field(discriminator="type")]
+_MESSAGES: TypeAdapter[Ready | Progress | Done | Failed] = TypeAdapter(Message)
+
+
+@dataclass(frozen=True, eq=False)
+class Rendered:
+    """What the worker made of a frame.
+
+    `a`, `b` (H, W, 3) are independent half renders, premultiplied, without exposure; `alpha` (H, W).
+    `samples` per pixel over both halves; `seconds` in the worker; `relmse` is the frame's own estimate; `memory` the
+    most bytes that the worker has held so far.
+    """
+
+    a: NDArray[np.float32]
+    b: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    samples: int
+    seconds: float
+    relmse: float
+    blender: str
+    memory: int
+
+
+class Worker:
+    """A render process, started when first needed and again after it was killed.
+
+    Parameters
+    ----------
+    command
+        The program and its arguments.
+    log
+        The file that takes its stderr, emptied here and then appended to by every start.
+    scratch
+        An existing folder for its temporary files (``TMPDIR``), results included. Whoever made it removes it.
+    patience
+        Seconds of silence before the worker counts as hung.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        log: Path,
+        scratch: Path,
+        patience: float = PATIENCE,
+    ) -> None:
+        self.log = log
+        self._command = tuple(command)
+        self._environment = os.environ | {"TMPDIR": str(scratch)}
+        self._patience = patience
+        self._process: subprocess.Popen[bytes] | None = None
+        self._blender = ""
+        log.write_bytes(b"")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.kill()
+
+    def start(self) -> None:
+        """Start the process unless it runs, and wait until it is ready.
+
+        Raises
+        ------
+        WorkerError
+            It cannot be started, or did something else than getting ready.
+        """
+        if self._process is not None:
+            return
+        with self.log.open("ab") as log:
+            try:
+                # A session of its own: Ctrl-C in the terminal reaches this process alone, which then decides.
+                self._process = subprocess.Popen(
+                    self._command,
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    stderr=log,
+                    env=self._environment,
+                    start_new_session=True,
+                )
+            except OSError as error:
+                raise WorkerError(f"the render worker {self._command[0]} cannot be started: {error}") from error
+        with self._killed_on_error():
+            message = self._receive(self._process)
+            if not isinstance(message, Ready):
+                raise WorkerError(f"the render worker said '{message.type}' before it was ready")
+            self._blender = message.blender
+
+    def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
+        """Render one frame on a started worker.
+
+        Raises
+        ------
+        RenderError
+            The worker said that it cannot render this frame; it lives on.
+        WorkerError
+            It died, hung or answered something else than a result; it has been killed.
+        """
+        if self._process is None:
+            raise WorkerError("the render worker is not running: start it first")
+        with self._killed_on_error():
+            self._send(self._process, wire.encode(task))
+            while isinstance(message := self._receive(self._process), Progress):
+                self._check_digest(message.digest, task)
+                progress(message)
+            if isinstance(message, Ready):
+                raise WorkerError("the render worker said 'ready' in the middle of a frame")
+            self._check_digest(message.digest, task)
+            if isinstance(message, Failed):
+                raise RenderError(message.message)
+            return _load(message, task.scene.resolution, self._blender)
+
+    def kill(self) -> None:
+        """End the process, and whatever it started, at once."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        _kill_group(process)
+        process.wait()
+        for pipe in (process.stdin, process.stdout):
+            _close_quietly(pipe)
+
+    @contextmanager
+    def _killed_on_error(self) -> Iterator[None]:
+        """Leave no worker behind whose next line could belong to the frame before."""
+        try:
+            yield
+        except RenderError:
+            raise  # a clean answer: the exchange is complete
+        except BaseException:
+            self.kill()
+            raise
+
+    @contextmanager
+    def _watched(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
+        """Kill the process when the block takes longer than the patience; blocked pipe calls then return."""
+        hung = threading.Event()
+
+        def give_up() -> None:
+            hung.set()
+            _kill_group(process)
+
+        timer = threading.Timer(self._patience, give_up)
+        timer.daemon = True
+        timer.start()
+        try:
+            yield hung
+        finally:
+            timer.cancel()
+            timer.join()  # so that it can never kill a process group that has taken over the id
+
+    def _send(self, process: subprocess.Popen[bytes], line: str) -> None:
+        assert process.stdin is not None
+        with self._watched(process) as hung:
+            try:
+                process.stdin.write(line.encode() + b"\n")
+                process.stdin.flush()
+            except BrokenPipeError:
+                raise WorkerError(self._epitaph(process, hung)) from None
+
+    def _receive(self, process: subprocess.Popen[bytes]) -> Ready | Progress | Done | Failed:
+        assert process.stdout is not None
+        with self._watched(process) as hung:
+            line = process.stdout.readline(LONGEST_MESSAGE)
+            if not line.endswith(b"\n") and len(line) < LONGEST_MESSAGE:
+                raise WorkerError(self._epitaph(process, hung))
+        try:
+            return _MESSAGES.validate_json(line)
+        except ValidationError:
+            shown = line[:80].decode(errors="replace").strip()
+            raise WorkerError(f"the render worker answered something that is no message: {shown!r}") from None
+
+    def _epitaph(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
+        """Say how the process ended."""
+        if hung.is_set():
+            return f"the render worker was silent for {self._patience:g} s and was killed"
+        try:
+            code = process.wait(timeout=1.0)
+        except subprocess.TimeoutExpired:
+            return "the render worker closed its pipe"
+        if code < 0:
+            return f"the render worker died of {signal.Signals(-code).name}"
+        words = last_words(self.log)
+        return f"the render worker ended with exit code {code}" + (f": {words}" if words else "")
+
+    @staticmethod
+    def _check_digest(digest: str, task: FrameTask) -> None:
+        if digest != task.digest:
+            raise WorkerError(f"the render worker answered for frame {digest[:12]}, asked for {task.digest[:12]}")
+
+
+@contextmanager
+def renderer(
+    command: Sequence[str] = WORKER_COMMAND, patience: float = PATIENCE
+) -> Iterator[Callable[[FrameTask], Rendered]]:
+    """Give a function that renders a frame in a worker of its own, with a log and scratch that go with it.
+
+    It raises what `Worker.start` and `Worker.render` do; a WorkerError has the log's last words.
+    """
+    with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch:
+        log = Path(scratch, "worker.log")
+        with Worker(command, log, Path(scratch), patience) as worker:
+
+            def render(task: FrameTask) -> Rendered:
+                try:
+                    worker.start()
+                    return worker.render(task, lambda progress: None)
+                except WorkerError as error:
+                    # The log goes with its folder: what it says last is all that is left.
+                    raise WorkerError(f"{error}\n{last_words(log)}") from error
+
+            yield render
+
+
+def last_words(log: Path) -> str:
+    """Return the last line with text in a log file, or an empty string."""
+    lines = log.read_text(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+
+def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
+    """Read and remove the arrays of a result; anything but finite arrays of the right shape is no result."""
+    width, height = resolution
+    shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
+    try:
+        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in shapes}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise WorkerError(f"the render worker's result {done.arrays} cannot be read: {error}") from error
+    done.arrays.unlink(missing_ok=True)
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
+        if not np.isfinite(arrays[name]).all():
+            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
+    return Rendered(
+        **{name: array.astype(np.float32, copy=False) for name, array in arrays.items()},
+        samples=done.samples,
+        seconds=done.seconds,
+        relmse=done.relmse,
+        blender=blender,
+        memory=done.memory,
+    )
+
+
+def _kill_group(process: subprocess.Popen[bytes]) -> None:
+    # The group bears the worker's id, for it leads its session; gone already is just as well.
+    with suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)
+
+
+def _close_quietly(pipe: IO[bytes] | None) -> None:
+    if pipe is not None:
+        with suppress(BrokenPipeError):  # bytes that the dead worker never took
+            pipe.close()

@@ -1,0 +1,105 @@
+"""A small scene and a job around it, without geometry, shaders or light on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lookdev.codegen import (
+    AttributeBinding,
+    GroupSocket,
+    Link,
+    NodeSource,
+    NodeTree,
+    ShaderNode,
+    ShaderSource,
+    TextureBinding,
+)
+from lookdev.job import Job, parse_job
+from lookdev.light import LightTables
+from lookdev.render.task import SceneTask
+from lookdev.scene.camera import Camera
+from lookdev.scene.sampling import Sampling
+
+JOB = """
+output = "out"
+[asset]
+builtin = "sphere"
+[[look]]
+name = "gold"
+material = "gold.usda"
+[[look]]
+name = "paint"
+material = "gold.usda"
+[[ibl]]
+name = "city"
+builtin = "city"
+exposure = 0.5
+[[ibl]]
+name = "studio"
+builtin = "studio"
+[[turntable]]
+kind = "element"
+frames = 4
+[[turntable]]
+kind = "lighting"
+frames = 3
+"""
+
+
+@pytest.fixture
+def scene() -> SceneTask:
+    return SceneTask(
+        asset_file=Path("/cache/assets/a55e7.npz"),
+        shaders=(
+            ShaderSource(
+                name="gold",
+                osl='shader gold() {\n\t"quoted \u03b1"\r\n}\n',
+                textures=(TextureBinding("base_file", Path("/cache/textures/t \u00e9.exr")),),
+                attributes=(AttributeBinding("st", "st", "uv"),),
+                digest="500d",
+            ),
+        ),
+        light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 1024, 512, "119147"),
+        resolution=(64, 48),
+        sampling=Sampling(samples=64, error=None, brdf_samples=2, ibl_samples=4, bounces=2, seed=0),
+        camera=Camera(fov=39.6, elevation=10.0, target=(0.1, 0.2, 1 / 3), distance=3.7),
+        device="cpu",
+    )
+
+
+@pytest.fixture
+def node_source() -> NodeSource:
+    """Return native nodes with every kind of value in them."""
+    group = NodeTree(
+        "Lookdev Disney",
+        (
+            ShaderNode("In", "NodeGroupInput"),
+            ShaderNode("Map", "TexImage", {"extension": "CLIP"}, {}, "t \u00e9", image=Path("/cache/t.exr")),
+            ShaderNode(
+                "Mix",
+                "Mix",
+                {"clamp_factor": False, "clamp_result": True, "data_type": "RGBA"},
+                {"Factor_Float": 0.1, "A_Color": (0.2, 1 / 3, 0.4), "B_Color": Link("In", "baseColor")},
+                place=(-200.0, 1.5),
+            ),
+        ),
+        (GroupSocket("baseColor", "color", (0.8, 0.7, 0.6), (0.0, 1.0), "The colour.", "Base"),),
+        (GroupSocket("BSDF", "shader"),),
+    )
+    material = NodeTree("gold", (ShaderNode("Disney", "Group", group="Lookdev Disney"),))
+    attributes = (AttributeBinding("wear", "wear", "float", (0.5,)),)
+    return NodeSource("gold", (group, material), attributes, "40de5", exact=False, transmits=True)
+
+
+@pytest.fixture
+def make_job(tmp_path: Path) -> Callable[..., Job]:
+    """Return a function that reads the job, with text appended."""
+
+    def make(more: str = "") -> Job:
+        (tmp_path / "gold.usda").touch()
+        return parse_job(JOB + more, tmp_path / "job.toml")
+
+    return make

@@ -1,0 +1,62 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lookdev.light import bins
+
+Floats = NDArray[np.float64]
+
+
+def spherical(theta: Floats, phi: Floats) -> Floats:
+    return np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
+
+
+@pytest.fixture(scope="module")
+def normals() -> Floats:
+    """Normals of every bin, (COUNT, n, 3): inside, on its borders and in its corners."""
+    rng = np.random.default_rng(1)
+    place = rng.random((300, 2))
+    place[:100, 0] = place[:100, 0] > 0.5
+    place[50:150, 1] = place[50:150, 1] > 0.5
+    row = np.repeat(np.arange(bins.ROWS), bins.CELLS)
+    cell = np.concatenate([np.arange(cells) for cells in bins.CELLS])
+    theta = np.pi * (row[:, None] + place[:, 0]) / bins.ROWS
+    phi = 2.0 * np.pi * (cell[:, None] + place[:, 1]) / np.array(bins.CELLS)[row][:, None]
+    return spherical(theta, phi)
+
+
+def test_bins_are_counted_from_row_to_row() -> None:
+    assert len(bins.CELLS) == len(bins.FIRST) == bins.ROWS
+    assert [*bins.FIRST, bins.COUNT] == [0, *np.cumsum(bins.CELLS)]
+    assert bins.AXES.shape == (bins.COUNT, 3)
+    np.testing.assert_allclose(np.linalg.norm(bins.AXES, axis=-1), 1.0, rtol=1e-14)
+
+
+def test_cones_hold_their_bins_and_little_more(normals: Floats) -> None:
+    angle = np.arccos(np.clip(np.einsum("bni,bi->bn", normals, bins.AXES), -1.0, 1.0))
+    # The shader's arc tangents may put a normal into a bin that it is 1e-5 outside of.
+    assert angle.max() < bins.RADIUS - 5e-4
+    assert angle.max() > bins.RADIUS - 2e-3
+    # All bins are of about one size: the largest cone is not much too wide for any.
+    assert angle.max(axis=1).min() > 0.7 * bins.RADIUS
+
+
+def test_no_normal_sees_what_its_bin_does_not(normals: Floats) -> None:
+    wi = np.random.default_rng(2).normal(size=(500, 3))
+    # Also about each horizon, where the margin is least.
+    wi = np.concatenate([wi, np.cross(wi, normals[:, -1][np.arange(500) % bins.COUNT])])
+    wi /= np.linalg.norm(wi, axis=-1, keepdims=True)
+    for axis, of_bin in zip(bins.AXES, normals, strict=True):
+        weight = bins.widened(wi @ axis)
+        assert (weight[:, None] >= wi @ of_bin.T).all()
+        assert (weight >= 0.0).all()
+
+
+def test_widened_is_the_cosine_to_the_nearest_normal_of_the_cone() -> None:
+    angle = np.linspace(0.0, np.pi, 2001)
+    wanted = np.clip(np.cos(np.maximum(angle - bins.RADIUS, 0.0)), 0.0, 1.0)
+    np.testing.assert_allclose(bins.widened(np.cos(angle)), wanted, atol=1e-12)
+    # Rounded beyond what a cosine can be.
+    assert bins.widened(np.array([1.0 + 1e-15, -1.0 - 1e-15])).tolist() == [1.0, 0.0]

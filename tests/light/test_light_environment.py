@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.errors import EnvironmentMapError
+from lookdev.light import BUILTIN_LIGHTS, Repairs, load_environment
+
+
+def write_exr(path: Path, header: dict[str, object] | None = None, **channels: np.ndarray) -> Path:
+    with OpenEXR.File(header or {}, channels) as exr:
+        exr.write(str(path))
+    return path
+
+
+def write_map(path: Path, pixels: np.ndarray) -> Path:
+    return write_exr(path, **{name: np.ascontiguousarray(pixels[..., i]) for i, name in enumerate("RGB")})
+
+
+@pytest.fixture
+def pixels() -> np.ndarray:
+    return np.random.default_rng(2).random((4, 8, 3)).astype(np.float32)
+
+
+def test_exr_is_read_as_it_is(tmp_path: Path, pixels: np.ndarray) -> None:
+    env = load_environment(write_map(tmp_path / "sky.exr", pixels))
+    np.testing.assert_array_equal(env.radiance, pixels)
+    assert (env.name, env.repairs, env.radiance.dtype) == ("sky", Repairs(), np.float32)
+    assert not env.repairs
+    assert not env.is_constant
+
+
+def test_half_floats_alpha_and_packed_channels(tmp_path: Path, pixels: np.ndarray) -> None:
+    rgba = np.concatenate([pixels, np.ones((4, 8, 1))], axis=-1).astype(np.float16)
+    np.testing.assert_array_equal(
+        load_environment(write_exr(tmp_path / "h.exr", RGBA=rgba)).radiance, pixels.astype(np.float16)
+    )
+
+
+def test_grey_map(tmp_path: Path, pixels: np.ndarray) -> None:
+    grey = np.ascontiguousarray(pixels[..., 0])
+    env = load_environment(write_exr(tmp_path / "y.exr", Y=grey))
+    np.testing.assert_array_equal(env.radiance, np.repeat(grey[..., None], 3, axis=-1))
+
+
+def test_colour_in_a_later_part(tmp_path: Path, pixels: np.ndarray) -> None:
+    depth = OpenEXR.Part({}, {"Z": np.zeros((4, 8), np.float32)}, "depth")
+    color = OpenEXR.Part({}, {name: pixels[..., i].copy() for i, name in enumerate("RGB")}, "color")
+    with OpenEXR.File([depth, color]) as exr:
+        exr.write(str(tmp_path / "parts.exr"))
+    np.testing.assert_array_equal(load_environment(tmp_path / "parts.exr").radiance, pixels)
+
+
+def test_hdr(tmp_path: Path, pixels: np.ndarray) -> None:
+    path = tmp_path / "sky.HDR"
+    output = oiio.ImageOutput.create("hdr")
+    assert output.open(str(path), oiio.ImageSpec(8, 4, 3, oiio.FLOAT))
+    assert output.write_image(pixels)
+    output.close()
+    # RGBE shares one exponent: an absolute step of 1/256 of the texel's largest channel, which is below 1.
+    np.testing.assert_allclose(load_environment(path).radiance, pixels, atol=1 / 256)
+
+
+def test_damage_is_repaired_and_counted(tmp_path: Path) -> None:
+    pixels = np.ones((4, 8, 3), np.float32)
+    pixels[1, 2] = (5.0, 9.0, 2.0)
+    pixels[0, 0] = (np.nan, np.nan, np.nan)
+    pixels[2, 5] = (-1.0, 3.0, -np.inf)
+    pixels[3, 7, 1] = np.inf
+    env = load_environment(write_map(tmp_path / "bad.exr", pixels))
+    assert env.repairs == Repairs(negative=1, nan=1, infinite=1)
+    assert str(env.repairs) == "1 negative and 1 NaN and 1 infinite texels repaired"
+    expected = pixels.copy()
+    expected[0, 0] = 1.0  # all around it are 1, over the seam and the clamped pole too
+    expected[2, 5] = (0.0, 3.0, 0.0)
+    expected[3, 7, 1] = 9.0
+    np.testing.assert_array_equal(env.radiance, expected)
+
+
+def test_nan_takes_the_mean_of_what_is_beside_it(tmp_path: Path) -> None:
+    pixels = np.zeros((3, 6, 3), np.float32)
+    pixels[0:2, 1:3] = np.nan
+    pixels[1, 0] = 4.0
+    env = load_environment(write_map(tmp_path / "nan.exr", pixels))
+    assert env.repairs == Repairs(nan=4)
+    # Texel (1, 1) has itself and three more NaN; of the other five one is 4.
+    np.testing.assert_allclose(env.radiance[1, 1], 4.0 / 5.0)
+    # Texel (0, 1): the row above is row 0 again, so columns 0 are 0, 0 and 4, and all else NaN.
+    np.testing.assert_allclose(env.radiance[0, 1], 4.0 / 3.0)
+    assert env.radiance[0, 2].tolist() == [0.0, 0.0, 0.0]
+
+
+def test_all_black_and_any_aspect_are_fine(tmp_path: Path) -> None:
+    env = load_environment(write_map(tmp_path / "black.exr", np.zeros((1, 2, 3), np.float32)))
+    assert env.radiance.shape == (1, 2, 3)
+    assert env.is_constant
+
+
+def test_digest_follows_content_not_name(tmp_path: Path, pixels: np.ndarray) -> None:
+    digest = load_environment(write_map(tmp_path / "a.exr", pixels)).digest
+    assert load_environment(write_map(tmp_path / "b.exr", pixels)).digest == digest
+    assert load_environment(write_map(tmp_path / "c.exr", pixels.reshape(8, 4, 3))).digest != digest
+    pixels[0, 0, 0] += 1.0
+    assert load_environment(write_map(tmp_path / "d.exr", pixels)).digest != digest
+
+
+@pytest.mark.parametrize("name", [name for name in BUILTIN_LIGHTS if name != "white"])
+def test_builtin_lights(name: str) -> None:
+    env = load_environment(builtin=name)
+    assert (env.name, env.radiance.shape) == (name, (512, 1024, 3))
+    assert np.isfinite(env.radiance).all()
+    assert env.radiance.min() >= 0.0
+    assert env.radiance.max() > 1.0
+    if name == "city":
+        assert env.radiance.max() == 35456.0  # the sun, as Poly Haven clamped and stored it
+
+
+def test_white() -> None:
+    env = load_environment(builtin="white")
+    assert env.is_constant
+    assert (env.radiance == 1.0).all()
+
+
+def test_blender_is_not_imported() -> None:
+    code = "import sys, lookdev.light as ibl; ibl.load_environment(builtin='city'); print('bpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+def broken(tmp_path: Path, kind: str) -> Path:
+    ones = np.ones((4, 8), np.float32)
+    path = tmp_path / f"{kind}.exr"
+    if kind == "text":
+        path.write_text("not an image")
+    elif kind == "truncated":
+        write_map(path, np.ones((64, 128, 3), np.float32))
+        path.write_bytes(path.read_bytes()[:-40])
+    elif kind == "channels":
+        write_exr(path, Z=ones)
+    elif kind == "nowhere-finite":
+        write_map(path, np.full((4, 8, 3), np.nan, np.float32))
+    elif kind == "cropped":
+        window = (np.array([0, 0], np.int32), np.array([15, 7], np.int32))
+        write_exr(path, {"displayWindow": window}, R=ones, G=ones, B=ones)
+    elif kind == "hdr":
+        path = path.with_suffix(".hdr")
+        path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n")
+    elif kind == "hdr-text":
+        path = path.with_suffix(".hdr")
+        path.write_text("not an image")
+    elif kind == "png":
+        path = path.with_suffix(".png")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("text", "not a readable EXR image"),
+        ("truncated", "no readable pixels"),
+        ("channels", "needs channels R, G, B"),
+        ("nowhere-finite", "no finite value"),
+        ("cropped", "save the map uncropped"),
+        ("hdr", "not a readable HDR image"),
+        ("hdr-text", "not a readable HDR image"),
+        ("png", "lat-long .exr or .hdr"),
+        ("missing", "no such file"),
+    ],
+)
+def test_unreadable_files_say_what_is_wrong(tmp_path: Path, kind: str, message: str) -> None:
+    path = broken(tmp_path, kind)
+    with pytest.raises(EnvironmentMapError, match=message) as caught:
+        load_environment(path)
+    assert str(path) in str(caught.value)
+
+
+def test_unknown_builtin_names_the_nearest() -> None:
+    with pytest.raises(EnvironmentMapError, match="did you mean 'sunset'"):
+        load_environment(builtin="sunsett")
+
+
+def test_file_or_builtin_not_both_or_none() -> None:
+    for arguments in ({}, {"file": Path("x.exr"), "builtin": "city"}):
+        with pytest.raises(EnvironmentMapError, match="either by file or by built-in name"):
+            load_environment(**arguments)

@@ -1,0 +1,63 @@
+"""Answers as the parent's side takes them, from a worker that renders nothing and chatters."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.errors import RenderError
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.worker import Progress, Worker
+from lookdev.scene.camera import Pose
+
+# Frames with an exposure fail; others are held back until 300 MB have been held and let go.
+WORKER = """
+import os, sys
+import numpy as np
+from lookdev.errors import RenderError
+from lookdev.plan.answers import Answers, save_arrays
+from lookdev.plan.wire import decode
+
+answers = Answers()
+print("chatter of Python", flush=True)
+os.write(1, b"chatter of C\\n")
+answers.ready("none 1.0")
+for line in sys.stdin:
+    task = decode(line)
+    if task.exposure:
+        answers.failed(task.digest, RenderError("too dark"))
+        continue
+    answers.progress(task.digest, 2, 8, None)
+    np.ones(300_000_000, np.uint8)
+    image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
+    arrays = save_arrays(image, 2 * image, image[..., 0])
+    answers.done(task.digest, arrays, samples=8, seconds=0.5, relmse=float("nan"))
+"""
+
+
+def test_a_worker_is_understood(scene: SceneTask, tmp_path: Path) -> None:
+    task = FrameTask(scene, Pose(0.0, 0.0), 0.0, "d16e57", (Path("frame.exr"),), {})
+    told: list[Progress] = []
+    log = tmp_path / "worker.log"
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    with Worker((sys.executable, "-c", WORKER), log, scratch, 60.0) as worker:
+        worker.start()
+        with pytest.raises(RenderError, match=r"^RenderError: too dark$"):
+            worker.render(replace(task, exposure=-1.0), told.append)
+        assert told == []
+        rendered = worker.render(task, told.append)
+    assert told == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
+    image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
+    np.testing.assert_array_equal(rendered.a, image)
+    np.testing.assert_array_equal(rendered.b, 2 * image)
+    np.testing.assert_array_equal(rendered.alpha, image[..., 0])
+    assert (rendered.samples, rendered.seconds, rendered.blender) == (8, 0.5, "none 1.0")
+    assert np.isnan(rendered.relmse)
+    assert 300e6 < rendered.memory < 900e6
+    assert log.read_text() == "chatter of Python\nchatter of C\n"
+    assert list(scratch.iterdir()) == []

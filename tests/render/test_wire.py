@@ -1,0 +1,69 @@
+"""Frame tasks survive the pipe to the worker, to the last bit."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.codegen import Link, NodeSource, PrincipledSource
+from lookdev.errors import WorkerError
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.wire import decode, encode
+from lookdev.scene.camera import Pose
+
+
+@pytest.fixture
+def task(scene: SceneTask) -> FrameTask:
+    files = (Path("/out/a b.0001.exr"), Path("/out/\u00fc.0001.exr"))
+    return FrameTask(scene, Pose(0.1, 359.99999999999994), -0.3, "d16e57", files, {"look": 'a "b"\n\u2028'})
+
+
+def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
+    line = encode(task)
+    assert "\n" not in line
+    assert "\r" not in line
+    assert decode(line) == task
+    assert decode(line + "\n") == task
+
+
+def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
+    scene = replace(task.scene, shaders=(node_source, node_source))
+    back = decode(encode(replace(task, scene=scene))).scene
+    assert back == scene
+    for source in back.shaders:
+        assert isinstance(source, NodeSource)
+        mix = source.trees[0].nodes[-1]
+        assert mix.properties["clamp_factor"] is False
+        assert mix.properties["clamp_result"] is True
+        assert isinstance(mix.inputs["B_Color"], Link)
+        assert isinstance(mix.inputs["A_Color"], tuple)
+
+
+def test_a_principled_bsdf_comes_back_equal(task: FrameTask) -> None:
+    source = PrincipledSource("p", {"Base Color": (0.1, 0.2, 0.3), "Roughness": 0.5})
+    scene = replace(task.scene, shaders=(source,))
+    assert decode(encode(replace(task, scene=scene))).scene == scene
+
+
+def test_floats_survive_exactly(task: FrameTask) -> None:
+    # Random bit patterns reach every exponent, subnormals too, and all 17 digits.
+    bits = np.random.default_rng(7).integers(0, 2**64, 500, dtype=np.uint64)
+    values = [value for value in bits.view(np.float64).tolist() if np.isfinite(value)]
+    for value in [*values, 5e-324, 1.7976931348623157e308, -0.0]:
+        back = decode(encode(replace(task, exposure=value))).exposure
+        assert struct.pack("d", back) == struct.pack("d", value)
+
+
+def test_a_target_error_survives(task: FrameTask) -> None:
+    scene = replace(task.scene, sampling=replace(task.scene.sampling, error=1e-3))
+    assert decode(encode(replace(task, scene=scene))).scene.sampling.error == 1e-3
+
+
+@pytest.mark.parametrize("line", ["", "{}", "[1]", '{"scene": 3}'])
+def test_another_line_is_refused(line: str) -> None:
+    with pytest.raises(WorkerError, match="frame task"):
+        decode(line)

@@ -1,0 +1,148 @@
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from batch_case import command, is_alive, make_job, make_plan, misbehave, requests, wait_until, worker_pids
+
+from lookdev.errors import RenderError, WorkerError
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Worker, last_words
+
+FRAME = "element_0001"
+
+
+@pytest.fixture
+def task(tmp_path: Path) -> FrameTask:
+    return make_plan(make_job(tmp_path)).frames[0].task
+
+
+@pytest.fixture
+def worker(tmp_path: Path) -> Iterator[Worker]:
+    (tmp_path / "scratch").mkdir()
+    with Worker(command(tmp_path), tmp_path / "worker.log", tmp_path / "scratch") as worker:
+        yield worker
+
+
+def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
+    told = []
+    worker.start()
+    rendered = worker.render(task, told.append)
+    assert (rendered.a == 0.25).all()
+    assert (rendered.b == 0.75).all()
+    assert rendered.alpha.shape == (6, 8)
+    assert rendered.a.dtype == np.float32
+    assert (rendered.samples, rendered.seconds, rendered.relmse) == (8, 0.125, 0.01)
+    assert rendered.blender == "4.5.0 fake"
+    assert [(progress.samples, progress.of, progress.relmse) for progress in told] == [
+        (4, 8, None),
+        (8, 8, 0.01),
+    ]
+    assert list((tmp_path / "scratch").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("what", "message"),
+    [
+        ("die", "died of SIGKILL"),
+        ("exit", "exit code 3"),
+        ("half", "exit code 0"),
+        ("garbage", "no message: 'Fra:1 Mem"),
+        ("flood", "no message: 'xxx"),
+        ("ready", "said 'ready' in the middle"),
+        ("other", "answered for frame 000000000000"),
+        ("missing", "nowhere.npz cannot be read"),
+        ("truncated", "cannot be read"),
+        ("lack", "cannot be read.*alpha"),
+        ("shape", r"'b' is \(5, 8, 3\), should be \(6, 8, 3\)"),
+        ("nan", "'a' has pixels that are not finite"),
+    ],
+)
+def test_a_misbehaving_worker_is_killed_and_can_start_again(
+    worker: Worker, task: FrameTask, tmp_path: Path, what: str, message: str
+) -> None:
+    misbehave(tmp_path, **{FRAME: [what, "ok"]})
+    worker.start()
+    with pytest.raises(WorkerError, match=message):
+        worker.render(task, lambda progress: None)
+    assert not is_alive(worker_pids(tmp_path)[0])
+    worker.start()
+    assert worker.render(task, lambda progress: None).samples == 8
+
+
+def test_a_silent_worker_is_killed_with_its_children(task: FrameTask, tmp_path: Path) -> None:
+    misbehave(tmp_path, **{FRAME: ["child"]})
+    with Worker(command(tmp_path), tmp_path / "worker.log", tmp_path, patience=3.0) as worker:
+        worker.start()
+        with pytest.raises(WorkerError, match="silent for 3 s"):
+            worker.render(task, lambda progress: None)
+    child = int((tmp_path / "child.txt").read_text())
+    wait_until(lambda: not is_alive(child))
+
+
+def test_a_worker_that_takes_no_request_is_killed(task: FrameTask, tmp_path: Path) -> None:
+    deaf = 'import time; print(\'{"type": "ready", "blender": "4"}\', flush=True); time.sleep(60)'
+    shader = replace(task.scene.shaders[0], osl="/" * (1 << 20))  # more than a pipe holds
+    long_task = replace(task, scene=replace(task.scene, shaders=(shader,)))
+    with Worker((sys.executable, "-c", deaf), tmp_path / "worker.log", tmp_path, patience=2.0) as worker:
+        worker.start()
+        with pytest.raises(WorkerError, match="silent for 2 s"):
+            worker.render(long_task, lambda progress: None)
+
+
+def test_a_clean_failure_leaves_the_worker_alive(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
+    misbehave(tmp_path, **{FRAME: ["failed", "ok"]})
+    worker.start()
+    with pytest.raises(RenderError, match="no such attribute 'st2'"):
+        worker.render(task, lambda progress: None)
+    worker.render(task, lambda progress: None)
+    assert len(worker_pids(tmp_path)) == 1
+    assert len(requests(tmp_path)) == 2
+
+
+def test_an_error_in_the_callers_progress_leaves_no_worker_behind(
+    worker: Worker, task: FrameTask, tmp_path: Path
+) -> None:
+    def interrupt(progress: object) -> None:
+        raise KeyboardInterrupt
+
+    worker.start()
+    with pytest.raises(KeyboardInterrupt):
+        worker.render(task, interrupt)
+    assert not is_alive(worker_pids(tmp_path)[0])
+
+
+def test_a_worker_must_be_started(worker: Worker, task: FrameTask) -> None:
+    with pytest.raises(WorkerError, match="start it first"):
+        worker.render(task, lambda progress: None)
+
+
+@pytest.mark.parametrize(
+    ("program", "message"),
+    [
+        (("/nowhere/blender",), "/nowhere/blender cannot be started"),
+        ((sys.executable, "-c", "import sys; sys.exit('libXi.so.6: cannot open')"), "exit code 1"),
+        (
+            (sys.executable, "-c", 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'),
+            "said 'failed' before it was ready",
+        ),
+    ],
+)
+def test_a_worker_that_does_not_get_ready(tmp_path: Path, program: tuple[str, ...], message: str) -> None:
+    with (
+        Worker(program, tmp_path / "worker.log", tmp_path) as worker,
+        pytest.raises(WorkerError, match=message),
+    ):
+        worker.start()
+
+
+def test_last_words_are_the_last_line_with_text(tmp_path: Path) -> None:
+    log = tmp_path / "worker.log"
+    log.write_bytes(b"Traceback\nImportError: \xff no\n\n")
+    assert last_words(log) == "ImportError: \ufffd no"
+    log.write_bytes(b"")
+    assert last_words(log) == ""
