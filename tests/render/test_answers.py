@@ -19,8 +19,8 @@ WORKER = """
 import os, sys
 import numpy as np
 from lookdev.errors import RenderError
-from lookdev.plan.answers import Answers, save_arrays
-from lookdev.plan.wire import decode
+from lookdev.render.answers import Answers, save_arrays
+from lookdev.render.wire import decode
 
 answers = Answers()
 print("chatter of Python", flush=True)
