@@ -17,7 +17,7 @@ import pytest
 import typer.main
 
 from lookdev.batch.doctor import SYSTEM_LIBRARIES
-from lookdev.brdf import PARAMETERS, Parameter
+from lookdev.brdf import MODELS, Parameter
 from lookdev.cli import app
 from lookdev.job import json_schema, load_job, parse_job
 from lookdev.material.library import read_library
@@ -69,7 +69,7 @@ def tables() -> dict[str, str]:
             made[f"job.{name}"] = _job_table(schema["$defs"][reference.rpartition("/")[2]], schema)
     made["presets"] = _preset_table()
     made["nodes.gaps"] = _gap_table()
-    return made | {f"models.{model}": _model_table(PARAMETERS[model].values()) for model in PARAMETERS}
+    return made | {f"models.{model}": _model_table(MODELS[model].parameters.values()) for model in MODELS}
 
 
 def _preset_table() -> str:

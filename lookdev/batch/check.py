@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset.store import read_asset
 from lookdev.batch.prepare import Prepared, make_scene, prepare_job
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS
 from lookdev.checks.albedo import ANGLES, Halves, Render, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.gap import check_gap
@@ -261,7 +261,7 @@ def _halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
 
 
 def _check_stability(subject: _Subject) -> Iterator[Finding]:
-    subjects: list[str | Look] = list(subject.looks()) if subject.prepared else list(PARAMETERS)
+    subjects: list[str | Look] = list(subject.looks()) if subject.prepared else list(MODELS)
     yield from stress(subjects, subject.render, seed=subject.seed, depth=subject.depth)
 
 

@@ -35,7 +35,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf.vectors import TINY, Array
+from lookdev.brdf.vectors import TINY, Array, Real
 from lookdev.errors import ModelError, nearest_hint
 
 METALS: dict[str, str] = {
@@ -84,7 +84,7 @@ _XYZ_TO_REC709 = np.array(
 
 
 # Born and Wolf, 14.2, from air: a + ib is the refracted wave vector along the normal, and |a + ib|^2 the length.
-def fresnel_conductor(cos_theta: Array, eta: Array, k: Array) -> Array:
+def fresnel_conductor(cos_theta: Real, eta: Array, k: Array) -> Array:
     """Return the reflectance of a conductor for unpolarised light that arrives from air.
 
     Parameters
@@ -110,7 +110,8 @@ def fresnel_conductor(cos_theta: Array, eta: Array, k: Array) -> Array:
     # Where the index is that of air and light grazes, both are zero.
     reflectance_s = (s_sum - s_cross) / np.maximum(s_sum + s_cross, TINY)
     reflectance_p = reflectance_s * (p_sum - p_cross) / np.maximum(p_sum + p_cross, TINY)
-    return 0.5 * (reflectance_s + reflectance_p)
+    reflectance: Array = 0.5 * (reflectance_s + reflectance_p)
+    return reflectance
 
 
 def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
@@ -149,15 +150,15 @@ def metal_reflectance(name: str) -> NDArray[np.float64]:
     ModelError
         The metal is unknown.
     """
-    spectrum = fresnel_conductor(1.0, *metal_indices(name, _WAVELENGTHS))
+    spectrum = np.asarray(fresnel_conductor(1.0, *metal_indices(name, _WAVELENGTHS)))
     # The fitted observer's white is not exactly that of Rec.709.
     color = np.clip(_rec709(spectrum) / _rec709(np.ones_like(spectrum)), 0.0, 1.0)
     color.setflags(write=False)  # it is cached
     return color
 
 
-def _rec709(spectrum: Array) -> NDArray[np.float64]:
-    xyz: NDArray[np.float64] = color_matching(_WAVELENGTHS).T @ (_D65 * spectrum)
+def _rec709(spectrum: NDArray[np.float64]) -> NDArray[np.float64]:
+    xyz: NDArray[np.float64] = (_D65 * spectrum) @ np.asarray(color_matching(_WAVELENGTHS))
     return _XYZ_TO_REC709 @ xyz
 
 

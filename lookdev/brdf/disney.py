@@ -10,27 +10,20 @@ Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
-from lookdev.brdf.closures import Closure
-from lookdev.brdf.disney_closures import (
-    COAT_F0,
-    clearcoat_closures,
-    diffuse_albedo,
-    diffuse_closure,
-    sheen_closure,
-    specular_closures,
-    subsurface_closures,
-)
-from lookdev.brdf.frames import facing_viewer, to_local, unit_normal
+from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
-from lookdev.brdf.vectors import TINY, Array, mean, mix, mix_color, reflect, same, scale
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, scale
 
 PI = np.pi
+
+COAT_F0 = 0.04
+"""Reflectance of the clearcoat at normal incidence: an index of 1.5 (Burley 2012, section 5.4)."""
 
 
 def _tint(base_color: Array) -> Array:
@@ -40,7 +33,7 @@ def _tint(base_color: Array) -> Array:
     return np.where(positive, base_color / np.where(positive, np.expand_dims(luminance, -1), 1.0), np.ones(3))
 
 
-def _diffuse(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
+def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     base_color, roughness = p["baseColor"], p["roughness"]
     dielectric = 1.0 - p["metallic"]
     sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
@@ -59,33 +52,27 @@ def _diffuse(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
         sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))
         return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / PI)) + sheen, dielectric)
 
-    def closures() -> tuple[Closure, ...]:
-        cos_theta = wo[..., 2]
-        under = p["subsurface"]
-        closures: tuple[Closure, ...] = (sheen_closure(scale(sheen_color, dielectric), cos_theta, normal),)
-        if not same(under, 0.0):
-            color = scale(base_color, dielectric * under)
-            closures += subsurface_closures(color, cos_theta, roughness, normal)
-        if not same(under, 1.0):
-            color = scale(base_color, dielectric * (1.0 - under))
-            albedo = diffuse_albedo(cos_theta, roughness)
-            closures += (diffuse_closure(color, albedo, roughness, cos_theta, normal),)
-        return closures
-
     return Lobe(
+        "disney",
         "diffuse",
         # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
         dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / PI),
         sample=mf.sample_cosine,
-        closures=closures,
-        normal=normal,
+        frame=frame,
         broad=True,
+        values={
+            "base_color": base_color,
+            "roughness": roughness,
+            "subsurface": p["subsurface"],
+            "sheen_color": sheen_color,
+            "dielectric": dielectric,
+        },
     )
 
 
-def _specular(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
+def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     base_color, roughness = p["baseColor"], p["roughness"]
     # Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
     aspect = np.sqrt(1.0 - 0.9 * p["anisotropic"])
@@ -111,23 +98,30 @@ def _specular(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
         return scale(fresnel(d.cos_theta_d), mf.gtr2_aniso(d.wm, alpha_x, alpha_y) * g)
 
     return Lobe(
+        "disney",
         "specular",
         # Microfacets lean away from the normal: with F0 = 0 the lobe is dark, not absent, as seen along it.
         np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
         sample=lambda u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
-        closures=lambda: specular_closures(f0, roughness, (alpha_x, alpha_y), p["variant"], wo, normal),
-        normal=normal,
+        frame=frame,
+        values={
+            "f0": f0,
+            "roughness": roughness,
+            "alpha_x": alpha_x,
+            "alpha_y": alpha_y,
+            "variant": p["variant"],
+        },
     )
 
 
-def _clearcoat(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
+def _clearcoat(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     # Sections 5.4 to 5.6: GTR1, index 1.5, GGX shadowing with a fixed alpha of 0.25, scaled to [0, 0.25].
     weight = 0.25 * p["clearcoat"]
     alpha = mix(0.1, 0.001, p["clearcoatGloss"])
 
-    def fresnel(cos_theta: Array) -> Array:
+    def fresnel(cos_theta: Array) -> Real:
         return mix(COAT_F0, 1.0, schlick_weight(cos_theta))
 
     def evaluate(d: Directions) -> Array:
@@ -136,29 +130,89 @@ def _clearcoat(p: Mapping[str, Array], wo: Array, normal: Array) -> Lobe:
         return np.expand_dims(f, -1) * np.ones(3)
 
     return Lobe(
+        "disney",
         "clearcoat",
         weight * fresnel(wo[..., 2]),
         evaluate=evaluate,
         # Burley 2012, appendix B.1.
         pdf=lambda d: mf.gtr1(d.wm, alpha) * d.wm[..., 2] / (4.0 * d.cos_theta_d),
         sample=lambda u1, u2: reflect(wo, mf.sample_gtr1(alpha, u1, u2)),
-        closures=lambda: clearcoat_closures(weight, alpha, wo[..., 2], normal),
-        normal=normal,
+        frame=frame,
+        values={"weight": weight, "alpha": alpha},
     )
 
 
-def disney_bsdf(parameters: Mapping[str, Array]) -> Bsdf:
-    """Build Disney's principled BRDF.
+_PARAMETERS: dict[str, Parameter] = {
+    parameter.name: parameter
+    for parameter in (
+        Parameter("baseColor", "color", (0.8, 0.8, 0.8), help="The surface colour, usually a texture; linear."),
+        Parameter("subsurface", "float", 0.0, help="Blends the diffuse shape to a subsurface approximation."),
+        Parameter("metallic", "float", 0.0, help="0 dielectric, 1 metallic; a linear blend of the two models."),
+        Parameter(
+            "specular",
+            "float",
+            0.5,
+            hard=(0.0, 12.5),
+            help="Incident specular amount: F0 = 0.08 specular; 0.5 is an index of refraction of 1.5.",
+        ),
+        Parameter("specularTint", "float", 0.0, help="Tints incident specular towards the base colour's hue."),
+        Parameter(
+            "roughness",
+            "float",
+            0.5,
+            help="Controls both diffuse and specular response; alpha is its square.",
+        ),
+        Parameter("anisotropic", "float", 0.0, help="Aspect ratio of the highlight, up to 10:1 at 1.", directed=True),
+        Parameter("sheen", "float", 0.0, help="An additional grazing component, for cloth."),
+        Parameter("sheenTint", "float", 0.5, help="Tints sheen towards the base colour's hue."),
+        Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),
+        Parameter("clearcoatGloss", "float", 1.0, help="Clearcoat glossiness: 0 satin, 1 gloss."),
+        Parameter(
+            "normal",
+            "normal",
+            (0.0, 0.0, 1.0),
+            hard=(-1.0, 1.0),
+            soft=(-1.0, 1.0),
+            help="Normal of all lobes, in the frame of tangent, bitangent and shading normal.",
+        ),
+        Parameter(
+            "variant",
+            "token",
+            "2014",
+            choices=("2014", "2012"),
+            help="2014: Smith G with the lobe's own alpha (addenda). 2012: isotropic G with remapped roughness.",
+        ),
+    )
+}
 
-    Parameters
-    ----------
-    parameters
-        Every input of `DISNEY_PARAMETERS`: floats (...), colours and the normal (..., 3), `variant` a string.
-    """
 
+def _bsdf(parameters: Parameters) -> Bsdf:
     def lobes(wo: Array) -> tuple[Lobe, ...]:
-        normal = facing_viewer(unit_normal(parameters["normal"]), wo)
-        local = to_local(normal, wo)
-        return tuple(build(parameters, local, normal) for build in (_diffuse, _specular, _clearcoat))
+        frame = frame_of(parameters["normal"]).facing(wo)
+        local = frame.to_local(wo)
+        return tuple(build(parameters, local, frame) for build in (_diffuse, _specular, _clearcoat))
 
     return Bsdf(lobes)
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    return {
+        # The strength that the model gives its coat, and the root of its alpha.
+        "clearcoat": 0.25 * p["clearcoat"],
+        "clearcoatRoughness": np.sqrt(mix(0.1, 0.001, p["clearcoatGloss"])),
+        "f0": 0.08 * p["specular"],
+    }
+
+
+DISNEY = Model(
+    name="disney",
+    title="Disney",
+    text="Disney's principled BRDF (Burley 2012, with the 2014 addenda).",
+    parameters=_PARAMETERS,
+    bsdf=_bsdf,
+    identifier="LookdevDisney",
+    # Saturated tints are brighter than white, up to ten times, and a rough surface retroreflects: 2.5 was found.
+    energy=lambda tokens: 4.0,
+    probe={"roughness": 0.4, "clearcoat": 0.5, "sheen": 0.5},
+    preview=Preview({"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness"}, _preview),
+)

@@ -1,62 +1,96 @@
-"""Frames of lobes that have a normal of their own, inside the frame of the shading normal.
+"""Frames of lobes inside the frame of the shading normal: the same frame, or one about a normal of the lobe's own.
 
 - Duff, T. et al. 2017. Building an Orthonormal Basis, Revisited. JCGT 6(1).
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Protocol
+
 import numpy as np
 
-from lookdev.brdf.vectors import Array, dot, normalize, same, scale
+from lookdev.brdf.vectors import Array, dot, normalize, same, scale, vector
 
-ZENITH = np.array([0.0, 0.0, 1.0])
-"""The shading normal itself."""
+ZENITH: Array = np.array([0.0, 0.0, 1.0])
+"""The shading normal in its own frame."""
 
 _LOWEST = 0.01
 _LEAN = 1e-4
 
 
-def unit_normal(vector: Array) -> Array:
-    """Normalise what a normal map says, (..., 3); an overhang, or no vector at all, is pulled up to z = 0.01."""
-    normal = normalize(np.stack([vector[..., 0], vector[..., 1], np.maximum(vector[..., 2], _LOWEST)], axis=-1))
-    return ZENITH if same(normal, ZENITH) else normal
+class Frame(Protocol):
+    """An orthonormal frame, given by its z axis; directions (..., 3) are those of the shading frame."""
+
+    @property
+    def normal(self) -> Array:
+        """The unit z axis, (..., 3), above the horizon of the shading frame."""
+
+    def to_local(self, w: Array) -> Array:
+        """Express directions in this frame."""
+
+    def from_local(self, w: Array) -> Array:
+        """Express directions of this frame in the shading frame."""
+
+    def facing(self, wo: Array) -> Frame:
+        """Return the frame bent towards unit views until ``normal . wo`` is positive."""
 
 
-def facing_viewer(normal: Array, wo: Array) -> Array:
-    """Bend unit normals until ``normal . wo`` is positive: a viewer sees no surface that faces away.
+@dataclass(frozen=True)
+class Upright:
+    """The shading frame itself."""
 
-    The shading normal itself, which `wo` is above, stays as it is.
-    """
-    if normal is ZENITH:
+    @property
+    def normal(self) -> Array:
         return ZENITH
-    lean = dot(normal, wo)
-    return normalize(normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _LEAN) - lean, 0.0)))
+
+    def to_local(self, w: Array) -> Array:
+        return w
+
+    def from_local(self, w: Array) -> Array:
+        return w
+
+    def facing(self, wo: Array) -> Upright:
+        # Views are above the horizon.
+        return self
 
 
-def _basis(normal: Array) -> tuple[Array, Array]:
+@dataclass(frozen=True, eq=False)
+class Leaning:
+    """The frame about a unit normal (..., 3) that is not the shading normal."""
+
+    normal: Array
+
+    def to_local(self, w: Array) -> Array:
+        tangent, bitangent = self._axes()
+        return vector(dot(tangent, w), dot(bitangent, w), dot(self.normal, w))
+
+    def from_local(self, w: Array) -> Array:
+        tangent, bitangent = self._axes()
+        return scale(tangent, w[..., 0]) + scale(bitangent, w[..., 1]) + scale(self.normal, w[..., 2])
+
+    def facing(self, wo: Array) -> Leaning:
+        lean = dot(self.normal, wo)
+        bent = self.normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _LEAN) - lean, 0.0))
+        return Leaning(normalize(bent))
+
     # Duff et al. 2017, listing 3, for z > -1: exactly the axes themselves where the normal is the zenith.
-    x, y = normal[..., 0], normal[..., 1]
-    a = -1.0 / (1.0 + normal[..., 2])
-    xy = x * y * a
-    return np.stack([1.0 + x * x * a, xy, -x], axis=-1), np.stack([xy, 1.0 + y * y * a, -y], axis=-1)
+    def _axes(self) -> tuple[Array, Array]:
+        x, y = self.normal[..., 0], self.normal[..., 1]
+        a = -1.0 / (1.0 + self.normal[..., 2])
+        xy = x * y * a
+        return vector(1.0 + x * x * a, xy, -x), vector(xy, 1.0 + y * y * a, -y)
 
 
-def to_local(normal: Array, w: Array) -> Array:
-    """Express directions (..., 3) in a frame whose z is `normal`, a unit vector above the horizon."""
-    if normal is ZENITH:
-        return w
-    tangent, bitangent = _basis(normal)
-    return np.stack([dot(tangent, w), dot(bitangent, w), dot(normal, w)], axis=-1)
+def frame_of(mapped: Array) -> Frame:
+    """Return the frame about the direction of vectors of a normal map, (..., 3).
 
-
-def from_local(normal: Array, w: Array) -> Array:
-    """Undo `to_local`."""
-    if normal is ZENITH:
-        return w
-    tangent, bitangent = _basis(normal)
-    return scale(tangent, w[..., 0]) + scale(bitangent, w[..., 1]) + scale(normal, w[..., 2])
+    An overhang, or no vector at all, is pulled up to z = 0.01.
+    """
+    normal = normalize(vector(mapped[..., 0], mapped[..., 1], np.maximum(mapped[..., 2], _LOWEST)))
+    return Upright() if same(normal, ZENITH) else Leaning(normal)
 
 
 def mirrored(w: Array) -> Array:
     """Mirror directions (..., 3) in the plane of the surface."""
-    return np.stack([w[..., 0], w[..., 1], -w[..., 2]], axis=-1)
+    return vector(w[..., 0], w[..., 1], -w[..., 2])

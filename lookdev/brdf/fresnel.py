@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, same
+from lookdev.brdf.vectors import Array, Real, same
 
 
 # Schlick 1994, eq. 15, the weights of normal and of grazing incidence.
@@ -23,7 +23,7 @@ def schlick_weight(cos_theta: Array) -> Array:
     return schlick_weights(cos_theta)[1]
 
 
-def schlick_blend(normal: Array, grazing: Array, cos_theta: Array) -> Array:
+def schlick_blend(normal: Real, grazing: Real, cos_theta: Array) -> Array:
     """Blend numbers (...) from normal to grazing incidence by a cosine (...)."""
     if same(normal, grazing):
         return normal + 0.0 * cos_theta  # of that shape, in as little code

@@ -11,19 +11,19 @@ from collections.abc import Mapping
 import numpy as np
 
 from lookdev.brdf.parameters import Parameter
-from lookdev.brdf.vectors import Array, mix
+from lookdev.brdf.vectors import Parameters, Real, mix
 from lookdev.errors import ModelError
 
 
 def blend_parameters(
-    parameters: Mapping[str, Parameter], below: Mapping[str, Array], above: Mapping[str, Array], mask: Array
-) -> dict[str, Array]:
+    parameters: Mapping[str, Parameter], below: Parameters, above: Parameters, mask: Real
+) -> Parameters:
     """Blend two complete parameter sets: exactly `below` where the mask is 0, exactly `above` where it is 1.
 
     Parameters
     ----------
     parameters
-        The model's inputs, whose kinds tell colours and normals (..., 3) from floats (...).
+        The model's parameters, whose kinds distinguish colours and normals (..., 3) from floats (...).
     below, above
         A value for every input.
     mask : (...)
@@ -34,7 +34,7 @@ def blend_parameters(
     ModelError
         A token differs between the two.
     """
-    blended: dict[str, Array] = {}
+    blended = {}
     for name, parameter in parameters.items():
         lower, upper = below[name], above[name]
         if parameter.kind == "token":

@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, normalize
+from lookdev.brdf.vectors import Array, Real, normalize, vector
 
 PI = np.pi
 
 
 # Burley 2012, eq. 4.
-def gtr1(wm: Array, alpha: Array) -> Array:
+def gtr1(wm: Array, alpha: Real) -> Array:
     """D of the generalised Trowbridge-Reitz distribution with gamma = 1; alpha in (0, 1)."""
     alpha2 = alpha * alpha
     t = alpha2 * wm[..., 2] * wm[..., 2] + wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
@@ -27,18 +27,18 @@ def gtr1(wm: Array, alpha: Array) -> Array:
 
 
 # Burley 2012, eq. 2 and 5. sin^2 theta_h = alpha^2 (alpha^(-2 u) - 1) / (1 - alpha^2) is eq. 5 without cancellation.
-def sample_gtr1(alpha: Array, u1: Array, u2: Array) -> Array:
+def sample_gtr1(alpha: Real, u1: Array, u2: Array) -> Array:
     """Draw half vectors with density ``D cos theta_h`` of `gtr1`."""
     alpha2 = alpha * alpha
     sin2 = alpha2 * np.expm1(-u2 * np.log(alpha2)) / (1.0 - alpha2)
     sin_theta = np.sqrt(sin2)
     phi = 2.0 * PI * u1
     cos_theta = np.sqrt(np.maximum(1.0 - sin2, 0.0))
-    return np.stack([sin_theta * np.cos(phi), sin_theta * np.sin(phi), cos_theta], axis=-1)
+    return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), cos_theta)
 
 
 # Burley 2012, eq. 13.
-def gtr2_aniso(wm: Array, alpha_x: Array, alpha_y: Array) -> Array:
+def gtr2_aniso(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
     """D of the anisotropic GTR with gamma = 2 (GGX, Trowbridge-Reitz)."""
     x, y, z = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y, wm[..., 2]
     t = x * x + y * y + z * z
@@ -47,7 +47,7 @@ def gtr2_aniso(wm: Array, alpha_x: Array, alpha_y: Array) -> Array:
 
 # Heitz 2014, eq. 86 with eq. 72:
 # G1 / (2 cos theta) = 1 / (cos theta + sqrt(cos^2 theta + (alpha_x x)^2 + (alpha_y y)^2)).
-def smith_ggx_aniso(w: Array, alpha_x: Array, alpha_y: Array) -> Array:
+def smith_ggx_aniso(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
     """Smith's G1 for the anisotropic GGX, divided by ``2 cos theta``.
 
     The product over both directions is ``G / (4 cos_theta_i cos_theta_o)``.
@@ -57,7 +57,7 @@ def smith_ggx_aniso(w: Array, alpha_x: Array, alpha_y: Array) -> Array:
 
 
 # Walter et al. 2007, eq. 34, in Burley's form.
-def smith_ggx(cos_theta: Array, alpha: Array) -> Array:
+def smith_ggx(cos_theta: Array, alpha: Real) -> Array:
     """Smith's G1 for the isotropic GGX, divided by ``2 cos theta``."""
     alpha2 = alpha * alpha
     cos2 = cos_theta * cos_theta
@@ -65,9 +65,9 @@ def smith_ggx(cos_theta: Array, alpha: Array) -> Array:
 
 
 # Dupuy and Benyoub 2023, listing 3.
-def sample_visible_ggx(wo: Array, alpha_x: Array, alpha_y: Array, u1: Array, u2: Array) -> Array:
+def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: Array) -> Array:
     """Draw half vectors visible from `wo`: density ``G1(wo) D max(0, wo . wm) / cos_theta_o``."""
-    standard = normalize(np.stack([wo[..., 0] * alpha_x, wo[..., 1] * alpha_y, wo[..., 2]], axis=-1))
+    standard = normalize(vector(wo[..., 0] * alpha_x, wo[..., 1] * alpha_y, wo[..., 2]))
     phi = 2.0 * PI * u1
     one_plus_z = (1.0 - u2) * (1.0 + standard[..., 2])
     z = one_plus_z - standard[..., 2]
@@ -75,31 +75,31 @@ def sample_visible_ggx(wo: Array, alpha_x: Array, alpha_y: Array, u1: Array, u2:
     x = sin_theta * np.cos(phi) + standard[..., 0]
     y = sin_theta * np.sin(phi) + standard[..., 1]
     # z + standard_z is one_plus_z exactly: written so, it never turns negative.
-    return normalize(np.stack([x * alpha_x, y * alpha_y, one_plus_z], axis=-1))
+    return normalize(vector(x * alpha_x, y * alpha_y, one_plus_z))
 
 
-def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Array, alpha_y: Array) -> Array:
+def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
     """Density over reflected directions of `sample_visible_ggx`: ``G1(wo) D / (4 cos_theta_o)``."""
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 
 
 # Smits, "Specular", normalised so that the integral of D cos theta_h is 1; in the scan, minus signs are lost.
-def sin_gaussian(wm: Array, power: Array) -> Array:
+def sin_gaussian(wm: Array, power: Real) -> Array:
     """D of a Gaussian of ``sin theta_h``."""
     sin2 = wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
     return power / (-PI * np.expm1(-power)) * np.exp(-power * sin2)
 
 
-def sample_sin_gaussian(power: Array, u1: Array, u2: Array) -> Array:
+def sample_sin_gaussian(power: Real, u1: Array, u2: Array) -> Array:
     """Draw half vectors with density ``D cos theta_h`` of `sin_gaussian`, by inversion in ``sin^2 theta_h``."""
     sin2 = np.clip(-np.log(1.0 + u1 * np.expm1(-power)) / power, 0.0, 1.0)
     sin_theta = np.sqrt(sin2)
     phi = 2.0 * PI * u2
-    return np.stack([sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(1.0 - sin2)], axis=-1)
+    return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(1.0 - sin2))
 
 
 def sample_cosine(u1: Array, u2: Array) -> Array:
     """Draw directions of the upper hemisphere with density ``cos theta / pi``."""
     r = np.sqrt(u1)
     phi = 2.0 * PI * u2
-    return np.stack([r * np.cos(phi), r * np.sin(phi), np.sqrt(np.maximum(1.0 - u1, 0.0))], axis=-1)
+    return vector(r * np.cos(phi), r * np.sin(phi), np.sqrt(np.maximum(1.0 - u1, 0.0)))

@@ -1,38 +1,18 @@
 """Stacks of layers as one BSDF, whatever their models.
 
-From the base up, a layer of the same model as all beneath it is combined with them as the model says: Disney's
-parameters are blended (`layering`), Pixar's partitions of light are combined (`pixar_layering`). From the first layer
-of another model on, evaluated BSDFs are blended by the masks.
+From the base up, a layer of the same model as all beneath it is combined with them by the model's own rule. From the
+first layer of another model on, evaluated BSDFs are blended by the masks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
 
-from lookdev.brdf.closures import Closure
-from lookdev.brdf.disney import disney_bsdf
-from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
-from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.layering import blend_parameters
-from lookdev.brdf.lobes import Bsdf, Directions, Lobe
-from lookdev.brdf.pixar import Partition, layer_partition, partition_lobes
-from lookdev.brdf.pixar_layering import Mode, layer
-from lookdev.brdf.vectors import Array, scale
+from lookdev.brdf.lobes import Bsdf, Lobe
+from lookdev.brdf.model import Mode, StackLayer
+from lookdev.brdf.models import MODELS, model_named
+from lookdev.brdf.vectors import Array, Real
 from lookdev.errors import ModelError
-
-
-@dataclass(frozen=True)
-class StackLayer:
-    """One layer: its model, all of the model's parameters, its mask (...) in [0, 1], and how it meets what is beneath.
-
-    The mask of the base has no meaning: nothing is beneath it.
-    """
-
-    model: str
-    parameters: Mapping[str, Array]
-    mask: Array = 1.0
-    mode: Mode = "over"
 
 
 def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
@@ -41,69 +21,51 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     Raises
     ------
     ModelError
-        There is no layer; layers that are combined differ in a token; mode ``"transmit"`` where a layer, or one
-        beneath it, is not Pixar's.
+        There is no layer; a model is unknown; layers that are combined differ in a token; a layer's mode is not one of
+        its model, or a layer beneath is of another model.
     """
     if not layers:
         raise ModelError("a stack has no layers; a base would be right")
-    for number, each in enumerate(layers):
-        if each.mode == "transmit" and any(one.model != "pixar" for one in layers[: number + 1]):
-            raise ModelError(f"layer {number}: mode 'transmit' needs Pixar layers only, here and beneath")
-    first = layers[0].model
-    count = next((number for number, each in enumerate(layers) if each.model != first), len(layers))
-    bsdf = _MODELS[first](layers[:count])
-    for each in layers[count:]:
-        bsdf = _blend(bsdf, _MODELS[each.model]([each]), each.mask)
+    for number, layer in enumerate(layers):
+        if stranger(layer.mode, [each.model for each in layers[: number + 1]]) is not None:
+            takers = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
+            raise ModelError(f"layer {number}: mode '{layer.mode}' needs {takers} layers only, here and beneath")
+    first, *others = runs(layers)
+    bsdf = model_named(layers[0].model).stack(first)
+    for (layer,) in others:
+        bsdf = _blend(bsdf, model_named(layer.model).stack([layer]), layer.mask)
     return bsdf
 
 
-def _disney(layers: Sequence[StackLayer]) -> Bsdf:
-    parameters = dict(layers[0].parameters)
-    for each in layers[1:]:
-        parameters = blend_parameters(DISNEY_PARAMETERS, parameters, each.parameters, each.mask)
-    return disney_bsdf(parameters)
+def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
+    """Split layers into those that one model combines: the base and those like it, then one by one."""
+    first = layers[0].model
+    count = next((number for number, each in enumerate(layers) if each.model != first), len(layers))
+    return [layers[:count], *([layer] for layer in layers[count:])]
 
 
-def _pixar(layers: Sequence[StackLayer]) -> Bsdf:
-    for each in layers[1:]:
-        if each.parameters["energy"] != layers[0].parameters["energy"]:
-            raise ModelError("layers disagree on 'energy'; all Pixar layers of a stack must use the same")
+def stranger(mode: Mode, models: Sequence[str]) -> int | None:
+    """Return the index of a model that keeps the uppermost layer from having its mode, None where it may have it.
 
-    def partition(wo: Array) -> Partition:
-        combined = layer_partition(layers[0].parameters, wo)
-        for each in layers[1:]:
-            combined = layer(layer_partition(each.parameters, wo), combined, each.mask, each.mode)
-        return combined
-
-    def lobes(wo: Array) -> tuple[Lobe, ...]:
-        return partition_lobes(partition(wo))
-
-    # The same from every direction.
-    return Bsdf(lobes, partition(ZENITH).presence, two_sided=True)
+    `models` are those of all layers, base first. Any layer may lie ``"over"`` any other; in the other modes a layer and
+    all beneath it are of one model, which has that mode.
+    """
+    if mode == "over":
+        return None
+    if mode not in model_named(models[-1]).modes:
+        return len(models) - 1
+    return next((index for index, each in enumerate(models) if each != models[-1]), None)
 
 
-_MODELS: dict[str, Callable[[Sequence[StackLayer]], Bsdf]] = {"disney": _disney, "pixar": _pixar}
-
-
-def _blend(below: Bsdf, above: Bsdf, mask: Array) -> Bsdf:
+def _blend(below: Bsdf, above: Bsdf, mask: Real) -> Bsdf:
     """Blend evaluated BSDFs: f is ``mask * f_above + (1 - mask) * f_below``."""
     covered = mask * above.presence
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         return (
-            *(_weighted(lobe, 1.0 - covered) for lobe in below.lobes(wo)),
-            *(_weighted(lobe, mask) for lobe in above.lobes(wo)),
+            *(lobe.blended(1.0 - covered) for lobe in below.lobes(wo)),
+            *(lobe.blended(mask) for lobe in above.lobes(wo)),
         )
 
     presence = 1.0 - (1.0 - covered) * (1.0 - below.presence)
     return Bsdf(lobes, presence, below.two_sided or above.two_sided)
-
-
-def _weighted(lobe: Lobe, weight: Array) -> Lobe:
-    def evaluate(d: Directions) -> Array:
-        return scale(lobe.evaluate(d), weight)
-
-    def closures() -> tuple[Closure, ...]:
-        return tuple(replace(each, weight=scale(each.weight, weight)) for each in lobe.closures())
-
-    return replace(lobe, share=lobe.share * weight, evaluate=evaluate, closures=closures)

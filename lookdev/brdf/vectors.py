@@ -1,43 +1,94 @@
-"""Small vector algebra over the last axis, and the array type every model works on.
+"""The array type that every model works on, and small vector algebra over its last axis.
 
 Functions use only ufuncs, `where`, `stack`, `expand_dims` and sums over the last axis, so that symbolic arrays
-(`lookdev.codegen`) run through the same code.
+(`lookdev.codegen.trace`) run through the same code.
 """
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+from collections.abc import Mapping
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-Array: TypeAlias = Any
-"""A float64 array or number, or a symbolic array standing for one."""
+
+class Mask(Protocol):
+    """What a comparison of arrays gives: an array of truth values, or a symbolic one."""
+
+    def __array__(self, dtype: None = ..., /) -> NDArray[np.bool_]: ...
+    def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **kwargs: Any) -> Any: ...
+    def __and__(self, other: Mask, /) -> Mask: ...
+    def __or__(self, other: Mask, /) -> Mask: ...
+    def __invert__(self) -> Mask: ...
+
+
+class Array(Protocol):
+    """What a model computes with: a float64 array, or a symbolic array in its place.
+
+    Shapes in docstrings are those of the array: ``(...)`` a number at each point, ``(..., 3)`` a vector or a colour.
+    """
+
+    @property
+    def shape(self) -> tuple[int, ...]: ...
+    @property
+    def ndim(self) -> int: ...
+    def __array__(self, dtype: None = ..., /) -> NDArray[np.float64]: ...
+    def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **kwargs: Any) -> Any: ...
+    def __getitem__(self, index: Any, /) -> Array: ...
+    def __add__(self, other: Real, /) -> Array: ...
+    def __radd__(self, other: Real, /) -> Array: ...
+    def __sub__(self, other: Real, /) -> Array: ...
+    def __rsub__(self, other: Real, /) -> Array: ...
+    def __mul__(self, other: Real, /) -> Array: ...
+    def __rmul__(self, other: Real, /) -> Array: ...
+    def __truediv__(self, other: Real, /) -> Array: ...
+    def __rtruediv__(self, other: Real, /) -> Array: ...
+    def __neg__(self) -> Array: ...
+    def __lt__(self, other: Real, /) -> Mask: ...
+    def __le__(self, other: Real, /) -> Mask: ...
+    def __gt__(self, other: Real, /) -> Mask: ...
+    def __ge__(self, other: Real, /) -> Mask: ...
+
+
+Real: TypeAlias = "Array | float"
+"""An array, or one number for all points."""
+
+Parameters: TypeAlias = Mapping[str, Any]
+"""Values of a model's parameters by name: arrays, and strings for tokens."""
 
 TINY = 1e-18
 """A floor for divisors: its square and the inverse of its square are normal numbers in float32 too."""
 
 
-def scale(vector: Array, factor: Array) -> Array:
+def vector(x: Array, y: Array, z: Array) -> Array:
+    """Put components (...) together to vectors (..., 3)."""
+    return np.stack([x, y, z], axis=-1)
+
+
+def scale(vectors: Array, factor: Real) -> Array:
     """Multiply vectors (..., 3) by scalars (...)."""
-    return vector * np.expand_dims(factor, -1)
+    return vectors * np.expand_dims(factor, -1)
 
 
-def mix(a: Array, b: Array, t: Array) -> Array:
+def mix(a: Real, b: Real, t: Real) -> Real:
     """Interpolate linearly: exactly `a` at t = 0 and `b` at t = 1, however far apart they are."""
-    # Not a + (b - a) t, which leaves of a small b at t near 1 what rounding leaves of a.
+    # Not a + (b - a) t: where a is far larger than b, its rounding error would be all that is left near t = 1.
     return a + 0.0 * t if same(a, b) else a * (1.0 - t) + b * t
 
 
-def mix_color(a: Array, b: Array, t: Array) -> Array:
+def mix_color(a: Array, b: Array, t: Real) -> Array:
     """Interpolate colours (..., 3) by scalars (...)."""
-    return mix(a, b, np.expand_dims(t, -1))
+    blended: Array = mix(a, b, np.expand_dims(t, -1))  # type: ignore[assignment]
+    return blended
 
 
 def dot(a: Array, b: Array) -> Array:
     """Dot product over the last axis."""
     # Not numpy.sum, which takes three times as long over an axis of three.
     product = a * b
-    return product[..., 0] + product[..., 1] + product[..., 2]
+    total: Array = product[..., 0] + product[..., 1] + product[..., 2]
+    return total
 
 
 def normalize(v: Array) -> Array:
@@ -52,10 +103,11 @@ def reflect(w: Array, wm: Array) -> Array:
 
 def mean(color: Array) -> Array:
     """Mean of the three channels, (...)."""
-    return (color[..., 0] + color[..., 1] + color[..., 2]) * (1.0 / 3.0)
+    total: Array = (color[..., 0] + color[..., 1] + color[..., 2]) * (1.0 / 3.0)
+    return total
 
 
-def same(a: Array, b: Array) -> bool:
-    """Tell whether two values are known to be equal; of symbolic ones only where their difference folds to zero."""
+def same(a: Real, b: Real) -> bool:
+    """Return whether two values are known to be equal; of symbolic ones only where their difference folds to zero."""
     difference = a - b
     return isinstance(difference, np.ndarray | np.floating | float) and not np.any(difference)

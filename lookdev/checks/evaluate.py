@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
+from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
 from lookdev.codegen.osl.surface import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 
@@ -193,8 +193,8 @@ def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
 def _parse_layer(model: Any, params: Any, mode: Any = "over") -> tuple[PointLayer, dict[str, Any]]:
     if not isinstance(params, dict):
         raise ModelError("params must be an object of names and values")
-    if model not in PARAMETERS:
-        raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*PARAMETERS, 'stack'])})")
+    if model not in MODELS:
+        raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack'])})")
     parameters = complete_parameters(model, params)
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
     return PointLayer(model, tokens, mode), {name: parameters[name] for name in parameters if name not in tokens}

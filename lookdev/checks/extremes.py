@@ -13,7 +13,7 @@ from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import corner_tangents
-from lookdev.brdf import PARAMETERS, Parameter
+from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch
 from lookdev.codegen.osl.surface import PointLayer
@@ -48,7 +48,7 @@ def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extreme
     but where the directions are nearly opposite: the half vector of those, turned, is rounding.
     """
     absurd = np.arange(count) >= count // 2
-    wo, wi = _directions(count, absurd, rng, thin=any(layer.model == "pixar" for layer in layers))
+    wo, wi = _directions(count, absurd, rng, thin=any(MODELS[layer.model].two_sided for layer in layers))
     opposed = (np.linalg.norm((wo + wi)[:, :2], axis=-1) < 0.1) & (np.abs(wo[:, 2]) < 0.1) & (np.abs(wi[:, 2]) < 0.1)
     straight = (rng.random(count) < 0.5) | (opposed & ~absurd)
     numbers = tuple(_numbers(layer, count, absurd, straight, rng) for layer in layers)
@@ -66,7 +66,7 @@ def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tupl
 
 
 def _amplifies(model: str, name: str) -> bool:
-    parameter = PARAMETERS[model].get(name)
+    parameter = MODELS[model].parameters.get(name)
     return parameter is not None and isinstance(parameter.default, float) and parameter.default <= 1.0
 
 
@@ -102,7 +102,7 @@ def _direction(cosine: Floats, phi: Floats) -> Floats:
 
 
 def _numbers(layer: PointLayer, count: int, absurd: Mask, straight: Mask, rng: Rng) -> dict[str, Floats]:
-    known = PARAMETERS[layer.model]
+    known = MODELS[layer.model].parameters
     # All weights at once at their least: nothing is left of the surface.
     nothing = rng.random(count) < 0.02
     numbers = {}

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf import PARAMETERS, StackLayer
+from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
 from lookdev.material import Look, Primvar
 from lookdev.reference.surface import look_layers
@@ -100,7 +100,7 @@ def constant_look(look: Look, layers: list[StackLayer], index: int) -> Look:
 
 def case_layer(model: str, inputs: Mapping[str, Any], mask: Any, mode: str) -> dict[str, Any]:
     """Return a layer as `lookdev eval` takes it; inputs that have their default are left out."""
-    known = PARAMETERS[model]
+    known = MODELS[model].parameters
     plain = {name: list(value) if isinstance(value, tuple) else value for name, value in inputs.items()}
     default = {
         name: list(each.default) if isinstance(each.default, tuple) else each.default for name, each in known.items()
@@ -126,4 +126,4 @@ def _numbers(layer: StackLayer) -> dict[str, Floats]:
 
 
 def _shape(layer: StackLayer, name: str) -> tuple[int, ...]:
-    return () if name == "mask" or PARAMETERS[layer.model][name].kind == "float" else (3,)
+    return () if name == "mask" or MODELS[layer.model].parameters[name].kind == "float" else (3,)

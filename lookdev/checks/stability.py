@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, save_asset
-from lookdev.brdf import PARAMETERS, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
 from lookdev.checks.albedo import Halves, Render
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
@@ -57,16 +57,8 @@ _COUNTS: dict[Depth, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
 # Of sets of parameters, and of samples at each view of each.
 _ENERGY: dict[Depth, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
 _VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
-# As published, neither model conserves energy. Pixar's: docs/models.md, 1.87 at most. Disney's: saturated tints are
-# brighter than white, up to ten times, and a rough surface retroreflects; 2.5 at most was found.
-_MOST = {"disney": 4.0, "pixar": 2.0}
 _SIZE = (32, 32)
 _SAMPLING = Sampling(samples=32, error=None, brdf_samples=2, ibl_samples=2, bounces=1, seed=0)
-# Every lobe of a model, and nothing that has a direction.
-_PROBES: dict[str, dict[str, float]] = {
-    "disney": {"roughness": 0.4, "clearcoat": 0.5, "sheen": 0.5},
-    "pixar": {"roughness": 0.3, "clear": 0.5, "back": 0.5, "presence": 0.8},
-}
 
 
 def stress(
@@ -104,7 +96,7 @@ def stress(
         else:
             for name, layers in model_stacks(subject).items():
                 yield check_stack(name, layers, rng, depth)
-            probe = Look(subject, (Layer("Probe", subject, dict(_PROBES.get(subject, {}))),))
+            probe = Look(subject, (Layer("Probe", subject, dict(MODELS[subject].probe)),))
             yield from check_scenes(probe, scene_cases(), render)
 
 
@@ -112,18 +104,20 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
     """Return a model in every form, over itself and, of all others, over each; by name."""
 
     def plain(name: str) -> PointLayer:
-        return PointLayer(name, {each.name: each.choices[0] for each in PARAMETERS[name].values() if each.choices})
+        return PointLayer(
+            name, {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
+        )
 
-    choices = {each.name: each.choices for each in PARAMETERS[model].values() if each.choices}
+    choices = {each.name: each.choices for each in MODELS[model].parameters.values() if each.choices}
     stacks: dict[str, tuple[PointLayer, ...]] = {}
     for values in product(*choices.values()):
         form = dict(zip(choices, values, strict=True))
         stacks[" ".join([model, *form.values()])] = (PointLayer(model, form),)
     stacks[f"{model} over {model}"] = (plain(model), plain(model))
-    if model == "pixar":
-        above = replace(plain(model), mode="transmit")
-        stacks["pixar transmitting to pixar, twice"] = (plain(model), above, above)
-    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in PARAMETERS if other != model}
+    for mode in MODELS[model].modes[1:]:
+        above = replace(plain(model), mode=mode)
+        stacks[f"{model} over {model}, twice in mode {mode}"] = (plain(model), above, above)
+    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in MODELS if other != model}
 
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:
@@ -236,7 +230,7 @@ def _perturbed(batch: Batch, rng: np.random.Generator) -> Batch:
 
     numbers = tuple(
         {
-            name: off(value, *(PARAMETERS[layer.model][name].hard if name != "mask" else (0.0, 1.0)))
+            name: off(value, *(MODELS[layer.model].parameters[name].hard if name != "mask" else (0.0, 1.0)))
             for name, value in each.items()
         }
         for layer, each in zip(batch.layers, batch.numbers, strict=True)
@@ -254,7 +248,7 @@ def _leaning(batch: Batch) -> NDArray[np.bool_]:
     """Return which cases (n,) have a normal of a lobe's own."""
     leaning = np.zeros(len(batch.wo), np.bool_)
     for layer, each in zip(batch.layers, batch.numbers, strict=True):
-        for name, parameter in PARAMETERS[layer.model].items():
+        for name, parameter in MODELS[layer.model].parameters.items():
             if parameter.kind == "normal":
                 normal = each.get(name, np.asarray(layer.constants.get(name, parameter.default)))
                 leaning |= (normal[..., :2] != 0.0).any(axis=-1)
@@ -271,8 +265,7 @@ def _columns(f: Floats, density: Floats) -> Floats:
 
 
 def _most(layers: Sequence[PointLayer]) -> float:
-    conserves = all(layer.tokens.get("energy") == "conserving" for layer in layers)
-    return 1.0 if conserves else max(_MOST[layer.model] for layer in layers)
+    return max(MODELS[layer.model].energy(layer.tokens) for layer in layers)
 
 
 def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth) -> float:
@@ -324,7 +317,7 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, li
     if case.black and pixels.any():
         faults.append("light comes from nowhere")
     figures = {"mean": mean}
-    most = max(_MOST[layer.model] for layer in look.layers)
+    most = _most(look_stack(look))
     if case.white and mean > most:
         faults.append(f"{mean:.3g} of the light is sent back, at most {most:g} would be right")
     if like is not None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from lookdev.brdf import PARAMETERS, Parameter, Value
+from lookdev.brdf import MODELS, Parameter, Value
 from lookdev.cache import atomic_path
 
 DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
@@ -18,10 +18,6 @@ DEFINED_LAYERS = 8
 """Layers over the base that LookdevLayers declares; a look may have more."""
 
 _USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
-_LAYERS = {
-    "disney": ("LookdevDisney", "Disney's principled BRDF (Burley 2012, with the 2014 addenda)."),
-    "pixar": ("LookdevPixar", "Pixar's reflection and transmission model for Wall-E and Up (Smits)."),
-}
 _MODE_HELP = (
     "over: covers what is beneath by the mask; Disney layers blend parameters, Pixar layers blend lobes. "
     "transmit: what the layer transmits meets the layers beneath; for Pixar layers over nothing but Pixar layers."
@@ -68,8 +64,8 @@ def shader_definitions() -> str:
         ),
     ]
     models = [
-        _shader(name, doc, [_parameter(parameter) for parameter in PARAMETERS[model].values()], "token outputs:layer")
-        for model, (name, doc) in _LAYERS.items()
+        _shader(model.identifier, model.text, [*map(_parameter, model.parameters.values())], "token outputs:layer")
+        for model in MODELS.values()
     ]
     return "\n".join(
         [

@@ -208,10 +208,14 @@ def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     TextureError
         As `linear_texture`.
     """
-    texture = resolved(texture)
-    value = _look_up(linear_texture, texture, _image_st(texture, st))
-    scaled: NDArray[np.float64] = value * np.array(texture.scale) + np.array(texture.bias)
+    scaled: NDArray[np.float64] = image_texels(texture, st) * np.array(texture.scale) + np.array(texture.bias)
     return scaled[..., _CHANNELS[texture.channel]]
+
+
+def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    """Look all four channels up, (..., 4), as `sample_texture`, without scale and bias."""
+    texture = resolved(texture)
+    return _look_up(linear_texture, texture, _image_st(texture, st))
 
 
 def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
@@ -233,13 +237,18 @@ def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     TextureError
         As `slope_texture`.
     """
+    chained: NDArray[np.float64] = image_slopes(texture, st) @ _matrix(texture)[:, :2]
+    return chained
+
+
+def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    """Look the slopes of a height map up, (..., 2), as `sample_slopes`, by the image's own coordinates."""
     texture = resolved(texture)
     image_st = _image_st(texture, st)
     slopes = _look_up(slope_texture, texture, image_st)[..., :2]
     wraps = (texture.wrap_s, texture.wrap_t)
     along = np.stack([_wrap_slope(image_st[..., axis], wrap) for axis, wrap in enumerate(wraps)], axis=-1)
-    chained: NDArray[np.float64] = (slopes * along) @ _matrix(texture)[:, :2]
-    return chained
+    return np.asarray(slopes * along)
 
 
 def _matrix(texture: Texture) -> NDArray[np.float64]:

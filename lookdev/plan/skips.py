@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.job import Job, JobIbl, JobRender
 from lookdev.material import Bump, Formula, Layer, Look, Texture
@@ -149,6 +149,7 @@ def _is_directed(layer: Layer) -> bool:
 
 
 def _has_direction(model: str, name: str, value: Any) -> bool:
-    if PARAMETERS[model][name].kind == "normal":
+    parameter = MODELS[model].parameters[name]
+    if parameter.kind == "normal":
         return not isinstance(value, tuple) or any(value[:2])
-    return name == "anisotropic" and value != 0.0
+    return parameter.directed and value != 0.0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, Lobe, evaluate_cosine, pdf, sample, seen_along
-from lookdev.brdf.frames import to_local
+from lookdev.brdf.frames import mirrored
 from lookdev.brdf.quadrature import half_vector_grid
 
 Floats = NDArray[np.float64]
@@ -77,7 +77,7 @@ def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.
 def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
     total = np.zeros((2, 3))
     for lobe in bsdf.lobes(wo):
-        view = to_local(lobe.normal, wo)
+        view = np.asarray(lobe.frame.to_local(wo))
         if view[2] > 0.0:
             wi, weight = half_vector_grid(_seen_view(lobe, view), _NARROWEST, cells)
             wi = _from_lobe(lobe, wi)
@@ -91,14 +91,11 @@ def _seen_view(lobe: Lobe, view: Floats) -> Floats:
     if not lobe.transmits:
         return view
     u = (np.arange(256) + 0.5) / 256
-    drawn = lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0)
+    drawn = np.asarray(lobe.sample(u, (np.arange(256) * 0.6180339887498949) % 1.0))
     mean = np.broadcast_to(drawn, (256, 3)).mean(axis=0) * (-1.0, -1.0, 1.0)
     return np.asarray(mean / np.linalg.norm(mean))
 
 
 def _from_lobe(lobe: Lobe, wi: Floats) -> Floats:
     """Bring directions (n, 3) from a lobe's frame, where all of them reflect, into the surface's."""
-    # to_local is a rotation: its rows are what it makes of the axes.
-    rotation = to_local(lobe.normal, np.eye(3)).T
-    mirrored = wi * (1.0, 1.0, -1.0) if lobe.transmits else wi
-    return np.asarray(mirrored @ rotation)
+    return np.asarray(lobe.frame.from_local(mirrored(wi) if lobe.transmits else wi))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import Lobe
-from lookdev.brdf.frames import from_local, mirrored, to_local
+from lookdev.brdf.frames import mirrored
 from lookdev.brdf.lobes import Directions
 
 Floats = NDArray[np.float64]
@@ -17,7 +17,7 @@ def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
     if lobe.name in ("specularTransmission", "refraction"):
         # The middle of the highlight, where the half vector is the normal, is opposite to the refracted view.
         return np.ravel(lobe.sample(np.zeros(1), np.zeros(1))) * [-1.0, -1.0, 1.0]
-    return np.ravel(to_local(lobe.normal, wo))
+    return np.ravel(lobe.frame.to_local(wo))
 
 
 def sent(lobe: Lobe, wo: Floats, wi: Floats, cut: bool = True) -> Floats:
@@ -25,9 +25,9 @@ def sent(lobe: Lobe, wo: Floats, wi: Floats, cut: bool = True) -> Floats:
 
     Where `cut`, only what is on the lobe's side of the surface too.
     """
-    local = np.broadcast_to(to_local(lobe.normal, wo), wi.shape)
+    local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
     there = wi[..., 2] > 0.0
     if cut:
-        height = from_local(lobe.normal, mirrored(wi) if lobe.transmits else wi)[..., 2]
+        height = lobe.frame.from_local(mirrored(wi) if lobe.transmits else wi)[..., 2]
         there &= height < 0.0 if lobe.transmits else height > 0.0
     return lobe.evaluate(Directions.of(local, wi)) * np.where(there, wi[..., 2], 0.0)[..., None]

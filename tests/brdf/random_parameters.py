@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS
 from lookdev.brdf.frames import ZENITH
 
 Floats = NDArray[np.float64]
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 # Every token of a model, in every combination.
 _VARIANTS = [
     (model, dict(zip(tokens, values, strict=True)))
-    for model, parameters in PARAMETERS.items()
+    for model, parameters in ((name, each.parameters) for name, each in MODELS.items())
     for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
     for values in product(*(parameters[name].choices for name in tokens))
 ]
@@ -40,7 +40,7 @@ def random_parameters(
     Normals are straight but for a fraction of them, which lean anywhere.
     """
     values: dict[str, Any] = dict(tokens)
-    for name, parameter in PARAMETERS[model].items():
+    for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
             continue
         shape = (count,) if parameter.kind == "float" else (count, 3)

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from lookdev.brdf import complete_parameters
 from lookdev.brdf.fresnel import fresnel_blend, schlick_blend, schlick_weights
-from lookdev.brdf.pixar import layer_partition
-from lookdev.brdf.pixar_layering import layer
+from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.brdf.vectors import mix
 
 COSINES = np.array([0.0, 1e-30, 1e-7, 1e-4, 0.01, 0.3, 0.9, 1.0 - 2.0**-24, 1.0], np.float32)

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 from random_parameters import EVERY, directions, random_parameters
 
-from lookdev.brdf import MODELS, PARAMETERS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.layering import blend_parameters
 from lookdev.errors import ModelError
@@ -18,11 +18,11 @@ from lookdev.errors import ModelError
 Floats = NDArray[np.float64]
 
 
-@pytest.mark.parametrize("variant", PARAMETERS["disney"]["variant"].choices)
+@pytest.mark.parametrize("variant", MODELS["disney"].parameters["variant"].choices)
 def test_light_may_go_either_way(variant: str) -> None:
     rng = np.random.default_rng(1)
     wo, wi = directions(rng, 4000), directions(rng, 4000)
-    bsdf = MODELS["disney"](random_parameters(rng, "disney", {"variant": variant}, 4000, leaning=0.0))
+    bsdf = MODELS["disney"].bsdf(random_parameters(rng, "disney", {"variant": variant}, 4000, leaning=0.0))
     np.testing.assert_allclose(evaluate(bsdf, wo, wi), evaluate(bsdf, wi, wo), rtol=1e-12)
 
 
@@ -41,18 +41,18 @@ def test_nothing_on_the_horizon(model: str, tokens: dict[str, str], z: float) ->
     rng = np.random.default_rng(2)
     above = directions(rng, 500)
     level = _turned_down(above, z)
-    bsdf = MODELS[model](random_parameters(rng, model, tokens, 500))
+    bsdf = MODELS[model].bsdf(random_parameters(rng, model, tokens, 500))
     for wo, wi in ((above, level), (level, above), (level, level), (-above, level), (level, -above)):
         assert _are_dark(bsdf, wo, wi)
 
 
-@pytest.mark.parametrize("variant", PARAMETERS["disney"]["variant"].choices)
+@pytest.mark.parametrize("variant", MODELS["disney"].parameters["variant"].choices)
 @pytest.mark.parametrize("z", [-5e-324, -1e-9, -0.7])
 def test_disney_is_dark_below_the_horizon(variant: str, z: float) -> None:
     rng = np.random.default_rng(2)
     above = directions(rng, 500)
     below = _turned_down(above, z)
-    bsdf = MODELS["disney"](random_parameters(rng, "disney", {"variant": variant}, 500))
+    bsdf = MODELS["disney"].bsdf(random_parameters(rng, "disney", {"variant": variant}, 500))
     for wo, wi in ((above, below), (below, above), (below, below)):
         assert _are_dark(bsdf, wo, wi)
 
@@ -77,7 +77,7 @@ def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
     # Corners of the parameter space, and what is just beside them.
     count = 40
     values: dict[str, Any] = dict(tokens)
-    for name, parameter in PARAMETERS[model].items():
+    for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
             continue
         column = rng.choice([0.0, 5e-324, 1e-12, 1.0 - 2**-53, 1.0], (count, 1))
@@ -92,7 +92,7 @@ def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
         else:
             extreme = low + column * (high - low)
             values[name] = np.repeat(extreme[..., None], 3, axis=-1) if parameter.kind == "color" else extreme
-    bsdf = MODELS[model](values)
+    bsdf = MODELS[model].bsdf(values)
     numbers = np.broadcast_to(rng.choice([0.0, 5e-324, 0.5, 1.0 - 2**-53], (count, len(wo), 2)), (count, len(wo), 2))
     wos = np.broadcast_to(wo, (count, *wo.shape))
     drawn = sample(bsdf, wos, numbers)
@@ -114,7 +114,7 @@ def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
 
 def test_what_can_reflect_can_be_sampled() -> None:
     # As published, specular = 0 keeps Schlick's rise, also seen along the normal; on black nothing else reflects.
-    bsdf = MODELS["disney"](complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
+    bsdf = MODELS["disney"].bsdf(complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
     wo, wi = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
     assert (evaluate(bsdf, wo, wi) > 0.0).all()
     assert pdf(bsdf, wo, wi) > 0.0
@@ -176,7 +176,7 @@ def test_the_variants_differ_in_the_shadowing_of_the_specular_lobe_only() -> Non
     lobes = {
         variant: {
             lobe.name: Bsdf(lambda _, lobe=lobe: (lobe,))
-            for lobe in MODELS["disney"](complete_parameters("disney", given | {"variant": variant})).lobes(wo)
+            for lobe in MODELS["disney"].bsdf(complete_parameters("disney", given | {"variant": variant})).lobes(wo)
         }
         for variant in ("2014", "2012")
     }
@@ -192,7 +192,7 @@ def test_the_variants_differ_in_the_shadowing_of_the_specular_lobe_only() -> Non
 
 def test_a_mask_of_nothing_or_everything_is_exact() -> None:
     rng = np.random.default_rng(6)
-    known = {name: PARAMETERS["disney"][name] for name in ("roughness", "baseColor", "variant")}
+    known = {name: MODELS["disney"].parameters[name] for name in ("roughness", "baseColor", "variant")}
     # Three points: a float's (3,) is no colour.
     below, above = ({"roughness": rng.random(3), "baseColor": rng.random((3, 3)), "variant": "2014"} for _ in range(2))
     for mask, wanted in ((0.0, below), (1.0, above)):
@@ -201,7 +201,7 @@ def test_a_mask_of_nothing_or_everything_is_exact() -> None:
             assert blended["variant"] == "2014"
             np.testing.assert_array_equal(blended["roughness"], wanted["roughness"])
     plain, rough = complete_parameters("disney", {}), complete_parameters("disney", {"roughness": 1.0})
-    half = blend_parameters(PARAMETERS["disney"], plain, rough, 0.5)
+    half = blend_parameters(MODELS["disney"].parameters, plain, rough, 0.5)
     assert half["roughness"] == 0.75
     np.testing.assert_array_equal(half["baseColor"], [0.8, 0.8, 0.8])
 
@@ -209,7 +209,7 @@ def test_a_mask_of_nothing_or_everything_is_exact() -> None:
 def test_layers_agree_on_tokens() -> None:
     layers = [complete_parameters("disney", {"variant": variant}) for variant in ("2014", "2012")]
     with pytest.raises(ModelError, match="layers disagree on 'variant': '2014' below, '2012' above"):
-        blend_parameters(PARAMETERS["disney"], *layers, np.asarray(0.5))
+        blend_parameters(MODELS["disney"].parameters, *layers, np.asarray(0.5))
 
 
 @pytest.mark.parametrize(
@@ -244,7 +244,7 @@ def test_a_wrong_parameter_is_told(model: str, given: dict[str, object], message
 
 
 def test_defaults_are_complete() -> None:
-    for model, parameters in PARAMETERS.items():
+    for model, parameters in ((name, each.parameters) for name, each in MODELS.items()):
         complete = complete_parameters(model, {})
         assert list(complete) == list(parameters)
         for name, parameter in parameters.items():

@@ -17,7 +17,7 @@ from scipy import stats
 from sphere_quadrature import HalfVectorGrid, Integral
 
 from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine, pdf, sample
-from lookdev.brdf.frames import ZENITH, to_local
+from lookdev.brdf.frames import Upright
 
 Floats = NDArray[np.float64]
 
@@ -65,7 +65,7 @@ def _view(name: str) -> Floats:
 
 def _settings() -> list[tuple[str, int, Bsdf]]:
     return [
-        (model, number, MODELS[model](complete_parameters(model, _EVERYWHERE[model] | setting)))
+        (model, number, MODELS[model].bsdf(complete_parameters(model, _EVERYWHERE[model] | setting)))
         for model in MODELS
         for number, setting in enumerate(_SETTINGS[model])
     ]
@@ -73,8 +73,8 @@ def _settings() -> list[tuple[str, int, Bsdf]]:
 
 def _in_its_frame(lobe: Lobe, wo: Floats) -> tuple[Bsdf, Floats, Floats]:
     """Return a lobe as a BSDF that reflects about the zenith, its view there, and the one of its half vectors."""
-    alone = replace(lobe, transmits=False, normal=ZENITH)
-    return Bsdf(lambda _: (alone,)), to_local(lobe.normal, wo), half_vector_view(lobe, wo)
+    alone = replace(lobe, transmits=False, frame=Upright())
+    return Bsdf(lambda _: (alone,)), lobe.frame.to_local(wo), half_vector_view(lobe, wo)
 
 
 def _cases() -> list[object]:
@@ -160,7 +160,7 @@ def _weights(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 @pytest.mark.parametrize("view", ["45", "grazing"])
 @pytest.mark.parametrize("number", range(len(_SETTINGS["pixar"])))
 def test_mixtures_estimate_what_their_lobes_send(number: int, view: str) -> None:
-    bsdf = MODELS["pixar"](complete_parameters("pixar", _EVERYWHERE["pixar"] | _SETTINGS["pixar"][number]))
+    bsdf = MODELS["pixar"].bsdf(complete_parameters("pixar", _EVERYWHERE["pixar"] | _SETTINGS["pixar"][number]))
     wo = _view(view)
     wos = np.broadcast_to(wo, (_SAMPLES, 3))
     weights = _weights(bsdf, wos, sample(bsdf, wos, _numbers()))
@@ -176,7 +176,7 @@ def test_mixtures_estimate_what_their_lobes_send(number: int, view: str) -> None
 
 
 def _specular(roughness: float) -> Bsdf:
-    bsdf = MODELS["disney"](complete_parameters("disney", {"roughness": roughness}))
+    bsdf = MODELS["disney"].bsdf(complete_parameters("disney", {"roughness": roughness}))
     return Bsdf(lambda wo: tuple(lobe for lobe in bsdf.lobes(wo) if lobe.name == "specular"))
 
 

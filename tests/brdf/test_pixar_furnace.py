@@ -20,13 +20,13 @@ from pixar_albedo import highlight_albedo
 from random_parameters import directions, random_parameters
 from sphere_quadrature import HalfVectorGrid
 
-from lookdev.brdf import PARAMETERS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
-from lookdev.brdf.frames import ZENITH, facing_viewer
+from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
+from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import fresnel_blend
 from lookdev.brdf.lobes import Bsdf, Lobe
-from lookdev.brdf.pixar import THROUGH, Partition, family, layer_partition, partition_lobes
-from lookdev.brdf.pixar_layering import layer
-from lookdev.brdf.vectors import dot, same, scale
+from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.partition import THROUGH, Partition, family, layer_partition, partition_lobes
+from lookdev.brdf.vectors import dot, scale
 
 Floats = NDArray[np.float64]
 
@@ -47,8 +47,7 @@ def _partition(layers: Sequence[StackLayer], wo: Floats) -> Partition:
 def _sums(partition: Partition) -> dict[str, Floats]:
     """Return each lobe's integral over its own hemisphere, (n, 3): an upper bound where its normal leans."""
     wo, shape = partition.wo, partition.wo.shape[:-1]
-    normal = partition.normals["highlight"]
-    cosine = wo[..., 2] if same(normal, ZENITH) else dot(facing_viewer(normal, wo), wo)
+    cosine = dot(partition.frames["highlight"].facing(wo).normal, wo)
     sums = {}
     for name, term in partition.terms.items():
         normal_weight, grazing_weight = (np.broadcast_to(w, wo.shape) for w in (term.normal, term.grazing))
@@ -72,7 +71,7 @@ def _leaving(layers: Sequence[StackLayer], wo: Floats) -> Floats:
 
 def _random_layer(rng: np.random.Generator, count: int, energy: str, mode: Any) -> StackLayer:
     parameters = random_parameters(rng, "pixar", {"energy": energy}, count, leaning=0.15)
-    for name, parameter in PARAMETERS["pixar"].items():
+    for name, parameter in MODELS["pixar"].parameters.items():
         if name.endswith(("Scale", "Tint")) or name == "presence":
             # Of what an artist may turn up or down, half stays at 1, and nothing is above it.
             value = parameters[name] / parameter.hard[1]
@@ -228,7 +227,7 @@ def test_conserving_keeps_the_normals_of_a_layer() -> None:
     rng = np.random.default_rng(12)
     parameters = random_parameters(rng, "pixar", {"energy": "published"}, 500, leaning=1.0)
     wo = directions(rng, 500)
-    published = layer_partition(parameters, wo).normals
-    conserving = layer_partition(parameters | {"energy": "conserving"}, wo).normals
-    for kind, normal in published.items():
-        np.testing.assert_array_equal(conserving[kind], normal)
+    published = layer_partition(parameters, wo).frames
+    conserving = layer_partition(parameters | {"energy": "conserving"}, wo).frames
+    for kind, frame in published.items():
+        np.testing.assert_array_equal(conserving[kind].normal, frame.normal)

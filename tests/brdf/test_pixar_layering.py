@@ -11,8 +11,8 @@ from random_parameters import directions, random_parameters
 
 from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.pixar import FRONT, THROUGH, Partition, family, layer_partition
-from lookdev.brdf.pixar_layering import layer
+from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, layer_partition
 
 Floats = NDArray[np.float64]
 
@@ -141,8 +141,8 @@ def test_normals_are_averaged_by_energy() -> None:
     # Highlights 0.2 to 0.15 as above; diffuse ones 0.4 x 0.5 to 0.6 x 0.75. The highlight of 0.2 leans.
     highlight = np.array([0.0, 0.2 * 0.6, 0.2 * 0.8 + 0.15])
     diffuse = np.array([0.2 * 0.6, 0.0, 0.2 * 0.8 + 0.45])
-    np.testing.assert_allclose(result.normals["highlight"], highlight / np.linalg.norm(highlight), rtol=1e-12)
-    np.testing.assert_allclose(result.normals["diffuse"], diffuse / np.linalg.norm(diffuse), rtol=1e-12)
+    np.testing.assert_allclose(result.frames["highlight"].normal, highlight / np.linalg.norm(highlight), rtol=1e-12)
+    np.testing.assert_allclose(result.frames["diffuse"].normal, diffuse / np.linalg.norm(diffuse), rtol=1e-12)
 
 
 def test_an_index_is_averaged_by_energy() -> None:
@@ -215,9 +215,9 @@ def test_over_a_hole_a_layer_is_alone(mode: Any) -> None:
     above, hole = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo, presence=np.zeros(_COUNT))
     result = layer(above, hole, 1.0, mode)
     _assert_same(result, above)
-    for kind, normal in result.normals.items():
+    for kind, frame in result.frames.items():
         lit = sum(term.energy(above.cosine(name)) for name, term in above.terms.items() if family(name) == kind) > 1e-9
-        np.testing.assert_allclose(normal[lit], above.normals[kind][lit], atol=1e-12)
+        np.testing.assert_allclose(frame.normal[lit], above.frames[kind].normal[lit], atol=1e-12)
 
 
 @pytest.mark.parametrize("mode", ["over", "transmit"])
@@ -245,10 +245,10 @@ def test_averaged_normals_stay_among_those_averaged() -> None:
     wo = directions(rng, _COUNT)
     above, below = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo)
     for mode in ("over", "transmit"):
-        for kind, normal in layer(above, below, rng.random(_COUNT), mode).normals.items():
-            np.testing.assert_allclose(np.linalg.norm(normal, axis=-1), 1.0, rtol=1e-12)
-            span = np.sum(above.normals[kind] * below.normals[kind], axis=-1)
-            for other in (above.normals[kind], below.normals[kind]):
+        for kind, frame in layer(above, below, rng.random(_COUNT), mode).frames.items():
+            np.testing.assert_allclose(np.linalg.norm(frame.normal, axis=-1), 1.0, rtol=1e-12)
+            span = np.sum(above.frames[kind].normal * below.frames[kind].normal, axis=-1)
+            for other in (above.frames[kind].normal, below.frames[kind].normal):
                 # Within the angle between the two: or the zenith, where nothing has any energy.
-                inside = np.sum(normal * other, axis=-1) >= span - 1e-9
-                assert (inside | (normal == ZENITH).all(axis=-1)).all()
+                inside = np.sum(frame.normal * other, axis=-1) >= span - 1e-9
+                assert (inside | (frame.normal == ZENITH).all(axis=-1)).all()

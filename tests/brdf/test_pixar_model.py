@@ -24,7 +24,7 @@ from lookdev.brdf import (
 )
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Directions
-from lookdev.brdf.pixar import THROUGH
+from lookdev.brdf.pixar.partition import THROUGH
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +32,7 @@ _FRONT = ("diffuse", "specular", "reflection")
 
 
 def _pixar(**given: Any) -> Bsdf:
-    return MODELS["pixar"](complete_parameters("pixar", given))
+    return MODELS["pixar"].bsdf(complete_parameters("pixar", given))
 
 
 def _only(bsdf: Bsdf, *names: str) -> Bsdf:
@@ -129,7 +129,7 @@ def test_the_published_front_lobes_are_reciprocal(name: str) -> None:
     rng = np.random.default_rng(21)
     wo = directions(rng, 4000)
     wi = _near_the_mirror_image(rng, wo)
-    bsdf = _only(MODELS["pixar"](_published(rng, 4000)), name)
+    bsdf = _only(MODELS["pixar"].bsdf(_published(rng, 4000)), name)
     f, turned = _turned(bsdf, wo, wi)
     assert np.count_nonzero(f.max(axis=-1) > 1e-6) > 200
     # Where half vectors lie many cones away, rounding of theirs is multiplied by the exponent.
@@ -140,7 +140,7 @@ def test_transmission_through_an_index_of_1_is_reciprocal() -> None:
     rng = np.random.default_rng(22)
     wo = directions(rng, 4000)
     wi = _near_the_mirror_image(rng, wo) * [1.0, 1.0, -1.0]
-    bsdf = _only(MODELS["pixar"](_published(rng, 4000, ior=np.ones(4000))), *THROUGH)
+    bsdf = _only(MODELS["pixar"].bsdf(_published(rng, 4000, ior=np.ones(4000))), *THROUGH)
     f, turned = _turned(bsdf, wo, wi)
     assert np.count_nonzero(f.max(axis=-1) > 1e-6) > 200
     np.testing.assert_allclose(f, turned, rtol=1e-9, atol=1e-12)
@@ -187,7 +187,7 @@ def test_both_sides_look_alike() -> None:
     rng = np.random.default_rng(23)
     wo = directions(rng, 2000)
     wi = directions(rng, 2000) * rng.choice([-1.0, 1.0], (2000, 1))
-    bsdf = MODELS["pixar"](_published(rng, 2000, leaning=0.5))
+    bsdf = MODELS["pixar"].bsdf(_published(rng, 2000, leaning=0.5))
     for function in (evaluate, evaluate_cosine, pdf):
         result = function(bsdf, wo, wi)
         assert result.any()
@@ -198,7 +198,7 @@ def test_both_sides_look_alike() -> None:
 
 def test_light_from_where_the_view_goes_is_finite() -> None:
     rng = np.random.default_rng(24)
-    bsdf = MODELS["pixar"](_published(rng, 1000, leaning=0.5))
+    bsdf = MODELS["pixar"].bsdf(_published(rng, 1000, leaning=0.5))
     wo = directions(rng, 1000)
     for wi in (wo, -wo, wo * [-1.0, -1.0, 1.0], wo * [1.0, 1.0, -1.0]):
         assert np.isfinite(evaluate(bsdf, wo, wi)).all()

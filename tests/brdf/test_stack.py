@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from random_parameters import directions, random_parameters
 
-from lookdev.brdf import MODELS, PARAMETERS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
+from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
 from lookdev.brdf.layering import blend_parameters
 from lookdev.errors import ModelError
 
@@ -32,7 +32,7 @@ def test_disney_layers_are_blended_as_parameters() -> None:
     rng = np.random.default_rng(41)
     below, above = _random(rng, "disney"), _random(rng, "disney")
     mask = rng.random(_COUNT)
-    blended = MODELS["disney"](blend_parameters(PARAMETERS["disney"], below, above, mask))
+    blended = MODELS["disney"].bsdf(blend_parameters(MODELS["disney"].parameters, below, above, mask))
     stack = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above, mask)])
     wo, wi = _directions(rng)
     np.testing.assert_array_equal(evaluate(stack, wo, wi), evaluate(blended, wo, wi))
@@ -47,7 +47,7 @@ def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> No
     wo, wi = _directions(rng)
     stack = stack_bsdf([StackLayer(base, below), StackLayer(top, above, mask)])
     # Pixar's f is of what is present of it already.
-    parts = {model: MODELS[model](parameters) for model, parameters in ((base, below), (top, above))}
+    parts = {model: MODELS[model].bsdf(parameters) for model, parameters in ((base, below), (top, above))}
     covered = mask * parts[top].presence
     for function in (evaluate, evaluate_cosine):
         wanted = mask[:, None] * function(parts[top], wo, wi) + (1.0 - covered)[:, None] * function(parts[base], wo, wi)
@@ -67,7 +67,7 @@ def test_from_the_first_other_model_on_layers_are_blended_one_by_one() -> None:
     wo, wi = _directions(rng)
     wanted = evaluate(stack_bsdf(layers[:2]), wo, wi)
     for each in layers[2:]:
-        f = evaluate(MODELS[each.model](each.parameters), wo, wi)
+        f = evaluate(MODELS[each.model].bsdf(each.parameters), wo, wi)
         wanted = each.mask[:, None] * f + (1.0 - each.mask)[:, None] * wanted
     np.testing.assert_allclose(evaluate(stack_bsdf(layers), wo, wi), wanted, rtol=1e-12, atol=1e-15)
 

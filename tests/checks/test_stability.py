@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.brdf import PARAMETERS, pixar
+from lookdev.brdf import MODELS, pixar
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.vectors import Array, mix_color
 from lookdev.checks import stability
@@ -29,7 +29,7 @@ from lookdev.render.worker import WORKER_COMMAND, Worker
 
 Floats = NDArray[np.float64]
 
-STACKS = {name: layers for model in PARAMETERS for name, layers in model_stacks(model).items()}
+STACKS = {name: layers for model in MODELS for name, layers in model_stacks(model).items()}
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
 
 
@@ -51,7 +51,7 @@ def test_cases_are_extreme_and_legal(layers: tuple[PointLayer, ...]) -> None:
     assert (wo == wi).all(axis=-1).any()
     assert ((wo + wi)[:, :2] == 0.0).all(axis=-1).any()
     for layer, numbers in zip(layers, cases.batch.numbers, strict=True):
-        for name, parameter in PARAMETERS[layer.model].items():
+        for name, parameter in MODELS[layer.model].parameters.items():
             if parameter.kind != "token":
                 low, high = parameter.hard
                 value = numbers[name]
@@ -124,7 +124,7 @@ def test_one_bad_value_fails_a_stack(change: str, monkeypatch: pytest.MonkeyPatc
 
 def test_too_much_light_fails_a_stack(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stability, "evaluate_cycles", lambda batch, alter: evaluate_numpy(batch))
-    monkeypatch.setitem(stability._MOST, "disney", 1.0)
+    monkeypatch.setitem(MODELS, "disney", replace(MODELS["disney"], energy=lambda tokens: 1.0))
     finding = check_stack("disney", STACKS["disney 2014"], rng(), "quick")
     assert not finding.passed
     assert finding.figures["failed"] == 0.0

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from node_interpreter import Interpreter
 
-from lookdev.brdf.fits import fit, table
+from lookdev.closures.fits import fit, table
 from lookdev.codegen.nodes.fits import fit_tree, is_fit, match_fit
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.codegen.trace.graph import Graph

@@ -25,6 +25,7 @@ from lookdev.errors import TextureError
 from lookdev.material import Bump, Coordinates, Formula, Primvar, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import image_file, sample_slopes, sample_texture
+from lookdev.material.values import Values
 
 WRAPS = ("black", "clamp", "repeat", "mirror")
 EXTENSIONS = {"CLIP": "black", "EXTEND": "clamp", "REPEAT": "repeat", "MIRROR": "mirror"}
@@ -58,7 +59,7 @@ def tree_of(
 ) -> tuple[NodeTree, tuple[AttributeBinding, ...]]:
     """Return the tree that gives one input, and what it reads of the mesh."""
     inputs = Inputs(Graph(), resolve)
-    value = elements_of(inputs.value(source, parameter))
+    value = elements_of(Values(inputs).of(source, parameter))
     builder = TreeBuilder("inputs")
     names = [str(node.args[0]) for node in reachable(value) if node.op == "symbol"]
     attributes = bind_inputs(builder, inputs, [*names, "wo_x"])

@@ -12,7 +12,7 @@ import pytest
 from node_interpreter import Interpreter
 
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
-from lookdev.brdf.lobes import evaluate_cosine, pdf, sample
+from lookdev.brdf.mixture import evaluate_cosine, pdf, sample
 from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.frame import frame_tree

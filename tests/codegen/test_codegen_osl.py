@@ -11,12 +11,13 @@ from typing import Any
 import pytest
 
 from lookdev.brdf import MODELS, complete_parameters
-from lookdev.brdf.pixar import FRONT, THROUGH
+from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.codegen import HANDEDNESS, ShaderSource
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.surface import PointLayer, expand_template, generate_points, generate_surface
 from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.errors import CodegenError, ModelError
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 
@@ -110,8 +111,9 @@ def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
 
 def test_a_constant_diffuse_has_no_sheen_and_no_subsurface() -> None:
     def evaluation(**inputs: Any) -> str:
-        bsdf = MODELS["disney"](complete_parameters("disney", inputs))
-        return "\n".join(emit_brdf(trace_lobes(Graph(), bsdf, lambda lobe: lobe.name == "diffuse")).evaluate)
+        graph, bsdf = Graph(), MODELS["disney"].bsdf(complete_parameters("disney", inputs))
+        diffuse = [lobe for lobe in present_lobes(graph, bsdf) if lobe.name == "diffuse"]
+        return "\n".join(emit_brdf(trace_lobes(graph, diffuse)).evaluate)
 
     def operations(code: str) -> int:
         return len(re.findall(r" [-+*/] ", code))

@@ -8,11 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import PARAMETERS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
+from lookdev.brdf import MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Directions
 from lookdev.codegen.osl.block import _CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
 from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node
+from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 
@@ -150,7 +151,7 @@ def test_every_operation_that_stays_has_code() -> None:
 _STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
     **{
         "-".join((model, *values)): [(model, dict(zip(tokens, values, strict=True)), "over")]
-        for model, parameters in PARAMETERS.items()
+        for model, parameters in ((name, each.parameters) for name, each in MODELS.items())
         for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
         for values in product(*(parameters[name].choices for name in tokens))
     },
@@ -178,7 +179,7 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
     for place, (model, tokens, mode) in enumerate(_STACKS[name]):
         values: dict[str, Any] = dict(tokens)
         symbolic: dict[str, Any] = dict(tokens)
-        for number, (key, parameter) in enumerate(PARAMETERS[model].items()):
+        for number, (key, parameter) in enumerate(MODELS[model].parameters.items()):
             if parameter.kind == "token":
                 continue
             vector = parameter.kind != "float"
@@ -213,15 +214,22 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
 
     agree(elements_of(shown.presence), np.reshape(bsdf.presence, (-1, 1)))
     lobes = [lobe for lobe in bsdf.lobes(wo) if np.any(lobe.share > 0.0)]
-    results = trace_lobes(graph, shown)
-    assert [result.name for result in results] == [lobe.name for lobe in lobes]
-    for result, lobe in zip(results, lobes, strict=True):
+    mixture = trace_lobes(graph, present_lobes(graph, shown))
+    assert [result.name for result in mixture.lobes] == [lobe.name for lobe in lobes]
+    u1, upper = numbers["u1"] * sum(lobe.share for lobe in lobes), np.zeros(count)
+    for result, lobe in zip(mixture.lobes, lobes, strict=True):
         side = lights[lobe.transmits]
         local_o, local_i = lobe.pair(wo, side)
         valid = local_i[:, 2] > 0.0
         density = lobe.pdf(Directions.of(local_o, np.where(valid[:, None], local_i, local_o)))
         agree([result.share], np.reshape(lobe.share, (-1, 1)))
-        agree(result.f, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits)
-        agree([result.pdf], np.where(valid, density, 0.0)[:, None], lobe.transmits)
-        drawn = lobe.draw(numbers["u1"], numbers["u2"])
-        np.testing.assert_allclose(computed(result.wi, lobe.transmits), np.broadcast_to(drawn, (count, 3)), atol=1e-12)
+        agree(result.value, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits)
+        share = lobe.share if len(lobes) > 1 else 1.0
+        agree([result.density], np.where(valid, share * density, 0.0)[:, None], lobe.transmits)
+        stretched = np.clip((u1 - upper) / np.where(lobe.share > 0.0, lobe.share, 1.0), 0.0, 0.99999994)
+        drawn, upper = lobe.draw(stretched if len(lobes) > 1 else numbers["u1"], numbers["u2"]), upper + lobe.share
+        # A lobe is only drawn from where it has a share.
+        here = np.broadcast_to(lobe.share > 0.0, count)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            found = computed(result.wi, lobe.transmits)
+        np.testing.assert_allclose(found[here], np.broadcast_to(drawn, (count, 3))[here], atol=1e-12)

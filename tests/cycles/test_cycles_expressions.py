@@ -16,6 +16,7 @@ from osl_probe import TEMPLATE
 
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.block import Block
+from lookdev.codegen.osl.inputs import emit_look_up
 from lookdev.codegen.osl.surface import expand_template
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbol
@@ -23,6 +24,7 @@ from lookdev.material import Texture
 from lookdev.material.expression import parse
 from lookdev.material.expression.shaping import FUNCTIONS, OPERATORS
 from lookdev.material.textures import linear_texture, sample_texture
+from lookdev.material.values import Values
 
 pytestmark = pytest.mark.cycles
 
@@ -73,8 +75,8 @@ def _code(text: str) -> str:
 
 def _tiles_code(texture: Texture) -> str:
     inputs = Inputs(Graph(), lambda source: linear_texture(source))  # type: ignore[arg-type]
-    inputs._read(texture, color=True)
-    lines, bindings = inputs.emit("lookup0")
+    Values(inputs).read(texture, color=True)
+    lines, bindings = emit_look_up("lookup0", inputs.look_up("lookup0"))
     text = "\n".join(["vector uv_st = vector(in[0], in[1], 0);", *lines, "value = lookup0;"])
     for binding in bindings:
         text = re.sub(rf"\b{binding.parameter}\b", f'"{binding.file}"', text)

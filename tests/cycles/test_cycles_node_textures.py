@@ -24,6 +24,7 @@ from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.material import Bump, Coordinates, Formula, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import image_file, sample_slopes, sample_texture
+from lookdev.material.values import Values
 
 pytestmark = pytest.mark.cycles
 
@@ -64,7 +65,7 @@ def emitting(source: Any) -> NodeSource:
         x, y, _ = inputs._bump(source)
         value = elements_of(np.stack([x, y, np.array(0.0)]) + 20.0)
     else:
-        value = elements_of(inputs.value(source, COLOR))
+        value = elements_of(Values(inputs).of(source, COLOR))
     builder = TreeBuilder("emitting")
     bind_inputs(builder, inputs, [str(node.args[0]) for node in reachable(value) if node.op == "symbol"])
     light = builder.add("Emission", inputs={"Color": builder.vector(value)})

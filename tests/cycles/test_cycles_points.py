@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.brdf import PARAMETERS, evaluate, pdf
+from lookdev.brdf import MODELS, evaluate, pdf
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_lines, evaluate_numpy
 from lookdev.codegen.osl.surface import PointLayer
 
@@ -71,7 +71,7 @@ def random_batch(*layers: PointLayer, seed: int = 20120808) -> Batch:
 
 def _random_numbers(rng: np.random.Generator, model: str) -> dict[str, Floats]:
     numbers = {"mask": _float32(np.clip(rng.uniform(-0.25, 1.25, COUNT), 0.0, 1.0))}
-    for name, parameter in PARAMETERS[model].items():
+    for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "normal":
             numbers[name] = np.tile([0.0, 0.0, 1.0], (COUNT, 1))
         elif parameter.kind != "token":

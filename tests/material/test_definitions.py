@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 from pxr import Sdr, Usd, UsdShade
 
-from lookdev.brdf import PARAMETERS, Parameter
+from lookdev.brdf import MODELS, Parameter, layer_shaders
 from lookdev.material.definitions import DEFINED_LAYERS, DEFINITIONS, shader_definitions
-from lookdev.material.usd import MODELS
 
 
 @pytest.fixture(scope="module")
@@ -27,9 +26,9 @@ def test_file_is_what_the_parameters_say() -> None:
 
 
 def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    assert set(nodes) == {*MODELS, "LookdevBump", "LookdevExpression", "LookdevLayers"}
-    for node, model in MODELS.items():
-        assert sorted(nodes[node].GetShaderInputNames()) == sorted(PARAMETERS[model])
+    assert set(nodes) == {*layer_shaders(), "LookdevBump", "LookdevExpression", "LookdevLayers"}
+    for node, model in layer_shaders().items():
+        assert sorted(nodes[node].GetShaderInputNames()) == sorted(MODELS[model].parameters)
         assert nodes[node].GetShaderOutputNames() == ["layer"]
     assert nodes["LookdevLayers"].GetShaderOutputNames() == ["surface"]
 
@@ -38,8 +37,8 @@ def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
     ("node", "parameter"),
     [
         pytest.param(node, parameter, id=f"{model}-{parameter.name}")
-        for node, model in MODELS.items()
-        for parameter in PARAMETERS[model].values()
+        for node, model in layer_shaders().items()
+        for parameter in MODELS[model].parameters.values()
     ],
 )
 def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], node: str, parameter: Parameter) -> None:

@@ -13,7 +13,7 @@ import pytest
 from numpy.typing import NDArray
 from pxr import Usd, UsdShade
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS
 from lookdev.material.look import Bump, Look, Texture
 from lookdev.material.textures import sample_slopes, sample_texture
 from lookdev.material.usd import read_look
@@ -48,7 +48,7 @@ def test_every_variant_can_be_read(
         for name, value in {"mask": layer.mask, **layer.inputs}.items():
             if isinstance(value, Texture):
                 # Textures are not clamped when the look is read: they must stay within the parameter's range.
-                low, high = (0.0, 1.0) if name == "mask" else PARAMETERS[layer.model][name].hard
+                low, high = (0.0, 1.0) if name == "mask" else MODELS[layer.model].parameters[name].hard
                 samples = sample_texture(value, st)
                 assert low <= samples.min() < samples.max() <= high
             elif isinstance(value, Bump):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdShade
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS
 from lookdev.job import Job, load_job
 from lookdev.material.look import Layer
 from lookdev.material.usd import expand_variants, read_look
@@ -37,7 +37,7 @@ def preset_inputs(name: str) -> dict[str, float | tuple[float, ...]]:
 
 def test_figure_16_varies_one_parameter_a_row_from_0_to_1() -> None:
     job, figure = rows("figure_16")
-    scalars = [name for name, parameter in PARAMETERS["disney"].items() if parameter.kind == "float"]
+    scalars = [name for name, parameter in MODELS["disney"].parameters.items() if parameter.kind == "float"]
     assert list(figure) == scalars  # every one, in the order of the paper's list
     for parameter, looks in figure.items():
         layers = [layer for (layer,) in looks]

@@ -27,10 +27,11 @@ from mask_edges import (
 from plot_mask_edges import PAGE, kinds_table, tables, written
 from scipy.stats import qmc
 
-from lookdev.brdf import MODELS, PARAMETERS, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
+from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.layering import blend_parameters
-from lookdev.brdf.pixar import layer_partition
-from lookdev.brdf.pixar_layering import layer
+from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.light import BUILTIN_LIGHTS, LightDistribution, load_environment
 
 # The distribution of a highlight, alpha^2 / (alpha^2 cos^2 + sin^2)^2, is nowhere above (1 + x)^2 / (4 x) times the
@@ -80,13 +81,13 @@ def alike(presets: dict[str, Preset]) -> list[Pair]:
 def test_no_parameter_leaves_its_range(presets: dict[str, Preset]) -> None:
     pairs = of_models(presets, "disney", "disney")
     below, above = (
-        {name: np.stack([presets[pair[side]][1][name] for pair in pairs])[:, None] for name in PARAMETERS["disney"]}
+        {name: np.stack([presets[pair[side]][1][name] for pair in pairs])[:, None] for name in DISNEY.parameters}
         for side in (0, 1)
     )
     below["variant"] = above["variant"] = "2014"
-    for name, value in blend_parameters(PARAMETERS["disney"], below, above, MASKS).items():
+    for name, value in blend_parameters(MODELS["disney"].parameters, below, above, MASKS).items():
         if name != "variant":
-            low, high = PARAMETERS["disney"][name].hard
+            low, high = MODELS["disney"].parameters[name].hard
             assert value.shape[:2] == (len(pairs), len(MASKS))
             assert np.all((value >= low) & (value <= high)), name
             assert np.all(np.diff(value, axis=1) * (above[name] - below[name]) >= 0.0), name
@@ -180,7 +181,7 @@ def test_it_does_not_matter_which_preset_is_above(presets: dict[str, Preset]) ->
 def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], light: str, name: str) -> None:
     """Cells displace light by half their width at most: 1 % of the level as rms, 3 % here with the estimate's noise."""
     model, parameters = presets[name]
-    bsdf = MODELS[model](parameters)
+    bsdf = MODELS[model].bsdf(parameters)
     distribution = LightDistribution(load_environment(builtin=light).radiance.astype(np.float64))
     count, rng = 2**12, np.random.default_rng(5)
     u = qmc.Sobol(2, rng=rng).random(count)

@@ -9,7 +9,7 @@ import pytest
 from materialx_documents import IMAGE, INPUTS, MATERIAL, as_look, document, setting, told
 from pxr import Sdf, Usd
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS
 from lookdev.material.look import Primvar, Texture
 from lookdev.material.materialx import import_materialx, write_usda
 from lookdev.material.usd import read_look
@@ -21,7 +21,7 @@ NUMBERS = {"float": "0.25", "color3": "0.25, 0.5, 0.75"}
 def test_every_input_of_the_node_is_carried_over_or_told(tmp_path: Path, name: str) -> None:
     value = NUMBERS[INPUTS[name]]
     imported = import_materialx(document(tmp_path, setting(name, f'value="{value}"')))
-    if name in PARAMETERS["disney"]:
+    if name in MODELS["disney"].parameters:
         numbers = tuple(float(each) for each in value.split(","))
         assert as_look(imported).inputs[name] == (numbers if len(numbers) == 3 else numbers[0])
         assert not imported.unmapped

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from pxr import Usd, UsdShade
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS, layer_shaders
 from lookdev.brdf.conductor import METALS, metal_reflectance
 from lookdev.material.look import Layer
-from lookdev.material.usd import MODELS, read_look
+from lookdev.material.usd import read_look
 
 LIBRARY = Path(__file__).parents[2] / "materials" / "presets"
 PRESETS = sorted(LIBRARY.glob("*.usda"))
@@ -83,7 +83,7 @@ def test_a_preset_is_one_layer_and_nothing_else(file: Path) -> None:
     assert prim.GetName() == prim_name(file)
     assert [each.GetName() for each in stage_of(file).TraverseAll()] == [prim.GetName()]
     shader = UsdShade.Shader(prim)
-    assert shader.GetShaderId() in MODELS
+    assert shader.GetShaderId() in layer_shaders()
     assert [output.GetBaseName() for output in shader.GetOutputs()] == ["layer"]
     assert file.stat().st_size < 2000
 
@@ -106,7 +106,7 @@ def test_the_library_is_large_enough() -> None:
 def test_values_are_within_what_a_slider_offers(file: Path, layers: dict[Path, Layer]) -> None:
     layer = layers[file]
     for name, value in layer.inputs.items():
-        parameter = PARAMETERS[layer.model][name]
+        parameter = MODELS[layer.model].parameters[name]
         low, high = parameter.soft
         assert np.all((np.array(value) >= low) & (np.array(value) <= high)), name
 
@@ -118,7 +118,7 @@ def test_only_what_differs_from_the_default_is_authored(file: Path, layers: dict
     assert authored == set(layer.inputs)
     for name, value in layer.inputs.items():
         # USD holds float32.
-        assert not np.allclose(value, PARAMETERS[layer.model][name].default, rtol=1e-6, atol=1e-6), name
+        assert not np.allclose(value, MODELS[layer.model].parameters[name].default, rtol=1e-6, atol=1e-6), name
 
 
 @each_preset

@@ -11,6 +11,7 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.material import Coordinates, Formula, Primvar, Texture
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import read_look
+from lookdev.material.values import Values
 
 TEX = shader(
     "Tex",
@@ -58,14 +59,14 @@ def test_an_expression_may_read_an_expression(write) -> None:
     inner = expression("a * a", "float inputs:a = 3", "Inner")
     mask = mask_of(write, expression("inner + 1", "float inputs:inner.connect = </M/Inner.outputs:result>"), inner)
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
-    assert float(inputs._read(mask, color=False)) == 10.0
+    assert float(Values(inputs).read(mask, color=False)) == 10.0
 
 
 def test_a_parameter_may_be_an_expression(write) -> None:
     color = "color3f inputs:baseColor.connect = </M/Expr.outputs:result>"
     look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float inputs:a = 0.25", kind="color3f")))
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
-    np.testing.assert_array_equal(inputs._read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
+    np.testing.assert_array_equal(Values(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
 
 
 FAULTS = {

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import MODELS, PARAMETERS, complete_parameters, evaluate_cosine
+from lookdev.brdf import MODELS, complete_parameters, evaluate_cosine
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
 from lookdev.job.schema import Backend
@@ -90,18 +90,24 @@ def test_every_part_must_be_the_same_all_around() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "name"), [(model, name) for model, known in PARAMETERS.items() for name in known if name != "variant"]
+    ("model", "name"),
+    [
+        (model, name)
+        for model, known in ((name, each.parameters) for name, each in MODELS.items())
+        for name in known
+        if name != "variant"
+    ],
 )
 def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: str) -> None:
     """A BSDF that changes when both directions turn about the normal is not the same all around."""
-    known = PARAMETERS[model][name]
+    known = MODELS[model].parameters[name]
     value: Any = {"color": (0.9, 0.2, 0.4), "normal": (0.3, -0.2, 0.9), "token": known.choices[-1:]}.get(
         known.kind, known.soft[0] + 0.7 * (known.soft[1] - known.soft[0])
     )
     value = value[0] if known.kind == "token" else value
     given: dict[str, Any] = {"roughness": 0.4, "metallic": 0.5, name: value}
     given |= {"clear": 0.4, "back": 0.4} if model == "pixar" and name not in ("clear", "back") else {}
-    bsdf = MODELS[model](complete_parameters(model, given))
+    bsdf = MODELS[model].bsdf(complete_parameters(model, given))
     wo, wi = np.random.default_rng(0).normal(size=(2, 200, 3))
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (np.abs(wo) * [-1.0, 1.0, 1.0], wi))
     f, turned = (evaluate_cosine(bsdf, rotate_z(wo, angle), rotate_z(wi, angle)) for angle in (0.0, 50.0))

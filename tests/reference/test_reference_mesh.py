@@ -127,7 +127,7 @@ def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
     look = Look("look", (Layer("Layer", model, layers[model]),))
     options = {"bounces": 1, "samples": 256, "scrambles": 4}
     mesh = frame_pixels(asset, [look], lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
-    bsdf = MODELS[model](complete_parameters(model, layers[model]))
+    bsdf = MODELS[model].bsdf(complete_parameters(model, layers[model]))
     exact = shape_pixels(bsdf, shape, lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
     # The same directions are drawn, so that noise cancels. 64 rings are up to 3e-4 off the sphere and their facets
     # 1.4 degrees off its normals, so that a few paths end elsewhere; the card is exact but for float32 tangents.

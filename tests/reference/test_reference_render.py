@@ -201,7 +201,7 @@ LEAF = {"surfaceColor": (0.4, 0.8, 0.1), "roughness": 0.7, "clear": 0.5, "back":
     ids=["disney", "pixar", "leaf"],
 )
 def test_a_model_is_its_quadrature(model, parameters, shape, lamps):
-    bsdf = MODELS[model](complete_parameters(model, parameters))
+    bsdf = MODELS[model].bsdf(complete_parameters(model, parameters))
     got = estimate(bsdf, shape, lamps, bounces=2)
     direction, radiance, solid = sky(lamps, POSE)
     for pixel, value, error in zip(INSIDE, got.value, got.error, strict=True):
@@ -217,6 +217,8 @@ def test_a_model_is_its_quadrature(model, parameters, shape, lamps):
 @pytest.mark.parametrize("bounces", [0, 2, 12])
 def test_pixars_lossless_leaf_is_white(bounces, white):
     # Roughness 1 leaves the diffuse lobes only, and back 0.5 sends half of what is scattered to the other side.
-    leaf = MODELS["pixar"](complete_parameters("pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5}))
+    leaf = MODELS["pixar"].bsdf(
+        complete_parameters("pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5})
+    )
     assert_agrees(estimate(leaf, Plane(), white, bounces=bounces), 1.0)
     assert_agrees(estimate(leaf, Sphere(), white, bounces=bounces), 1.0 - 0.5 ** (bounces + 1))

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import Bsdf
-from lookdev.brdf.closures import Closure
-from lookdev.brdf.frames import ZENITH, from_local
-from lookdev.brdf.vectors import Array, same, scale
+from lookdev.brdf import Array, Bsdf, Real
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.vectors import same, scale
+from lookdev.closures import Closure, lobe_closures
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import bound, built
-from lookdev.codegen.osl.bsdf import WO
 from lookdev.codegen.source import Link
-from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WO, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 _X = np.array([1.0, 0.0, 0.0])
@@ -37,7 +37,7 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
     """
     closures = _merged(_traced(graph, bsdf))
     # Vectors first: what is one is then computed once.
-    vectors = [vector for each, _ in closures for vector in (each.weight, each.f0, _to_world(frame, each.normal))]
+    vectors = [vector for each, _ in closures for vector in (each.weight, each.f0, _to_world(frame, each.frame.normal))]
     builder.prepare(elements_of(vector) for vector in vectors)
     total: Link | None = None
     for closure, label in closures:
@@ -52,7 +52,7 @@ def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | 
     return Link(builder.add("AddShader", inputs={"Shader": a, "Shader_001": b}), "Shader")
 
 
-def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Array) -> Link | None:
+def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -> Link | None:
     """Let rays go on, unchanged, where the surface is not present."""
     absence = 1.0 - presence
     if same(absence, 0.0):
@@ -64,10 +64,9 @@ def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Array) 
 
 def _traced(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
     """Give the closures of lobes that are there, at least at some points, and whose they are."""
-    for lobe in bsdf.lobes(symbols(graph, WO)):
-        (share,) = elements_of(lobe.share)
-        if isinstance(share, Node) or share > 0.0:
-            yield from ((closure, lobe.name) for closure in lobe.closures())
+    wo = symbols(graph, WO)
+    for lobe in present_lobes(graph, bsdf):
+        yield from ((closure, lobe.name) for closure in lobe_closures(lobe, wo))
 
 
 def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
@@ -77,7 +76,7 @@ def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]
         if same(closure.weight, 0.0):
             continue
         shape = closure.alpha_x, closure.alpha_y, closure.ior, closure.f0, closure.roughness
-        key = (closure.kind, *(element for value in (*shape, closure.normal) for element in elements_of(value)))
+        key = (closure.kind, *(element for value in (*shape, closure.frame.normal) for element in elements_of(value)))
         if key in merged:
             known, labels = merged[key]
             closure = replace(known, weight=known.weight + closure.weight)
@@ -87,7 +86,7 @@ def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]
 
 
 def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, label: str) -> Link:
-    inputs: dict[str, Any] = {"Normal": built(builder, _to_world(frame, closure.normal))}
+    inputs: dict[str, Any] = {"Normal": built(builder, _to_world(frame, closure.frame.normal))}
     properties = {}
     color = built(builder, closure.weight)
     match closure.kind:
@@ -160,7 +159,7 @@ def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, A
     return {
         "Roughness": built(builder, np.sqrt(np.sqrt(x * y))),
         "Anisotropy": built(builder, anisotropy),
-        "Tangent": built(builder, _to_world(frame, from_local(closure.normal, _X))),
+        "Tangent": built(builder, _to_world(frame, closure.frame.from_local(_X))),
     }
 
 

@@ -6,32 +6,30 @@ weighed without bias. No light is sampled, and no OSL is needed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import Bsdf
-from lookdev.brdf.frames import ZENITH, mirrored
-from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.vectors import dot, same, scale
+from lookdev.brdf import Lobe
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.mixture import BELOW_ONE
+from lookdev.brdf.vectors import dot, scale
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.look import look_bsdf
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.frame import add_frame, frame_tree
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
-from lookdev.codegen.osl.bsdf import WO
 from lookdev.codegen.source import HANDEDNESS, Link, NodeSource
 from lookdev.codegen.trace.graph import Graph, Node, reachable
+from lookdev.codegen.trace.lobes import assume_positive, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
+from lookdev.material.values import look_bsdf
 
 # White noise of a place and a fourth number: with one that no coordinate is, the three channels never are one hash.
 _SALT = 0.7548776662
-# The largest float32 below 1, which a hash in float32 may round to.
-_BELOW_ONE = 0.99999994
 
 
 def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], *, bounces: int) -> NodeSource:
@@ -56,7 +54,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = look_bsdf(look, inputs)
-    lobes = _lobes(bsdf, symbols(graph, WO))
+    lobes = present_lobes(graph, bsdf)
     (presence,) = elements_of(bsdf.presence)
     if isinstance(presence, Node) or presence < 1.0:
         raise CodegenError(
@@ -98,13 +96,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)
 
 
-def _lobes(bsdf: Bsdf, wo: Any) -> list[Lobe]:
-    """Return the lobes whose share does not fold to zero."""
-    shares = [(lobe, *elements_of(lobe.share)) for lobe in bsdf.lobes(wo)]
-    return [lobe for lobe, share in shares if isinstance(share, Node) or share > 0.0]
-
-
-def sampled(graph: Graph, lobes: list[Lobe]) -> tuple[Any, Any]:
+def sampled(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
     """Trace one sample of lobes, at the symbols ``wo_x wo_y wo_z u1 u2``.
 
     Returns
@@ -116,30 +108,17 @@ def sampled(graph: Graph, lobes: list[Lobe]) -> tuple[Any, Any]:
     """
     if not lobes:
         return np.zeros(3), ZENITH
-    wo = symbols(graph, WO)
+    mixture = trace_mixture(graph, lobes)
+    assume_positive(graph, mixture.wo[..., 2])
     numbers: Any = symbols(graph, ("u1", "u2"))
-    u1, u2 = np.minimum(numbers, _BELOW_ONE)
-    total = sum(lobe.share for lobe in lobes)
-    place = u1 * total
-    # From the last to the first: a number belongs to the first lobe whose share it does not pass.
-    wi: Any = None
-    for index, lobe in reversed(list(enumerate(lobes))):
-        before = sum(each.share for each in lobes[:index])
-        # Rounding may carry the number to the very end of the share, which stands for 1.
-        stretched = np.clip((place - before) / lobe.share, 0.0, _BELOW_ONE) if len(lobes) > 1 else u1
-        drawn = lobe.draw(stretched, u2)
-        wi = drawn if wi is None else np.where(np.expand_dims(place < before + lobe.share, -1), drawn, wi)
-
-    f: Any = np.zeros(3)
+    u1, u2 = np.minimum(numbers, BELOW_ONE)
+    # From the last to the first: a number belongs to the first lobe whose part it is below the end of.
+    *others, last = mixture.choices(u1)
+    wi: Any = last.lobe.draw(last.stretched, u2)
+    for choice in reversed(others):
+        wi = np.where(np.expand_dims(choice.below, -1), choice.lobe.draw(choice.stretched, u2), wi)
+    value: Any = np.zeros(3)
     density: Any = np.array(0.0)
-    front, back = wi[..., 2] > 0.0, wi[..., 2] < 0.0
-    # Where a lobe sends no light it still has a value, which counts 0 times: it must be finite.
-    upper = np.stack([wi[..., 0], wi[..., 1], np.absolute(wi[..., 2])], axis=-1)
-    for lobe in lobes:
-        directions = Directions.of(*lobe.pair(wo, mirrored(upper) if lobe.transmits else upper))
-        valid = back if lobe.transmits else front
-        if not same(lobe.normal, ZENITH):
-            valid = valid & (directions.cos_theta_i > 0.0) & (directions.cos_theta_o > 0.0)
-        f = f + scale(lobe.evaluate(directions), np.where(valid, directions.cos_theta_i, 0.0))
-        density = density + np.where(valid, lobe.pdf(directions) * lobe.share, 0.0)
-    return scale(f, total / density), wi
+    for term in mixture.terms(wi):
+        value, density = value + term.value, density + term.density
+    return scale(value, 1.0 / mixture.normalised(density)), wi

@@ -1,4 +1,4 @@
-"""Fits (`lookdev.brdf.fits`) as groups of their own: long polynomials that several lobes share are one node each."""
+"""Fits (`lookdev.closures.fits`) as groups: a long polynomial that several lobes share is one node."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.brdf.fits import fit, table
+from lookdev.closures.fits import fit, table
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import GroupSocket, Link, NodeTree
 from lookdev.codegen.trace.graph import Graph, Node

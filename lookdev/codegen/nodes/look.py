@@ -1,7 +1,7 @@
 """A look as Cycles' own closures: what the ``nodes`` backend renders, and what an artist opens in Blender.
 
 The material's tree has textures, primvars, mask expressions and the constants; groups have the models, and sockets that
-can be slid. Layers of one model are combined in one group: Disney's as parameters, Pixar's as partitions of light. From
+can be slid. Layers of one model are combined in one group, by the model's own rule or as parameters. From
 the first layer of another model on, shaders are blended.
 """
 
@@ -13,12 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.brdf import MASK, PARAMETERS, Bsdf, Parameter, StackLayer, stack_bsdf
-from lookdev.brdf.disney_parameters import DISNEY_PARAMETERS
-from lookdev.brdf.layering import blend_parameters
-from lookdev.brdf.vectors import Array, same
+from lookdev.brdf import MASK, Bsdf, Model, Parameter, Real, StackLayer, model_named, runs, stack_bsdf
+from lookdev.brdf.vectors import same
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.look import look_stack
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.closures import add_shaders, add_transparent, shade
 from lookdev.codegen.nodes.fits import fit_tree, is_fit
@@ -29,8 +26,8 @@ from lookdev.codegen.source import HANDEDNESS, AttributeBinding, Link, NodeSourc
 from lookdev.codegen.trace.graph import Graph, reachable
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of
 from lookdev.material import Bump, Look, Texture
+from lookdev.material.values import look_layers
 
-_TITLES = {"disney": "Lookdev Disney", "pixar": "Lookdev Pixar"}
 _LAYERS = "Lookdev Layers"
 _PRESENCE = Parameter("presence", "float", 1.0, help="How much of the surface is there.")
 _OF_PART = {"mask": MASK, "presence": _PRESENCE}
@@ -41,7 +38,7 @@ class _Part:
     """What stands for some of the layers: a shader, and how much of the surface is there, in the material's graph."""
 
     shader: Link
-    presence: Array
+    presence: Real
     transmits: bool
 
 
@@ -78,15 +75,17 @@ class _Material:
 
     def source(self) -> NodeSource:
         """Return the finished source."""
-        stack = look_stack(self._look, self._inputs)
+        stack = look_layers(self._look, self._inputs)
         names = _unique(layer.name for layer in self._look.layers)
         # Layers must fit together, also those of which nothing is left.
         presence = stack_bsdf(stack).presence
-        runs = list(_runs(stack))
-        if len(runs) == 1:
+        first, *others = runs(stack)
+        if not others:
             whole = self._run(stack, names, part="")
         else:
-            whole = self._mixed([self._run(stack[run], names[run], names[run][0]) for run in runs], stack, names)
+            parts = [self._run(first, names[: len(first)], names[0])]
+            parts += [self._run(run, [name], name) for run, name in zip(others, names[len(first) :], strict=True)]
+            whole = self._mixed(parts, stack, names)
         self._builder.add("OutputMaterial", inputs={"Surface": whole.shader})
         attributes = sorted(self._attributes, key=lambda binding: binding.parameter)
         frame = frame_tree(leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
@@ -105,13 +104,13 @@ class _Material:
 
     def _run(self, stack: Sequence[StackLayer], names: Sequence[str], part: str) -> _Part:
         """Add what shades layers of one model; `part` names it where it is not all of the look."""
-        model = stack[0].model
+        model = model_named(stack[0].model)
         if len(stack) == 1:
-            group = Group(f"{_TITLES[model]} {part}".strip())
+            group = Group(f"{_title(model)} {part}".strip())
             return self._shaded(group, _taken(group, stack), part)
         group = Group(f"{_LAYERS} {part}".strip())
         layers = _taken(group, stack, names)
-        return self._parameters(group, layers, part) if model == "disney" else self._shaded(group, layers, part)
+        return self._shaded(group, layers, part) if model.combine else self._parameters(group, layers, part)
 
     def _shaded(self, group: Group, stack: Sequence[StackLayer], part: str) -> _Part:
         """Finish a group that shades by the layers taken into it."""
@@ -123,35 +122,32 @@ class _Material:
         whole = same(bsdf.presence, 1.0)
         tree = group.tree(shader, {} if whole else {socket_of(_PRESENCE): bsdf.presence})
         node = self._show(group, tree)
-        presence: Array = np.array(1.0)
+        presence: Real = np.array(1.0)
         if not whole:
             place = Link(node, _PRESENCE.name)
             presence = bound(self._graph, self._builder, f"{group.name} presence", place, vector=False)
         return _Part(Link(node, "Shader"), presence, transmits)
 
     def _parameters(self, layers: Group, stack: Sequence[StackLayer], part: str) -> _Part:
-        """Finish a group that blends the parameters of Disney's layers, and add one that shades by them."""
-        blended = dict(stack[0].parameters)
-        for layer in stack[1:]:
-            blended = blend_parameters(DISNEY_PARAMETERS, blended, layer.parameters, layer.mask)
+        """Finish a group that blends the parameters of layers, and add one that shades by them."""
+        model = model_named(stack[0].model)
+        known, blended = model.parameters, model.blended(stack)
         # Where the first group gives its outputs is known after the second has told which it reads.
         between = {name: f"{layers.name} {name}" for name, value in blended.items() if isinstance(value, SymbolicArray)}
         outside = {
-            name: symbols_of(self._graph, between[name], vector=DISNEY_PARAMETERS[name].kind != "float")
+            name: symbols_of(self._graph, between[name], vector=known[name].kind != "float")
             if name in between
             else value
             for name, value in blended.items()
         }
-        group = Group(f"{_TITLES['disney']} {part}".strip())
-        shading = replace(stack[0], parameters=group.take(DISNEY_PARAMETERS, outside))
+        group = Group(f"{_title(model)} {part}".strip())
+        shading = replace(stack[0], parameters=group.take(known, outside))
         shader, _ = _closures(group, stack_bsdf([shading]))
         tree = group.tree(shader)
         read = [name for name in group.wanted(tree) if name in between]
-        node = self._show(
-            layers, layers.tree(None, {socket_of(DISNEY_PARAMETERS[name]): blended[name] for name in read})
-        )
+        node = self._show(layers, layers.tree(None, {socket_of(known[name]): blended[name] for name in read}))
         for name in read:
-            vector = DISNEY_PARAMETERS[name].kind != "float"
+            vector = known[name].kind != "float"
             bound(self._graph, self._builder, between[name], Link(node, name), vector=vector)
         return _Part(Link(self._show(group, tree), "Shader"), np.array(1.0), transmits=False)
 
@@ -164,7 +160,7 @@ class _Material:
         layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
         shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}
         total: Link | None = None
-        presence: Array = np.array(0.0)
+        presence: Real = np.array(0.0)
         for panel, part, layer in zip(panels, parts, layers, strict=True):
             shader = group.take_shader(f"{panel} shader", panel)
             inside = group.take(_OF_PART, {"mask": layer.mask, "presence": part.presence}, panel)
@@ -193,7 +189,7 @@ def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
     return shade(group.graph, group.builder, bsdf, np.stack(bases))
 
 
-def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Array, covered: Array) -> Link | None:
+def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Real, covered: Real) -> Link | None:
     """Lay a shader on another, which `covered` of is hidden."""
     if below is not None and same(mask, covered) and not same(mask, 0.0) and not same(mask, 1.0):
         inputs = {"Fac": built(builder, mask), "Shader": below, "Shader_001": above}
@@ -201,7 +197,7 @@ def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Array, co
     return add_shaders(builder, _scaled(builder, below, 1.0 - covered), _scaled(builder, above, mask))
 
 
-def _scaled(builder: TreeBuilder, shader: Link | None, factor: Array) -> Link | None:
+def _scaled(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | None:
     """Multiply a shader by a number from 0 to 1."""
     if shader is None or same(factor, 0.0):
         return None
@@ -215,16 +211,13 @@ def _taken(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = (""
     taken = []
     for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):
         mask = group.take({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
-        parameters = group.take(PARAMETERS[layer.model], layer.parameters, panel)
+        parameters = group.take(model_named(layer.model).parameters, layer.parameters, panel)
         taken.append(replace(layer, mask=mask, parameters=parameters))
     return taken
 
 
-def _runs(stack: Sequence[StackLayer]) -> Iterator[slice]:
-    """Give the layers that are combined by one model: the base and those like it, then one by one, as `stack_bsdf`."""
-    count = next((number for number, each in enumerate(stack) if each.model != stack[0].model), len(stack))
-    yield slice(0, count)
-    yield from (slice(number, number + 1) for number in range(count, len(stack)))
+def _title(model: Model) -> str:
+    return f"Lookdev {model.title}"
 
 
 def _unique(names: Iterator[str]) -> list[str]:

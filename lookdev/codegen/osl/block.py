@@ -7,7 +7,7 @@ node used more than once, and writes the rest inline. OSL computes in float32.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -62,19 +62,40 @@ def literal(value: float | bool) -> str:
     return repr(float(value))
 
 
+Spell = Callable[[str], str]
+"""From the name of a symbol to how it is written."""
+
+
 class Block:
     """One scope of emitted code."""
 
-    def __init__(self, prefix: str, indent: int, named: Mapping[Node, str] | None = None) -> None:
+    def __init__(
+        self,
+        prefix: str,
+        indent: int,
+        named: Mapping[Node, str] | None = None,
+        spell: Spell = lambda symbol: symbol,
+    ) -> None:
         self.lines: list[str] = []
         self.named: dict[Node, str] = dict(named or {})
         self._prefix = prefix
         self._pad = "    " * indent
+        self._spell = spell
         self._uses: Counter[Node] = Counter()
+
+    def inner(self, prefix: str, indent: int) -> Block:
+        """Return a scope inside this one, which knows all names that this one has now."""
+        return Block(prefix, indent, self.named, self._spell)
 
     def write(self, text: str) -> None:
         """Append one line of code as it is."""
         self.lines.append(self._pad + text)
+
+    def define(self, name: str, value: Any, comment: str = "") -> None:
+        """Compute `value`, a number, into a variable of that name."""
+        self.write(f"float {name} = {self.expression(value)};" + (f"  // {comment}" if comment else ""))
+        if isinstance(value, Node) and value.op != "symbol":
+            self.named.setdefault(value, name)
 
     def prepare(self, roots: Iterable[Any]) -> None:
         """Count uses under `roots`, all that this block will ask for, so that shared nodes get a name."""
@@ -103,7 +124,7 @@ class Block:
 
         for node in in_order([value], stop=lambda node: node in self.named):
             if node.op == "symbol":
-                inline[node] = str(node.args[0])
+                inline[node] = self._spell(str(node.args[0]))
                 continue
             code = _CODE[node.op].format(*(shown(arg) for arg in node.args))
             if self._uses[node] > 1 or len(code) > _MAX_INLINE:

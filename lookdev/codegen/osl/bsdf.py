@@ -17,37 +17,41 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from lookdev.brdf import Bsdf
-from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.vectors import same, scale
-from lookdev.codegen.osl.block import Block
+from lookdev.brdf import Lobe
+from lookdev.codegen.osl.block import Block, Spell
 from lookdev.codegen.trace.graph import Graph, Node, depends_on, in_order, reachable
+from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
-WO = ("wo_x", "wo_y", "wo_z")
-WI = ("wi_x", "wi_y", "wi_z")
 VARYING = frozenset((*WI, "u1", "u2"))
 
 
 @dataclass(frozen=True)
 class TracedLobe:
-    """The scalar expressions of one lobe; `share` is a constant where the lobe is there everywhere.
+    """The scalar expressions of one lobe of a mixture.
 
-    `f` is times the cosine; `wi` is in the surface's frame. An `aided` lobe may leave light that meets nothing on its
-    way to directions of the light.
+    name, transmits, share
+        Of the lobe; the share is a constant where the lobe is there everywhere.
+    value, density
+        As of `Term`: f times the cosine, and the share's part of the density.
+    below, wi
+        As of `Choice`: whether u1 is below the end of the lobe's part, and the direction drawn, in the surface's frame.
+    aided
+        Whether light that meets nothing on its way is left to directions of the light.
     """
 
     name: str
     transmits: bool
-    broad: bool
     share: Any
-    f: tuple[Any, ...]
-    pdf: Any
+    value: tuple[Any, ...]
+    density: Any
+    below: Any
     wi: tuple[Any, ...]
     aided: bool = False
+
+    def evaluated(self) -> tuple[Any, ...]:
+        """Return what is computed for each direction."""
+        return (*self.value, self.density)
 
 
 @dataclass(frozen=True)
@@ -67,46 +71,61 @@ class BrdfCode:
     aids: bool
 
 
-def trace_lobes(
-    graph: Graph, bsdf: Bsdf, keep: Callable[[Lobe], bool] = lambda lobe: True, broad_share: float = 1.0
-) -> tuple[TracedLobe, ...]:
-    """Trace the lobes of a BSDF that are to be kept; those whose share folds to zero vanish, with all they read.
+@dataclass(frozen=True)
+class TracedMixture:
+    """The scalar expressions of a mixture: of its lobes, of the sum of their shares, and of densities, by name.
 
-    Broad lobes get `broad_share` times their share.
+    A density is normalised from the sum that is the symbol of its name.
     """
-    wo, wi = symbols(graph, WO), symbols(graph, WI)
-    u1, u2 = symbol(graph, "u1"), symbol(graph, "u2")
-    traced = []
-    for lobe in bsdf.lobes(wo):
-        (share,) = elements_of(lobe.share * broad_share if lobe.broad else lobe.share)
-        if keep(lobe) and (isinstance(share, Node) or share > 0.0):
-            directions = Directions.of(*lobe.pair(wo, wi))
-            # A shader evaluates on the lobe's side of the surface only: a normal of the lobe's own leans out of it, and
-            # was bent towards a grazing view by less than float32 knows.
-            valid: Any = True
-            if not same(lobe.normal, ZENITH):
-                valid = (directions.cos_theta_i > 0.0) & (directions.cos_theta_o > 0.0)
-            f = scale(lobe.evaluate(directions), np.where(valid, directions.cos_theta_i, 0.0))
-            (pdf,) = elements_of(np.where(valid, lobe.pdf(directions), 0.0))
-            wi_drawn = tuple(elements_of(lobe.draw(u1, u2)))
-            traced.append(
-                TracedLobe(lobe.name, lobe.transmits, lobe.broad, share, tuple(elements_of(f)), pdf, wi_drawn)
-            )
-    return tuple(traced)
+
+    lobes: tuple[TracedLobe, ...]
+    total: Any
+    densities: Mapping[str, Any]
 
 
-def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
-    """Write the three fragments for traced lobes, and the presence, a scalar, where it is not 1."""
+def trace_lobes(
+    graph: Graph, lobes: Sequence[Lobe], aided: Callable[[Lobe], bool] = lambda lobe: False
+) -> TracedMixture:
+    """Trace the mixture of lobes at the symbols ``wo_x wo_y wo_z wi_x wi_y wi_z u1 u2``."""
+    mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
+    # A lobe's code runs where the light is on its side.
+    for side in (wi[..., 2] > 0.0, wi[..., 2] < 0.0):
+        graph.assume(*elements_of(side))
+    terms, choices = mixture.terms(wi), mixture.choices(symbol(graph, "u1"))
+    traced = tuple(
+        TracedLobe(
+            lobe.name,
+            lobe.transmits,
+            elements_of(lobe.share)[0],
+            value=tuple(elements_of(term.value)),
+            density=elements_of(term.density)[0],
+            below=elements_of(choice.below)[0],
+            wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
+            aided=aided(lobe),
+        )
+        for lobe, term, choice in zip(lobes, terms, choices, strict=True)
+    )
+    sums = ("pdf", "unaided_pdf") if any(lobe.aided for lobe in traced) else ("pdf",)
+    densities = {name: elements_of(mixture.normalised(symbol(graph, name)))[0] for name in sums}
+    return TracedMixture(traced, elements_of(mixture.total)[0], densities)
+
+
+def emit_brdf(mixture: TracedMixture, presence: Any = 1.0, spell: Spell = lambda symbol: symbol) -> BrdfCode:
+    """Write the three fragments of a mixture, and the presence, a scalar, where it is not 1.
+
+    `spell` gives the name that a symbol has in the text; it is asked for a symbol as the symbol is written.
+    """
+    lobes = mixture.lobes
     see_through = isinstance(presence, Node) or presence < 1.0
-    values = [value for lobe in lobes for value in (*lobe.f, lobe.pdf, *lobe.wi)]
+    values = [value for lobe in lobes for value in (*lobe.evaluated(), *lobe.wi, lobe.below)]
     varying = depends_on(values, VARYING)
     invariant = _frontier(values, varying)
 
-    setup = Block("s", indent=1)
+    setup = Block("s", indent=1, spell=spell)
     setup.prepare([*(lobe.share for lobe in lobes), *invariant, presence])
     for index, lobe in enumerate(lobes):
-        setup.write(f"float share_{index} = {setup.expression(lobe.share)};  // {lobe.name}")
-    setup.write(f"float shares = {' + '.join(f'share_{i}' for i in range(len(lobes))) or '0'};")
+        setup.define(f"share_{index}", lobe.share, comment=lobe.name)
+    setup.define("shares", mixture.total)
     if see_through:
         setup.write(f"float presence = {setup.expression(presence)};")
     for node in invariant:
@@ -116,7 +135,7 @@ def emit_brdf(lobes: Sequence[TracedLobe], presence: Any = 1.0) -> BrdfCode:
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - set(WO)
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(lobes, setup, varying)),
+        evaluate=tuple(_evaluate(mixture, setup, varying)),
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
         transmits=any(lobe.transmits for lobe in lobes),
@@ -132,42 +151,33 @@ def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
-def _evaluate(lobes: Sequence[TracedLobe], setup: Block, varying: set[Node]) -> Iterable[str]:
+def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
+    lobes, aids = mixture.lobes, len(mixture.densities) > 1
     sides = {transmits: [lobe for lobe in lobes if lobe.transmits is transmits] for transmits in (False, True)}
-    shares = {id(lobe): f"share_{index}" for index, lobe in enumerate(lobes)} if len(lobes) > 1 else {}
-    outer = Block("", indent=2)
+    outer = setup.inner("", indent=2)
     outer.write("color f = 0;")
-    outer.write("float pdf = 0;")
-    aids = any(lobe.aided for lobe in lobes)
-    if aids:
-        outer.write("float unaided_pdf = 0;")
+    for name in mixture.densities:
+        outer.write(f"float {name} = 0;")
     both = all(sides.values())
     for transmits, members in sides.items():
         if members:
             if both or transmits:
                 outer.write("if (wi_z < 0) {" if transmits else "if (wi_z > 0) {")
-            outer.lines += _evaluate_side(members, shares, aids, setup, varying, "t" if transmits else "e", 2 + both)
+            outer.lines += _evaluate_side(members, setup, varying, "t" if transmits else "e", 2 + both, aids)
             if both or transmits:
                 outer.write("}")
-    if len(lobes) > 1:
-        outer.write("pdf /= shares;")
-        if aids:
-            outer.write("unaided_pdf /= shares;")
+    for name, density in mixture.densities.items():
+        if density.op != "symbol":
+            outer.write(f"{name} = {outer.expression(density)};")
     return outer.lines
 
 
 def _evaluate_side(
-    lobes: Sequence[TracedLobe],
-    shares: Mapping[int, str],
-    aids: bool,
-    setup: Block,
-    varying: set[Node],
-    prefix: str,
-    indent: int,
+    lobes: Sequence[TracedLobe], setup: Block, varying: set[Node], prefix: str, indent: int, aids: bool
 ) -> Iterable[str]:
     """Sum lobes; what two of them share is computed before, a lobe's own part under a guard on its share."""
-    groups = [reachable((*lobe.f, lobe.pdf), stop=setup.named) for lobe in lobes]
+    groups = [reachable(lobe.evaluated(), stop=setup.named) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
     shared = {
         node
@@ -177,54 +187,43 @@ def _evaluate_side(
     # Only those that a lobe's own part uses directly: the rest is reached through them.
     direct: dict[Node, None] = {}
     for lobe, group in zip(lobes, groups, strict=True):
-        roots = [value for value in (*lobe.f, lobe.pdf) if isinstance(value, Node)]
+        roots = [value for value in lobe.evaluated() if isinstance(value, Node)]
         own = [node for node in group if node not in shared]
         operands = [operand for node in own for operand in node.operands()]
         direct |= dict.fromkeys(node for node in (*roots, *operands) if node in shared)
     ordered = sorted(direct, key=lambda node: len(reachable([node])))
 
-    outer = Block(prefix, indent, named=setup.named)
+    outer = setup.inner(prefix, indent)
     outer.prepare(ordered)
     for node in ordered:
         outer.name(node)
     for index, lobe in enumerate(lobes):
-        share = shares.get(id(lobe))
-        inner = Block(f"{prefix}{index}_", indent + 1, named=outer.named)
-        inner.prepare([*lobe.f, lobe.pdf])
-        color = ", ".join(inner.expression(value) for value in lobe.f)
-        density = inner.expression(lobe.pdf)
+        inner = outer.inner(f"{prefix}{index}_", indent + 1)
+        inner.prepare(lobe.evaluated())
+        color = ", ".join(inner.expression(value) for value in lobe.value)
+        density = inner.expression(lobe.density)
         # A scope of its own for each lobe, an `if` where the lobe may be absent at this point.
-        guarded = isinstance(lobe.share, Node)
-        outer.write(f"if ({share or 'share_0'} > 0) {{  // {lobe.name}" if guarded else f"{{  // {lobe.name}")
+        guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
+        outer.write(f"{guard}{{  // {lobe.name}")
         outer.lines += inner.lines
         outer.write(f"    f += color({color});")
-        if share:
-            density = f"{share} * {density}"
         if aids and not lobe.aided:
             outer.write(f"    float own_pdf = {density};")
             outer.write("    unaided_pdf += own_pdf;")
             density = "own_pdf"
-        outer.write(f"    pdf += {density};" if share else f"    pdf = {density};")
+        outer.write(f"    pdf += {density};")
         outer.write("}")
     return outer.lines
 
 
 def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
-    """Choose a lobe by u1, stretch u1 over its share, sample it."""
-    outer = Block("", indent=3)
-    if len(lobes) > 1:
-        outer.write("u1 *= shares;")
-    for index, lobe in enumerate(lobes):
-        inner = Block(f"d{index}_", indent=4, named=setup.named)
-        if len(lobes) > 1:
-            upto = " + ".join(f"share_{k}" for k in range(index + 1))
-            before = "".join(f" - share_{k}" for k in range(index))
-            branch = "else " * (index > 0) + f"if (u1 < {upto}) " * (index < len(lobes) - 1)
-            outer.write(f"{branch}{{  // {lobe.name}")
-            # Rounding may carry the number to the very end of the share, which stands for 1.
-            inner.write(f"u1 = clamp((u1{before}) / share_{index}, 0, 0.99999994);")
-        else:
-            outer.write(f"{{  // {lobe.name}")
+    """Choose a lobe by u1 and sample it."""
+    outer = setup.inner("d", indent=3)
+    outer.prepare([lobe.below for lobe in lobes[:-1]])
+    conditions = [f"if ({outer.expression(lobe.below)}) " for lobe in lobes[:-1]]
+    for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=True)):
+        inner = outer.inner(f"d{index}_", indent=4)
+        outer.write(f"{'else ' * (index > 0)}{condition}{{  // {lobe.name}")
         inner.prepare(lobe.wi)
         wi = [inner.expression(value) for value in lobe.wi]
         for name, code in zip(WI, wi, strict=True):

@@ -8,27 +8,28 @@ from __future__ import annotations
 
 import hashlib
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import PARAMETERS, StackLayer, stack_bsdf
-from lookdev.brdf.pixar_layering import Mode
+from lookdev.brdf import MODELS, Lobe, Mode, StackLayer, stack_bsdf
 from lookdev.cache import file_digest
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.look import look_bsdf
-from lookdev.codegen.osl.bsdf import WI, WO, BrdfCode, TracedLobe, emit_brdf, trace_lobes
+from lookdev.codegen.osl.bsdf import BrdfCode, emit_brdf, trace_lobes
+from lookdev.codegen.osl.inputs import LookUpNames, emit_look_up
 from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WI, WO, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.light import bins
 from lookdev.light.tables import CODE_BITS, MOST_POINTS, SLOTS
 from lookdev.material import Bump, Look, Texture
+from lookdev.material.values import look_bsdf
 
 
 def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
@@ -84,29 +85,23 @@ def generate_surface(
     inputs = Inputs(graph, resolve)
     bsdf = look_bsdf(look, inputs)
     by_light = ibl_samples != 0 and not constant_light
-    lobes = trace_lobes(graph, bsdf, broad_share=_BROAD_SHARES[bounces > 0] if by_light else 1.0)
+    lobes = present_lobes(graph, bsdf)
     brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant_light)
     # At least one: otherwise a path ends.
     onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
     # Light from behind has directions of its own only where there are two at least.
     from_behind = min(ibl_samples, onward[1]) > 1
-    lobes = tuple(
-        replace(lobe, aided=ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)) for lobe in lobes
+    if by_light:
+        share = _BROAD_SHARES[bounces > 0]
+        lobes = [replace(lobe, share=lobe.share * share) if lobe.broad else lobe for lobe in lobes]
+    traced = trace_lobes(
+        graph, lobes, lambda lobe: ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)
     )
-    code = emit_brdf(lobes, *elements_of(bsdf.presence))
+    names = LookUpNames(inputs)
+    code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell)
     attributes = inputs.read_by(code.inputs)
-    sections = _sections(code)
-    # Numbered as they appear in the code, so that what is not needed leaves no trace.
-    read = dict.fromkeys(re.findall(r"\blookup\d+", "".join(line for lines in sections.values() for line in lines)))
-    names = {name: f"texture{number}" for number, name in enumerate(read)}
-    emitted = [inputs.emit(name) for name in read]
-
-    def named(text: str) -> str:
-        return re.sub(r"\blookup\d+", lambda found: names[found[0]], text)
-
-    bound = tuple(
-        replace(binding, parameter=named(binding.parameter)) for _, bindings in emitted for binding in bindings
-    )
+    emitted = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
+    bound = tuple(binding for _, bindings in emitted for binding in bindings)
     osl = expand_template(
         "surface.osl",
         {
@@ -130,8 +125,8 @@ def generate_surface(
                 *(f'    string {binding.parameter} = "",' for binding in bound),
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
-            "inputs": [f"    {named(line)}" for lines, _ in emitted for line in lines],
-            **{section: [named(line) for line in lines] for section, lines in sections.items()},
+            "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
+            **_sections(code),
         },
     )
     digest = hashlib.sha256(osl.encode())
@@ -168,7 +163,7 @@ _BROAD_SHARES = (0.05, 0.3)
 
 
 def _split(
-    lobes: Sequence[TracedLobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
+    lobes: Sequence[Lobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
 ) -> tuple[int, int]:
     """Choose how many directions come from the BRDF and how many from the light, where nobody said."""
     if constant_light:
@@ -197,7 +192,7 @@ class PointLayer:
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
-        numbers = [parameter for parameter in PARAMETERS[self.model].values() if parameter.kind != "token"]
+        numbers = [parameter for parameter in MODELS[self.model].parameters.values() if parameter.kind != "token"]
         return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
 
 
@@ -227,7 +222,7 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
     graph = Graph()
     stack = []
     for number, layer in enumerate(layers):
-        values: dict[str, object] = dict(layer.tokens)
+        values: dict[str, Any] = dict(layer.tokens)
         for name, shape in layer.shapes().items():
             place = f"layer{number}_{name}"
             if name in layer.constants:
@@ -237,7 +232,8 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
         mask = values.pop("mask")
         stack.append(StackLayer(layer.model, values, mask, layer.mode))
     bsdf = stack_bsdf(stack)
-    code = emit_brdf(trace_lobes(graph, bsdf, lambda lobe: lobes is None or lobe.name in lobes))
+    kept = [lobe for lobe in present_lobes(graph, bsdf) if lobes is None or lobe.name in lobes]
+    code = emit_brdf(trace_lobes(graph, kept))
     columns = point_columns(layers)
     rows = [f"    float {name} = 0;" for name in columns]
     for index in range(0, len(columns), 3):

@@ -75,10 +75,17 @@ class Graph:
 
     def __init__(self) -> None:
         self._nodes: dict[tuple[Any, ...], Node] = {}
+        self._facts: dict[Node, bool] = {}
+
+    def assume(self, condition: Node, value: bool = True) -> None:
+        """Fold a condition to a constant from now on: it holds wherever the traced code runs."""
+        self._facts[condition] = value
 
     def symbol(self, name: str) -> Node:
         """Return the node of a named value that is known only at run time."""
-        return self._intern("symbol", (name,))
+        node = self._intern("symbol", (name,))
+        assert isinstance(node, Node), "only conditions are assumed"
+        return node
 
     def apply(self, op: str, *args: Any) -> Any:
         """Return the node, or the constant, that is `op` of `args`.
@@ -97,13 +104,13 @@ class Graph:
         simple = _simplify(op, args)
         return self._intern(op, args) if simple is None else simple
 
-    def _intern(self, op: str, args: tuple[Any, ...]) -> Node:
+    def _intern(self, op: str, args: tuple[Any, ...]) -> Node | bool:
         # The type is part of the key because True == 1.0 in Python; the sign because 0.0 == -0.0.
         key = (op, *((type(arg), str(arg)) if not isinstance(arg, Node) else arg for arg in args))
         node = self._nodes.get(key)
         if node is None:
             node = self._nodes[key] = Node(op, args, self)
-        return node
+        return self._facts.get(node, node)
 
 
 def _known() -> str:

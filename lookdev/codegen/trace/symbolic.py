@@ -40,6 +40,9 @@ class SymbolicArray(NDArrayOperatorsMixin):
     def __bool__(self) -> bool:
         raise CodegenError("a model branches on a value known only at run time; use numpy.where")
 
+    def __array__(self, dtype: Any = None) -> Any:
+        raise CodegenError("a model converts a value known only at run time to numbers; use ufuncs")
+
     def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
         if method != "__call__" or kwargs:
             raise CodegenError(f"a model uses numpy.{ufunc.__name__}.{method} with {sorted(kwargs)}; plain calls only")

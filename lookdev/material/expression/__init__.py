@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array
+from lookdev.brdf.vectors import Array, Real
 from lookdev.errors import nearest_hint
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, Function, bounded
 from lookdev.material.expression.syntax import (
@@ -158,7 +158,7 @@ class _Evaluation:
             case Apply(function=function, arguments=arguments):
                 return tuple(_bounded_number(channel) for channel in self._applied(node, function, arguments))
 
-    def truth(self, node: Node) -> Array:
+    def truth(self, node: Node) -> Any:
         """Return a node as truth values: a number is true where it is not 0."""
         if isinstance(node, Apply) and node.function.gives == "truth":
             operand = self.truth if node.function.domain == "truth" else self._float
@@ -179,7 +179,7 @@ class _Evaluation:
         return _each(function.evaluate, *values)
 
 
-def _each(function: Callable[..., Any], *values: tuple[Array, ...]) -> tuple[Array, ...]:
+def _each(function: Callable[..., Any], *values: tuple[Real, ...]) -> tuple[Array, ...]:
     """Call a function for every channel; a float stands for three equal ones."""
     count = max(len(value) for value in values)
     return tuple(function(*(value[i % len(value)] for value in values)) for i in range(count))

@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lookdev.brdf.vectors import TINY, Array
+from lookdev.brdf.vectors import TINY, Array, Real
 
 LARGEST = 1e18
 """Numbers end here, on either side: the product of two of them is still a float32."""
@@ -54,13 +54,13 @@ def bounded(x: Array) -> Array:
     return np.where(x > 0.0, np.minimum(x, LARGEST), np.where(x < 0.0, np.maximum(x, -LARGEST), 0.0))
 
 
-def divide(x: Array, y: Array) -> Array:
+def divide(x: Real, y: Array) -> Array:
     """Return x / y; 0 where y is 0, or as good as."""
     zero = np.absolute(y) < TINY
     return np.where(zero, 0.0, x / np.where(zero, 1.0, y))
 
 
-def modulo(x: Array, y: Array) -> Array:
+def modulo(x: Array, y: Real) -> Array:
     """Return x - y floor(x / y), which has the sign of y; 0 where y is 0. So does SeExpr's operator, not its fmod."""
     zero = np.absolute(y) < TINY
     y = np.where(zero, 1.0, y)
@@ -73,17 +73,20 @@ def power(x: Array, y: Array) -> Array:
     size = np.where(zero, np.where(np.equal(y, 0.0), 1.0, 0.0), np.power(np.where(zero, 1.0, np.absolute(x)), y))
     whole = np.floor(y)
     sign = np.where(np.equal(y, whole), 1.0 - 2.0 * modulo(whole, 2.0), 0.0)
-    return size * np.where(x < 0.0, sign, 1.0)
+    signed: Array = size * np.where(x < 0.0, sign, 1.0)
+    return signed
 
 
 def square_root(x: Array) -> Array:
     """Return the square root; 0 of a negative number."""
-    return np.sqrt(np.maximum(x, 0.0))
+    root: Array = np.sqrt(np.maximum(x, 0.0))
+    return root
 
 
 def logarithm(x: Array) -> Array:
     """Return the natural logarithm, of TINY where x is smaller or negative: never below -41.5."""
-    return np.log(np.maximum(x, TINY))
+    log: Array = np.log(np.maximum(x, TINY))
+    return log
 
 
 def ceiling(x: Array) -> Array:
@@ -174,7 +177,8 @@ def contrast(x: Array, c: Array) -> Array:
 
 def luminance(color: tuple[Array, ...]) -> Array:
     """Return the Rec.709 luminance of a linear colour."""
-    return sum(channel * weight for channel, weight in zip(color, _LUMINANCE, strict=True))
+    r, g, b = (channel * weight for channel, weight in zip(color, _LUMINANCE, strict=True))
+    return r + g + b
 
 
 def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
@@ -208,14 +212,14 @@ def _slope(number: Array, x: Array, y: Array, z: Array) -> Array:
     return u * (1.0 - 2.0 * (edge - 2.0 * half)) + v * (1.0 - 2.0 * modulo(half, 2.0))
 
 
-def _lattice(x: Array) -> tuple[Array, Array, Array]:
+def _lattice(x: Real) -> tuple[Array, Array, Array]:
     """Return the lattice point below, the way from there, and the weight of the next."""
     floor = np.floor(x)
     t = x - floor
     return _wrapped(floor), t, t * t * t * (t * (6.0 * t - 15.0) + 10.0)
 
 
-def noise(x: Array, y: Array = 0.0, z: Array = 0.0) -> Array:
+def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return gradient noise in [0, 1], mean 0.5, 0.5 at lattice points, of period 289.
 
     The same in float32 as in float64: all hashing is by whole numbers below 2^24. Of a constant coordinate on the
@@ -235,7 +239,7 @@ def noise(x: Array, y: Array = 0.0, z: Array = 0.0) -> Array:
     return np.clip(0.5 + 0.5 * mix(face(0), face(1), w), 0.0, 1.0)
 
 
-def cellnoise(x: Array, y: Array = 0.0, z: Array = 0.0) -> Array:
+def cellnoise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return one of 289 values from 0 to 1 for each cell of the lattice, of period 289."""
     i, j, k = (_wrapped(np.floor(value)) for value in (x, y, z))
     return _hash(i, j, k) * (1.0 / (_PERIOD - 1.0))

@@ -12,8 +12,8 @@ from pathlib import Path
 
 from pxr import UsdShade
 
+from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.usd import MODELS
 from lookdev.material.usd.file import open_stage
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
@@ -133,15 +133,15 @@ def read_preset(file: Path) -> Preset:
     shader = UsdShade.Shader(prim)
     model = (shader.GetShaderId() if shader else None) or ""
     place = str(prim.GetPath())
-    if model not in MODELS:
+    if model not in layer_shaders():
         what = f"its info:id is '{model}'" if shader else f"is a {prim.GetTypeName() or 'prim without a type'}"
-        hint = f"a preset is a Shader whose info:id is {' or '.join(MODELS)}"
+        hint = f"a preset is a Shader whose info:id is {' or '.join(layer_shaders())}"
         raise LookError([Fault(str(file), place, what, hint)])
     if not shader.GetOutput("layer"):
         raise LookError([Fault(str(file), place, "has no outputs:layer", "declare it: token outputs:layer")])
     doc = prim.GetDocumentation() or stage.GetRootLayer().documentation
     category = str(prim.GetCustomDataByKey("category") or "")
-    return Preset(file.stem, file, place, MODELS[model], category, " ".join(doc.split()))
+    return Preset(file.stem, file, place, layer_shaders()[model], category, " ".join(doc.split()))
 
 
 def library_text(library: Library) -> str:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
+from lookdev.brdf import layer_shaders
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.library import Preset
@@ -22,7 +23,7 @@ from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
 from lookdev.material.library.preview import author_preview
 from lookdev.material.look import Look, Mode
-from lookdev.material.usd import MODELS, find_material, read_look
+from lookdev.material.usd import find_material, read_look
 from lookdev.material.usd.file import open_stage, reading
 from lookdev.material.usd.network import Network, Source, shader_id
 
@@ -223,7 +224,7 @@ def _surface(material: UsdShade.Material) -> tuple[Network, Source]:
     network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
     attribute = material.GetPrim().GetAttribute(_SURFACE)
     source = network.follow(attribute) if attribute else None
-    if not isinstance(source, Source) or shader_id(source.shader) not in ("LookdevLayers", *MODELS):
+    if not isinstance(source, Source) or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
         hint = "'lookdev materials new' makes a look"
         network.fault(material.GetPath().AppendProperty(_SURFACE), "is not connected to layers", hint)
         raise LookError(network.faults)
@@ -233,7 +234,7 @@ def _surface(material: UsdShade.Material) -> tuple[Network, Source]:
 def _find_stack(material: UsdShade.Material) -> _Stack | None:
     """Return the stack of a look; None where a single layer is its surface."""
     network, surface = _surface(material)
-    if shader_id(surface.shader) in MODELS:
+    if shader_id(surface.shader) in layer_shaders():
         return None
     names: dict[int, str] = {}
     for each in surface.shader.GetInputs():

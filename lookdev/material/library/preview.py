@@ -21,7 +21,7 @@ from a texture, a primvar or an interface input is connected to that, so that it
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from math import sqrt
 from typing import Any, TypeAlias
 
@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, UsdShade
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf import MODELS, Real
 from lookdev.errors import Fault, LookError
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.look import Coordinates, Formula, Input, Layer, Primvar, Texture
@@ -47,16 +47,9 @@ _TYPES = {
     "ior": Sdf.ValueTypeNames.Float,
     "opacity": Sdf.ValueTypeNames.Float,
 }
-_SAME = {
-    "disney": {"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness"},
-    "pixar": {
-        "diffuseColor": "surfaceColor",
-        "metallic": "metallic",
-        "roughness": "roughness",
-        "opacity": "presence",  # a cut-out, if it varies; a constant one is blended
-    },
-}
-"""Inputs of UsdPreviewSurface that mean the same as one of the model's, which can be connected through."""
+_DERIVED: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
+_PLAIN = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
+"""UsdPreviewSurface's own defaults: what a model's likeness does not set."""
 
 _GRID = 32  # look-ups along each axis, for a mean
 _LARGEST_F0 = 0.9  # an index of refraction of 38
@@ -135,7 +128,7 @@ def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> 
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))
     layer, shader = layers[decisive]
-    parameter = _SAME[layer.model].get(name, "")
+    parameter = MODELS[layer.model].preview.same.get(name, "")
     tinted = name == "diffuseColor" and any(each.mode == "transmit" for each, _ in layers[decisive + 1 :])
     value = layer.inputs.get(parameter)
     shown = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
@@ -154,11 +147,14 @@ def _values(layer: Layer) -> dict[str, Value]:
     """Map one layer, of which all numbers and colours are taken by their mean."""
     given = {
         name: _mean(layer.inputs.get(name, parameter.default), parameter.hard)
-        for name, parameter in PARAMETERS[layer.model].items()
+        for name, parameter in MODELS[layer.model].parameters.items()
         if parameter.kind in ("float", "color")
     }
-    same = {name: given[own] for name, own in _SAME[layer.model].items()}
-    return same | _DERIVED[layer.model](given)
+    preview = MODELS[layer.model].preview
+    same = {name: given[own] for name, own in preview.same.items()}
+    derived = {name: np.asarray(value) for name, value in (_DERIVED | preview.derived(given)).items()}
+    derived["ior"] = _ior(derived.pop("f0"))
+    return _PLAIN | same | derived
 
 
 def _mean(value: Input, bounds: tuple[float, float]) -> Value:
@@ -189,27 +185,6 @@ def _sampled(value: Any, st: Value) -> Value:
 def _ior(f0: Value) -> Value:
     root = sqrt(min(float(f0), _LARGEST_F0))
     return np.asarray((1.0 + root) / (1.0 - root))
-
-
-def _disney(given: Mapping[str, Value]) -> dict[str, Value]:
-    return {
-        "clearcoat": 0.25 * given["clearcoat"],
-        "clearcoatRoughness": np.sqrt(0.1 + (0.001 - 0.1) * given["clearcoatGloss"]),
-        "ior": _ior(0.08 * given["specular"]),
-        "opacity": np.asarray(1.0),
-    }
-
-
-def _pixar(given: Mapping[str, Value]) -> dict[str, Value]:
-    return {
-        "clearcoat": np.asarray(0.0),
-        "clearcoatRoughness": np.asarray(0.01),
-        "ior": _ior(0.05 * given["normalScale"]),
-        "opacity": 1.0 - given["clear"] * (1.0 - given["metallic"]),
-    }
-
-
-_DERIVED: dict[str, Callable[[Mapping[str, Value]], dict[str, Value]]] = {"disney": _disney, "pixar": _pixar}
 
 
 def _coated(beneath: Mapping[str, Value], coat: Mapping[str, Value]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from typing import Any
 import MaterialX as mx
 from pxr import Sdf, Sdr, Tf, Usd, UsdShade
 
-from lookdev.brdf import PARAMETERS
+from lookdev.brdf.disney import DISNEY
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, nearest_hint
 from lookdev.material.look import Primvar
@@ -35,7 +35,7 @@ from lookdev.material.materialx.network import Network
 NODE = "disney_principled"
 """The one surface shader that is imported."""
 
-_PARAMETERS = PARAMETERS["disney"]
+_PARAMETERS = DISNEY.parameters
 _WHY = {
     "specTrans": "a LookdevDisney layer lets no light through",
     "ior": "it bends the light of specTrans; what is reflected at normal incidence is specular's",

@@ -12,22 +12,17 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, PARAMETERS
+from lookdev.brdf import MASK, MODELS, layer_shaders, stranger
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mode, Primvar, Texture
 from lookdev.material.usd.file import open_stage, reading, usd_words
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import Network, Source, authored_properties, shader_id
 
-MODELS = {"LookdevDisney": "disney", "LookdevPixar": "pixar"}
-"""info:id of a layer's shader, and the reflectance model it means."""
-
 MOST_PROPERTIES = 4096
 """Properties that a LookdevLayers may have: a thousand layers. More are no work of a person."""
 
 Mask = float | Texture | Primvar | Formula
-
-_LAYERS = " or ".join(MODELS)
 
 _TERMINAL = "outputs:lookdev:surface"
 _LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
@@ -85,7 +80,7 @@ def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
     """Return what is wrong with a layer of its own, as a preset is; `file` is what faults name."""
     network = Network(file)
     with reading(file):
-        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(MODELS))
+        _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(layer_shaders()))
     return network.faults
 
 
@@ -229,6 +224,10 @@ def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variant
         network.fault(path, f"has no variant set '{name}'", hint)
 
 
+def _layers() -> str:
+    return " or ".join(layer_shaders())
+
+
 def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer, ...]:
     place = material.GetPath().AppendProperty(_TERMINAL)
     attribute = material.GetPrim().GetAttribute(_TERMINAL)
@@ -236,10 +235,10 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
     if isinstance(source, Source):
         if shader_id(source.shader) == "LookdevLayers":
             return _read_stack(network, source.shader)
-        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers", *MODELS))
+        layer = _read_layer(network, attribute, source, 1.0, "over", ("LookdevLayers", *layer_shaders()))
         return (layer,) if layer else ()
     if not attribute or source is not None:
-        network.fault(place, "is not connected", f"connect it to a LookdevLayers, {_LAYERS} shader")
+        network.fault(place, "is not connected", f"connect it to a LookdevLayers, {_layers()} shader")
     return ()
 
 
@@ -304,19 +303,21 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
     """
     for number, (place, layer) in enumerate(layers):
         beneath = [each for _, each in layers[:number]]
-        stranger = next((each for each in (layer, *beneath) if each.model != "pixar"), None)
-        if layer.mode == "transmit" and stranger:
+        wrong = stranger(layer.mode, [each.model for each in (*beneath, layer)])
+        if wrong is not None:
+            takers = " or ".join(model.identifier for model in MODELS.values() if layer.mode in model.modes)
+            other = layers[wrong][1]
             network.fault(
                 f"{place.GetPath()}Mode",
-                f"cannot be 'transmit': {stranger.name} is a {stranger.model} layer",
-                "only a LookdevPixar layer over nothing but LookdevPixar layers can transmit; use 'over'",
+                f"cannot be '{layer.mode}': {other.name} is a {other.model} layer",
+                f"only a {takers} layer over nothing but {takers} layers can {layer.mode}; use 'over'",
             )
         if number and all(each.model == layer.model for each in beneath):
             _check_tokens(network, place, layer, beneath[0])
 
 
 def _check_tokens(network: Network, place: Usd.Attribute, layer: Layer, base: Layer) -> None:
-    for name, parameter in PARAMETERS[layer.model].items():
+    for name, parameter in MODELS[layer.model].parameters.items():
         own, others = (each.inputs.get(name, parameter.default) for each in (layer, base))
         if parameter.kind == "token" and own != others:
             network.fault(
@@ -334,9 +335,9 @@ def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
 def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask, mode: Mode) -> Layer | None:
     source = network.follow(attribute)
     if isinstance(source, Source):
-        return _read_layer(network, attribute, source, mask, mode, tuple(MODELS))
+        return _read_layer(network, attribute, source, mask, mode, tuple(layer_shaders()))
     if source is not None:
-        network.fault(attribute, "is not connected to a layer", f"connect it to a {_LAYERS} shader")
+        network.fault(attribute, "is not connected to a layer", f"connect it to a {_layers()} shader")
     return None
 
 
@@ -348,11 +349,11 @@ def _read_layer(
     mode: Mode,
     known: tuple[str, ...],
 ) -> Layer | None:
-    model = MODELS.get(given := shader_id(source.shader))
+    model = layer_shaders().get(given := shader_id(source.shader))
     if model is None:
         network.fault(place, f"<{source.path}> has the unknown info:id '{given}'", nearest_hint(given, known))
         return None
-    parameters = PARAMETERS[model]
+    parameters = MODELS[model].parameters
     network.check_inputs(source.shader, list(parameters))
     inputs: dict[str, Input] = {}
     for each in source.shader.GetInputs():

@@ -16,10 +16,11 @@ from typing import Any
 
 from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
+from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.look import Layer
-from lookdev.material.usd import MODELS, find_material, layer_faults, materials, read_material
+from lookdev.material.usd import find_material, layer_faults, materials, read_material
 from lookdev.material.usd.file import open_stage, reading, shortened, usd_words
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
@@ -97,7 +98,7 @@ def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[st
 
 def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
     shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
-    layers = [shader for shader in shaders if shader_id(shader) in MODELS]
+    layers = [shader for shader in shaders if shader_id(shader) in layer_shaders()]
     if not layers:
         return [Finding("error", "", "", "holds no material and no layer", "define a Material prim")]
     return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]

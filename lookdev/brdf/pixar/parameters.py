@@ -10,7 +10,7 @@ _SCALE = (0.0, 10.0)
 _CONE_SCALE = (0.0, 2.0)
 _CONE_SOFT = (0.5, 1.5)
 
-PIXAR_PARAMETERS: dict[str, Parameter] = {
+PARAMETERS: dict[str, Parameter] = {
     parameter.name: parameter
     for parameter in (
         Parameter(

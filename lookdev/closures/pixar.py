@@ -14,11 +14,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from lookdev.brdf.closures import Closure, Kind
-from lookdev.brdf.fits import fit, shape
-from lookdev.brdf.frames import from_local
+from lookdev.brdf.frames import Frame, Leaning
 from lookdev.brdf.fresnel import fresnel_blend
+from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.vectors import Array, dot, same, scale
+from lookdev.closures.closure import Closure, Kind
+from lookdev.closures.fits import fit, shape
 
 IOR = 1000.0
 """Index of refraction of transmitted highlights."""
@@ -31,33 +32,22 @@ _KINDS: dict[bool, tuple[Kind, Kind]] = {
 }
 
 
-def diffuse_closures(at_normal: Array, at_grazing: Array, normal: Array, transmits: bool) -> tuple[Closure, ...]:
+def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     """Stand for a diffuse lobe; its directional albedo, the same from everywhere, is exact."""
     # The cosine-weighted mean of (1 - cos)^5 is 1/21.
-    weight = at_normal * (20.0 / 21.0) + at_grazing * (1.0 / 21.0)
-    return (Closure("translucent" if transmits else "diffuse", weight, normal=normal),)
+    weight = lobe.values["at_normal"] * (20.0 / 21.0) + lobe.values["at_grazing"] * (1.0 / 21.0)
+    return (Closure("translucent" if lobe.transmits else "diffuse", weight, frame=lobe.frame),)
 
 
-def highlight_closures(
-    at_normal: Array, at_grazing: Array, power: Array, wo: Array, view: Array, normal: Array, transmits: bool
-) -> tuple[Closure, ...]:
-    """Stand for a highlight.
-
-    Parameters
-    ----------
-    at_normal, at_grazing : (..., 3)
-        Its weights.
-    power : (...)
-        Of the sin-Gaussian.
-    wo, view : (..., 3)
-        The view in the lobe's frame, as it is and as the lobe takes it: refracted where it transmits.
-    normal : (..., 3)
-        The lobe's.
-    """
-    alpha, cos_theta = 1.0 / np.sqrt(power), view[..., 2]
+def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Stand for a highlight, reflected or transmitted."""
+    p = lobe.values
+    # As the lobe takes the view: refracted where it transmits.
+    local, view = lobe.frame.to_local(wo), p["view"]
+    alpha, cos_theta = 1.0 / np.sqrt(p["power"]), view[..., 2]
     relative = relative_cosine(cos_theta, alpha)
-    if transmits:
-        tilt = 1.0 - np.minimum(dot(wo, view), 1.0)
+    if lobe.transmits:
+        tilt = 1.0 - np.minimum(dot(local, view), 1.0)
         factor = ggx_share(alpha, shape("highlight")) * alpha * tilt
         ratio = fit("transmitted")(relative, alpha) + factor * fit("transmitted_tilt")(tilt, cos_theta)
     else:
@@ -65,13 +55,13 @@ def highlight_closures(
     # Within the last half degree the fits are not to be trusted.
     ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
     typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
-    fresnel = fresnel_blend(at_normal, at_grazing, typical)
-    mix = highlight_mix(alpha, view, normal, transmits, shape("highlight"))
+    fresnel = fresnel_blend(p["at_normal"], p["at_grazing"], typical)
+    mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, shape("highlight"))
     return tuple(replace(each, weight=scale(fresnel, ratio * each.weight)) for each in mix)
 
 
 def highlight_mix(
-    alpha: Array, view: Array, normal: Array, transmits: bool, shape: Mapping[str, float]
+    alpha: Array, view: Array, frame: Frame, transmits: bool, shape: Mapping[str, float]
 ) -> tuple[Closure, ...]:
     """Return the closures of a highlight with their shares, (...), as weights.
 
@@ -81,11 +71,11 @@ def highlight_mix(
     ior = 1.0
     if transmits:
         alpha = 2.0 * alpha * np.sqrt(view[..., 2])
-        normal, ior = from_local(normal, view), IOR
+        frame, ior = Leaning(frame.from_local(view)), IOR
     beckmann, ggx = _KINDS[transmits]
     parts = (beckmann, 1.0 - share, alpha), (ggx, share, shape["width"] * alpha)
     return tuple(
-        Closure(kind, part, np.minimum(a, 1.0), np.minimum(a, 1.0), normal, ior)
+        Closure(kind, part, np.minimum(a, 1.0), np.minimum(a, 1.0), frame, ior)
         for kind, part, a in parts
         if not same(part, 0.0)
     )

@@ -7,17 +7,17 @@ layer over a hole, or a hole under a layer, needs no rule of its own.
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
-from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.pixar import FRONT, THROUGH, Partition, Term, family
-from lookdev.brdf.vectors import Array, normalize, same, scale
-
-Mode = Literal["over", "transmit"]
+from lookdev.brdf.frames import ZENITH, Frame, Leaning, Upright
+from lookdev.brdf.model import Mode
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, family
+from lookdev.brdf.vectors import Array, Real, normalize, same, scale
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class _Share:
 
     name: str
     term: Term
-    normal: Array
+    frame: Frame
     energy: Array
 
 
@@ -39,7 +39,7 @@ def outcome(incoming: str, lobe: str) -> str:
     return side[max(THROUGH.index(incoming), side.index(lobe))]
 
 
-def layer(above: Partition, below: Partition, mask: Array, mode: Mode) -> Partition:
+def layer(above: Partition, below: Partition, mask: Real, mode: Mode) -> Partition:
     """Lay one partition on another, seen from the same direction.
 
     Parameters
@@ -67,7 +67,7 @@ def layer(above: Partition, below: Partition, mask: Array, mode: Mode) -> Partit
         above.wo,
         {name: _sum([share for share in shares if share.name == name]) for name in names},
         {
-            kind: _mean_normal([share for share in shares if family(share.name) == kind])
+            kind: _mean_frame([share for share in shares if family(share.name) == kind])
             for kind in ("diffuse", "highlight")
         },
         1.0 - absence,
@@ -75,14 +75,14 @@ def layer(above: Partition, below: Partition, mask: Array, mode: Mode) -> Partit
     )
 
 
-def _scaled(partition: Partition, names: Sequence[str], weight: Array) -> Iterator[_Share]:
+def _scaled(partition: Partition, names: Sequence[str], weight: Real) -> Iterator[_Share]:
     for name in names:
         term = partition.terms[name]
         term = replace(term, normal=scale(term.normal, weight), grazing=scale(term.grazing, weight))
-        yield _Share(name, term, partition.normals[family(name)], term.energy(partition.cosine(name)))
+        yield _Share(name, term, partition.frames[family(name)], term.energy(partition.cosine(name)))
 
 
-def _interactions(above: Partition, below: Partition, mask: Array) -> Iterator[_Share]:
+def _interactions(above: Partition, below: Partition, mask: Real) -> Iterator[_Share]:
     """Let the three transmitted lobes meet six: one, three and five interactions to the front, as many through."""
     for incoming in _scaled(above, THROUGH, mask):
         for name, term in below.terms.items():
@@ -91,20 +91,20 @@ def _interactions(above: Partition, below: Partition, mask: Array) -> Iterator[_
             cone = incoming.term.cone if b < a else np.maximum(incoming.term.cone, term.cone) if b == a else term.cone
             # The lobe beneath "replaces the direction": it brings the index of refraction and the normal.
             made = Term(incoming.term.normal * term.normal, incoming.term.grazing * term.grazing, cone, term.bend)
-            yield _Share(result, made, below.normals[family(result)], made.energy(below.cosine(result)))
+            yield _Share(result, made, below.frames[family(result)], made.energy(below.cosine(result)))
 
 
 def _sum(shares: Sequence[_Share]) -> Term:
     energies = [share.energy for share in shares]
     return Term(
-        sum(share.term.normal for share in shares),
-        sum(share.term.grazing for share in shares),
+        _total([share.term.normal for share in shares]),
+        _total([share.term.grazing for share in shares]),
         _mean([share.term.cone for share in shares], energies),
         _mean([share.term.bend for share in shares], energies),
     )
 
 
-def _mean(values: Sequence[Array], energies: Sequence[Array]) -> Array:
+def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
     """Average by energy, (...); without any energy plainly, as the value then has no effect."""
     # Equal values, and lobes without energy, cost no code.
     kept = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
@@ -119,19 +119,25 @@ def _mean(values: Sequence[Array], energies: Sequence[Array]) -> Array:
     return first
 
 
-def _fraction(part: Array, whole: Array) -> Array:
+def _fraction(part: Real, whole: Real) -> Array:
     return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), 0.5)
 
 
-def _mean_normal(shares: Sequence[_Share]) -> Array:
-    """Average unit normals by energy, (..., 3); the zenith where there is none."""
+def _mean_frame(shares: Sequence[_Share]) -> Frame:
+    """Average unit normals by energy; the shading normal where there is no energy."""
     kept = [share for share in shares if not same(share.energy, 0.0)]
     if not kept:
-        return ZENITH
-    if all(same(share.normal, kept[0].normal) for share in kept):
-        return kept[0].normal
-    weighted = sum(scale(share.normal, share.energy) for share in kept)
+        return Upright()
+    if all(same(share.frame.normal, kept[0].frame.normal) for share in kept):
+        return kept[0].frame
+    weighted = sum(
+        (scale(share.frame.normal, share.energy) for share in kept[1:]), scale(kept[0].frame.normal, kept[0].energy)
+    )
     # Energies may be as small as a weight is; only their proportions matter.
-    total = sum(share.energy for share in kept)
-    dark = np.expand_dims(total > 0.0, -1)
-    return normalize(np.where(dark, scale(weighted, 1.0 / np.where(total > 0.0, total, 1.0)), ZENITH))
+    total = sum((share.energy for share in kept[1:]), kept[0].energy)
+    lit = np.expand_dims(total > 0.0, -1)
+    return Leaning(normalize(np.where(lit, scale(weighted, 1.0 / np.where(total > 0.0, total, 1.0)), ZENITH)))
+
+
+def _total(values: Sequence[Array]) -> Array:
+    return functools.reduce(operator.add, values)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf.closure_setups import FULL, Grid, Setup, coat_setups, distance, highlight_setups
-from lookdev.brdf.fit_closures import Goal, make_fits, make_table
-from lookdev.brdf.fits import Rational, fit, polynomial, table
-from lookdev.brdf.rational_fit import Degree, Problem, fit_rational
+from lookdev.closures.fits import Rational, fit, polynomial, table
+from lookdev.closures.fitting import Goal, make_fits, make_table
+from lookdev.closures.rational import Degree, Problem, fit_rational
+from lookdev.closures.setups import FULL, Grid, Setup, coat_setups, distance, highlight_setups
 
 FITS = table()["fits"]
 ANY = np.linspace(0.0, 1.0, 101)

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MODELS, complete_parameters
-from lookdev.brdf.closures import Closure, closure_cosine
-from lookdev.brdf.disney_closures import COAT_F0, coat_mix
-from lookdev.brdf.frames import ZENITH, from_local, mirrored
+from lookdev.brdf.disney import COAT_F0
+from lookdev.brdf.frames import Leaning, Upright, mirrored
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.pixar import FRONT, THROUGH, Partition, Term, partition_lobes
-from lookdev.brdf.pixar_closures import highlight_mix
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, partition_lobes
 from lookdev.brdf.quadrature import half_vector_grid
-from lookdev.brdf.rational_fit import Floats
+from lookdev.closures.closure import Closure, closure_cosine
+from lookdev.closures.disney import coat_mix
+from lookdev.closures.pixar import highlight_mix
+from lookdev.closures.rational import Floats
 
 ONE = np.ones(3)
 SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
@@ -158,7 +159,7 @@ def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL)
             whole, weighted = (_highlight(cone, bend, normal, wo) for normal in (1.0, 0.0))
             # 1 / sqrt(power).
             alpha = float(np.sin(np.radians(cone)) / np.sqrt(np.log(10.0)))
-            mix = highlight_mix(np.array(alpha), view, ZENITH, bend is not None, shape)
+            mix = highlight_mix(np.array(alpha), view, Upright(), bend is not None, shape)
             closures = [replace(each, weight=each.weight * ONE) for each in mix]
             # A refraction is narrower than the lobe in the plane of incidence.
             width = alpha if bend is None else alpha * float(np.sqrt(view[2]))
@@ -176,8 +177,9 @@ def measure(setups: Sequence[Setup]) -> Albedos:
         mix_weighted = (values[2] * schlick_weight(Directions.of(each.view, wi).cos_theta_d)) @ weight
         if each.whole.transmits:
             # A refraction is even around its own normal, twice as wide as half vectors.
-            wi, weight = half_vector_grid(ZENITH, each.width, _CELLS)
-            mix = sum(closure_cosine(one, each.wo, -from_local(each.view, wi))[:, 0] for one in each.mix) @ weight
+            wi, weight = half_vector_grid(view_at(0.0), each.width, _CELLS)
+            light = -np.asarray(Leaning(each.view).from_local(wi))
+            mix = sum(closure_cosine(one, each.wo, light)[:, 0] for one in each.mix) @ weight
         rows.append(
             (each.angle, each.view[2], 1.0 - each.wo @ each.view, each.alpha, whole, weighted, mix, mix_weighted)
         )
@@ -194,9 +196,10 @@ def distance(setup: Setup) -> float:
 def setup_values(setup: Setup, wi: Floats) -> Floats:
     """Evaluate the whole lobe, the weighted one and the mix, (3, n), times the cosine; `wi` as if all reflected."""
     d = Directions.of(setup.wo, wi)
-    light = mirrored(wi) if setup.whole.transmits else wi
+    light = np.asarray(mirrored(wi)) if setup.whole.transmits else wi
     mix = sum(closure_cosine(each, setup.wo, light)[:, 0] for each in setup.mix)
-    return np.stack([*(lobe.evaluate(d)[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted)), mix])
+    lobes = (np.asarray(lobe.evaluate(d))[:, 0] * wi[:, 2] for lobe in (setup.whole, setup.weighted))
+    return np.stack([*lobes, np.asarray(mix)])
 
 
 def view_at(angle: float, azimuth: float = 0.0) -> Floats:
@@ -205,11 +208,11 @@ def view_at(angle: float, azimuth: float = 0.0) -> Floats:
 
 
 def disney_lobe(name: str, wo: Floats, **given: object) -> Lobe:
-    lobes = MODELS["disney"](complete_parameters("disney", given)).lobes(wo)
+    lobes = MODELS["disney"].bsdf(complete_parameters("disney", given)).lobes(wo)
     return next(lobe for lobe in lobes if lobe.name == name)
 
 
 def _highlight(cone: float, bend: float | None, normal: float, wo: Floats) -> Lobe:
     terms = dict.fromkeys((*FRONT, *THROUGH), Term(normal * ONE, ONE, cone, bend or 0.0))
-    lobes = partition_lobes(Partition(wo, terms, {"diffuse": ZENITH, "highlight": ZENITH}, 1.0, 0.0))
+    lobes = partition_lobes(Partition(wo, terms, {"diffuse": Upright(), "highlight": Upright()}, 1.0, 0.0))
     return next(lobe for lobe in lobes if lobe.name == ("specular" if bend is None else "specularTransmission"))

@@ -1,7 +1,7 @@
 """Stock closures of Cycles as stand-ins for lobes: what the node backend renders, and how far it is from the model.
 
 A lobe's view-dependent factors go into the weight of its closures exactly; what depends on the light as well is fitted
-(`lookdev.brdf.fits`): the shape of the lobe, and a factor over the view that gives back the lobe's directional albedo.
+(`lookdev.closures.fits`): the shape of the lobe, and a factor over the view that restores its directional albedo.
 
 The closures are written here as Cycles has them (intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2),
 so that the distance can be computed:
@@ -16,11 +16,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from lookdev.brdf.frames import ZENITH, to_local
+from lookdev.brdf.frames import ZENITH, Frame, Upright
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.microfacet import gtr2_aniso
-from lookdev.brdf.vectors import TINY, Array, dot, mix_color, normalize, scale
+from lookdev.brdf.vectors import TINY, Array, Real, dot, mix_color, normalize, scale
 
 Kind = Literal[
     "diffuse",
@@ -33,6 +34,8 @@ Kind = Literal[
     "ggx_refraction",
     "beckmann_refraction",
 ]
+
+Floats = NDArray[np.float64]
 
 PI = np.pi
 
@@ -49,11 +52,10 @@ class Closure:
     weight : (..., 3)
         At least 0; grey and at most 1 of a metal and of a rough diffuse one.
     alpha_x, alpha_y : (...)
-        Along the first two axes of the frame that `frames.to_local` makes of `normal`, in [0.001, 1], the first 1 to 10
-        times the second; without meaning for Lambert's and sheen. Cycles takes a microfacet for a mirror where their
-        product is below 2e-10.
-    normal : (..., 3)
-        Unit normal, the zenith where it is the shading normal.
+        Along the first two axes of `frame`, in [0.001, 1], the first 1 to 10 times the second; without meaning for
+        Lambert's and sheen. Cycles takes a microfacet for a mirror where their product is below 2e-10.
+    frame
+        About the closure's normal.
     ior : (...)
         Index of refraction of the other side, of a refraction.
     f0 : (..., 3)
@@ -64,12 +66,12 @@ class Closure:
 
     kind: Kind
     weight: Array
-    alpha_x: Array = 1.0
-    alpha_y: Array = 1.0
-    normal: Array = field(default_factory=lambda: ZENITH)
-    ior: Array = 1.0
+    alpha_x: Real = 1.0
+    alpha_y: Real = 1.0
+    frame: Frame = field(default_factory=Upright)
+    ior: Real = 1.0
     f0: Array = field(default_factory=lambda: np.zeros(3))
-    roughness: Array = 0.0
+    roughness: Real = 0.0
 
     @property
     def transmits(self) -> bool:
@@ -77,7 +79,7 @@ class Closure:
         return self.kind in ("translucent", "ggx_refraction", "beckmann_refraction")
 
 
-def closure_cosine(closure: Closure, wo: Array, wi: Array) -> Array:
+def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
     """Evaluate a closure as Cycles does, times the cosine.
 
     Parameters
@@ -91,12 +93,13 @@ def closure_cosine(closure: Closure, wo: Array, wi: Array) -> Array:
         The weight times f in 1/sr times the cosine by the closure's normal; 0 where light comes from the wrong side of
         that normal or of the surface.
     """
-    o, i = to_local(closure.normal, wo), to_local(closure.normal, wi)
+    o, i = closure.frame.to_local(wo), closure.frame.to_local(wi)
     side = -1.0 if closure.transmits else 1.0
     valid = (o[..., 2] > 0.0) & (side * i[..., 2] > 0.0) & (side * wi[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)
     o, i = np.where(mask, o, ZENITH), np.where(mask, i, side * ZENITH)
     color = closure.weight
+    value: Array
     if closure.kind in ("diffuse", "translucent", "rough_diffuse"):
         value = np.abs(i[..., 2]) / PI
     else:
@@ -105,7 +108,7 @@ def closure_cosine(closure: Closure, wo: Array, wi: Array) -> Array:
         color = color * _oren_nayar(closure, o, i)
     if closure.kind in ("metal", "sheen"):
         color = color * mix_color(closure.f0, np.ones(3), schlick_weight(dot(o, normalize(o + i))))
-    return scale(color, np.where(valid, value, 0.0))
+    return np.asarray(scale(color, np.where(valid, value, 0.0)))
 
 
 # Fujii, Y. A tiny improvement of Oren-Nayar reflectance model; light that is scattered again as of OpenPBR 1.1.
@@ -120,10 +123,11 @@ def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
     color = np.clip(closure.f0, 0.0, 1.0)
     again = color * color * np.expand_dims(mean / np.maximum(1.0 - mean, TINY) * (1.0 - ev) * (1.0 - el), -1)
     again = again / (1.0 - color * np.expand_dims(1.0 - mean, -1))
-    return closure.f0 * (np.expand_dims(once * (1.0 + sigma * t), -1) + again)
+    scattered: Array = closure.f0 * (np.expand_dims(once * (1.0 + sigma * t), -1) + again)
+    return scattered
 
 
-def rough_diffuse_albedo(sigma: Array, g: Array) -> Array:
+def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
     """Return what is scattered once, (...), of `g` as `oren_nayar_g` has it."""
     return (1.0 + sigma * g * (1.0 / PI)) / (1.0 + sigma * (0.5 - 2.0 / (3.0 * PI)))
 
@@ -133,7 +137,8 @@ def oren_nayar_g(cos_theta: Array) -> Array:
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)
-    return sin_theta * (theta - 2.0 / 3.0 - sin_theta * cos_theta) + 2.0 / 3.0 * tan * (1.0 - sin_theta**3)
+    g: Array = sin_theta * (theta - 2.0 / 3.0 - sin_theta * cos_theta) + 2.0 / 3.0 * tan * (1.0 - sin_theta**3)
+    return g
 
 
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
@@ -141,7 +146,7 @@ def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
         # Walter et al. 2007, eq. 16 and 21.
         half = -(wo + scale(wi, closure.ior))
         wm = normalize(half)
-        jacobian = closure.ior**2 * np.abs(dot(wo, wm) * dot(wi, wm)) / dot(half, half)
+        jacobian: Real = closure.ior * closure.ior * np.abs(dot(wo, wm) * dot(wi, wm)) / dot(half, half)
     else:
         wm = normalize(wo + wi)
         jacobian = 0.25
@@ -153,7 +158,7 @@ def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:
     return np.where(facing, d(wm, x, y) * shadowing * jacobian / wo[..., 2], 0.0)
 
 
-def _slope2(w: Array, alpha_x: Array, alpha_y: Array) -> Array:
+def _slope2(w: Array, alpha_x: Real, alpha_y: Real) -> Array:
     x, y, z = w[..., 0] * alpha_x, w[..., 1] * alpha_y, w[..., 2]
     return (x * x + y * y) / np.maximum(z * z, TINY)
 
@@ -169,7 +174,7 @@ def _beckmann_lambda(slope2: Array) -> Array:
     return np.where(slope2 < 0.39, 0.0, (1.0 - 1.259 * a + 0.396 * a * a) / (3.535 * a + 2.181 * a * a))
 
 
-def _beckmann(wm: Array, alpha_x: Array, alpha_y: Array) -> Array:
+def _beckmann(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
     z2 = np.maximum(wm[..., 2] * wm[..., 2], TINY)
     x, y = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y
     return np.exp(-(x * x + y * y) / z2) / (PI * alpha_x * alpha_y * z2 * z2)

@@ -1,4 +1,4 @@
-"""Least squares for rationals, for the script that makes the fits (`lookdev.brdf.fit_closures`).
+"""Least squares for rationals, for the script that makes the fits (`lookdev.closures.fitting`).
 
 Levenberg-Marquardt with an analytic Jacobian, reweighted between rounds towards the smallest largest error (Lawson's
 way). A step is taken only where the denominator keeps above a floor on all of the box that the variables can be in, so
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf.fits import Rational
+from lookdev.closures.fits import Rational
 
 Floats = NDArray[np.float64]
 

@@ -6,7 +6,7 @@
 in such a way that energy is conserved." Six lobes, each with two weights, for normal and for grazing incidence, between
 which Schlick's curve blends; four of them have a cone angle; two normals, for diffuse lobes and for highlights. A
 `Partition` is all of that once the viewing direction is fixed; layers are combined as partitions
-(`lookdev.brdf.pixar_layering`) before any lobe is built.
+(`lookdev.brdf.pixar.layering`) before any lobe is built.
 """
 
 from __future__ import annotations
@@ -18,12 +18,10 @@ from typing import Literal
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
-from lookdev.brdf.closures import Closure
-from lookdev.brdf.frames import ZENITH, facing_viewer, to_local, unit_normal
+from lookdev.brdf.frames import Frame, Upright, frame_of
 from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.pixar_closures import diffuse_closures, highlight_closures
-from lookdev.brdf.vectors import TINY, Array, dot, mean, mix, mix_color, reflect, scale
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
 PI = np.pi
 
@@ -50,8 +48,8 @@ class Term:
 
     normal: Array
     grazing: Array
-    cone: Array = 0.0
-    bend: Array = 0.0
+    cone: Real = 0.0
+    bend: Real = 0.0
 
     def energy(self, cos_theta: Array) -> Array:
         """Mean over RGB of the weight at a cosine (...): what cones and normals are averaged by."""
@@ -63,20 +61,20 @@ class Partition:
     """How a surface divides light among the six lobes, seen from `wo`.
 
     terms : the six lobes by name, weights multiplied by `presence`.
-    normals : unit vectors (..., 3) of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
-    presence, absence : (...), how much of the surface is there, and how much is not: float32 cannot tell one from the
-        other where it is small.
+    frames : about the normals of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
+    presence, absence : (...), how much of the surface is there, and how much is not: in float32, 1 minus a small one of
+        them loses its digits.
     """
 
     wo: Array
     terms: Mapping[str, Term]
-    normals: Mapping[str, Array]
-    presence: Array
-    absence: Array
+    frames: Mapping[str, Frame]
+    presence: Real
+    absence: Real
 
     def cosine(self, name: str) -> Array:
         """Cosine of the view to the normal of a lobe, (...), 0 where it faces away."""
-        return view_cosine(self.normals[family(name)], self.wo)
+        return view_cosine(self.frames[family(name)], self.wo)
 
 
 def family(name: str) -> Literal["diffuse", "highlight"]:
@@ -84,23 +82,24 @@ def family(name: str) -> Literal["diffuse", "highlight"]:
     return "diffuse" if name in ("diffuse", "diffuseTransmission") else "highlight"
 
 
-def view_cosine(normal: Array, wo: Array) -> Array:
-    """Cosine between unit vectors (..., 3), at least 0."""
-    return wo[..., 2] if normal is ZENITH else np.maximum(dot(normal, wo), 0.0)
+def view_cosine(frame: Frame, wo: Array) -> Array:
+    """Cosine of unit views (..., 3), above the horizon, to the normal of a frame, at least 0."""
+    cosine: Array = wo[..., 2] if isinstance(frame, Upright) else np.maximum(dot(frame.normal, wo), 0.0)
+    return cosine
 
 
-def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
+def layer_partition(p: Parameters, wo: Array) -> Partition:
     """Divide light among the six lobes of one layer.
 
     Parameters
     ----------
     p
-        Every input of `PIXAR_PARAMETERS`: floats (...), colours and normals (..., 3), `energy` a string.
+        Every parameter of the model: floats (...), colours and normals (..., 3), `energy` a string.
     wo : (..., 3)
         Unit directions to the viewer, above the horizon.
     """
-    normals = {name: unit_normal(p[f"{name}Normal"]) for name in ("diffuse", "highlight")}
-    cosines = {name: view_cosine(n, wo) for name, n in normals.items()}
+    frames = {name: frame_of(p[f"{name}Normal"]) for name in ("diffuse", "highlight")}
+    cosines = {name: view_cosine(frame, wo) for name, frame in frames.items()}
     conserving = p["energy"] == "conserving"
     color, rough, clear, back = p["surfaceColor"], p["roughness"], p["clear"], p["back"]
     smooth = 1.0 - rough
@@ -120,14 +119,14 @@ def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
     # 1 - ratio, of which float32 would leave nothing where the surface is smooth.
     rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
     n_refl = np.minimum(scale(mix_color(0.05 * np.ones(3), color, p["metallic"]), p["normalScale"]), 1.0)
-    reflected = n_refl, np.expand_dims(g_refl, -1) * np.ones(3)
+    reflected: tuple[Array, Array] = n_refl, np.expand_dims(g_refl, -1) * np.ones(3)
     through = scale(color * (1.0 - n_refl), clear), scale(color, clear * (1.0 - g_refl))
     if conserving:
         reflected, through = (
             (fresnel_blend(normal, grazing, cosines["highlight"]),) * 2 for normal, grazing in (reflected, through)
         )
 
-    def term(weights: tuple[Array, Array], factor: Array, tint: Array, cone: Array = 0.0, bend: Array = 0.0) -> Term:
+    def term(weights: tuple[Array, Array], factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> Term:
         n, g = (scale(tint * weight, factor * p["presence"]) for weight in weights)
         return Term(n, g, np.clip(cone, *_CONES), bend)
 
@@ -155,21 +154,21 @@ def layer_partition(p: Mapping[str, Array], wo: Array) -> Partition:
             p["ior"] - 1.0,
         ),
     }
-    return Partition(wo, terms, normals, p["presence"], 1.0 - p["presence"])
+    return Partition(wo, terms, frames, p["presence"], 1.0 - p["presence"])
 
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
     """Build the six lobes."""
-    normals = {name: facing_viewer(normal, partition.wo) for name, normal in partition.normals.items()}
+    frames = {name: frame.facing(partition.wo) for name, frame in partition.frames.items()}
     lobes = []
     for name in ("diffuse", "specular", "reflection", "diffuseTransmission", "specularTransmission", "refraction"):
-        normal, transmits = normals[family(name)], name in THROUGH
+        frame, transmits = frames[family(name)], name in THROUGH
         build = _diffuse if family(name) == "diffuse" else _highlight
-        lobes.append(build(name, partition.terms[name], partition.wo, normal, transmits))
+        lobes.append(build(name, partition.terms[name], partition.wo, frame, transmits))
     return tuple(lobes)
 
 
-def _diffuse(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -> Lobe:
+def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
     def evaluate(d: Directions) -> Array:
         # Smits, "Diffuse", in units where a perfect diffuser is 1: divided by pi.
         return fresnel_blend(term.normal, term.grazing, d.cos_theta_i) * (1.0 / PI)
@@ -177,19 +176,20 @@ def _diffuse(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -
     # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
     share = mean(term.normal) * (20.0 / 21.0) + mean(term.grazing) * (1.0 / 21.0)
     return Lobe(
+        "pixar",
         name,
         share,
         evaluate,
-        lambda d: d.cos_theta_i * (1.0 / PI),
-        mf.sample_cosine,
-        lambda: diffuse_closures(term.normal, term.grazing, normal, transmits),
-        transmits,
-        normal,
+        pdf=lambda d: d.cos_theta_i * (1.0 / PI),
+        sample=mf.sample_cosine,
+        frame=frame,
+        transmits=transmits,
         broad=True,
+        values={"at_normal": term.normal, "at_grazing": term.grazing},
     )
 
 
-def _highlight(name: str, term: Term, wo: Array, normal: Array, transmits: bool) -> Lobe:
+def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
     power = _power(term.cone)
 
     def seen(d: Directions) -> Directions:
@@ -207,35 +207,43 @@ def _highlight(name: str, term: Term, wo: Array, normal: Array, transmits: bool)
         d = seen(d)
         return mf.sin_gaussian(d.wm, power) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
 
-    local = to_local(normal, wo)
+    local = frame.to_local(wo)
     view = _refracted(local, term.bend) if transmits else local
 
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
 
-    def closures() -> tuple[Closure, ...]:
-        return highlight_closures(term.normal, term.grazing, power, local, view, normal, transmits)
-
     # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is dark, not absent.
     share = term.energy(view[..., 2]) + 0.001 * mean(term.normal + term.grazing)
-    return Lobe(name, share, evaluate, density, sample, closures, transmits, normal)
+    return Lobe(
+        "pixar",
+        name,
+        share,
+        evaluate,
+        density,
+        sample,
+        frame,
+        transmits,
+        values={"at_normal": term.normal, "at_grazing": term.grazing, "power": power, "view": view},
+    )
 
 
 # Snell's law for a unit view: sin^2 theta_t = sin^2 theta / ior^2. Written by the cosine, which does not cancel where
 # the view grazes and the index is near 1.
-def _refracted(wo: Array, bend: Array) -> Array:
+def _refracted(wo: Array, bend: Real) -> Array:
     ior, z = 1.0 + bend, wo[..., 2]
     cos_t = np.sqrt(bend * (bend + 2.0) + z * z) / ior
-    return np.stack([wo[..., 0] / ior, wo[..., 1] / ior, cos_t], axis=-1)
+    return vector(wo[..., 0] / ior, wo[..., 1] / ior, cos_t)
 
 
 # Smits, "Specular": exp(-power sin^2 cone) = 0.1.
-def _power(cone: Array) -> Array:
+def _power(cone: Real) -> Array:
     sine = _sin_degrees(cone)
-    return np.log(10.0) / (sine * sine)
+    power: Array = np.log(10.0) / (sine * sine)
+    return power
 
 
-def _sin_degrees(angle: Array) -> Array:
+def _sin_degrees(angle: Real) -> Array:
     x = angle * (PI / 180.0)
     # OSL's sin() is good to 6e-8 however small the angle; the series is good to 3e-14 of the sine here.
     square = x * x

@@ -1,7 +1,7 @@
 """Closures of Cycles that stand for the lobes of Disney's BRDF (`lookdev.brdf.disney`).
 
-The diffuse albedo is exact; what comes from `lookdev.brdf.fits` is fitted. Cosines are those of the view to the lobe's
-normal, weights are colours.
+The diffuse albedo is exact; what comes from `lookdev.closures.fits` is fitted. Cosines are those of the view
+to the lobe's normal, weights are colours.
 """
 
 from __future__ import annotations
@@ -11,14 +11,42 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.closures import Closure, rough_diffuse_albedo
-from lookdev.brdf.fits import fit, shape
+from lookdev.brdf.disney import COAT_F0
+from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
+from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.microfacet import smith_ggx
-from lookdev.brdf.vectors import TINY, Array, mix, mix_color, same, scale
+from lookdev.brdf.vectors import TINY, Array, Real, mix, mix_color, same, scale
+from lookdev.closures.closure import Closure, rough_diffuse_albedo
+from lookdev.closures.fits import fit, shape
 
-# Burley 2012, section 5.4: an index of 1.5.
-COAT_F0 = 0.04
+
+def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Stand for the diffuse lobe: sheen, and light from under the surface, where there is any, and Oren and Nayar's."""
+    p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
+    dielectric, under, roughness = p["dielectric"], p["subsurface"], p["roughness"]
+    closures: tuple[Closure, ...] = (sheen_closure(scale(p["sheen_color"], dielectric), cos_theta, lobe.frame),)
+    if not same(under, 0.0):
+        color = scale(p["base_color"], dielectric * under)
+        closures += subsurface_closures(color, cos_theta, roughness, lobe.frame)
+    if not same(under, 1.0):
+        color = scale(p["base_color"], dielectric * (1.0 - under))
+        albedo = diffuse_albedo(cos_theta, roughness)
+        closures += (diffuse_closure(color, albedo, roughness, cos_theta, lobe.frame),)
+    return closures
+
+
+def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Stand for the specular lobe."""
+    p = lobe.values
+    alphas = p["alpha_x"], p["alpha_y"]
+    return specular_closures(p["f0"], p["roughness"], alphas, p["variant"], lobe.frame.to_local(wo), lobe.frame)
+
+
+def clearcoat(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Stand for the clearcoat lobe."""
+    p = lobe.values
+    return clearcoat_closures(p["weight"], p["alpha"], lobe.frame.to_local(wo)[..., 2], lobe.frame)
 
 
 # The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
@@ -33,31 +61,31 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
     return 1.0 + at_light + schlick_weight(cos_theta) * (at_view + at_both)
 
 
-def subsurface_albedo(cos_theta: Array, roughness: Array) -> Array:
+def subsurface_albedo(cos_theta: Array, roughness: Array) -> Real:
     """Directional albedo of the subsurface term for a white base colour, (...): fitted, exactly quadratic in y."""
     return fit("subsurface")(cos_theta, roughness)
 
 
-def diffuse_closure(color: Array, albedo: Array, retro: Array, cos_theta: Array, normal: Array) -> Closure:
+def diffuse_closure(color: Array, albedo: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
     """Stand for diffuse light of a `color`, (..., 3), that reflects `albedo` times it.
 
     retro : (...), the roughness by which light comes back to where it is from.
     """
     wanted = scale(color, albedo)
     if same(retro, 0.0):
-        return Closure("diffuse", wanted, normal=normal)
+        return Closure("diffuse", wanted, frame=frame)
     sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
     # Cycles divides by what even less roughness takes from the albedo, in float32.
     sigma = np.maximum(sigma, 0.01)
     # Of white, what is not scattered once is scattered again; of others, by about the square of their colour.
     once = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
     own = wanted / mix(once, 1.0, _square(np.minimum(wanted, 1.0)))
-    return Closure("rough_diffuse", np.ones(3), normal=normal, f0=own, roughness=sigma)
+    return Closure("rough_diffuse", np.ones(3), frame=frame, f0=own, roughness=sigma)
 
 
 # GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)): the term of Hanrahan and Krueger 1993 but for Fss, which is
 # nearly what it is for the view alone. Its directional albedo is 1 - cos_theta ln(1 + 1 / cos_theta).
-def subsurface_closures(color: Array, cos_theta: Array, roughness: Array, normal: Array) -> tuple[Closure, ...]:
+def subsurface_closures(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
     """Stand for the subsurface term of a `color`, (..., 3): GGX of alpha 1, and Lambert where Fss is below 1."""
     # The mean of cos^2 theta_d is about 1/2.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
@@ -66,18 +94,18 @@ def subsurface_closures(color: Array, cos_theta: Array, roughness: Array, normal
     reflected = wide * (1.0 - c * np.log(1.0 + 1.0 / c)) + even
     ratio = subsurface_albedo(cos_theta, roughness) / reflected
     return (
-        Closure("ggx", scale(color, ratio * wide), normal=normal),
-        Closure("diffuse", scale(color, ratio * even), normal=normal),
+        Closure("ggx", scale(color, ratio * wide), frame=frame),
+        Closure("diffuse", scale(color, ratio * even), frame=frame),
     )
 
 
-def sheen_closure(color: Array, cos_theta: Array, normal: Array) -> Closure:
+def sheen_closure(color: Array, cos_theta: Array, frame: Frame) -> Closure:
     """Stand for sheen of a `color`, (..., 3): an exact shape but for a factor 1 / (cos_theta_i + cos_theta_o)."""
-    return Closure("sheen", scale(color, fit("sheen")(cos_theta)), normal=normal)
+    return Closure("sheen", scale(color, fit("sheen")(cos_theta)), frame=frame)
 
 
 def specular_closures(
-    f0: Array, roughness: Array, alphas: tuple[Array, Array], variant: str, wo: Array, normal: Array
+    f0: Array, roughness: Array, alphas: tuple[Array, Array], variant: str, wo: Array, frame: Frame
 ) -> tuple[Closure, ...]:
     """Stand for the specular lobe: a metal and GGX with its alphas, seen along `wo`, (..., 3), in the lobe's frame.
 
@@ -85,7 +113,8 @@ def specular_closures(
     """
     cos_theta = wo[..., 2]
     seen = SeenAlphas(alphas[0], alphas[0], 1.0)
-    x, y, within = *alphas, 1.0
+    x, y = alphas
+    within: Real = 1.0
     if not same(*alphas):
         seen = seen_alphas(alphas, wo, shape("anisotropic"))
         # Cycles' alphas end at 1.
@@ -110,8 +139,8 @@ def specular_closures(
     rest = np.maximum(wanted - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
     return (
-        Closure("metal", weight, x, y, normal, f0=np.clip(own_f0, 0.0, 1.0)),
-        Closure("ggx", rest, x, y, normal),
+        Closure("metal", weight, x, y, frame, f0=np.clip(own_f0, 0.0, 1.0)),
+        Closure("ggx", rest, x, y, frame),
     )
 
 
@@ -125,7 +154,7 @@ class SeenAlphas:
 
     ratio: Array
     cosine: Array
-    skew: Array
+    skew: Real
 
 
 def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, float]) -> SeenAlphas:
@@ -144,11 +173,11 @@ def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, floa
     return SeenAlphas(ratio, cosine, skew)
 
 
-def clearcoat_closures(weight: Array, alpha: Array, cos_theta: Array, normal: Array) -> tuple[Closure, ...]:
+def clearcoat_closures(weight: Array, alpha: Array, cos_theta: Array, frame: Frame) -> tuple[Closure, ...]:
     """Stand for the clearcoat lobe, `weight` (...) times what Burley 2012 says: GTR1 as three GGX lobes."""
     ratio = weight * fit("clearcoat")(cos_theta, alpha)
     return tuple(
-        Closure("metal", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, normal, f0=COAT_F0 * np.ones(3))
+        Closure("metal", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, frame, f0=COAT_F0 * np.ones(3))
         for share, a in coat_mix(alpha, shape("clearcoat"))
     )
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import Bsdf
-from lookdev.brdf.closures import Closure, closure_cosine
-from lookdev.brdf.frames import ZENITH, from_local, to_local
+from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.checks.samples import constant_look, sample_layers, varying
+from lookdev.closures import Closure, closure_cosine, lobe_closures
 from lookdev.material import Look
 from lookdev.reference.surface import look_bsdf
 
@@ -25,7 +25,7 @@ def closures_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
     """Return what the closures of a BSDF reflect and transmit to a viewer, (2, 3)."""
     total = np.zeros((2, 3))
     for lobe in bsdf.lobes(wo):
-        for closure in lobe.closures():
+        for closure in lobe_closures(lobe, wo):
             wi, weight = _directions(closure, wo)
             energy = closure_cosine(closure, wo, wi) * weight[:, None]
             total += [energy[wi[:, 2] > 0.0].sum(axis=0), energy[wi[:, 2] < 0.0].sum(axis=0)]
@@ -37,12 +37,12 @@ def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
     if closure.kind in ("diffuse", "rough_diffuse", "translucent", "sheen"):
         wi, weight = hemisphere_grid(24)
     elif not closure.transmits:
-        wi, weight = half_vector_grid(to_local(closure.normal, wo), width, CELLS)
+        wi, weight = half_vector_grid(closure.frame.to_local(wo), width, CELLS)
     else:
         # Light leaves along the microfacets' normals, which the zenith's half vectors are half as far from it as.
         wi, weight = half_vector_grid(ZENITH, 0.5 * width, CELLS)
     side = -1.0 if closure.transmits else 1.0
-    return side * from_local(closure.normal, wi), weight
+    return side * closure.frame.from_local(wi), weight
 
 
 def view(angle: float, azimuth: float = 0.35) -> Floats:

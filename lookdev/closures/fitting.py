@@ -1,4 +1,4 @@
-"""Make the fits of `lookdev.brdf.fits`: ``python -m lookdev.brdf.fit_closures`` writes ``data/closure_fits.json``.
+"""Make the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes ``data/closure_fits.json``.
 
 From the lobes themselves and the closures as Cycles has them, by quadrature; some seconds, the same result every time.
 First the shapes: mixes of closures, by the smallest L1 distance of directional energy from the lobe's, a mean over
@@ -19,7 +19,16 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.brdf.closure_setups import (
+from lookdev.brdf.disney import COAT_F0
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.lobes import Directions
+from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+from lookdev.closures.closure import Closure, closure_cosine, oren_nayar_g
+from lookdev.closures.disney import seen_alphas, shadowing_2012
+from lookdev.closures.fits import DATA, Rational
+from lookdev.closures.pixar import ggx_share, relative_cosine
+from lookdev.closures.rational import Degree, Floats, Problem, fit_rational
+from lookdev.closures.setups import (
     COARSE,
     FULL,
     ONE,
@@ -37,14 +46,6 @@ from lookdev.brdf.closure_setups import (
     specular_setups,
     view_at,
 )
-from lookdev.brdf.closures import Closure, closure_cosine, oren_nayar_g
-from lookdev.brdf.disney_closures import COAT_F0, seen_alphas, shadowing_2012
-from lookdev.brdf.fits import DATA, Rational
-from lookdev.brdf.fresnel import schlick_weight
-from lookdev.brdf.lobes import Directions
-from lookdev.brdf.pixar_closures import ggx_share, relative_cosine
-from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.brdf.rational_fit import Degree, Floats, Problem, fit_rational
 
 _TOLERANCE, _FLOOR = 0.01, 0.1
 _SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
@@ -109,7 +110,7 @@ def diffuse_goal(grid: Grid, closure: Closure, base_color: float, roughness: Seq
 def retro_goal(grid: Grid) -> Goal:
     """Seek what Oren and Nayar's rough term reflects, by the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
-    target = oren_nayar_g(x)
+    target = np.asarray(oren_nayar_g(x))
     problem = Problem(x, np.zeros_like(x), target, _TOLERANCE * _loosened(grid.angles))
     # Of an albedo, it is the part that roughness has, at most.
     return Goal(problem, lambda got: np.abs(got - target) / np.pi, grid.angles)
@@ -122,7 +123,7 @@ def retro_shape() -> dict[str, Any]:
     for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
         wo = view_at(angle)
         lobe = disney_lobe("diffuse", wo, baseColor=0.5 * ONE, roughness=roughness)
-        energy = lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2] * weight
+        energy = np.asarray(lobe.evaluate(Directions.of(wo, wi)))[:, 0] * wi[:, 2] * weight
         lobes.append((wo, roughness, energy / energy.sum()))
 
     def distances(strength: float) -> list[float]:
@@ -257,7 +258,8 @@ def make_fits(
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
     # Smith's factors of 2012 are in the weight: the view's, and the light's at a typical light.
     roughness = np.tile(grid.roughness, len(grid.angles))
-    shadowing = shadowing_2012(a.cosine, roughness) * shadowing_2012(np.clip(typical, 0.0, 1.0), roughness)
+    both = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
+    shadowing = np.prod([*both], axis=0)
     add("specular_2012", ratio_goal(a, a.cosine, a.whole / a.mix / shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
     add("specular_grazing_2012", grazing_goal(a, shadowing), Degree(3, 3, 4), Degree(3, 3, 3))
 
@@ -292,7 +294,7 @@ def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
         found = []
         for alphas, wo, whole, weighted, mix in cases:
             seen = seen_alphas(alphas, wo, shape)
-            mean = schlick_weight(fits["specular_cosine_2014"](wo[2], seen.cosine)) * seen.skew
+            mean = schlick_weight(np.asarray(fits["specular_cosine_2014"](wo[2], seen.cosine))) * seen.skew
             reflected = fits["specular_2014"](wo[2], seen.ratio) * mix
             for f0 in (0.04, 1.0):
                 got, right = reflected * (f0 + (1.0 - f0) * mean), f0 * whole + (1.0 - f0) * weighted
@@ -313,23 +315,23 @@ _NONE = Degree(0, 0, 0)
 
 
 def _relative_goal(a: Albedos) -> Goal:
-    return ratio_goal(a, relative_cosine(a.cosine, a.alpha), a.whole / a.mix)
+    return ratio_goal(a, np.asarray(relative_cosine(a.cosine, a.alpha)), a.whole / a.mix)
 
 
 def _tilt_goal(shape: Shape, bent: Sequence[Albedos], straight: Rational) -> Goal:
     """Seek what a bent view adds to the ratio of a wide lobe, over the tilt: 1 minus the cosine to the unbent view."""
     a = Albedos(*(np.concatenate(each) for each in zip(*(vars(one).values() for one in bent), strict=True)))
-    factor = a.tilt * a.alpha * ggx_share(a.alpha, shape)
+    factor = a.tilt * a.alpha * np.asarray(ggx_share(a.alpha, shape))
     a = Albedos(*(each[factor > 0.0] for each in vars(a).values()))
     factor = factor[factor > 0.0]
-    base = straight(relative_cosine(a.cosine, a.alpha), a.alpha)
+    base = np.asarray(straight(relative_cosine(a.cosine, a.alpha), a.alpha))
     whole = _relative_goal(a)
     problem = Problem(a.tilt, a.cosine, (whole.problem.target - base) / factor, whole.problem.tolerance / factor)
     return Goal(problem, lambda got: whole.error(base + factor * got), a.angle)
 
 
 def _entry(found: Rational, goal: Goal) -> dict[str, Any]:
-    error = goal.error(found(goal.problem.x, goal.problem.y))[goal.angle <= 85.0]
+    error = goal.error(np.asarray(found(goal.problem.x, goal.problem.y)))[goal.angle <= 85.0]
     return {"numerator": found.numerator, "denominator": found.denominator, "residual": _residual(error)}
 
 

@@ -1,6 +1,6 @@
 """Fits: what closures need to know of integrals that have no closed form, as small rationals.
 
-They are fits, made by ``python -m lookdev.brdf.fit_closures``, which says what each one is of and writes the table
+They are fits, made by ``python -m lookdev.closures.fitting``, which says what each one is of and writes the table
 ``data/closure_fits.json``: coefficients, domain and residuals. Here they are evaluated, in plain arithmetic, so that
 they can be traced; where a variable is a constant, a row of coefficients folds into one.
 """
@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lookdev.brdf.vectors import Array
+from lookdev.brdf.vectors import Real
 
 DATA = Path(__file__).parent / "data" / "closure_fits.json"
 """Where the table is."""
@@ -29,16 +29,16 @@ class Rational:
     numerator: Rows
     denominator: Rows
 
-    def __call__(self, x: Array, y: Array = 0.0) -> Array:
+    def __call__(self, x: Real, y: Real = 0.0) -> Real:
         """Evaluate at x and y, (...), within the fitted domain."""
         return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
 
 
-def polynomial(rows: Rows, x: Array, y: Array) -> Array:
+def polynomial(rows: Rows, x: Real, y: Real) -> Real:
     """Evaluate the sum of ``rows[i][j] x^i y^j`` by Horner's rule."""
-    total: Array = 0.0
+    total: Real = 0.0
     for row in reversed(rows):
-        inner: Array = 0.0
+        inner: Real = 0.0
         for coefficient in reversed(row):
             inner = inner * y + coefficient
         total = total * x + inner

@@ -1,0 +1,207 @@
+"""The mixture of lobes: how they are chosen, summed and weighed.
+
+`Mixture` is the one definition. The functions below evaluate it over arrays; code generation traces it and adds nothing
+but control flow, which lobes to skip at a point.
+"""
+
+from __future__ import annotations
+
+import functools
+import operator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.lobes import Bsdf, Directions, Lobe
+from lookdev.brdf.vectors import TINY, Array, Mask, Real, scale
+
+Floats = NDArray[np.float64]
+
+BELOW_ONE = 0.99999994
+"""The largest float32 below 1: what a uniform number may be rounded or stretched to."""
+
+
+@dataclass(frozen=True)
+class Term:
+    """What one lobe adds to the mixture for a pair of directions.
+
+    valid : (...)
+        Where the lobe sends light; the rest counts there alone.
+    f : (..., 3)
+        In 1/sr, cosine excluded.
+    cosine, density : (...)
+        Cosine of the light's direction to the lobe's own normal; share times the solid-angle density of its samples.
+    """
+
+    lobe: Lobe
+    valid: Mask
+    f: Array
+    cosine: Array
+    density: Array
+
+    @property
+    def value(self) -> Array:
+        """f times the cosine, (..., 3), 0 where no light is sent: what a renderer integrates."""
+        return scale(self.f, np.where(self.valid, self.cosine, 0.0))
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One lobe of the mixture, chosen for the uniform numbers below its part's end that no lobe before it has.
+
+    below : (...)
+        Whether the number is below that end.
+    stretched : (...)
+        The number stretched over the lobe's part, in [0, 1): stratified numbers stay stratified within each lobe.
+    """
+
+    lobe: Lobe
+    below: Mask
+    stretched: Array
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """The lobes of a surface as seen from `wo`, (..., 3), unit, above the horizon: each is chosen by its share."""
+
+    lobes: Sequence[Lobe]
+    wo: Array
+
+    @property
+    def total(self) -> Real:
+        """Sum of the shares, (...)."""
+        return functools.reduce(operator.add, (lobe.share for lobe in self.lobes), 0.0)
+
+    def terms(self, wi: Array) -> Iterator[Term]:
+        """Yield what each lobe adds for light from `wi`, (..., 3), unit."""
+        known: dict[tuple[int, bool], tuple[Directions, Mask]] = {}
+        for lobe in self.lobes:
+            key = id(lobe.frame), lobe.transmits
+            if key not in known:
+                known[key] = _directions(lobe, self.wo, wi)
+            directions, valid = known[key]
+            f = scale(lobe.evaluate(directions), lobe.weight)
+            # A single lobe has the whole mixture, whatever its share is.
+            share = lobe.share if len(self.lobes) > 1 else np.where(lobe.share > 0.0, 1.0, 0.0)
+            density = np.where(valid, share * lobe.pdf(directions), 0.0)
+            yield Term(lobe, valid, f, directions.cos_theta_i, density)
+
+    def normalised(self, density: Array) -> Array:
+        """Return the density (...) of the mixture from the sum of its terms' densities."""
+        if len(self.lobes) < 2:
+            return density
+        return density / np.where(self.total > 0.0, self.total, 1.0)
+
+    def choices(self, u: Array) -> Iterator[Choice]:
+        """Yield the lobes in the order in which they divide the uniform numbers (...) among them."""
+        if len(self.lobes) == 1:
+            yield Choice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
+            return
+        place = u * self.total
+        rest, upper = place, 0.0
+        for lobe in self.lobes:
+            upper = upper + lobe.share  # type: ignore[assignment]
+            width = np.where(lobe.share > 0.0, lobe.share, 1.0)
+            # Clipped before the division, which could overflow, and after it, which may round to 1.
+            stretched = np.minimum(np.clip(rest, 0.0, width) / width, BELOW_ONE)
+            yield Choice(lobe, place < upper, stretched)
+            rest = rest - lobe.share
+
+
+def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
+    """Return directions in the frame of a lobe, and where they are valid; elsewhere both are its normal."""
+    local_o, local_i = lobe.pair(wo, wi)
+    valid = (wi[..., 2] < 0.0) if lobe.transmits else (wi[..., 2] > 0.0)
+    if lobe.leans:
+        valid = valid & (local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0)
+    mask = np.expand_dims(valid, -1)
+    return Directions.of(np.where(mask, local_o, ZENITH), np.where(mask, local_i, ZENITH)), valid
+
+
+def _seen(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
+    """Return the mixture seen along `wo`, the light's directions on its side, and where there is a viewer, (...)."""
+    if bsdf.two_sided:
+        behind = wo[..., 2:] < 0.0
+        wo, wi = np.where(behind, -wo, wo), np.where(behind, -wi, wi)
+    above = wo[..., 2] > 0.0
+    wo = np.where(np.expand_dims(above, -1), wo, ZENITH)
+    return Mixture(bsdf.lobes(wo), wo), wi, above
+
+
+def seen_along(bsdf: Bsdf, wo: Floats) -> Bsdf:
+    """Return a BSDF for this one view, (..., 3), above the horizon or of a two-sided surface: lobes derived once."""
+    lobes = bsdf.lobes(np.where(wo[..., 2:] < 0.0, -wo, wo) if bsdf.two_sided else wo)
+    return replace(bsdf, lobes=lambda _: tuple(lobes))
+
+
+def evaluate(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Evaluate a BSDF.
+
+    Parameters
+    ----------
+    wo, wi : (..., 3)
+        Unit directions to the viewer and to the light; z is the shading normal.
+
+    Returns
+    -------
+    (..., 3)
+        f in 1/sr without the cosine; exactly 0 where either direction is on the horizon, or where no lobe sends
+        light. A lobe with a normal of its own has its cosine over that of the shading normal as a factor.
+    """
+    mixture, light, above = _seen(bsdf, wo, wi)
+    cosine = np.abs(light[..., 2])
+    total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
+    for term in mixture.terms(light):
+        # The quotient first: it is exactly 1 without a normal of its own, however small the cosines are. With one, it
+        # has no bound at the horizon: the floor keeps it finite.
+        ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
+        total = total + scale(term.f, np.where(above & term.valid, ratio, 0.0))
+    return np.asarray(total)
+
+
+def evaluate_cosine(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Return f times the cosine of `wi`, each lobe's by its own normal, (..., 3): what a renderer integrates."""
+    mixture, light, above = _seen(bsdf, wo, wi)
+    total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
+    for term in mixture.terms(light):
+        total = total + np.where(np.expand_dims(above, -1), term.value, 0.0)
+    return np.asarray(total)
+
+
+def pdf(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Return the solid-angle density, (...), with which `sample` draws `wi`; 0 where no lobe sends light."""
+    mixture, light, above = _seen(bsdf, wo, wi)
+    density: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape)[:-1])
+    for term in mixture.terms(light):
+        density = density + np.where(above, term.density, 0.0)
+    return np.asarray(mixture.normalised(density))
+
+
+def sample(bsdf: Bsdf, wo: Floats, u: Floats) -> Floats:
+    """Draw directions.
+
+    Parameters
+    ----------
+    wo : (..., 3)
+        Unit directions to the viewer, not on the horizon.
+    u : (..., 2)
+        Uniform numbers in [0, 1). The first also chooses the lobe.
+
+    Returns
+    -------
+    (..., 3)
+        Unit directions to the light. One that its lobe sends no light to has z = 0, and so neither value nor density.
+    """
+    # The same number of float32: one that rounds to 1 belongs to no lobe's part.
+    u1, u2 = np.minimum(u[..., 0], BELOW_ONE), u[..., 1]
+    mixture, _, _ = _seen(bsdf, wo, wo)
+    wi = np.zeros(wo.shape)
+    left: Mask = np.ones(wo.shape[:-1], np.bool_)
+    for choice in mixture.choices(u1):
+        here = left & choice.below
+        wi = np.where(np.expand_dims(here, -1), choice.lobe.draw(choice.stretched, u2), wi)
+        left = left & ~here
+    return np.where(wo[..., 2:] < 0.0, -wi, wi) if bsdf.two_sided else wi

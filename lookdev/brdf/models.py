@@ -1,0 +1,46 @@
+"""The registry of reflectance models: the only list of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from lookdev.brdf.disney import DISNEY
+from lookdev.brdf.model import Model
+from lookdev.brdf.pixar import PIXAR
+from lookdev.errors import ModelError, nearest_hint
+
+MODELS: dict[str, Model] = {
+    "disney": DISNEY,
+    "pixar": PIXAR,
+}
+"""Every model by its name."""
+
+
+def model_named(name: str) -> Model:
+    """Return a model.
+
+    Raises
+    ------
+    ModelError
+        There is no model of that name.
+    """
+    if name not in MODELS:
+        raise ModelError(f"unknown model '{name}' ({nearest_hint(name, list(MODELS))})")
+    return MODELS[name]
+
+
+def layer_shaders() -> dict[str, str]:
+    """Return the name of each model by the identifier of the UsdShade shader that is a layer of it."""
+    return {model.identifier: name for name, model in MODELS.items()}
+
+
+def complete_parameters(model: str, given: Mapping[str, object]) -> dict[str, Any]:
+    """Check constant parameters of a model and fill in the defaults, as `Model.complete` does.
+
+    Raises
+    ------
+    ModelError
+        The model is unknown, or as `Model.complete`.
+    """
+    return model_named(model).complete(given)

@@ -1,0 +1,61 @@
+"""Pixar's reflection model for Wall-E and Up (Smits): its record, and how layers of it are combined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.lobes import Bsdf, Lobe
+from lookdev.brdf.model import Model, Preview, StackLayer
+from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.parameters import PARAMETERS
+from lookdev.brdf.pixar.partition import Partition, layer_partition, partition_lobes
+from lookdev.brdf.vectors import Array, Parameters, Real
+from lookdev.errors import ModelError
+
+
+def _combine(layers: Sequence[StackLayer]) -> Bsdf:
+    for each in layers[1:]:
+        if each.parameters["energy"] != layers[0].parameters["energy"]:
+            raise ModelError("layers disagree on 'energy'; all Pixar layers of a stack must use the same")
+
+    def partition(wo: Array) -> Partition:
+        combined = layer_partition(layers[0].parameters, wo)
+        for each in layers[1:]:
+            combined = layer(layer_partition(each.parameters, wo), combined, each.mask, each.mode)
+        return combined
+
+    def lobes(wo: Array) -> tuple[Lobe, ...]:
+        return partition_lobes(partition(wo))
+
+    # Presence is the same from every direction.
+    return Bsdf(lobes, partition(ZENITH).presence, two_sided=True)
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    return {"f0": 0.05 * p["normalScale"], "opacity": 1.0 - p["clear"] * (1.0 - p["metallic"])}
+
+
+PIXAR = Model(
+    name="pixar",
+    title="Pixar",
+    text="Pixar's reflection and transmission model for Wall-E and Up (Smits).",
+    parameters=PARAMETERS,
+    bsdf=lambda parameters: _combine([StackLayer("pixar", parameters)]),
+    identifier="LookdevPixar",
+    # As published; docs/models.md has the case where 1.87 is reached.
+    energy=lambda tokens: 1.0 if tokens["energy"] == "conserving" else 2.0,
+    combine=_combine,
+    modes=("over", "transmit"),
+    two_sided=True,
+    probe={"roughness": 0.3, "clear": 0.5, "back": 0.5, "presence": 0.8},
+    preview=Preview(
+        {
+            "diffuseColor": "surfaceColor",
+            "metallic": "metallic",
+            "roughness": "roughness",
+            "opacity": "presence",  # a cut-out, if it varies; a constant one is blended
+        },
+        _preview,
+    ),
+)

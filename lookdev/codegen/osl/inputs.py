@@ -1,0 +1,48 @@
+"""Look-ups of textures as OSL."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from lookdev.codegen.inputs import Inputs, LookUp
+from lookdev.codegen.source import TextureBinding
+
+_WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
+
+
+@dataclass
+class LookUpNames:
+    """Names of look-ups in a shader, `given` by look-up in the order in which the text first reads them."""
+
+    inputs: Inputs
+    given: dict[str, str] = field(default_factory=dict)
+
+    def spell(self, symbol: str) -> str:
+        """Return how a symbol is written."""
+        source = self.inputs.look_up_of(symbol)
+        if source is None:
+            return symbol
+        return self.given.setdefault(source, f"texture{len(self.given)}") + symbol.removeprefix(source)
+
+
+def emit_look_up(name: str, look_up: LookUp) -> tuple[list[str], list[TextureBinding]]:
+    """Return the code of a look-up, which defines ``color <name>`` and ``float <name>_a``, and the images it reads."""
+    texture, uv = look_up.texture, look_up.uv
+    function = "lookdev_slopes" if look_up.slopes else "lookdev_texture"
+    m = [repr(float(x)) for x in texture.transform]
+    s, t = (f"{m[k]} * {uv}[0] + {m[k + 1]} * {uv}[1] + {m[k + 2]}" for k in (0, 3))
+    if 0 in look_up.files:
+        wraps = f'"{_WRAP[texture.wrap_s]}", "{_WRAP[texture.wrap_t]}"'
+        code = [f"float {name}_a; color {name} = {function}({name}_file, {s}, {t}, {wraps}, {name}_a);"]
+        return code, [TextureBinding(f"{name}_file", look_up.files[0])]
+    # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); where there is none, all is 0.
+    code = [f"float {name}_a = 0; color {name} = 0; float {name}_s = {s}; float {name}_t = {t};"]
+    number = f"1001 + int({name}_s) + 10 * int(floor({name}_t))"
+    code += [f"int {name}_tile = {name}_s < 0 || {name}_s >= 10 ? 0 : {number};"]
+    bindings = []
+    for tile, image in look_up.files.items():
+        file = f"{name}_{tile}_file"
+        place = f"{name}_s - floor({name}_s), {name}_t - floor({name}_t)"
+        code.append(f'if ({name}_tile == {tile}) {name} = {function}({file}, {place}, "clamp", "clamp", {name}_a);')
+        bindings.append(TextureBinding(file, image))
+    return code, bindings

@@ -1,0 +1,135 @@
+"""What the sources of a look are worth at points of a surface: numbers in the reference, symbols in generated code.
+
+The rules by which constants, textures, primvars and expressions become values of parameters are written here once, over
+any `Surface`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from lookdev.brdf import MASK, Array, Bsdf, Parameter, Real, StackLayer, model_named, stack_bsdf
+from lookdev.brdf.vectors import same, vector
+from lookdev.material.look import Bump, Coordinates, Formula, Layer, Look, Primvar, Source, Texture, Varying
+
+_CHANNELS: dict[str, int | slice] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(3)}
+
+
+class Surface(Protocol):
+    """Points of a surface and what it carries there."""
+
+    def uv(self, name: str) -> Array:
+        """Return the coordinates (..., 2) of a UV set."""
+
+    def texels(self, texture: Texture) -> Array:
+        """Return all four channels of the image, linear, (..., 4), at the texture's coordinates."""
+
+    def slopes(self, height: Texture) -> Array:
+        """Return the derivatives of the image's channel, (..., 2), by the image's own coordinates."""
+
+    def primvar(self, primvar: Primvar) -> Array:
+        """Return the values of a primvar: (...), or (..., 3) where its fallback is a colour."""
+
+    def handedness(self) -> Array:
+        """Return on which side of the tangent v grows, (...): +1 along cross(normal, tangent), or -1."""
+
+
+def look_bsdf(look: Look, surface: Surface) -> Bsdf:
+    """Combine the layers of a look at some points into one BSDF.
+
+    Raises
+    ------
+    ModelError
+        A constant is outside its hard range, or the layers do not fit together.
+    TextureError
+        An image is missing or unreadable.
+    """
+    return stack_bsdf(look_layers(look, surface))
+
+
+def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
+    """Return the layers of a look at some points, base first, with all parameters of their models.
+
+    Raises
+    ------
+    ModelError, TextureError
+        As `look_bsdf`.
+    """
+    values = Values(surface)
+    return [
+        StackLayer(layer.model, _parameters(layer, values), values.of(layer.mask, MASK), layer.mode)
+        for layer in look.layers
+    ]
+
+
+def _parameters(layer: Layer, values: Values) -> dict[str, Any]:
+    model = model_named(layer.model)
+    varying = {name: source for name, source in layer.inputs.items() if isinstance(source, Varying)}
+    constants = {name: source for name, source in layer.inputs.items() if name not in varying}
+    parameters = model.complete(constants)
+    for name in constants:
+        if model.parameters[name].kind == "normal":
+            parameters[name] = values.handed(parameters[name])
+    return parameters | {name: values.of(source, model.parameters[name]) for name, source in varying.items()}
+
+
+@dataclass(frozen=True)
+class Values:
+    """Values of sources at points of a surface."""
+
+    surface: Surface
+
+    def of(self, source: Varying | float, parameter: Parameter) -> Real:
+        """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
+        if isinstance(source, Bump):
+            return self.handed(self._bump(source))
+        value = self.read(source, color=parameter.kind == "color")
+        if isinstance(source, Varying):
+            value = np.clip(value, *parameter.hard)
+        return self.handed(value) if parameter.kind == "normal" else value
+
+    def handed(self, normal: Array) -> Array:
+        """Turn normals (..., 3) from the frame of the UVs into the shading frame, whose bitangent is not v's."""
+        if same(normal[..., 1], 0.0):
+            return normal
+        hand = self.surface.handedness()
+        one = 1.0 + 0.0 * hand
+        return normal * vector(one, hand, one)
+
+    def read(self, source: Source, color: bool) -> Array:
+        """Return a source as it is; a float stands for three equal channels where a colour is wanted."""
+        value: Array
+        match source:
+            case Texture():
+                scaled = self.surface.texels(source) * np.array(source.scale) + np.array(source.bias)
+                value, is_color = scaled[..., _CHANNELS[source.channel]], source.channel == "rgb"
+            case Primvar():
+                value, is_color = self.surface.primvar(source), isinstance(source.fallback, tuple)
+            case Coordinates():
+                s, t = transformed(source.transform, self.surface.uv(source.st))
+                value, is_color = vector(s, t, 0.0 * s), True
+            case Formula():
+                kinds = source.kinds
+                given = {name: self.read(each, kinds[name] == "color") for name, each in source.inputs.items()}
+                value, is_color = source.expression.evaluate(given, kinds), source.expression.check(kinds) == "color"
+            case _:
+                value, is_color = np.asarray(source, dtype=np.float64), isinstance(source, tuple)
+        return vector(value, value, value) if color and not is_color else value
+
+    def _bump(self, bump: Bump) -> Array:
+        slopes = self.surface.slopes(bump.height) * bump.scale
+        # The chain rule: the image's coordinates are a transform of the surface's.
+        a, b, _, c, d, _ = bump.height.transform
+        s, t = slopes[..., 0], slopes[..., 1]
+        along_s, along_t = s * a + t * c, s * b + t * d
+        return vector(-along_s, -along_t, 1.0 + 0.0 * along_s)
+
+
+def transformed(transform: tuple[float, float, float, float, float, float], uv: Array) -> tuple[Array, Array]:
+    """Apply a 2 x 3 matrix, row major, to coordinates (..., 2)."""
+    a, b, c, d, e, f = transform
+    s, t = uv[..., 0], uv[..., 1]
+    return s * a + t * b + c, s * d + t * e + f
