@@ -91,6 +91,12 @@ def dot(a: Array, b: Array) -> Array:
     return total
 
 
+def cross(a: Array, b: Array) -> Array:
+    """Cross product over the last axis."""
+    (ax, ay, az), (bx, by, bz) = ([v[..., i] for i in range(3)] for v in (a, b))
+    return vector(ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx)
+
+
 def normalize(v: Array) -> Array:
     """Scale vectors (..., 3) to unit length; the length must not be zero."""
     return scale(v, 1.0 / np.sqrt(dot(v, v)))

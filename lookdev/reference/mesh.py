@@ -23,6 +23,7 @@ from lookdev.brdf import Bsdf
 from lookdev.errors import AssetError
 from lookdev.material import Look, Primvar
 from lookdev.reference.surface import look_bsdf
+from lookdev.scene.shading import shading_frame
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -30,7 +31,6 @@ Mask = NDArray[np.bool_]
 Places = NDArray[Any]
 
 _PLACE = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
-_LEAST_COSINE = 1e-4  # to which a normal is bent that leans away from its viewer
 _LIFT = 3e-7  # in the asset's size: above the rounding to float32 of a place and of its wall
 
 
@@ -95,15 +95,10 @@ class MeshScene:
         owner, corners = self._owners[triangle], self._corners[triangle]
         n = np.einsum("nji,nj->ni", self._inverse[owner], self._mean(self._normals[corners], place))
         t = np.einsum("nij,nj->ni", self._linear[owner], self._mean(self._tangents[corners], place))
-        facet = self._facets[triangle]
-        facet = np.where(_dot(facet, wo) < 0.0, -facet, facet)
-        n = _unit(n)
-        side = np.where(self._reflected[owner], -1.0, 1.0)[:, None]
-        behind = _dot(n, facet) < 0.0
-        n, t, side = (np.where(behind, -each, each) for each in (n, t, side))
-        n = _unit(n + np.maximum(_LEAST_COSINE - _dot(n, wo), 0.0) * wo)
-        t = _unit(t - _dot(t, n) * n)
-        return np.stack([t, side * np.cross(n, t), n], axis=1), facet
+        hand = np.where(self._reflected[owner], -1.0, 1.0)
+        frame = shading_frame(_unit(n), t, self._facets[triangle], wo, hand)
+        axes = (frame.tangent, frame.bitangent, frame.normal)
+        return np.stack([np.asarray(axis) for axis in axes], axis=1), np.asarray(frame.facet)
 
     def bsdfs(self, place: Places) -> Iterator[tuple[Ints, Bsdf]]:
         """Yield which of the places wear the same look, and its BSDF there."""

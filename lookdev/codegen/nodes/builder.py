@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from lookdev.codegen.nodes.layout import laid_out
-from lookdev.codegen.nodes.match import Triple, depth_of, match, match_dot, match_normalize
+from lookdev.codegen.nodes.match import Triple, depth_of, match, match_cross, match_dot, match_normalize
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
 from lookdev.codegen.trace.graph import Node
 from lookdev.errors import CodegenError
@@ -257,6 +257,9 @@ class TreeBuilder:
         vector = match_normalize(triple)
         if vector:
             return _vector_math("NORMALIZE", [vector])
+        crossed = match_cross(triple)
+        if crossed:
+            return _vector_math("CROSS_PRODUCT", [_term(factor) for factor in crossed])
         matches = [match(node, self._links) for node in nodes]
         operation = matches[0][0]
         if operation not in _VECTOR_OPERATIONS or any(each[0] != operation for each in matches):

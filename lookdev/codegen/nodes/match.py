@@ -112,6 +112,21 @@ def match_normalize(triple: Triple) -> Triple | None:
     return vector if dot is not None and all(_alike(vector, each) for each in dot) else None
 
 
+def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
+    """Return the two vectors whose cross product a triple is, if it is one."""
+    products: list[Any] = []
+    for each in triple:
+        if not isinstance(each, Node) or each.op != "subtract":
+            return None
+        products += each.args
+    if not all(isinstance(each, Node) and each.op == "multiply" for each in products):
+        return None
+    (ay, bz), (az, by), (az_, bx), (ax, bz_), (ax_, by_), (ay_, bx_) = (each.args for each in products)
+    if not _alike((ax, ay, az), (ax_, ay_, az_)) or not _alike((bx, by, bz), (bx_, by_, bz_)):
+        return None
+    return (ax, ay, az), (bx, by, bz)
+
+
 def depth_of(value: Any, depths: dict[Node, int]) -> None:
     """Add to `depths` how many operations deep a node, and all that it needs, are."""
     for node in in_order([value], stop=lambda each: each in depths):

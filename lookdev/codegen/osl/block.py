@@ -82,6 +82,7 @@ class Block:
         self._pad = "    " * indent
         self._spell = spell
         self._uses: Counter[Node] = Counter()
+        self._chosen: dict[Node, str] = {}
 
     def inner(self, prefix: str, indent: int) -> Block:
         """Return a scope inside this one, which knows all names that this one has now."""
@@ -93,9 +94,12 @@ class Block:
 
     def define(self, name: str, value: Any, comment: str = "") -> None:
         """Compute `value`, a number, into a variable of that name."""
-        self.write(f"float {name} = {self.expression(value)};" + (f"  // {comment}" if comment else ""))
-        if isinstance(value, Node) and value.op != "symbol":
-            self.named.setdefault(value, name)
+        if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
+            self._chosen[value] = name
+            self.name(value)
+        else:
+            self.write(f"float {name} = {self.expression(value)};")
+        self.lines[-1] += f"  // {comment}" if comment else ""
 
     def prepare(self, roots: Iterable[Any]) -> None:
         """Count uses under `roots`, all that this block will ask for, so that shared nodes get a name."""
@@ -134,7 +138,7 @@ class Block:
         return shown(value)
 
     def _define(self, node: Node, code: str) -> None:
-        name = f"{self._prefix}{len(self.named)}"
+        name = self._chosen.get(node, f"{self._prefix}{len(self.named)}")
         kind = "int" if node.op in _BOOLEAN else "float"
         if code.startswith("(") and code.endswith(")"):
             code = code[1:-1]

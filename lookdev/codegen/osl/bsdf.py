@@ -220,8 +220,10 @@ def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     """Choose a lobe by u1 and sample it."""
     outer = setup.inner("d", indent=3)
     outer.prepare([lobe.below for lobe in lobes[:-1]])
-    conditions = [f"if ({outer.expression(lobe.below)}) " for lobe in lobes[:-1]]
-    for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=True)):
+    codes = [outer.expression(lobe.below) for lobe in lobes[:-1]]
+    conditions = [f"if {code} " if code.startswith("(") else f"if ({code}) " for code in codes]
+    # The last lobe has what the others leave.
+    for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=False)):
         inner = outer.inner(f"d{index}_", indent=4)
         outer.write(f"{'else ' * (index > 0)}{condition}{{  // {lobe.name}")
         inner.prepare(lobe.wi)

@@ -20,6 +20,7 @@ from lookdev.brdf import MODELS, Lobe, Mode, StackLayer, stack_bsdf
 from lookdev.cache import file_digest
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import BrdfCode, emit_brdf, trace_lobes
+from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import LookUpNames, emit_look_up
 from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.trace.graph import Graph
@@ -100,6 +101,7 @@ def generate_surface(
     names = LookUpNames(inputs)
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell)
     attributes = inputs.read_by(code.inputs)
+    leaning = any(each.attribute == HANDEDNESS for each in attributes)
     emitted = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
     bound = tuple(binding for _, bindings in emitted for binding in bindings)
     osl = expand_template(
@@ -119,12 +121,13 @@ def generate_surface(
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 *light_constants(),
-                f"#define LEANING {int(any(each.attribute == HANDEDNESS for each in attributes))}",
+                f"#define LEANING {int(leaning)}",
             ],
             "parameters": [
                 *(f'    string {binding.parameter} = "",' for binding in bound),
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
+            "frame": emit_frame(leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **_sections(code),
         },

@@ -1,0 +1,53 @@
+"""The shading frame at a point of a surface, and how it is flipped to the viewer's side.
+
+Written once, over float64 arrays; `lookdev.codegen` traces it into OSL and shader nodes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lookdev.brdf.vectors import Array, Real, cross, dot, normalize, scale, vector
+
+LEAST_COSINE = 1e-4
+"""Cosine between the viewer and a normal that has been bent towards the viewer."""
+
+
+@dataclass(frozen=True)
+class ShadingFrame:
+    """An orthonormal frame on the viewer's side, and the facet's normal there: unit vectors (..., 3) of the world."""
+
+    tangent: Array
+    bitangent: Array
+    normal: Array
+    facet: Array
+
+    def to_local(self, w: Array) -> Array:
+        """Express directions (..., 3) of the world in the frame."""
+        return vector(dot(w, self.tangent), dot(w, self.bitangent), dot(w, self.normal))
+
+
+def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, hand: Real = 1.0) -> ShadingFrame:
+    """Return the frame in which a BSDF is evaluated.
+
+    From behind, the frame is flipped through the point: normal, tangent and bitangent change sign together, so that a
+    bump seen from behind is a dent, and a thin surface looks alike from both sides. An interpolated normal that leans
+    away from a viewer who sees the facet is bent until it does not.
+
+    Parameters
+    ----------
+    normal, tangent : (..., 3)
+        Interpolated over the mesh, in the world; the normal of unit length.
+    facet, viewer : (..., 3)
+        Unit normal of the triangle, and unit direction to the viewer.
+    hand : (...)
+        -1 where the instance is reflected, so that the bitangent is on the other side; else 1.
+    """
+    facet = scale(facet, np.where(dot(facet, viewer) < 0.0, -1.0, 1.0))
+    side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)
+    n, t = scale(normal, side), scale(tangent, side)
+    n = normalize(n + scale(viewer, np.maximum(LEAST_COSINE - dot(n, viewer), 0.0)))
+    t = normalize(t - scale(n, dot(t, n)))
+    return ShadingFrame(t, scale(cross(n, t), side * hand), n, facet)
