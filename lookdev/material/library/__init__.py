@@ -15,14 +15,14 @@ from pxr import UsdShade
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.usd import MODELS
 from lookdev.material.usd.file import open_stage
+from lookdev.shipped import shipped_folder
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
 
 SHIPPED = Path("materials", "presets")
-"""Where presets are, below the current folder and below the program's checkout."""
+"""Where presets are, below the current folder and below `lookdev.shipped.shipped_folder`."""
 
-_CHECKOUT = Path(__file__).parents[3]
 _SUFFIXES = (".usda", ".usd", ".usdc")
 
 
@@ -54,7 +54,7 @@ def library_folders(given: Path | None = None) -> tuple[Path, ...]:
     """Return the folders that presets are looked for in, absolute; of two presets of one name, the first folder's wins.
 
     That is `given`, else those of ``$LOOKDEV_LIBRARY``, else ``materials/presets`` below the current folder and below
-    the program's checkout, as far as they are there.
+    the folder of the shipped files, as far as they exist.
 
     Raises
     ------
@@ -63,7 +63,7 @@ def library_folders(given: Path | None = None) -> tuple[Path, ...]:
     """
     named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     wanted = [given] if given else named
-    folders = dict.fromkeys(folder.absolute() for folder in wanted or (SHIPPED, _CHECKOUT / SHIPPED))
+    folders = dict.fromkeys(folder.absolute() for folder in wanted or (SHIPPED, shipped_folder() / SHIPPED))
     missing = [folder for folder in folders if not folder.is_dir()]
     if wanted and missing:
         origin = "--library" if given else f"${LIBRARY_VARIABLE}"
