@@ -18,7 +18,7 @@ from pxr import Sdf, Sdr, Tf, Usd, UsdShade
 
 from lookdev.brdf import PARAMETERS
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, nearest_hint
+from lookdev.errors import Fault, OutputError, nearest_hint
 from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import (
     TYPES,
@@ -94,9 +94,13 @@ def write_usda(imported: Imported, path: Path) -> None:
 
     Raises
     ------
+    OutputError
+        `path` exists.
     OSError
         `path` cannot be written.
     """
+    if path.exists():
+        raise OutputError(f"{path} exists; give a name that does not")
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {NODE})."
     names: set[str] = set()
