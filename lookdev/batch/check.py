@@ -109,7 +109,7 @@ def check_file(
     prim, variants
         Of a look's file: its material, and the variant of each set.
     backend
-        Of a look's file: what renders it, ``"exact"`` where it is None. A job says so itself.
+        Of a look's file: what renders it, ``"exact"`` where it is None. A job contains its own.
     alter
         Is given the text of every shader and returns the one to run: how a test plants a fault.
 
@@ -146,7 +146,7 @@ def parse_only(text: str) -> tuple[str, ...]:
 def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None) -> Prepared:
     if file.suffix.lower() not in _LOOK_SUFFIXES:
         if backend is not None:
-            raise LookdevError(f"{file}: a job says itself what renders it: 'backend' in its table [render]")
+            raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
         return prepare_job(file)
     text = _JOB.format(
         name=json.dumps(

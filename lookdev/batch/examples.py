@@ -88,7 +88,7 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
     LookdevError
         No shipped job has that name.
     OutputError
-        A file that differs is there already; then nothing is written.
+        A file exists and differs, so that nothing is written; or a file cannot be written.
     """
     examples = {example.name: example for example in list_examples()}
     if name not in examples:
@@ -101,9 +101,12 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
         hint = "--force replaces what differs, --to names another folder"
         raise OutputError(f"these files exist and differ from the example's: {', '.join(differing)} ({hint})")
     stale = [file for file, target in targets.items() if file not in there or str(target) in differing]
-    for file in stale:
-        with atomic_path(targets[file]) as temporary:
-            shutil.copyfile(file, temporary)  # without the mode: an installed file may be read-only
+    try:
+        for file in stale:
+            with atomic_path(targets[file]) as temporary:
+                shutil.copyfile(file, temporary)  # without the mode: an installed file may be read-only
+    except OSError as error:
+        raise OutputError(f"{to}: the example cannot be written: {error.strerror}") from error
     return Copied(targets[source], len(stale))
 
 

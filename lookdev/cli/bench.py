@@ -13,30 +13,30 @@ app = typer.Typer()
 
 @app.command(rich_help_panel="Accuracy and speed")
 def bench(
-    scenes: Annotated[str, typer.Option("--scenes", metavar="NAMES", help="Scenes, with commas between.")] = "",
+    scenes: Annotated[str, typer.Option("--scenes", metavar="NAMES", help="Scenes, separated by commas.")] = "",
     ibls: Annotated[str, typer.Option("--ibls", metavar="NAMES", help="Lights.")] = "",
     looks: Annotated[str, typer.Option("--looks", metavar="NAMES", help="Looks.")] = "",
     backends: Annotated[str, typer.Option("--backends", metavar="NAMES", help="What renders them.")] = "",
-    samples: Annotated[str, typer.Option("--samples", metavar="COUNTS", help="Rising powers of two.")] = "4,16,64",
+    samples: Annotated[str, typer.Option("--samples", metavar="COUNTS", help="Increasing powers of two.")] = "4,16,64",
     resolution: Annotated[int, typer.Option("--resolution", metavar="PIXELS", help="Side of the frame.")] = 256,
     repeats: Annotated[
         int | None,
-        typer.Option("--repeats", metavar="N", help="Renders of each count; 3, of a sequence 1.", show_default=False),
+        typer.Option("--repeats", metavar="N", help="Renders of each count; 3, with --sequence 1.", show_default=False),
     ] = None,
     reference: Annotated[
         int, typer.Option("--reference", metavar="N", help="Samples of a reference, in largest counts.")
     ] = 8,
     seed: Annotated[int, typer.Option("--seed", metavar="N", help="Chooses the samples.")] = 0,
-    everything: Annotated[bool, typer.Option("--all", help="All that is not named, instead of a few.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="Default to all names instead of a few.")] = False,
     sequence: Annotated[
         bool, typer.Option("--sequence", help="Turntables against a plain Blender script, and how cost grows.")
     ] = False,
     frames: Annotated[
-        int, typer.Option("--frames", metavar="N", min=4, help="With --sequence: frames that cost may grow over.")
+        int, typer.Option("--frames", metavar="N", min=4, help="With --sequence: frames of the growth test.")
     ] = 100,
     fresh: Annotated[bool, typer.Option("--fresh", help="Render references anew.")] = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Takes results and curves.")] = Path("out/bench"),
-    show: Annotated[bool, typer.Option("--list", help="Only say what there is.")] = False,
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
+    show: Annotated[bool, typer.Option("--list", help="Only list the names.")] = False,
 ) -> None:
     """Measure time against error, beside other renderers; results so far are kept on Ctrl-C (exit code 130)."""
     from lookdev.bench.matrix import listing

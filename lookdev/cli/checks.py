@@ -60,7 +60,7 @@ def check(
         typer.Option(
             "--backend",
             metavar="NAME",
-            help="What renders a look, as in a job's [render]; default: exact. A job contains its own.",
+            help="What renders a look, as the key backend of a job does; default: exact.",
             show_default=False,
         ),
     ] = None,

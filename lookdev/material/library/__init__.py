@@ -1,6 +1,6 @@
 """Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim.
 
-A preset is called by the name of its file. Looks take it by reference, so that a change of the preset changes them.
+The name of a preset is that of its file. Looks reference it, so that a change of the preset changes them.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Preset:
     """One layer of the library.
 
     `file` is absolute, `prim` the path of the shader in it, `model` one of `lookdev.brdf.MODELS`; `category` and `doc`
-    are what the file says of it, or empty.
+    are read from the file, or empty.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class Library:
-    """The presets of some folders, by category and name, and what is wrong with files that are none."""
+    """The presets of some folders, by category and name, and the faults of files that are not presets."""
 
     presets: tuple[Preset, ...]
     faults: tuple[Fault, ...]
@@ -59,7 +59,7 @@ def library_folders(given: Path | None = None) -> tuple[Path, ...]:
     Raises
     ------
     LookError
-        A folder that was asked for is not there, or none is.
+        A folder that was asked for does not exist, or none does.
     """
     named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     wanted = [given] if given else named
@@ -106,7 +106,7 @@ def find_preset(name: str, library: Path | None = None) -> Preset:
     Raises
     ------
     LookError
-        There is no such preset, or its file is none.
+        There is no such preset, or its file is not one.
     """
     if Path(name).suffix in _SUFFIXES:
         return read_preset(Path(name).absolute())
@@ -145,7 +145,7 @@ def read_preset(file: Path) -> Preset:
 
 
 def library_text(library: Library) -> str:
-    """Write a library as an aligned table: name, category, model, and the first sentence of what is said of it."""
+    """Return a library as an aligned table: name, category, model, and the first sentence of its documentation."""
     rows = [("name", "category", "model", "")]
     rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

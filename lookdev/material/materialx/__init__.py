@@ -87,7 +87,7 @@ def import_materialx(file: Path) -> Imported:
     return Imported(file, materials, network.unmapped)
 
 
-def write_usda(imported: Imported, path: Path) -> None:
+def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
     """Write imported materials as looks, each a layer LookdevDisney; a sole one is the default prim.
 
     Image paths relative to the document become relative to `path`.
@@ -95,11 +95,11 @@ def write_usda(imported: Imported, path: Path) -> None:
     Raises
     ------
     OutputError
-        `path` exists.
+        `path` exists, and `replace` is false.
     OSError
         `path` cannot be written.
     """
-    if path.exists():
+    if path.exists() and not replace:
         raise OutputError(f"{path} exists; give a name that does not")
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {NODE})."
