@@ -8,13 +8,13 @@
     ├── ExpressionError     a mask expression is wrong (defined beside the parser, in lookdev.material)
     ├── TextureError        a texture cannot be read or has no such channel
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
-    ├── CodegenError        a model uses an operation that the symbolic arrays do not know
+    ├── CodegenError        a model uses an operation that the symbolic arrays do not support
     ├── OutputError         a frame, sheet or picture cannot be written or read back
-    ├── WorkerError         the render worker died, hung or answered something else than a result
+    ├── WorkerError         the render worker died, hung or sent no valid answer
     └── RenderError         Blender refused or failed to render a frame
 
-Messages say what is wrong, where, and what would be right. The command line prints them without a traceback;
-anything else that escapes is a defect of the program.
+A message states what is wrong, where, and what would be right. The command line prints it without a traceback; any
+other exception is a defect of the program, which ends in a report file (`lookdev.batch.crash`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Fault:
     """One thing wrong with a file.
 
     `where` is the place inside `file`: a dotted key with indices for TOML (``ibl[1].exposure``), a prim path and
-    input for USD (``/Paint/Base.inputs:roughness``). `hint` says what would be right; it may be empty.
+    input for USD (``/Paint/Base.inputs:roughness``). `hint` states what would be right; it may be empty.
     """
 
     file: str
@@ -47,7 +47,7 @@ class Fault:
 
 
 class FaultsError(LookdevError):
-    """An error that tells all faults of its input at once."""
+    """An error that reports all faults of its input together."""
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults: tuple[Fault, ...] = tuple(faults)
@@ -79,7 +79,7 @@ class ModelError(LookdevError):
 
 
 class CodegenError(LookdevError):
-    """A model uses an operation that the symbolic arrays do not know."""
+    """A model uses an operation that the symbolic arrays do not support."""
 
 
 class OutputError(LookdevError):
@@ -87,7 +87,7 @@ class OutputError(LookdevError):
 
 
 class WorkerError(LookdevError):
-    """The render worker died, hung or answered something else than a result."""
+    """The render worker died, hung or sent no valid answer."""
 
 
 class RenderError(LookdevError):
@@ -95,6 +95,6 @@ class RenderError(LookdevError):
 
 
 def nearest_hint(name: str, known: Sequence[str]) -> str:
-    """Say which known name is meant by a misspelt one, or list what is known."""
+    """Return a hint with the known name nearest to a misspelt one, or with all known names."""
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Literal
+from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,7 +90,7 @@ def check_file(
     seed: int = 0,
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
-    backend: Backend | None = None,
+    backend: str | None = None,
     alter: Alter = lambda osl: osl,
 ) -> Iterator[Finding]:
     """Check every look of a job, or one look.
@@ -109,14 +109,15 @@ def check_file(
     prim, variants
         Of a look's file: its material, and the variant of each set.
     backend
-        Of a look's file: what renders it, ``"exact"`` where it is None. A job says so itself.
+        Of a look's file: what renders it, ``"exact"`` where it is None. A job contains its own.
     alter
         Is given the text of every shader and returns the one to run: how a test plants a fault.
 
     Raises
     ------
     LookdevError
-        A check of that name does not exist, there is no file where there must be one, or a backend beside a job.
+        A check or a backend of that name does not exist, there is no file where there must be one, or a backend
+        beside a job.
     FaultsError
         The job, or the look, is wrong.
     RenderError, WorkerError
@@ -125,6 +126,8 @@ def check_file(
     for name in only:
         if name not in CHECKS:
             raise LookdevError(f"there is no check '{name}' ({nearest_hint(name, list(CHECKS))})")
+    if backend is not None and backend not in get_args(Backend):
+        raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, get_args(Backend))})")
     names = [name for name in CHECKS if name in (only or USUAL)]
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
@@ -135,10 +138,15 @@ def check_file(
             yield from CHECKS[name](subject)
 
 
-def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend: Backend | None) -> Prepared:
+def parse_only(text: str) -> tuple[str, ...]:
+    """Return the names of checks in a text with commas between."""
+    return tuple(name for part in text.split(",") if (name := part.strip()))
+
+
+def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None) -> Prepared:
     if file.suffix.lower() not in _LOOK_SUFFIXES:
         if backend is not None:
-            raise LookdevError(f"{file}: a job says itself what renders it: 'backend' in its table [render]")
+            raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
         return prepare_job(file)
     text = _JOB.format(
         name=json.dumps(
@@ -152,7 +160,7 @@ def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend
     with tempfile.TemporaryDirectory(prefix="lookdev-check-") as folder:
         job = Path(folder, "check.toml")
         job.write_text(text, encoding="utf-8")
-        return prepare_job(job, backend)
+        return prepare_job(job, cast(Backend | None, backend))
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Whether this machine can render: what is missing, and how to get it."""
+"""Checks that this machine can render: what is missing, and how to get it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ MODULES = {
     "typer": "typer",
     "usd-core": "pxr.Usd",
 }
-"""Distribution name to the module that proves it whole. bpy is tried in a process of its own."""
+"""For each distribution, the module whose import shows that it is complete. bpy is imported in a separate process."""
 
 SYSTEM_LIBRARIES = {
     "libGL.so.1": "libgl1",
@@ -42,11 +42,10 @@ SYSTEM_LIBRARIES = {
     "libstdc++.so.6": "libstdc++6",
     "libxkbcommon.so.0": "libxkbcommon0",
 }
-"""What importing bpy 4.5 and 5.2 loads from the system (ldd) and a bare Debian may lack, with the
-Debian package that has it."""
+"""The system libraries that bpy 4.5 and 5.2 load (ldd) and a bare Debian may lack, each with its Debian package."""
 
 FREE_DISK = 2.0
-"""GB that a batch wants free: cached geometry, textures and lights, and a few hundred frames."""
+"""GB of free disk space for a batch: cached geometry, textures and lights, and a few hundred frames."""
 
 SELF_TEST = (sys.executable, "-m", "lookdev.cycles", "--self-test")
 IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
@@ -54,7 +53,7 @@ IMPORT_BPY = (sys.executable, "-c", "import bpy; print(bpy.app.version_string)")
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing looked at: what was found, whether it is good enough, and else how to get it."""
+    """The result of one test: its subject, what was found, whether that suffices, and otherwise the remedy."""
 
     subject: str
     found: str
@@ -63,22 +62,23 @@ class Finding:
 
 
 def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = SELF_TEST) -> Iterator[Finding]:
-    """Look at everything a render needs, cheapest first; the commands that load Blender can be replaced."""
+    """Test everything that a render needs, cheapest first; the commands that load Blender can be replaced."""
     yield _python()
     for distribution, module in MODULES.items():
         yield _module(distribution, module)
     if sys.platform == "linux":
         yield _system_libraries(SYSTEM_LIBRARIES)
+    cache = _cache()
+    yield cache
     blender = _blender(import_bpy)
     yield blender
-    if blender.good:
+    if blender.good and cache.good:  # the self-test compiles a shader into the cache
         yield _osl(self_test)
-    yield _cache()
     yield Finding("processor cores", str(os.cpu_count()), good=True)
 
 
 def describe(findings: Sequence[Finding]) -> str:
-    """Write findings as aligned lines, each remedy on a line of its own so that it can be copied."""
+    """Return findings as aligned lines, each remedy on a separate line so that it can be copied."""
     width = max(len(finding.subject) for finding in findings)
     lines = []
     for finding in findings:
@@ -130,7 +130,7 @@ def _loads(library: str) -> bool:
 
 
 def _blender(command: Sequence[str]) -> Finding:
-    """Import bpy in a process of its own: it may crash, and it must not come into this one."""
+    """Import bpy in a separate process: it may crash, and this process must not load it."""
     wanted = BLENDER_PYTHONS.get(sys.version_info[:2])
     install = f"python -m pip install 'bpy=={wanted}.*'" if wanted else "another Python, see above"
     code, output, errors = _run(command)
@@ -169,7 +169,7 @@ def _cache() -> Finding:
         (folder / "doctor.txt").unlink()
         free = shutil.disk_usage(folder).free / 1e9
     except OSError as error:
-        return Finding("cache folder", str(error), good=False, remedy="set LOOKDEV_CACHE to a folder of yours")
+        return Finding("cache folder", str(error), good=False, remedy="set LOOKDEV_CACHE to a writable folder")
     good = free >= FREE_DISK
     remedy = "" if good else f"free {FREE_DISK:g} GB, or set LOOKDEV_CACHE to a folder on another disk"
     return Finding("cache folder", f"{folder}, {free:.1f} GB free", good, remedy)

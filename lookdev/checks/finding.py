@@ -113,3 +113,8 @@ class Finding:
     details: tuple[str, ...] = ()
     plots: tuple[Plot, ...] = ()
     skipped: str = ""
+
+    @property
+    def headline(self) -> str:
+        """One line: what was checked, and whether it agrees."""
+        return f"{self.check}: {self.subject}: {'agrees' if self.passed else 'DISAGREES'}"

@@ -1,4 +1,4 @@
-"""The verbs of ``lookdev materials``: the library, and stacks of its presets; no logic."""
+"""The verbs of ``lookdev materials``: the library, and stacks of its presets."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
+
+from lookdev.cli.options import LookFile, Prim
 
 
 class _ListByDefault(TyperGroup):
@@ -30,7 +32,6 @@ class LayerMode(StrEnum):
     transmit = "transmit"
 
 
-LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
 PresetName = Annotated[str, typer.Argument(metavar="PRESET", help="A preset's name, or its file.", show_default=False)]
 LayerName = Annotated[str, typer.Argument(metavar="LAYER", help="The layer's number or name.", show_default=False)]
 Folder = Annotated[
@@ -41,10 +42,6 @@ Folder = Annotated[
         help="A folder of presets; default: $LOOKDEV_LIBRARY, else materials/presets here and of the program.",
         show_default=False,
     ),
-]
-Prim = Annotated[
-    str | None,
-    typer.Option("--prim", metavar="PATH", help="The material, where the file has several.", show_default=False),
 ]
 MASK_HELP = "A number, IMAGE[:CHANNEL], primvar:NAME, or an expression."
 Inputs = Annotated[
@@ -163,11 +160,8 @@ def import_document(
     look: LookFile,
 ) -> None:
     """Write a new look from MaterialX: its disney_principled materials as Disney layers."""
-    from lookdev.errors import OutputError
     from lookdev.material.materialx import import_materialx, write_usda
 
-    if look.exists():
-        raise OutputError(f"{look} exists; give a name that does not")
     imported = import_materialx(document)
     write_usda(imported, look)
     for fault in imported.unmapped:

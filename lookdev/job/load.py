@@ -40,7 +40,8 @@ def load_job(path: Path) -> Job:
     try:
         text = path.read_bytes().decode()
     except OSError as error:
-        raise JobError([Fault(str(path), "", f"cannot be read: {error.strerror}")]) from None
+        hint = "'lookdev example' lists jobs to copy" if isinstance(error, FileNotFoundError) else ""
+        raise JobError([Fault(str(path), "", f"cannot be read: {error.strerror}", hint)]) from None
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise JobError([Fault(str(path), f"line {line}", "not UTF-8 text", "save it as UTF-8")]) from None

@@ -156,7 +156,7 @@ def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) 
 
 
 def test_a_job_says_its_backend_itself(job: Path, rendered: list[FrameTask]) -> None:
-    with pytest.raises(LookdevError, match="a job says itself what renders it"):
+    with pytest.raises(LookdevError, match="the backend of a job is"):
         list(check_file(job, backend="nodes"))
     job.write_text(JOB.replace("seed = 3", 'seed = 3\nbackend = "nodes"'))
     assert all("flip" in finding.figures for finding in check_file(job, only=["image"]))

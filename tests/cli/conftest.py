@@ -1,6 +1,76 @@
-"""The command line is tried on the small job and the fake worker of tests/batch."""
+"""The command line is tried in this process, on the small job and the fake worker of tests/batch."""
+
+from __future__ import annotations
 
 import sys
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+
+import pytest
 
 sys.path.append(str(Path(__file__).parents[1] / "batch"))
+
+import batch_case as case
+
+from lookdev.batch.run import run_plan
+from lookdev.cli import main
+from lookdev.job import load_job
+
+Command = Callable[..., tuple[int, str, str]]
+Provide = Callable[..., None]
+
+
+@pytest.fixture
+def run_cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+    """Return a function that runs the command line and returns its exit code, stdout and stderr."""
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["lookdev", *map(str, arguments)])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return (int(left.value.code or 0), *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def provide(monkeypatch: pytest.MonkeyPatch) -> Provide:
+    """Return a function that puts another module in the place of one."""
+
+    def replace(name: str, **members: object) -> None:
+        module = ModuleType(name)
+        vars(module).update(members)
+        monkeypatch.setitem(sys.modules, name, module)
+
+    return replace
+
+
+@pytest.fixture
+def job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, provide: Provide) -> Path:
+    """Return a job whose preparation and worker are fakes."""
+    case.make_job(tmp_path)
+    path = tmp_path / "job.toml"
+    path.write_text(case.JOB + case.TURNTABLES + case.RENDER)
+
+    def prepare_job(path: Path) -> SimpleNamespace:
+        job = load_job(path)
+        return SimpleNamespace(job=job, plan=case.make_plan(job), notes=("city: 3 texels repaired",))
+
+    provide("lookdev.batch.prepare", prepare_job=prepare_job)
+    monkeypatch.setattr("lookdev.batch.run.run_plan", partial(run_plan, worker_command=case.command(tmp_path)))
+    return path
+
+
+@pytest.fixture
+def plant(provide: Provide, job_file: Path) -> Callable[[BaseException], None]:
+    """Return a function that lets the preparation of a job raise an exception."""
+
+    def fail(error: BaseException) -> None:
+        def prepare_job(path: Path) -> None:
+            raise error
+
+        provide("lookdev.batch.prepare", prepare_job=prepare_job)
+
+    return fail

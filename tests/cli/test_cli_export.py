@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,26 +9,10 @@ from typing import Any
 import pytest
 
 from lookdev.batch.export import Exported
-from lookdev.cli import main
 from lookdev.errors import RenderError
 
 ROOT = Path(__file__).parents[2]
-Command = Callable[..., int]
-
-
-@pytest.fixture
-def run_cli(monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Return a function that runs the command line in this process and returns its exit code."""
-
-    def run(*arguments: object) -> int:
-        monkeypatch.setattr(sys, "argv", ["lookdev", "export", *map(str, arguments)])
-        try:
-            main()
-        except SystemExit as left:
-            return int(left.code or 0)
-        return 0
-
-    return run
+Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
@@ -50,27 +33,19 @@ def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("options", "pack"), [((), False), (("--pack",), True)])
 def test_options_reach_the_export(
-    options: tuple[str, ...],
-    pack: bool,
-    run_cli: Command,
-    asked: dict[str, Any],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    options: tuple[str, ...], pack: bool, run_cli: Command, asked: dict[str, Any], tmp_path: Path
 ) -> None:
     out = tmp_path / "look.blend"
-    assert run_cli("blend", "job.toml", "-o", out, *options) == 0
+    code, output, errors = run_cli("export", "blend", "job.toml", "-o", out, *options)
+    assert (code, errors) == (0, "note: no view like that\n")
     assert asked == {"job": Path("job.toml"), "out": out, "pack": pack}
-    said = capsys.readouterr()
-    assert said.out.startswith(f"{out}: 0.0 MB, scenes gold, worlds city")
-    assert said.err == "note: no view like that\n"
+    assert output.startswith(f"{out}: 0.0 MB, scenes gold, worlds city")
 
 
-def test_a_failure_of_blender_leaves_with_1(
-    run_cli: Command, asked: dict[str, Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_failure_of_blender_leaves_with_1(run_cli: Command, asked: dict[str, Any], tmp_path: Path) -> None:
     asked["error"] = RenderError("look 'gold' has too many layers")
-    assert run_cli("blend", "job.toml", "-o", tmp_path / "look.blend") == 1
-    assert capsys.readouterr().err == "lookdev: look 'gold' has too many layers\n"
+    left = run_cli("export", "blend", "job.toml", "-o", tmp_path / "look.blend")
+    assert left == (1, "", "lookdev: look 'gold' has too many layers\n")
 
 
 @pytest.mark.parametrize(
@@ -84,14 +59,10 @@ def test_a_failure_of_blender_leaves_with_1(
     ],
 )
 def test_what_is_not_right_leaves_with_2(
-    arguments: tuple[object, ...],
-    said: str,
-    run_cli: Command,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[object, ...], said: str, run_cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run_cli(*arguments) == 2
-    assert said in " ".join(capsys.readouterr().err.replace("│", " ").split())
+    code, _, errors = run_cli("export", *arguments)
+    assert code == 2
+    assert said in " ".join(errors.replace("│", " ").split())
     assert list(tmp_path.iterdir()) == []

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -12,7 +11,6 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.batch.run import run_plan
-from lookdev.cli import main
 from lookdev.material.usd import read_look
 
 Command = Callable[..., tuple[int, str, str]]
@@ -36,7 +34,7 @@ def Shader "Preset" (
 
 
 @pytest.fixture
-def materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
+def materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Command) -> Command:
     """Run ``lookdev materials`` in a folder with a library of three; return exit code, stdout and stderr."""
     library = tmp_path / "materials" / "presets"
     library.mkdir(parents=True)
@@ -46,13 +44,7 @@ def materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LOOKDEV_LIBRARY", str(library))
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["lookdev", "materials", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        return (int(left.value.code or 0), *capsys.readouterr())
-
-    return run
+    return partial(run_cli, "materials")
 
 
 @pytest.mark.parametrize("verb", [(), ("list",)])

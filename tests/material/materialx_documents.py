@@ -55,7 +55,7 @@ def document(
 def as_look(imported: Imported) -> Layer:
     """Write what was imported, read it as a look and return its one layer."""
     usda = imported.file.with_suffix(".usda")
-    write_usda(imported, usda)
+    write_usda(imported, usda, replace=True)
     (layer,) = read_look(usda).layers
     return layer
 

@@ -255,7 +255,7 @@ def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None
         ("dirt.pgn", [], "mask: is not a number from 0 to 1, an image (.bmp"),
         ("dirt * 2", [], "'dirt' in the expression has no source (add --input dirt=IMAGE"),
         ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is no name in the expression (did you mean 'dirt'?)"),
-        ("dirt * 2", ["dirt"], "--input: dirt: says not where the value comes from"),
+        ("dirt * 2", ["dirt"], "--input: dirt: names no source of the value"),
         ("1", ["dirt=1"], "--input: dirt=1: only an expression has inputs"),
         ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a mask is a float: use luminance())"),
         ("dirt[0]", ["dirt=dirt.png:r"], "only colors have channels"),

@@ -16,7 +16,7 @@ from lookdev.material.library import LIBRARY_VARIABLE, SHIPPED, find_preset, lib
 def _alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let nothing of this machine's user or checkout in."""
     monkeypatch.delenv(LIBRARY_VARIABLE, raising=False)
-    monkeypatch.setattr("lookdev.material.library._CHECKOUT", tmp_path / "checkout")
+    monkeypatch.setattr("lookdev.material.library.shipped_folder", lambda: tmp_path / "checkout")
     monkeypatch.chdir(tmp_path)
 
 

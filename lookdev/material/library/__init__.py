@@ -1,6 +1,6 @@
 """Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim.
 
-A preset is called by the name of its file. Looks take it by reference, so that a change of the preset changes them.
+The name of a preset is that of its file. Looks reference it, so that a change of the preset changes them.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from pxr import UsdShade
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.usd.file import open_stage
+from lookdev.shipped import shipped_folder
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
 
 SHIPPED = Path("materials", "presets")
-"""Where presets are, below the current folder and below the program's checkout."""
+"""Where presets are, below the current folder and below `lookdev.shipped.shipped_folder`."""
 
-_CHECKOUT = Path(__file__).parents[3]
 _SUFFIXES = (".usda", ".usd", ".usdc")
 
 
@@ -31,7 +31,7 @@ class Preset:
     """One layer of the library.
 
     `file` is absolute, `prim` the path of the shader in it, `model` one of `lookdev.brdf.MODELS`; `category` and `doc`
-    are what the file says of it, or empty.
+    are read from the file, or empty.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Preset:
 
 @dataclass(frozen=True)
 class Library:
-    """The presets of some folders, by category and name, and what is wrong with files that are none."""
+    """The presets of some folders, by category and name, and the faults of files that are not presets."""
 
     presets: tuple[Preset, ...]
     faults: tuple[Fault, ...]
@@ -54,16 +54,16 @@ def library_folders(given: Path | None = None) -> tuple[Path, ...]:
     """Return the folders that presets are looked for in, absolute; of two presets of one name, the first folder's wins.
 
     That is `given`, else those of ``$LOOKDEV_LIBRARY``, else ``materials/presets`` below the current folder and below
-    the program's checkout, as far as they are there.
+    the folder of the shipped files, as far as they exist.
 
     Raises
     ------
     LookError
-        A folder that was asked for is not there, or none is.
+        A folder that was asked for does not exist, or none does.
     """
     named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     wanted = [given] if given else named
-    folders = dict.fromkeys(folder.absolute() for folder in wanted or (SHIPPED, _CHECKOUT / SHIPPED))
+    folders = dict.fromkeys(folder.absolute() for folder in wanted or (SHIPPED, shipped_folder() / SHIPPED))
     missing = [folder for folder in folders if not folder.is_dir()]
     if wanted and missing:
         origin = "--library" if given else f"${LIBRARY_VARIABLE}"
@@ -106,7 +106,7 @@ def find_preset(name: str, library: Path | None = None) -> Preset:
     Raises
     ------
     LookError
-        There is no such preset, or its file is none.
+        There is no such preset, or its file is not one.
     """
     if Path(name).suffix in _SUFFIXES:
         return read_preset(Path(name).absolute())
@@ -145,7 +145,7 @@ def read_preset(file: Path) -> Preset:
 
 
 def library_text(library: Library) -> str:
-    """Write a library as an aligned table: name, category, model, and the first sentence of what is said of it."""
+    """Return a library as an aligned table: name, category, model, and the first sentence of its documentation."""
     rows = [("name", "category", "model", "")]
     rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]

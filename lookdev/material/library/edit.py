@@ -56,7 +56,7 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
         raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
-    with atomic_path(file) as temporary, _told_of(file, temporary):
+    with atomic_path(file) as temporary, _reported_for(file, temporary):
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
         stage.SetDefaultPrim(material.GetPrim())
@@ -93,10 +93,10 @@ def add_layer(
 
 
 def remove_layer(file: Path, layer: str, prim: str | None = None) -> tuple[int, str, bool]:
-    """Take a layer, by number or name, out of a stack; return its number, its name, and whether it is really gone.
+    """Remove a layer, by number or name, from a stack; return its number, its name, and whether it is removed.
 
-    Layers over it are numbered anew, and nodes that only it used go with it. What another file says of it cannot be
-    taken away: then the layer is disabled.
+    Layers above it are renumbered, and nodes that only it used are removed. A layer that another file defines cannot be
+    removed and is disabled.
 
     Raises
     ------
@@ -193,7 +193,7 @@ class _Stack:
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def is_own(self, attribute: Usd.Attribute) -> bool:
-        """Say whether all that is said of an input is said of the stack itself, in the file that is edited."""
+        """Return whether all opinions about an input are on the stack itself, in the file that is edited."""
         root = self.stage.GetRootLayer()
         return all(
             spec.layer == root and spec.path.StripAllVariantSelections() == attribute.GetPath()
@@ -311,7 +311,7 @@ def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
         raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
     if not file.is_file():
         raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
-    with atomic_path(file) as temporary, _told_of(file, temporary):
+    with atomic_path(file) as temporary, _reported_for(file, temporary):
         shutil.copy(file, temporary)
         stage, network = open_stage(temporary), Network(temporary)
         path = find_material(network, stage, prim, {})
@@ -328,17 +328,17 @@ def _check_suffix(file: Path) -> None:
 
 
 @contextmanager
-def _told_of(file: Path, temporary: Path) -> Iterator[None]:
-    """Tell what is wrong with a copy of a file as wrong with the file."""
+def _reported_for(file: Path, temporary: Path) -> Iterator[None]:
+    """Report the faults of a temporary copy as faults of the file."""
     try:
         with reading(temporary):
             yield
     except LookError as error:
 
-        def told(text: str) -> str:
+        def renamed(text: str) -> str:
             return text.replace(str(temporary.absolute()), str(file)).replace(str(temporary), str(file))
 
-        faults = [replace(fault, file=told(fault.file), what=told(fault.what)) for fault in error.faults]
+        faults = [replace(fault, file=renamed(fault.file), what=renamed(fault.what)) for fault in error.faults]
         raise LookError(faults) from error
 
 

@@ -18,7 +18,7 @@ from lookdev.material.expression import Expression, ExpressionError, Kind, parse
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
 
 IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
-"""Endings by which an image is told from an expression."""
+"""File name endings that distinguish an image from an expression."""
 
 _IMAGE = re.compile(rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGES)}))(:(?P<channel>\w*))?", re.I)
 _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or an expression"
@@ -98,7 +98,7 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression) -> Iterator[tup
         source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"))
         if source is None:
             hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"
-            raise LookError([Fault("--input", text, "says not where the value comes from", hint)])
+            raise LookError([Fault("--input", text, "names no source of the value", hint)])
         yield name, source
 
 

@@ -18,7 +18,7 @@ from pxr import Sdf, Sdr, Tf, Usd, UsdShade
 
 from lookdev.brdf.disney import DISNEY
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, nearest_hint
+from lookdev.errors import Fault, OutputError, nearest_hint
 from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import (
     TYPES,
@@ -87,16 +87,20 @@ def import_materialx(file: Path) -> Imported:
     return Imported(file, materials, network.unmapped)
 
 
-def write_usda(imported: Imported, path: Path) -> None:
+def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
     """Write imported materials as looks, each a layer LookdevDisney; a sole one is the default prim.
 
     Image paths relative to the document become relative to `path`.
 
     Raises
     ------
+    OutputError
+        `path` exists, and `replace` is false.
     OSError
         `path` cannot be written.
     """
+    if path.exists() and not replace:
+        raise OutputError(f"{path} exists; give a name that does not")
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {NODE})."
     names: set[str] = set()

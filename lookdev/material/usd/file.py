@@ -73,6 +73,13 @@ def open_stage(file: Path) -> Usd.Stage:
         return stage
 
 
+def dependencies(file: Path) -> set[Path]:
+    """Return a USD file, its layers and its images, absolute; those of unselected variants too."""
+    with reading(file):
+        layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
+    return {Path(layer.realPath) for layer in layers} | {Path(image) for image in images}
+
+
 def _said(error: Tf.ErrorException) -> str:
     try:
         return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))

@@ -1,0 +1,67 @@
+"""Reports of exceptions that the program does not expect: what a developer needs to find the defect."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import tempfile
+import traceback
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+
+from lookdev.cache import atomic_path, cache_dir
+from lookdev.errors import OutputError
+
+DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
+"""Those whose versions a report contains."""
+
+
+def record_crash(error: Exception, command: Sequence[str]) -> str:
+    """Write a report file on an exception and return the line that names it.
+
+    The file lies in the cache folder, or where that cannot be written in the folder of temporary files. Where no file
+    can be written at all, the report follows the line.
+
+    Parameters
+    ----------
+    error
+        The exception, with its traceback.
+    command
+        The command line. A job file that it names goes into the report.
+    """
+    now = datetime.now(UTC)
+    report = "\n".join(_report(error, command, now)) + "\n"
+    what = f"internal error: {type(error).__name__}: {error}".partition("\n")[0]
+    for folder in (partial(cache_dir, "reports"), tempfile.gettempdir):
+        with suppress(OSError, OutputError):
+            file = Path(folder(), f"lookdev-{now:%Y%m%d-%H%M%S}-{os.getpid()}.txt")
+            with atomic_path(file) as temporary:
+                temporary.write_text(report, encoding="utf-8", errors="backslashreplace")
+            return f"{what}; this is a defect of lookdev, please send its developers the report {file}"
+    return f"{what}; no report file can be written, so the report follows\n{report}"
+
+
+def _report(error: Exception, command: Sequence[str], now: datetime) -> Iterator[str]:
+    yield f"command: {shlex.join(command)}"
+    yield f"folder: {os.environ.get('PWD', 'unknown')}"
+    yield f"time: {now.isoformat(timespec='seconds')}"
+    yield f"system: {platform.platform()}"
+    yield f"python: {platform.python_version()}"
+    for distribution in DISTRIBUTIONS:
+        yield f"{distribution}: {_version(distribution)}"
+    yield f"\n{''.join(traceback.format_exception(error))}"
+    for job in (Path(argument) for argument in command if argument.endswith(".toml")):
+        with suppress(OSError):
+            yield f"{job}:\n\n{job.read_text(encoding='utf-8', errors='backslashreplace')}"
+
+
+def _version(distribution: str) -> str:
+    try:
+        return metadata.version(distribution)
+    except metadata.PackageNotFoundError:
+        return "not installed"

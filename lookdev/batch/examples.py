@@ -1,0 +1,122 @@
+"""The example jobs that come with the program: listed, and copied together with the files that they need."""
+
+from __future__ import annotations
+
+import filecmp
+import re
+import shlex
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from lookdev.cache import atomic_path
+from lookdev.errors import LookdevError, OutputError, nearest_hint
+from lookdev.job import load_job
+from lookdev.material.usd.file import dependencies
+from lookdev.shipped import shipped_folder
+
+_TIME = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
+_SECONDS = {"s": 1, "min": 60}
+
+
+@dataclass(frozen=True)
+class Example:
+    """A shipped job: its file, its first comment, and the seconds that it takes on two cores; 0 if it states none."""
+
+    file: Path
+    title: str
+    seconds: int
+
+    @property
+    def name(self) -> str:
+        """The name of the file without suffix."""
+        return self.file.stem
+
+
+@dataclass(frozen=True)
+class Copied:
+    """The copy of a job, and how many files were written for it, itself included."""
+
+    job: Path
+    written: int
+
+    def summary(self) -> str:
+        """Return what was done, and the command that renders the job."""
+        what = f"{self.written} files written" if self.written else "every file is there already"
+        return f"{self.job}: {what}; next: lookdev render {shlex.quote(str(self.job))}"
+
+
+def list_examples() -> tuple[Example, ...]:
+    """Return the shipped jobs, quickest first."""
+    examples = []
+    for file in shipped_folder().joinpath("jobs").glob("*.toml"):
+        text = file.read_text(encoding="utf-8")
+        time = _TIME.search(text)
+        title = text.partition("\n")[0].removeprefix("# ")
+        examples.append(Example(file, title, int(time[1]) * _SECONDS[time[2]] if time else 0))
+    return tuple(sorted(examples, key=lambda example: (example.seconds, example.name)))
+
+
+def examples_text(examples: Sequence[Example]) -> str:
+    """Write examples as an aligned table: name, time on two cores, title; and the command that copies one."""
+    width = max(len(example.name) for example in examples)
+    lines = [f"{example.name:<{width}}  {_duration(example.seconds):>6}  {example.title}" for example in examples]
+    return "\n".join([*lines, "", "Times are for two cores. To copy one into this folder: lookdev example first"])
+
+
+def _duration(seconds: int) -> str:
+    if seconds >= 60:
+        return f"{round(seconds / 60)} min"
+    return f"{seconds} s" if seconds else ""
+
+
+def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
+    """Copy a shipped job with its looks, presets and textures; paths between them stay as they are.
+
+    Parameters
+    ----------
+    name
+        Of one of `list_examples`.
+    to
+        The folder that gets ``jobs/<name>.toml`` and ``materials/...``; it is made if it does not exist.
+    force
+        Replace files that differ.
+
+    Raises
+    ------
+    LookdevError
+        No shipped job has that name.
+    OutputError
+        A file exists and differs, so that nothing is written; or a file cannot be written.
+    """
+    examples = {example.name: example for example in list_examples()}
+    if name not in examples:
+        raise LookdevError(f"there is no example '{name}' ({nearest_hint(name, list(examples))})")
+    root, source = shipped_folder(), examples[name].file
+    targets = {file: to / file.relative_to(root) for file in _needed(source)}
+    there = {file: target for file, target in targets.items() if target.exists()}
+    differing = [str(target) for file, target in there.items() if not _equal(file, target)]
+    if differing and not force:
+        hint = "--force replaces what differs, --to names another folder"
+        raise OutputError(f"these files exist and differ from the example's: {', '.join(differing)} ({hint})")
+    stale = [file for file, target in targets.items() if file not in there or str(target) in differing]
+    try:
+        for file in stale:
+            with atomic_path(targets[file]) as temporary:
+                shutil.copyfile(file, temporary)  # without the mode: an installed file may be read-only
+    except OSError as error:
+        raise OutputError(f"{to}: the example cannot be written: {error.strerror}") from error
+    return Copied(targets[source], len(stale))
+
+
+def _needed(source: Path) -> list[Path]:
+    """Return a job file and all that it names, directly or through its looks."""
+    job = load_job(source)
+    composed = [file for file in (job.asset.usd, *(look.material for look in job.look)) if file]
+    needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*map(dependencies, composed))
+    return [source, *sorted(needed)]
+
+
+def _equal(file: Path, target: Path) -> bool:
+    return target.is_file() and filecmp.cmp(file, target, shallow=False)

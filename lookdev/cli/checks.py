@@ -1,0 +1,104 @@
+"""The verbs that compare the renderer with the models: check, eval."""
+
+from __future__ import annotations
+
+import sys
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lookdev.cli.options import Prim, Variants
+
+app = typer.Typer()
+_PANEL = "Accuracy and speed"
+
+
+class Evaluator(StrEnum):
+    """What evaluates the models."""
+
+    numpy = "numpy"
+    cycles = "cycles"
+
+
+class Depth(StrEnum):
+    """How much a check compares."""
+
+    quick = "quick"
+    default = "default"
+    full = "full"
+
+
+@app.command(rich_help_panel=_PANEL)
+def check(
+    file: Annotated[
+        Path | None,
+        typer.Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.", show_default=False),
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Write a page with plots too.", show_default=False)
+    ] = None,
+    only: Annotated[
+        str,
+        typer.Option(
+            "--only",
+            metavar="CHECKS",
+            help="Of points,albedo,image,stability; default: all but stability.",
+            show_default=False,
+        ),
+    ] = "",
+    stress: Annotated[
+        bool, typer.Option("--stress", help="As '--only stability': extreme values; without FILE, all models.")
+    ] = False,
+    depth: Annotated[Depth, typer.Option("--depth", help="How much is compared.")] = Depth.default,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Chooses cases, places and samples.")] = 0,
+    prim: Prim = None,
+    variants: Variants = None,
+    backend: Annotated[
+        str | None,
+        typer.Option(
+            "--backend",
+            metavar="NAME",
+            help="What renders a look, as the key backend of a job does; default: exact.",
+            show_default=False,
+        ),
+    ] = None,
+) -> None:
+    """Compare Cycles with the models in float64; exit code 1 where they disagree."""
+    from rich.console import Console
+
+    from lookdev.batch.check import check_file, parse_only
+    from lookdev.checks.report import print_findings, verdict, write_html
+    from lookdev.material.variants import parse_variants
+
+    findings = []
+    for finding in check_file(
+        file,
+        only=["stability"] if stress else parse_only(only),
+        depth=depth.value,
+        seed=seed,
+        prim=prim,
+        variants=parse_variants(variants or ()),
+        backend=backend,
+    ):
+        typer.echo(finding.headline, err=True)
+        findings.append(finding)
+    print_findings(findings, Console())
+    if html is not None:
+        write_html(findings, html, f"lookdev check {file.name if file else '--stress'}")
+    typer.echo(verdict(findings))
+    raise typer.Exit(0 if all(finding.passed for finding in findings) else 1)
+
+
+@app.command("eval", rich_help_panel=_PANEL)
+def evaluate(
+    backend: Annotated[
+        Evaluator, typer.Option("--backend", help="numpy: the float64 models; cycles: the generated OSL.")
+    ] = Evaluator.numpy,
+) -> None:
+    """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout."""
+    from lookdev.checks.evaluate import evaluate_lines
+
+    for line in evaluate_lines(sys.stdin, backend.value):
+        typer.echo(line)

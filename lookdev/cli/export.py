@@ -1,0 +1,36 @@
+"""The verbs of ``lookdev export``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lookdev.cli.options import JobFile
+
+app = typer.Typer(help="Write a job for another program.", no_args_is_help=True)
+
+
+@app.callback()
+def _group() -> None:
+    """Keep the name of the only verb in the command."""
+
+
+@app.command("blend")
+def export_blend(
+    job: JobFile,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FILE.blend", help="The file to write.", show_default=False)
+    ],
+    pack: Annotated[
+        bool, typer.Option("--pack", help="Put images into the file, instead of a folder <FILE>_files beside it.")
+    ] = False,
+) -> None:
+    """Write the job's scenes for Blender: looks as native nodes, lights as worlds, turntables as keyframes."""
+    from lookdev.batch.export import export_blend as export
+
+    exported = export(job, out, pack=pack)
+    for note in exported.notes:
+        typer.echo(f"note: {note}", err=True)
+    typer.echo(exported.summary())

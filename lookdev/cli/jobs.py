@@ -1,0 +1,79 @@
+"""The verbs of job files: render, plan, example, schema."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lookdev.cli.options import AsJson, JobFile
+
+app = typer.Typer()
+_PANEL = "Jobs"
+
+
+@app.command(rich_help_panel=_PANEL)
+def render(
+    job: JobFile,
+    force: Annotated[bool, typer.Option("--force", help="Render every frame again, done or not.")] = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
+    ] = False,
+) -> None:
+    """Render every frame of a job that is new or stale, then pictures and contact sheets."""
+    if dry_run:
+        plan(job)
+        return
+    from lookdev.batch.prepare import prepare_job
+    from lookdev.batch.progress import show_progress
+    from lookdev.batch.run import render_job
+
+    with show_progress(sys.stdout) as report:
+        result = render_job(job, prepare_job, force=force, report=report)
+    typer.echo(result.summary(), err=result.exit_code != 0)
+    raise typer.Exit(result.exit_code)
+
+
+@app.command(rich_help_panel=_PANEL)
+def plan(job: JobFile, as_json: AsJson = False) -> None:
+    """List what would be rendered and why: new, stale or done."""
+    from lookdev.batch.listing import plan_data, plan_text
+    from lookdev.batch.prepare import prepare_job
+
+    prepared = prepare_job(job)
+    for note in prepared.notes:
+        typer.echo(f"note: {note}", err=True)
+    if as_json:
+        typer.echo(json.dumps(plan_data(prepared.plan, prepared.job.output), indent=2))
+    else:
+        typer.echo(plan_text(prepared.plan, prepared.job.output))
+
+
+@app.command(rich_help_panel=_PANEL)
+def example(
+    name: Annotated[
+        str | None,
+        typer.Argument(metavar="[NAME]", help="The example; default: list all.", show_default=False),
+    ] = None,
+    to: Annotated[Path, typer.Option("--to", metavar="DIR", help="The folder to copy into.")] = Path(),
+    force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,
+) -> None:
+    """List the example jobs, or copy one with the looks, presets and textures that it needs."""
+    from lookdev.batch.examples import copy_example, examples_text, list_examples
+
+    typer.echo(copy_example(name, to, force=force).summary() if name else examples_text(list_examples()))
+
+
+@app.command(rich_help_panel=_PANEL)
+def schema(
+    out: Annotated[
+        typer.FileTextWrite | None, typer.Option("--out", help="Write to this file instead of stdout.")
+    ] = None,
+) -> None:
+    """Write the JSON Schema of job files, for editors."""
+    from lookdev.job import json_schema
+
+    typer.echo(json.dumps(json_schema(), indent=2), file=out)

@@ -1,0 +1,24 @@
+"""Variants of a look as the command line gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from lookdev.errors import LookdevError
+
+
+def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
+    """Return the variant of each set from pairs ``SET=VARIANT``.
+
+    Raises
+    ------
+    LookdevError
+        A pair lacks its set, its variant or the sign between.
+    """
+    chosen = {}
+    for pair in pairs:
+        name, _, choice = pair.partition("=")
+        if not (name and choice):
+            raise LookdevError(f"--variants {pair}: SET=VARIANT is needed, for instance wear=dusty")
+        chosen[name] = choice
+    return chosen

@@ -1,0 +1,13 @@
+"""The jobs, looks and presets that come with the program."""
+
+from pathlib import Path
+
+_PACKAGED = Path(__file__).with_name("data")
+
+
+def shipped_folder() -> Path:
+    """Return the folder that contains ``jobs`` and ``materials``.
+
+    That is ``lookdev/data`` in an installed wheel, and the checkout itself otherwise, for an editable install too.
+    """
+    return _PACKAGED if _PACKAGED.is_dir() else Path(__file__).parents[1]

@@ -1,0 +1,126 @@
+"""`lookdev check` and `lookdev eval`: options, exit codes, the page."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.checks.finding import Finding
+from lookdev.errors import ModelError
+
+ROOT = Path(__file__).parents[2]
+Command = Callable[..., tuple[int, str, str]]
+
+GOOD = Finding("points", "gold", True, "40000 cases", {}, ("case 1",))
+BAD = Finding("albedo", "gold", False, "far off", {}, ("case 2",))
+
+
+@pytest.fixture
+def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Replace the findings of the checks by those of the test; return the options that arrive."""
+    asked: dict[str, Any] = {"findings": [GOOD]}
+
+    def check_file(file: Path, **options: Any) -> Iterator[Finding]:
+        asked.update(file=file, **options)
+        yield from asked["findings"]
+
+    monkeypatch.setattr("lookdev.batch.check.check_file", check_file)
+    return asked
+
+
+def test_agreement_leaves_with_0(run_cli: Command, found: dict[str, Any]) -> None:
+    code, output, errors = run_cli("check", "gold.usda")
+    assert (code, errors) == (0, "points: gold: agrees\n")
+    assert "all 1 checks agree" in output
+    assert found["file"] == Path("gold.usda")
+    assert (found["only"], found["depth"], found["seed"], found["backend"]) == ((), "default", 0, None)
+
+
+def test_disagreement_leaves_with_1_and_lists_the_cases(run_cli: Command, found: dict[str, Any]) -> None:
+    found["findings"] = [GOOD, BAD]
+    code, output, errors = run_cli("check", "gold.usda")
+    assert (code, errors) == (1, "points: gold: agrees\nalbedo: gold: DISAGREES\n")
+    assert "case 2" in output
+    assert "case 1" not in output
+    assert "1 of 2 checks disagree" in output
+
+
+def test_options_reach_the_checks_and_a_page_is_written(
+    run_cli: Command, found: dict[str, Any], tmp_path: Path
+) -> None:
+    page = tmp_path / "report.html"
+    options = ("--only", "points, image", "--depth", "quick", "--seed", 7, "--prim", "/Gold", "--variants", "wear=old")
+    options += ("--backend", "nodes-exact")
+    assert run_cli("check", "gold.usda", *options, "--html", page)[0] == 0
+    assert found["only"] == ("points", "image")
+    assert (found["depth"], found["seed"], found["prim"], found["variants"]) == ("quick", 7, "/Gold", {"wear": "old"})
+    assert found["backend"] == "nodes-exact"
+    assert "40000 cases" in page.read_text(encoding="utf-8")
+
+
+LEAF = ROOT / "materials" / "leaf.usda"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((LEAF, "--only", "point"), "there is no check 'point' (did you mean 'points'?)"),
+        ((LEAF, "--depth", "deep"), "'deep' is not one of 'quick', 'default', 'full'"),
+        ((LEAF, "--variants", "wear"), "SET=VARIANT is needed"),
+        ((LEAF, "--backend", "node"), "there is no backend 'node' (did you mean 'nodes'?)"),
+        ((), "a job or a look is needed"),
+        (("none.usda",), "none.usda"),
+    ],
+)
+def test_what_does_not_exist_leaves_with_2(arguments: tuple[object, ...], said: str, run_cli: Command) -> None:
+    code, _, errors = run_cli("check", *arguments)
+    assert code == 2
+    assert said in " ".join(errors.replace("│", " ").split())
+
+
+def test_stress_needs_no_file(run_cli: Command, found: dict[str, Any], tmp_path: Path) -> None:
+    assert run_cli("check", "--stress", "--html", tmp_path / "report.html")[0] == 0
+    assert (found["file"], found["only"]) == (None, ["stability"])
+    assert "<title>lookdev check --stress</title>" in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.cycles
+def test_a_shipped_look_agrees(run_cli: Command, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    look = ROOT / "materials" / "brushed_metal.usda"
+    code, output, _ = run_cli("check", look, "--depth", "quick", "--html", page)
+    assert code == 0
+    assert "all 3 checks agree" in output
+    assert "no light passes through" in " ".join(output.split())
+    assert page.read_text(encoding="utf-8").count("<img") == 6
+
+
+@pytest.mark.parametrize(("options", "backend"), [((), "numpy"), (("--backend", "cycles"), "cycles")])
+def test_eval_maps_lines_to_lines(
+    run_cli: Command,
+    provide: Callable[..., None],
+    monkeypatch: pytest.MonkeyPatch,
+    options: tuple[str, ...],
+    backend: str,
+) -> None:
+    def evaluate_lines(lines: Iterator[str], backend: str) -> Iterator[str]:
+        return (f"{backend} {line.strip()}" for line in lines)
+
+    provide("lookdev.checks.evaluate", evaluate_lines=evaluate_lines)
+    monkeypatch.setattr(sys, "stdin", StringIO("a\nb\n"))
+    assert run_cli("eval", *options) == (0, f"{backend} a\n{backend} b\n", "")
+
+
+def test_eval_of_a_bad_line_is_exit_code_2(run_cli: Command, provide: Callable[..., None]) -> None:
+    def evaluate_lines(lines: Iterator[str], backend: str) -> Iterator[str]:
+        yield "first"
+        raise ModelError("line 2: no model 'dysney' (did you mean 'disney'?)")
+
+    provide("lookdev.checks.evaluate", evaluate_lines=evaluate_lines)
+    said = "lookdev: line 2: no model 'dysney' (did you mean 'disney'?)\n"
+    assert run_cli("eval") == (2, "first\n", said)

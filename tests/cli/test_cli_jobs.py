@@ -1,0 +1,125 @@
+"""The verbs of job files: render, plan, example, schema."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import batch_case as case
+import pytest
+
+from lookdev.batch.examples import Example, copy_example, list_examples
+from lookdev.batch.run import run_plan
+from lookdev.errors import OutputError
+from lookdev.job import json_schema, load_job
+from lookdev.material.usd import read_look
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+def test_render_from_nothing_and_again(run_cli: Command, job_file: Path) -> None:
+    code, output, errors = run_cli("render", job_file)
+    assert (code, errors) == (0, "")
+    assert "\x1b" not in output
+    lines = output.splitlines()
+    assert lines[:2] == ["note: city: 3 texels repaired", "6 frames, 6 to render"]
+    assert lines[-1] == "6 of 6 frames are done, 6 of them rendered now."
+    for options, count in (((), 0), (("--force",), 6)):
+        code, output, _ = run_cli("render", job_file, *options)
+        assert (code, output.splitlines()[-1]) == (0, f"6 of 6 frames are done, {count} of them rendered now.")
+
+
+def test_failed_frames_are_exit_code_1_and_a_list_on_stderr(run_cli: Command, job_file: Path, tmp_path: Path) -> None:
+    case.misbehave(tmp_path, lighting_0002=["failed"])
+    code, _, errors = run_cli("render", job_file)
+    assert code == 1
+    assert errors.startswith("1 of 6 frames failed:\ngold/city/lighting.0002: no such attribute 'st2' (log: ")
+
+
+def test_a_worker_that_never_starts_is_exit_code_1(
+    run_cli: Command, job_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fake = partial(run_plan, worker_command=(sys.executable, "-c", "raise ImportError('bpy')"))
+    monkeypatch.setattr("lookdev.batch.run.run_plan", fake)
+    code, _, errors = run_cli("render", job_file)
+    assert code == 1
+    assert "lookdev doctor" in errors
+
+
+@pytest.mark.parametrize("arguments", [("plan",), ("render", "--dry-run")])
+def test_plan_lists_what_would_be_rendered_and_renders_nothing(
+    run_cli: Command, job_file: Path, arguments: tuple[str, ...]
+) -> None:
+    code, output, errors = run_cli(*arguments, job_file)
+    assert (code, errors) == (0, "note: city: 3 texels repaired\n")
+    assert "gold/city/element   0001-0004  new    no file" in output
+    assert not (job_file.parent / "out").exists()
+
+
+def test_plan_as_json(run_cli: Command, job_file: Path) -> None:
+    assert json.loads(run_cli("plan", "--json", job_file)[1])["render"] == 6
+
+
+@pytest.mark.parametrize("verb", ["render", "plan"])
+def test_a_faulty_job_is_exit_code_2_with_every_fault(run_cli: Command, job_file: Path, verb: str) -> None:
+    job_file.write_text(job_file.read_text().replace("samples", "sampels") + "pgn = true\n")
+    code, output, errors = run_cli(verb, job_file)
+    assert (code, output) == (2, "")
+    first, *faults = errors.splitlines()
+    assert first == "lookdev: 2 faults:"
+    assert ["sampels" in fault for fault in faults] == [True, False]
+    assert ["pgn" in fault for fault in faults] == [False, True]
+
+
+def test_schema_to_stdout_and_to_a_file(run_cli: Command, tmp_path: Path) -> None:
+    assert json.loads(run_cli("schema")[1]) == json_schema()
+    assert run_cli("schema", "--out", tmp_path / "job.schema.json") == (0, "", "")
+    assert json.loads((tmp_path / "job.schema.json").read_text()) == json_schema()
+    assert run_cli("schema", "--out", tmp_path / "nowhere" / "job.schema.json")[0] == 1
+
+
+@pytest.mark.parametrize("example", list_examples(), ids=lambda example: example.name)
+def test_an_example_is_copied_whole_and_once(example: Example, tmp_path: Path) -> None:
+    copied = copy_example(example.name, tmp_path)
+    job = load_job(copied.job)
+    assert job.output == tmp_path / "out" / example.name
+    for look in job.look:
+        assert look.material.is_relative_to(tmp_path)
+        variants = {name: choice for name, choice in look.variants.items() if choice != "*"}
+        assert read_look(look.material, look.prim, variants).layers
+    assert copied.written == sum(path.is_file() for path in tmp_path.rglob("*"))
+    assert copy_example(example.name, tmp_path).written == 0
+
+
+def test_an_example_replaces_what_differs_only_by_force(tmp_path: Path) -> None:
+    copied = copy_example("first", tmp_path)
+    text = copied.job.read_text()
+    copied.job.write_text("mine")
+    (look, *_) = tmp_path.joinpath("materials").glob("*.usda")
+    look.unlink()
+    with pytest.raises(OutputError, match=rf"differ from the example's: {copied.job} \(--force"):
+        copy_example("first", tmp_path)
+    assert copied.job.read_text() == "mine"
+    assert not look.exists()
+    assert copy_example("first", tmp_path, force=True).written == 2
+    assert copied.job.read_text() == text
+
+
+def test_example_lists_and_names_the_next_command(
+    run_cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    code, output, _ = run_cli("example")
+    assert code == 0
+    for example, line in zip(list_examples(), output.splitlines(), strict=False):
+        assert line.startswith(f"{example.name} ")
+        assert line.endswith(example.title)
+        assert re.search(r" \d+ (s|min) ", line)
+    code, output, errors = run_cli("example", "first", "--to", "my jobs")
+    assert (code, errors) == (0, "")
+    assert output.endswith("next: lookdev render 'my jobs/jobs/first.toml'\n")
+    assert run_cli("example", "frist") == (2, "", "lookdev: there is no example 'frist' (did you mean 'first'?)\n")
