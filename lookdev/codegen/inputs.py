@@ -11,6 +11,7 @@ import numpy as np
 
 from lookdev.brdf import Parameter
 from lookdev.brdf.vectors import scale
+from lookdev.cache import Content
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding, TextureBinding
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol
@@ -33,7 +34,7 @@ class LookUp:
     texture: Texture
     slopes: bool
     uv: str
-    files: Mapping[int, Path]
+    files: Mapping[int, Content]
 
 
 @dataclass
@@ -112,8 +113,8 @@ class Inputs:
             bindings.append(TextureBinding(file, image))
         return code, bindings
 
-    def _file(self, source: Texture | Bump, texture: Texture) -> Path:
-        return self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture)
+    def _file(self, source: Texture | Bump, texture: Texture) -> Content:
+        return Content.of(self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture))
 
     def value(self, source: Any, parameter: Parameter) -> Any:
         """Return the array of one input: a constant, or what is known only at run time, clipped to the hard range."""

@@ -18,7 +18,6 @@ import numpy as np
 
 from lookdev.brdf import PARAMETERS, StackLayer, stack_bsdf
 from lookdev.brdf.pixar_layering import Mode
-from lookdev.cache import file_digest
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.look import look_bsdf
 from lookdev.codegen.osl.bsdf import WI, WO, BrdfCode, TracedLobe, emit_brdf, trace_lobes
@@ -136,7 +135,7 @@ def generate_surface(
     )
     digest = hashlib.sha256(osl.encode())
     for binding in bound:
-        digest.update(file_digest(binding.file).encode())
+        digest.update(binding.file.digest.encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
     return ShaderSource(
