@@ -5,11 +5,15 @@ from __future__ import annotations
 import hashlib
 import os
 import secrets
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from typing import Self
 
-from lookdev.errors import OutputError
+from lookdev.errors import ContentError, OutputError
 
 
 def cache_dir(*parts: str) -> Path:
@@ -52,3 +56,73 @@ def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file's content, in hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def share(source: Path, target: Path) -> None:
+    """Make `target` the same file as `source`, or a copy where the file system has no hard links; atomic."""
+    with atomic_path(target) as temporary:
+        try:
+            os.link(source, temporary)
+        except OSError:
+            shutil.copy2(source, temporary)
+
+
+@dataclass(frozen=True)
+class Content:
+    """A file named by its content: the SHA-256 of its bytes in hexadecimal, and its suffix.
+
+    It names the same file on every machine. The bytes are in the folder ``content`` of the cache; to run a task
+    elsewhere, these files are copied to that folder there.
+    """
+
+    digest: str
+    suffix: str
+
+    @classmethod
+    def of(cls, file: Path) -> Self:
+        """Put a file into the store, unless it is there, and return its name.
+
+        Files of the cache are never edited in place, so the store links to them; of others it keeps a copy.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read, or the store not be written.
+        """
+        cached = file.is_relative_to(cache_dir())
+        data = None if cached else file.read_bytes()
+        content = cls(_cached_digest(file) if data is None else hashlib.sha256(data).hexdigest(), file.suffix)
+        if not content._place.exists():
+            if data is None:
+                share(file, content._place)
+            else:
+                with atomic_path(content._place) as temporary:
+                    temporary.write_bytes(data)
+        return content
+
+    @property
+    def path(self) -> Path:
+        """Where the file is on this machine.
+
+        Raises
+        ------
+        ContentError
+            The store lacks it.
+        """
+        if not self._place.is_file():
+            raise ContentError(f"{self._place.parent} lacks the file {self._place.name}, which a task names")
+        return self._place
+
+    @property
+    def _place(self) -> Path:
+        return cache_dir("content") / f"{self.digest}{self.suffix}"
+
+
+def _cached_digest(file: Path) -> str:
+    status = file.stat()
+    return _digest_of_version(file, status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=4096)
+def _digest_of_version(file: Path, inode: int, size: int, changed: int) -> str:
+    return file_digest(file)

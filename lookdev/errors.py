@@ -9,6 +9,7 @@
     ├── TextureError        a texture cannot be read or has no such channel
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
     ├── CodegenError        a model uses an operation that the symbolic arrays do not support
+    ├── ContentError        the cache lacks a file that a render task names
     ├── OutputError         a frame, sheet or picture cannot be written or read back
     ├── WorkerError         the render worker died, hung or sent no valid answer
     └── RenderError         Blender refused or failed to render a frame
@@ -80,6 +81,10 @@ class ModelError(LookdevError):
 
 class CodegenError(LookdevError):
     """A model uses an operation that the symbolic arrays do not support."""
+
+
+class ContentError(LookdevError):
+    """The cache lacks a file that a render task names."""
 
 
 class OutputError(LookdevError):

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 import pytest
 
+from lookdev.asset import load_asset
+from lookdev.cache import Content
 from lookdev.codegen import (
     AttributeBinding,
     GroupSocket,
@@ -19,9 +21,10 @@ from lookdev.codegen import (
 )
 from lookdev.job import Job, parse_job
 from lookdev.light import LightTables
+from lookdev.material import Layer, Look
+from lookdev.plan import Setup
 from lookdev.render.task import SceneTask
-from lookdev.scene.camera import Camera
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Camera, Sampling, Scene
 
 JOB = """
 output = "out"
@@ -52,22 +55,50 @@ frames = 3
 @pytest.fixture
 def scene() -> SceneTask:
     return SceneTask(
-        asset_file=Path("/cache/assets/a55e7.npz"),
+        asset=Content("a55e7", ".npz"),
+        backend="exact",
         shaders=(
             ShaderSource(
                 name="gold",
                 osl='shader gold() {\n\t"quoted \u03b1"\r\n}\n',
-                textures=(TextureBinding("base_file", Path("/cache/textures/t \u00e9.exr")),),
+                textures=(TextureBinding("base_file", Content("7e87", ".exr")),),
                 attributes=(AttributeBinding("st", "st", "uv"),),
                 digest="500d",
             ),
         ),
-        light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 1024, 512, "119147"),
+        lights=(LightTables(*(Content(part, ".exr") for part in "rpsb"), 1024, 512, "119147"),),
         resolution=(64, 48),
-        sampling=Sampling(samples=64, error=None, brdf_samples=2, ibl_samples=4, bounces=2, seed=0),
+        sampling=Sampling(brdf_samples=2, ibl_samples=4),
         camera=Camera(fov=39.6, elevation=10.0, target=(0.1, 0.2, 1 / 3), distance=3.7),
-        device="cpu",
     )
+
+
+Tasks = Mapping[tuple[str, str], SceneTask]
+
+
+@pytest.fixture
+def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
+    """Return a function that makes the setups of a job of tasks by look and light; all looks are one."""
+    asset = load_asset(builtin="plane")
+
+    def make(job: Job, tasks: Tasks, around: Collection[tuple[str, str]] = (), look: Look | None = None) -> list[Setup]:
+        shown = Scene.of_look(asset, look or Look("gold", (Layer("Base", "disney"),)), scene.light, (64, 48))
+        return [
+            Setup(
+                each.name,
+                ibl.name,
+                shown,
+                tasks[each.name, ibl.name],
+                job.render.sampling,
+                (each.name, ibl.name) in around,
+                ibl.exposure,
+                ibl.rotation,
+            )
+            for each in job.look
+            for ibl in job.ibl
+        ]
+
+    return make
 
 
 @pytest.fixture
@@ -77,7 +108,7 @@ def node_source() -> NodeSource:
         "Lookdev Disney",
         (
             ShaderNode("In", "NodeGroupInput"),
-            ShaderNode("Map", "TexImage", {"extension": "CLIP"}, {}, "t \u00e9", image=Path("/cache/t.exr")),
+            ShaderNode("Map", "TexImage", {"extension": "CLIP"}, {}, "t \u00e9", image=Content("7e87", ".exr")),
             ShaderNode(
                 "Mix",
                 "Mix",

@@ -2,36 +2,40 @@
 
 from __future__ import annotations
 
-import json
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import Literal, cast, get_args
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.store import read_asset
-from lookdev.batch.prepare import Prepared, make_scene, prepare_job
+from lookdev.asset import load_asset
+from lookdev.batch.prepare import read_setups
 from lookdev.brdf import MODELS
-from lookdev.checks.albedo import ANGLES, Halves, Render, check_albedo
+from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
+from lookdev.checks.frames import Alter, Halves, Render, altered, unaltered
 from lookdev.checks.gap import check_gap
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.checks.points import check_points
 from lookdev.checks.stability import stress
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.job.schema import Backend
-from lookdev.light import read_distribution
+from lookdev.job import JobTurntable
+from lookdev.job.scenes import each_variant
+from lookdev.light import load_environment, prepare_light, read_distribution
 from lookdev.material import Look
+from lookdev.material.usd import read_look
+from lookdev.plan import Setup, Turns, make_setup
 from lookdev.reference.render import frame_pixels
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.backends import BACKENDS, Backend, job_backends
+from lookdev.render.scene import scene_task
+from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import renderer
+from lookdev.scene import Film, Pose, Sampling, Scene
 
-Alter = Callable[[str], str]
 Image = NDArray[np.float32]
 DepthName = Literal["quick", "default", "full"]
 
@@ -64,22 +68,9 @@ DEPTHS: dict[DepthName, Depth] = {
 # Each is two halves.
 _RENDERS = 4
 _LOOK_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-_JOB = """output = "out"
-[asset]
-builtin = "shaderball"
-[[ibl]]
-name = "city"
-builtin = "city"
-[[turntable]]
-kind = "element"
-frames = 8
-[render]
-resolution = [512, 512]
-[[look]]
-name = {name}
-material = {material}
-variants = {{ {variants} }}
-"""
+# Of a look alone.
+_ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
+_TURNTABLE = JobTurntable(kind="element", frames=8)
 
 
 def check_file(
@@ -91,7 +82,7 @@ def check_file(
     prim: str | None = None,
     variants: Mapping[str, str] | None = None,
     backend: str | None = None,
-    alter: Alter = lambda osl: osl,
+    alter: Alter = unaltered,
 ) -> Iterator[Finding]:
     """Check every look of a job, or one look.
 
@@ -109,9 +100,9 @@ def check_file(
     prim, variants
         Of a look's file: its material, and the variant of each set.
     backend
-        Of a look's file: what renders it, ``"exact"`` where it is None. A job contains its own.
+        Of a look's file: what renders it, ``"exact"`` where it is None. A job names its own.
     alter
-        Is given the text of every shader and returns the one to run: how a test plants a fault.
+        Alters the text of every shader.
 
     Raises
     ------
@@ -126,14 +117,12 @@ def check_file(
     for name in only:
         if name not in CHECKS:
             raise LookdevError(f"there is no check '{name}' ({nearest_hint(name, list(CHECKS))})")
-    if backend is not None and backend not in get_args(Backend):
-        raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, get_args(Backend))})")
     names = [name for name in CHECKS if name in (only or USUAL)]
     if file is None and names != ["stability"]:
         raise LookdevError("there is nothing to check; a job or a look is needed, but for the stability of the models")
-    prepared = _prepared(file, prim, variants or {}, backend) if file else None
+    setups, turns = _read(file, prim, variants or {}, backend) if file else ((), Turns((_TURNTABLE,), Path()))
     with renderer() as render:
-        subject = _Subject(prepared, render, depth, seed, alter)
+        subject = _Subject(setups, turns, render, depth, seed, alter)
         for name in names:
             yield from CHECKS[name](subject)
 
@@ -143,31 +132,33 @@ def parse_only(text: str) -> tuple[str, ...]:
     return tuple(name for part in text.split(",") if (name := part.strip()))
 
 
-def _prepared(file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None) -> Prepared:
+def _read(
+    file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None
+) -> tuple[tuple[Setup, ...], Turns]:
+    """Return what is to be checked of a job or a look, and how it is turned."""
     if file.suffix.lower() not in _LOOK_SUFFIXES:
         if backend is not None:
             raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
-        return prepare_job(file)
-    text = _JOB.format(
-        name=json.dumps(
-            "".join(character if character.isascii() and character.isalnum() else "_" for character in file.stem)
-        ),
-        material=json.dumps(str(file.resolve()), ensure_ascii=False),
-        variants=", ".join(f"{json.dumps(name)} = {json.dumps(choice)}" for name, choice in variants.items()),
-    )
-    if prim is not None:
-        text += f"prim = {json.dumps(prim)}\n"
-    with tempfile.TemporaryDirectory(prefix="lookdev-check-") as folder:
-        job = Path(folder, "check.toml")
-        job.write_text(text, encoding="utf-8")
-        return prepare_job(job, cast(Backend | None, backend))
+        made = read_setups(file)
+        return made.setups, made.turns
+    known = list(job_backends())
+    if backend is not None and backend not in known:
+        raise LookdevError(f"there is no backend '{backend}' ({nearest_hint(backend, known)})")
+    asset, light = load_asset(builtin=_ASSET), prepare_light(load_environment(builtin=_LIGHT))
+    stem = "".join(character if character.isascii() and character.isalnum() else "_" for character in file.stem)
+    setups = []
+    for name, chosen in each_variant(stem, file, prim, variants):
+        scene = Scene.of_look(asset, read_look(file, prim, chosen, name, open_images=False), light, _RESOLUTION)
+        setups.append(make_setup(name, _LIGHT, scene, Sampling(), backend or "exact"))
+    return tuple(setups), Turns((_TURNTABLE,), Path())
 
 
 @dataclass(frozen=True)
 class _Subject:
     """What is checked, and how much."""
 
-    prepared: Prepared | None
+    setups: tuple[Setup, ...]
+    turns: Turns
     render: Render
     depth: DepthName
     seed: int
@@ -175,12 +166,12 @@ class _Subject:
 
     @property
     def backend(self) -> Backend:
-        return self.prepared.job.render.backend if self.prepared else "exact"
+        return BACKENDS[self.setups[0].task.backend]
 
     def looks(self) -> list[Look]:
         """Return each look that the asset wears once."""
         seen: list[Look] = []
-        for look in chain.from_iterable(self.prepared.looks.values() if self.prepared else ()):
+        for look in chain.from_iterable(setup.scene.looks for setup in self.setups):
             if look not in seen:
                 seen.append(look)
         return seen
@@ -188,8 +179,8 @@ class _Subject:
 
 def _check_points(subject: _Subject) -> Iterator[Finding]:
     for look in subject.looks():
-        if subject.backend != "exact":
-            why = f"backend {subject.backend}: only OSL can be asked for values at points"
+        if subject.backend.source is not ShaderSource:
+            why = f"backend {subject.backend.name}: only OSL can be evaluated at points"
             yield Finding("points", look.name, True, "", skipped=why)
             continue
         yield check_points(look, count=DEPTHS[subject.depth].cases, seed=subject.seed, alter=subject.alter)
@@ -204,55 +195,46 @@ def _check_albedo(subject: _Subject) -> Iterator[Finding]:
             points=depth.places,
             angles=depth.angles,
             seed=subject.seed,
-            backend=subject.backend,
+            backend=subject.backend.name,
             alter=subject.alter,
         )
 
 
 def _check_images(subject: _Subject) -> Iterator[Finding]:
     """Check one frame, at a random pose, of each look under each light."""
-    assert subject.prepared is not None, "only the stability of models goes without a file"
     rng = np.random.default_rng(subject.seed)
-    tasks: dict[tuple[str, str], list[FrameTask]] = {}
-    for frame in subject.prepared.plan.frames:
-        tasks.setdefault((frame.task.labels["look"], frame.task.labels["ibl"]), []).append(frame.task)
-    for (look, ibl), poses in tasks.items():
-        task = poses[int(rng.integers(len(poses)))]
-        yield _check_image(subject, f"{look}, {ibl}", task, subject.prepared.looks[look])
+    for setup in subject.setups:
+        poses = subject.turns.poses(setup)
+        yield _check_image(subject, setup, poses[int(rng.integers(len(poses)))])
 
 
-def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[Look]) -> Finding:
-    depth, scene = DEPTHS[subject.depth], task.scene
-    shrink = min(1.0, depth.side / max(scene.resolution))
-    width, height = (max(1, round(shrink * pixels)) for pixels in scene.resolution)
-    shaders = tuple(
-        replace(shader, osl=subject.alter(shader.osl)) if isinstance(shader, ShaderSource) else shader
-        for shader in scene.shaders
-    )
-    small = replace(scene, resolution=(width, height), shaders=shaders)
+def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
+    depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
+    shrink = min(1.0, depth.side / max(task.resolution))
+    width, height = (max(1, round(shrink * pixels)) for pixels in task.resolution)
+    small = replace(altered(task, subject.alter), resolution=(width, height))
 
     def render(number: int, samples: int, small: SceneTask = small) -> Halves:
         # Seeds far from those of the job's own frames and of each other; the shader takes less than 2^18.
-        sampling = replace(scene.sampling, samples=samples, error=None, seed=(subject.seed * 8 + number) % (1 << 18))
-        return subject.render(replace(task, scene=replace(small, sampling=sampling), digest=f"{name} {number}"))
+        seed = (subject.seed * 8 + number) % (1 << 18)
+        return subject.render(one_frame(small, pose, f"{name} {number}", samples=samples, error=None, seed=seed))
 
     frames = [render(number, depth.samples) for number in range(_RENDERS)]
     alpha = np.mean([frame.alpha for frame in frames], axis=0)
-    if subject.backend == "nodes":
-        asset = read_asset(scene.asset_file)
-        exact = make_scene(asset, scene.asset_file, looks, scene.light, scene.camera, (width, height), scene.sampling)
+    if not subject.backend.exact:
+        exact = scene_task(replace(setup.scene, film=Film((width, height))), task.sampling)
         wanted = [render(_RENDERS + number, depth.samples, exact) for number in range(_RENDERS)]
         return check_gap(name, _halves(wanted), _halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
-        read_asset(scene.asset_file),
-        looks,
-        read_distribution(scene.light),
-        scene.camera,
-        task.pose,
+        setup.scene.asset,
+        setup.scene.looks,
+        read_distribution(task.light),
+        task.camera,
+        pose,
         (width, height),
         pixels,
-        bounces=scene.sampling.bounces,
+        bounces=task.sampling.bounces,
         samples=depth.reference,
         seed=subject.seed,
     )
@@ -269,7 +251,7 @@ def _halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
 
 
 def _check_stability(subject: _Subject) -> Iterator[Finding]:
-    subjects: list[str | Look] = list(subject.looks()) if subject.prepared else list(MODELS)
+    subjects: list[str | Look] = list(subject.looks()) or list(MODELS)
     yield from stress(subjects, subject.render, seed=subject.seed, depth=subject.depth)
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
@@ -10,21 +9,20 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from pydantic import BaseModel, ValidationError
 
-from lookdev.batch.prepare import Prepared, prepare_job
-from lookdev.cache import atomic_path
-from lookdev.codegen import NodeSource
+from lookdev.batch.prepare import JobSetups, read_setups
+from lookdev.cache import Content, atomic_path
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
 from lookdev.material import Bump, Formula, Look, Texture
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
-from lookdev.render.blend import BLEND_TASK, BlendTask, BlendTurntable, BlendWorld
+from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask, BlendTurntable, BlendWorld
 from lookdev.render.worker import PATIENCE, last_words
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
@@ -90,35 +88,35 @@ def export_blend(
         raise LookdevError(f"{out.name}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
     if out.is_dir():
         raise OutputError(f"{out}: is a folder; name a file")
-    prepared = prepare_job(job, backend="nodes")
-    images = {file: f"{out.stem}_files/{name}" for file, name in image_names(prepared).items()}
+    made = read_setups(job, backend="nodes")
+    images = tuple(BlendImage(each, f"{out.stem}_files/{name}") for each, name in image_names(made).items())
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         with (
-            _placed({} if pack else images, out.parent) as placed,
+            _placed(() if pack else images, out.parent) as placed,
             # A folder, because Blender itself first writes a file of another name.
             tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as beside,
         ):
             temporary = Path(beside, out.name)
-            notes = _run(blend_task(prepared, temporary, images, pack=pack), command, patience)
+            notes = _run(blend_task(made, temporary, images, pack=pack), command, patience)
             temporary.replace(out)
     except OSError as error:
         raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    worlds = tuple(ibl.name for ibl in prepared.job.ibl)
-    return Exported(out, placed, tuple(prepared.looks), worlds, (*prepared.notes, *notes))
+    looks, worlds = (tuple(each.name for each in named) for named in (made.job.look, made.job.ibl))
+    return Exported(out, placed, looks, worlds, (*made.notes, *notes))
 
 
-def blend_task(prepared: Prepared, file: Path, images: Mapping[Path, str], *, pack: bool) -> BlendTask:
-    """Return what is to be written to `file` of a job prepared with backend ``"nodes"``.
+def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
+    """Return what is to be written to `file` of a job with backend ``"nodes"``.
 
-    The poses are those of the job under its first light; what another light is turned by beyond it is its world's.
+    The poses are those of the job under its first light; the worlds of other lights are turned by what is beyond it.
     """
-    job = prepared.job
-    scenes = {(frame.task.labels["look"], frame.task.labels["ibl"]): frame.task.scene for frame in prepared.plan.frames}
+    job = made.job
+    scenes = {(each.look, each.ibl): each.task for each in made.setups}
     first = job.ibl[0]
     return BlendTask(
         file=file,
-        scenes={look: scenes[look, first.name] for look in prepared.looks},
+        scenes={look.name: scenes[look.name, first.name] for look in job.look},
         worlds=tuple(
             BlendWorld(
                 name=ibl.name,
@@ -132,35 +130,29 @@ def blend_task(prepared: Prepared, file: Path, images: Mapping[Path, str], *, pa
             BlendTurntable(each.name, turntable_poses(each, first.rotation, job.camera.azimuth))
             for each in job.turntable
         ),
-        images=images,
+        images=tuple(images),
         pack=pack,
         view=job.outputs.view,
         show_light=job.render.background == "ibl",
     )
 
 
-def image_names(prepared: Prepared) -> dict[Path, str]:
-    """Return every image that looks and lights read, and what a user would call it: names that never meet.
+def image_names(made: JobSetups) -> dict[Content, str]:
+    """Return every image that looks and lights read, and a unique file name, made of its original's.
 
-    They end in part of the digest that the cache names them by: a .blend written before keeps its images.
+    The name ends in part of the image's digest, so that a .blend written before keeps its images.
     """
-    called: dict[Path, str] = {}
-    for frame in prepared.plan.frames:
-        called.setdefault(frame.task.scene.light.radiance, frame.task.labels["ibl"])
-    originals: dict[Path, str] = {}
-    for texture in (each for looks in prepared.looks.values() for each in _textures(looks)):
-        with suppress(TextureError):  # of an image that reaches no pixel, or the job would not have been prepared
+    called: dict[Content, str] = {}
+    for setup in made.setups:
+        called.setdefault(setup.task.light.radiance, setup.ibl)
+    originals: dict[Content, str] = {}
+    for texture in {each: None for setup in made.setups for each in _textures(setup.scene.looks)}:
+        with suppress(TextureError):  # of an image that reaches no pixel: that of any other is a fault before
             for tile in _tiles(texture):
-                originals[image_file(tile)] = _stem(tile)
-    for frame in prepared.plan.frames:
-        for source in frame.task.scene.shaders:
-            assert isinstance(source, NodeSource), "the job is prepared for nodes"
-            files = [node.image for tree in source.trees for node in tree.nodes if node.image is not None]
-            called |= {file: originals[file] for file in files}
-    return {
-        file: f"{name}-{hashlib.sha256(file.name.encode()).hexdigest()[:8]}{file.suffix}"
-        for file, name in called.items()
-    }
+                originals[Content.of(image_file(tile))] = _stem(tile)
+    for setup in made.setups:
+        called |= {image: originals[image] for source in setup.task.shaders for image in source.images}
+    return {image: f"{name}-{image.digest[:8]}{image.suffix}" for image, name in called.items()}
 
 
 def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
@@ -188,15 +180,15 @@ def _stem(source: Texture | Bump) -> str:
 
 
 @contextmanager
-def _placed(images: Mapping[Path, str], folder: Path) -> Iterator[tuple[Path, ...]]:
-    """Copy images to their paths relative to a folder, each whole; what is new goes again if the block fails."""
-    copies = {folder / path: file for file, path in images.items()}
+def _placed(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, ...]]:
+    """Copy images to their paths relative to a folder, each whole; new copies are removed if the block fails."""
+    copies = {folder / each.path: each.content for each in images}
     made: list[Path] = []
     try:
-        for copy, file in copies.items():
-            if not copy.exists():  # its name tells its content
+        for copy, content in copies.items():
+            if not copy.exists():  # its name depends on its content
                 with atomic_path(copy) as temporary:
-                    shutil.copyfile(file, temporary)
+                    shutil.copyfile(content.path, temporary)
                 made.append(copy)
         yield tuple(copies)
     except BaseException:

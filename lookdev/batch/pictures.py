@@ -1,6 +1,6 @@
 """Display pictures and contact sheets, made from frames, and made again only when they would differ.
 
-A ledger in the output's state folder says what each picture was made from: the frame digests and the view.
+A ledger in the output's state folder records what each picture was made from: the frame digests and the view.
 So a new view, or another number of frames, is noticed although no frame was rendered.
 """
 
@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
-import shutil
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +15,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import atomic_path
-from lookdev.job import Job
+from lookdev.batch.lock import STATE_FOLDER
+from lookdev.cache import atomic_path, share
+from lookdev.job import JobOutputs
 from lookdev.output.display import composite, to_display, write_pixels
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_sheet
-from lookdev.plan import Plan, frame_files
+from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
 
 Floats = NDArray[np.float32]
@@ -49,27 +48,25 @@ class _Sheet:
 
 
 class Pictures:
-    """The PNGs and sheets of a job's frames.
+    """The PNGs and sheets of frames.
 
     Parameters
     ----------
-    job, plan
-        Which pictures are wanted, in which view, of which frames.
-    state_folder
-        Where the ledger is kept.
-    background
-        What stands behind the frames.
+    plan, outputs
+        Of which frames, and which pictures of them are wanted, in which view.
+    background, light
+        What is behind the frames, as the ledger records it, and the light that it gives.
     """
 
-    def __init__(self, job: Job, plan: Plan, state_folder: Path, background: Background) -> None:
-        self._outputs = job.outputs
-        self._root = job.output
-        self._background = background
-        self._behind = job.render.background
-        self._ledger_file = state_folder / "pictures.json"
+    def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background) -> None:
+        self._outputs = outputs
+        self._root = plan.output
+        self._background = light
+        self._behind = background
+        self._ledger_file = plan.output / STATE_FOLDER / "pictures.json"
         self._ledger = _read_ledger(self._ledger_file)
         self._overdue = set(plan.pictures)
-        self._sheets = tuple(_sheets(job, plan))
+        self._sheets = tuple(_sheets(plan, outputs))
 
     def refresh(self, task: FrameTask) -> None:
         """Make the PNGs of a frame on disk that are missing or out of date.
@@ -147,38 +144,30 @@ def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
         share(paths[0], path)
 
 
-def share(source: Path, target: Path) -> None:
-    """Make `target` the same file as `source`, or a copy where the file system has no hard links; atomic."""
-    with atomic_path(target) as temporary:
-        try:
-            os.link(source, temporary)
-        except OSError:
-            shutil.copy2(source, temporary)
-
-
-def _sheets(job: Job, plan: Plan) -> Iterator[_Sheet]:
-    """Yield the sheets that a job wants: one for each turntable of a look under a light, then the overviews."""
+def _sheets(plan: Plan, outputs: JobOutputs) -> Iterator[_Sheet]:
+    """Yield the sheets that are wanted: one for each turntable of a look under a light, then the overviews."""
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
-    shown = [(ibl, turntable) for ibl in job.ibl for turntable in job.turntable]
-    for look in job.look if job.outputs.sheet else ():
-        for ibl, turntable in shown:
-            files = frame_files(job, look.name, ibl.name, turntable)
-            yield _Sheet(
-                files[0].with_name(f"{turntable.name}.sheet.png"),
-                f"{look.name} / {ibl.name} / {turntable.name}",
-                {path: tasks[path] for path in files},
-                tuple(path.stem.rpartition(".")[2] for path in files),
-            )
-    least, most = OVERVIEW_CELLS
-    for ibl, turntable in shown if job.outputs.overview else ():
-        firsts = [frame_files(job, look.name, ibl.name, turntable)[0] for look in job.look]
+    for reel in plan.reels if outputs.sheet else ():
         yield _Sheet(
-            job.output / ibl.name / f"{turntable.name}.looks.png",
-            f"{ibl.name} / {turntable.name}",
-            {path: tasks[path] for path in firsts},
-            tuple(look.name for look in job.look),
-            min(max(least, *job.render.resolution), most),
-            job.outputs.overview_columns,
+            reel.files[0].with_name(f"{reel.turntable}.sheet.png"),
+            f"{reel.look} / {reel.ibl} / {reel.turntable}",
+            {path: tasks[path] for path in reel.files},
+            tuple(path.stem.rpartition(".")[2] for path in reel.files),
+        )
+    least, most = OVERVIEW_CELLS
+    sides: dict[tuple[str, str], list[Reel]] = {}
+    for reel in plan.reels if outputs.overview else ():
+        sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
+    for (ibl, turntable), reels in sides.items():
+        firsts = {reel.files[0]: tasks[reel.files[0]] for reel in reels}
+        size = max(side for task in firsts.values() for side in task.scene.resolution)
+        yield _Sheet(
+            plan.output / ibl / f"{turntable}.looks.png",
+            f"{ibl} / {turntable}",
+            firsts,
+            tuple(reel.look for reel in reels),
+            min(max(least, size), most),
+            outputs.overview_columns,
         )
 
 

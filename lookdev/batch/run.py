@@ -27,19 +27,23 @@ from lookdev.batch.events import (
     SheetWritten,
 )
 from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
-from lookdev.batch.pictures import Background, Pictures, share, write_shared
+from lookdev.batch.pictures import Background, Pictures, write_shared
+from lookdev.cache import share
 from lookdev.errors import OutputError, RenderError, WorkerError
-from lookdev.job import Job, load_job
-from lookdev.output.exr import write_frame
-from lookdev.plan import Plan
+from lookdev.job import JobOutputs, load_job
+from lookdev.output.exr import read_header, write_frame
+from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import PATIENCE, WORKER_COMMAND, Progress, Rendered, Worker, last_words
+from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_words
 
 if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared
 
+Backdrop = str | tuple[float, float, float]
+
 CRASH_TRIES = 3
-"""Tries of a frame whose worker dies, hangs or talks nonsense: another frame's leftovers may be the cause."""
+"""Tries of a frame whose worker dies, hangs or sends no valid answer: another frame's leftovers may be the cause."""
 
 CLEAN_TRIES = 2
 """Tries of a frame that the worker itself gives up: most such errors come again."""
@@ -111,16 +115,33 @@ def render_job(
         prepared = prepare(path)
         for note in prepared.notes:
             report(Noted(note))
-        return run_plan(prepared.job, prepared.plan, force=force, report=report)
+        job = prepared.job
+        return run_plan(prepared.plan, job.outputs, job.render.background, force=force, report=report)
+
+
+def render_setups(
+    setups: Sequence[Setup], turns: Turns, outputs: JobOutputs, *, report: Report = lambda event: None
+) -> tuple[Plan, RunResult]:
+    """Render scenes made in memory: hold the output, plan, run the plan; return both.
+
+    Raises
+    ------
+    LookdevError
+        Another run holds the output, or as for `run_plan`.
+    """
+    with output_lock(turns.output):
+        plan = build_plan(setups, turns, read_header, pictures=outputs.png)
+        return plan, run_plan(plan, outputs, report=report)
 
 
 def run_plan(
-    job: Job,
     plan: Plan,
+    outputs: JobOutputs,
+    background: Backdrop = "black",
     *,
     force: bool = False,
-    background: Background | None = None,
-    worker_command: Sequence[str] = WORKER_COMMAND,
+    behind: Background | None = None,
+    worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
     report: Report = lambda event: None,
 ) -> RunResult:
@@ -130,16 +151,20 @@ def run_plan(
 
     Parameters
     ----------
-    job, plan
-        The job, and its plan.
+    plan
+        The frames.
+    outputs
+        Which pictures and sheets are made, in which view.
+    background
+        Behind the asset in pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour.
     force
         Render every frame, done or not.
-    background
-        What stands behind frames in pictures; by default what the job says.
+    behind
+        Gives the light behind each frame instead, for the same `background`.
     worker_command, patience
-        The render worker, and the seconds of silence after which it counts as hung.
+        The render worker, by default the backend's, and the seconds of silence after which it counts as hung.
     report
-        Is told what happens.
+        Is called with every event.
 
     Returns
     -------
@@ -153,21 +178,21 @@ def run_plan(
     WorkerError
         The worker does not even start.
     """
-    run = _Run(job, plan, background or job_background(job), report)
+    pictures = Pictures(plan, outputs, background, behind or background_light(background))
+    run = _Run(plan, pictures, report)
     try:
         run.render(run.bring_up_to_date(force), worker_command, patience)
     except KeyboardInterrupt:
         return run.result(interrupted=True)
     except BrokenPipeError:
-        raise  # of whoever hears the report: no frame goes through a pipe
+        raise  # of the report's reader: no frame goes through a pipe
     except OSError as error:
-        raise OutputError(f"{job.output}: the output cannot be written: {error}") from error
+        raise OutputError(f"{plan.output}: the output cannot be written: {error}") from error
     return run.result(interrupted=False)
 
 
-def job_background(job: Job) -> Background:
-    """Return what the job wants behind its frames."""
-    background = job.render.background
+def background_light(background: Backdrop) -> Background:
+    """Return what gives the light behind a frame."""
     if background == "ibl":
         from lookdev.output.background import environment_background
 
@@ -177,13 +202,13 @@ def job_background(job: Job) -> Background:
 
 
 class _Run:
-    def __init__(self, job: Job, plan: Plan, background: Background, report: Report) -> None:
-        self._root = job.output
+    def __init__(self, plan: Plan, pictures: Pictures, report: Report) -> None:
+        self._root = plan.output
         self._plan = plan
-        self._folder = job.output / STATE_FOLDER
+        self._folder = plan.output / STATE_FOLDER
         self._folder.mkdir(parents=True, exist_ok=True)
         self._report = report
-        self._pictures = Pictures(job, plan, self._folder, background)
+        self._pictures = pictures
         self._done: set[Path] = set()
         self._rendered = 0
         self._failures: list[Failure] = []
@@ -216,10 +241,11 @@ class _Run:
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
 
-    def render(self, tasks: Sequence[FrameTask], command: Sequence[str], patience: float) -> None:
+    def render(self, tasks: Sequence[FrameTask], command: Sequence[str] | None, patience: float) -> None:
         """Render frames; none of them can end the batch but by a worker that never starts."""
         if not tasks:
             return
+        command = command or BACKENDS[tasks[0].scene.backend].command
         with ExitStack() as stack:
             scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=self._folder))
             log = self._folder / "worker.log"
@@ -237,14 +263,14 @@ class _Run:
     def _rendered_in_tries(self, worker: Worker, task: FrameTask) -> Rendered | None:
         name = self._name(task)
 
-        def tell(progress: Progress) -> None:
+        def report(progress: Progress) -> None:
             self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse))
 
         attempt = 1
         while True:
             _start(worker)
             try:
-                return worker.render(task, tell)
+                return worker.render(task, report)
             except (WorkerError, RenderError) as error:
                 tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
                 attempt += 1

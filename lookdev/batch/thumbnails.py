@@ -1,54 +1,36 @@
-"""A contact sheet of a library: each preset on a sphere in a studio, rendered as frames of any job are."""
+"""A contact sheet of a library: each preset on a sphere in a studio, rendered as the frames of any job are."""
 
 from __future__ import annotations
 
 import hashlib
-import json
 import re
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from lookdev.asset import load_asset
 from lookdev.batch.events import Report, SheetWritten
-from lookdev.batch.prepare import prepare_job
-from lookdev.batch.run import RunResult, render_job
+from lookdev.batch.run import RunResult, render_setups
 from lookdev.cache import cache_dir
-from lookdev.job import load_job
+from lookdev.job import JobOutputs, JobTurntable
+from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import Preset
-from lookdev.material.library.edit import new_look
+from lookdev.material.library.edit import preset_look
 from lookdev.output.display import composite, to_display
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_sheet
-from lookdev.plan import frame_files
+from lookdev.plan import Turns, make_setup
+from lookdev.scene import Sampling, Scene
 
 SIZE = 128
 """Pixels of a thumbnail's side."""
 
 _BEHIND = 0.05  # linear: dark enough for metals to shine, light enough for what is black to show
-_JOB = f"""output = {{output}}
-[asset]
-builtin = "sphere"
-[[ibl]]
-name = "studio"
-builtin = "studio"
-[[turntable]]
-kind = "element"
-frames = 1
-[render]
-resolution = [{SIZE}, {SIZE}]
-error = 0.01
-samples = 128
-background = [{_BEHIND}, {_BEHIND}, {_BEHIND}]
-[outputs]
-png = false
-sheet = false
-"""
-_LOOK = """[[look]]
-name = "{name}"
-material = "{name}.usda"
-"""
+_LIGHT = "studio"
+_SAMPLING = Sampling(samples=128, error=0.01)
+_TURNTABLES = (JobTurntable(kind="element", frames=1),)
+_OUTPUTS = JobOutputs(png=False, sheet=False)
 
 
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:
@@ -61,31 +43,27 @@ def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report =
     presets
         At least one, in the order of the sheet.
     report
-        Is told what happens.
+        Is called with every event.
 
     Raises
     ------
     LookdevError
-        A preset is wrong, the sheet cannot be written, or as for `render_job`.
+        A preset is wrong, the sheet cannot be written, or as for `render_setups`.
     """
     folders = "\n".join(sorted({str(preset.file.parent) for preset in presets}))
     output = cache_dir("library", hashlib.sha256(folders.encode()).hexdigest()[:16])
-    # Presets may be called anything; looks become folders.
-    names = [re.sub(r"[^A-Za-z0-9._-]", "_", preset.name) for preset in presets]
-    with tempfile.TemporaryDirectory() as scratch:
-        for name, preset in zip(names, presets, strict=True):
-            new_look(Path(scratch, f"{name}.usda"), preset, "Preset")
-        path = Path(scratch, "library.toml")
-        text = _JOB.format(output=json.dumps(str(output), ensure_ascii=False)) + "".join(
-            _LOOK.format(name=name) for name in names
-        )
-        path.write_text(text, encoding="utf-8")
-        job = load_job(path)
-        result = render_job(path, prepare_job, report=report)
+    asset, light = load_asset(builtin="sphere"), prepare_light(load_environment(builtin=_LIGHT))
+    setups = []
+    for preset in presets:
+        # Presets may be called anything; looks become folders.
+        look = preset_look(preset, re.sub(r"[^A-Za-z0-9._-]", "_", preset.name))
+        scene = Scene.of_look(asset, look, light, (SIZE, SIZE))
+        setups.append(make_setup(look.name, _LIGHT, scene, _SAMPLING))
+    plan, result = render_setups(setups, Turns(_TURNTABLES, output), _OUTPUTS, report=report)
     if result.exit_code == 0:
-        files = [frame_files(job, name, "studio", job.turntable[0])[0] for name in names]
         background = np.full(3, _BEHIND)
-        shown = [to_display(composite(*read_frame(file), background), job.outputs.view) for file in files]
+        files = [reel.files[0] for reel in plan.reels]
+        shown = [to_display(composite(*read_frame(file), background), _OUTPUTS.view) for file in files]
         labels = [f"{preset.name} ({preset.category})" for preset in presets]
         write_sheet(sheet, shown, labels, "materials", cell=SIZE)
         report(SheetWritten(sheet))

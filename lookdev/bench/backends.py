@@ -4,42 +4,29 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import cache
-from importlib.metadata import version
-from pathlib import Path
 
 import numpy as np
 
-from lookdev.asset import Asset, save_asset
-from lookdev.batch.prepare import make_scene
-from lookdev.bench.looks import LOOKS, BenchLook
-from lookdev.bench.matrix import OURS, SCENES, Cell, Options
+from lookdev.asset import Asset
+from lookdev.bench.looks import LOOKS
+from lookdev.bench.matrix import SCENES, Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
-from lookdev.codegen import PrincipledSource
-from lookdev.job import JobRender
-from lookdev.job.schema import Backend
 from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
-from lookdev.plan import frame_sampling
-from lookdev.plan.digest import RENDER_VERSION, blender_version
+from lookdev.material import Look
 from lookdev.plan.skips import Skip, scene_skips
-from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.worker import WORKER_COMMAND, Rendered, renderer
-from lookdev.scene.camera import Pose
-from lookdev.scene.framing import frame_camera
-from lookdev.scene.sampling import Sampling
+from lookdev.render.backends import BACKENDS
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, SceneTask, one_frame
+from lookdev.render.worker import Rendered, renderer
+from lookdev.scene import Pose, Sampling, Scene
 
-COMMANDS: dict[str, Sequence[str]] = {
-    **dict.fromkeys(OURS, WORKER_COMMAND),
-    "principled": WORKER_COMMAND,
-    "mitsuba": (sys.executable, "-m", "lookdev.bench.mitsuba_worker"),
-}
 PATIENCE = 3600.0
-"""Seconds. A part of a reference is one long frame, and says nothing before its end in some backends."""
+"""Seconds. A part of a reference is one long frame, of which some backends report no progress."""
 
 POSE = Pose(0.0, 0.0)
 
@@ -63,38 +50,22 @@ def bench_light(ibl: str) -> LightTables:
 
 
 def bench_scene(
-    asset: Asset, look: BenchLook, light: LightTables, resolution: int, bounces: int, backend: Backend = "exact"
+    asset: Asset, look: Look, light: LightTables, resolution: int, bounces: int, backend: str = "exact"
 ) -> SceneTask:
-    """Return the scene for one of our backends, sampled as a job does that says nothing of it."""
-    size = (resolution, resolution)
-    camera = frame_camera(asset.center, asset.radius, size)
-    sampling = frame_sampling(JobRender(bounces=bounces))
-    slots = [look.make()] * len(asset.slots)
-    return make_scene(asset, save_asset(asset), slots, light, camera, size, sampling, backend)
-
-
-def sampled(sampling: Sampling, samples: int, seed: int) -> Sampling:
-    """Return the sampling with so many samples, whatever error they leave."""
-    return replace(sampling, samples=samples, error=None, seed=seed)
+    """Return a scene that wears a look all over, sampled as usual."""
+    scene = Scene.of_look(asset, look, light, (resolution, resolution))
+    return scene_task(scene, Sampling(bounces=bounces), backend)
 
 
 @contextmanager
 def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
     """Start a process for each backend that can render the cell, and end them all."""
-    asset = bench_asset(cell.scene)
-    look = LOOKS[cell.look]
-    ours = {
-        backend: bench_scene(
-            asset, look, bench_light(cell.ibl), options.resolution, SCENES[cell.scene].bounces, backend
-        )
-        for backend in OURS
-        if backend == "exact" or backend in options.backends
-    }
+    asset, look, light = bench_asset(cell.scene), LOOKS[cell.look].make(), bench_light(cell.ibl)
     with ExitStack() as stack:
         candidates = []
         for backend in options.backends_of(cell):
-            scene = ours[backend] if backend in ours else with_principled(ours["exact"], look)
-            render = stack.enter_context(renderer(COMMANDS[backend], PATIENCE))
+            scene = bench_scene(asset, look, light, options.resolution, SCENES[cell.scene].bounces, backend)
+            render = stack.enter_context(renderer(PATIENCE))
 
             def shoot(
                 samples: int,
@@ -102,26 +73,21 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
                 scene: SceneTask = scene,
                 render: Callable[[FrameTask], Rendered] = render,
             ) -> Shot:
-                here = replace(scene, sampling=sampled(scene.sampling, samples, seed))
-                return shot_of(render(FrameTask(here, POSE, 0.0, f"{samples}.{seed}", (Path("frame.exr"),), {})))
+                name = f"{samples}.{seed}"
+                return shot_of(render(one_frame(scene, POSE, name, samples=samples, error=None, seed=seed)))
 
-            key = picture_key(backend, scene, look, bench_environment(cell.ibl))
-            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene) if backend in ours else ()))
+            key = picture_key(scene, look, bench_environment(cell.ibl))
+            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene)))
         yield candidates
 
 
 def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
-    """Say what a scene of ours leaves out because nobody would see it, and why."""
+    """Return what a scene of a backend of jobs leaves out because no pixel would show it, and why."""
+    if not BACKENDS[scene.backend].in_jobs:
+        return ()
     looks = [LOOKS[cell.look].make()] * len(scene.shaders)
-    found = scene_skips(scene, looks, JobRender(bounces=SCENES[cell.scene].bounces))
+    found = scene_skips(scene, looks, Sampling(bounces=SCENES[cell.scene].bounces))
     return tuple(str(Skip(cell.look, cell.ibl, what, why)) for what, why in found)
-
-
-def with_principled(scene: SceneTask, look: BenchLook) -> SceneTask:
-    """Return the scene with Cycles' Principled BSDF in all slots, lit by Cycles itself."""
-    assert look.principled is not None, "only such looks are asked for"
-    source = PrincipledSource("principled", dict(look.principled))
-    return replace(scene, shaders=(source,) * len(scene.shaders))
 
 
 def shot_of(rendered: Rendered) -> Shot:
@@ -131,22 +97,21 @@ def shot_of(rendered: Rendered) -> Shot:
     )
 
 
-def picture_key(backend: str, scene: SceneTask, look: BenchLook, light: EnvironmentMap) -> str:
+def picture_key(scene: SceneTask, look: Look, light: EnvironmentMap) -> str:
     """Name all that a picture depends on, and nothing of how it is sampled or how the shader is written.
 
     So a change of the sampling, or of the code, is measured against the reference from before it: a picture that
     changed with it has a bias.
     """
-    shown = repr(look.make()) if backend in OURS else json.dumps(look.principled, sort_keys=True)
     parts = {
-        "asset": scene.asset_file.stem,
+        "asset": scene.asset.digest,
         "light": light.digest,
         "camera": asdict(scene.camera),
         "pose": asdict(POSE),
         "resolution": scene.resolution,
         "bounces": scene.sampling.bounces,
-        "look": hashlib.sha256(shown.encode()).hexdigest(),
-        "backend": backend,
-        "version": version("mitsuba") if backend == "mitsuba" else f"{blender_version()} {RENDER_VERSION}",
+        "look": hashlib.sha256(repr(look).encode()).hexdigest(),
+        "backend": scene.backend,
+        "version": BACKENDS[scene.backend].version(),
     }
     return json.dumps(parts, sort_keys=True)

@@ -5,19 +5,20 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
-from pathlib import Path
 
+from lookdev.asset import Asset
 from lookdev.bench.assets import make_boulder
-from lookdev.bench.backends import COMMANDS, PATIENCE, POSE, bench_asset, bench_light, bench_scene, sampled
-from lookdev.bench.looks import LOOKS, MOST_LAYERS, BenchLook, layered
+from lookdev.bench.backends import PATIENCE, POSE, bench_asset, bench_light, bench_scene
+from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
 from lookdev.bench.matrix import MILLION, SCENES
 from lookdev.errors import LookdevError
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.material import Look
+from lookdev.render.task import FrameTask, SceneTask, one_frame
 from lookdev.render.worker import Rendered, renderer
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 PIXELS = (64, 128, 256, 512)
 LAYERS = (1, 2, 4, MOST_LAYERS)
@@ -30,7 +31,7 @@ _REPEATS = 3
 _QUARTERS = 4
 
 OpenRenderer = Callable[[], AbstractContextManager[Callable[[FrameTask], Rendered]]]
-_open_exact: OpenRenderer = partial(renderer, COMMANDS["exact"], PATIENCE)
+_open_exact: OpenRenderer = partial(renderer, PATIENCE)
 
 
 @dataclass(frozen=True)
@@ -67,29 +68,20 @@ def measure_growth(frames: int, tell: Callable[[str], None], opened: OpenRendere
     """
     if frames < _QUARTERS:
         raise LookdevError(f"{frames} frames: their first quarter needs at least {_QUARTERS}")
-    base = bench_scene(bench_asset(_SCENE), LOOKS[_LOOK], bench_light(_IBL), _SIDE, SCENES[_SCENE].bounces)
     tell(f"growth: {frames} frames")
-    yield Growth("frames", _frame_rows(base, frames, opened))
+    yield Growth("frames", _frame_rows(_scene(), frames, opened))
     for of, scenes in (
-        ("pixels", {side * side: _with_side(side) for side in PIXELS}),
-        ("layers", {layers: _with_layers(layers) for layers in LAYERS}),
-        ("triangles", {count: _with_triangles(count) for count in TRIANGLES}),
+        ("pixels", {side * side: _scene(side=side) for side in PIXELS}),
+        ("layers", {layers: _scene(look=layered(layers)) for layers in LAYERS}),
+        ("triangles", {count: _scene(make_boulder(count)) for count in TRIANGLES}),
     ):
         tell(f"growth: {', '.join(f'{size:,}' for size in scenes)} {of}")
         yield Growth(of, _rows(scenes, opened))
 
 
-def _with_side(side: int) -> SceneTask:
-    return bench_scene(bench_asset(_SCENE), LOOKS[_LOOK], bench_light(_IBL), side, SCENES[_SCENE].bounces)
-
-
-def _with_layers(layers: int) -> SceneTask:
-    look = BenchLook("", partial(layered, layers))
-    return bench_scene(bench_asset(_SCENE), look, bench_light(_IBL), _SIDE, SCENES[_SCENE].bounces)
-
-
-def _with_triangles(count: int) -> SceneTask:
-    return bench_scene(make_boulder(count), LOOKS[_LOOK], bench_light(_IBL), _SIDE, SCENES[_SCENE].bounces)
+def _scene(asset: Asset | None = None, look: Look | None = None, side: int = _SIDE) -> SceneTask:
+    asset, look = asset or bench_asset(_SCENE), look or LOOKS[_LOOK].make()
+    return bench_scene(asset, look, bench_light(_IBL), side, SCENES[_SCENE].bounces)
 
 
 def _frame_rows(scene: SceneTask, frames: int, opened: OpenRenderer) -> tuple[GrowthRow, ...]:
@@ -125,5 +117,4 @@ def _rows(scenes: Mapping[int, SceneTask], opened: OpenRenderer) -> tuple[Growth
 
 
 def _task(scene: SceneTask, pose: Pose, seed: int) -> FrameTask:
-    here = replace(scene, sampling=sampled(scene.sampling, _SAMPLES, seed))
-    return FrameTask(here, pose, 0.0, f"growth {seed}", (Path("frame.exr"),), {})
+    return one_frame(scene, pose, f"growth {seed}", samples=_SAMPLES, error=None, seed=seed)

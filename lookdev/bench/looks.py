@@ -1,11 +1,8 @@
-"""The looks that are rendered, and what comes nearest to them in Cycles' Principled BSDF.
-
-The two are different models: their pictures are alike, not equal. What they share is how hard they are to sample.
-"""
+"""The looks that are rendered."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,11 +21,10 @@ _MASK_VERSION = 1
 
 @dataclass(frozen=True)
 class BenchLook:
-    """A look to render; `principled` has Blender's sockets where that BSDF has something like it, else None."""
+    """A look to render, and what it is."""
 
     help: str
     make: Callable[[], Look]
-    principled: Mapping[str, float | tuple[float, ...]] | None = None
 
 
 def layered(layers: int) -> Look:
@@ -72,29 +68,10 @@ def _transmitting() -> Look:
     return Look("pixar", (Layer("Body", "pixar", body), Layer("Varnish", "pixar", varnish, 1.0, "transmit")))
 
 
-# Disney's clear coat: a quarter as strong as a whole one, alpha 0.0109 at a gloss of 0.9; alpha is roughness squared.
-_COAT_ROUGHNESS = float(np.sqrt(0.0109))
-
 LOOKS: dict[str, BenchLook] = {
-    "plastic": BenchLook(
-        "blue plastic, one Disney layer", _plastic, {"Base Color": (0.1, 0.2, 0.5), "Metallic": 0.0, "Roughness": 0.3}
-    ),
-    "car_paint": BenchLook(
-        "red paint under a clear coat, one Disney layer",
-        _car_paint,
-        {
-            "Base Color": (0.46, 0.02, 0.02),
-            "Metallic": 0.0,
-            "Roughness": 0.4,
-            "Coat Weight": 0.25,
-            "Coat Roughness": _COAT_ROUGHNESS,
-        },
-    ),
-    "metal": BenchLook(
-        "anisotropic metal, one Disney layer",
-        _metal,
-        {"Base Color": (0.9, 0.75, 0.5), "Metallic": 1.0, "Roughness": 0.35, "Anisotropic": 0.8},
-    ),
+    "plastic": BenchLook("blue plastic, one Disney layer", _plastic),
+    "car_paint": BenchLook("red paint under a clear coat, one Disney layer", _car_paint),
+    "metal": BenchLook("anisotropic metal, one Disney layer", _metal),
     "stack": BenchLook("six Disney layers, their masks textures", lambda: layered(6)),
     "pixar": BenchLook("two Pixar layers that transmit light, and each other's light", _transmitting),
 }
@@ -108,49 +85,3 @@ def _mask(number: int) -> Texture:
         levels = np.clip(0.5 + 0.25 * (clouds - clouds.mean()) / clouds.std(), 0.0, 1.0)
         write_frame(file, np.repeat(levels[..., None], 3, axis=-1), np.ones_like(levels), {})
     return Texture(file, "r", "raw")
-
-
-def usda(look: Look) -> str:
-    """Return a look of one layer with constant inputs as a USD file.
-
-    Raises
-    ------
-    ValueError
-        The look is none such.
-    """
-    if len(look.layers) != 1:
-        raise ValueError(f"{look.name}: {len(look.layers)} layers, not one")
-    layer = look.layers[0]
-    lines = []
-    for name, value in layer.inputs.items():
-        if isinstance(value, tuple):
-            lines.append(f"        color3f inputs:{name} = {value!r}")
-        elif isinstance(value, float):
-            lines.append(f"        float inputs:{name} = {value!r}")
-        else:
-            raise ValueError(f"{look.name}: {name} is no constant number or colour")
-    inputs = "\n".join(lines)
-    return f"""#usda 1.0
-(
-    defaultPrim = "Look"
-)
-
-def Material "Look"
-{{
-    token outputs:lookdev:surface.connect = </Look/Layers.outputs:surface>
-
-    def Shader "Layers"
-    {{
-        uniform token info:id = "LookdevLayers"
-        token inputs:base.connect = </Look/Base.outputs:layer>
-        token outputs:surface
-    }}
-
-    def Shader "Base"
-    {{
-        uniform token info:id = "Lookdev{layer.model.capitalize()}"
-{inputs}
-        token outputs:layer
-    }}
-}}
-"""

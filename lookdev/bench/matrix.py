@@ -11,8 +11,8 @@ from lookdev.asset import BUILTINS, Asset
 from lookdev.bench.assets import make_boulder
 from lookdev.bench.looks import LOOKS
 from lookdev.errors import LookdevError, nearest_hint
-from lookdev.job import JobRender
-from lookdev.job.schema import Backend
+from lookdev.render.backends import BACKENDS
+from lookdev.scene import Sampling
 
 MILLION = 1_000_000
 
@@ -27,27 +27,16 @@ class BenchScene:
 
 
 SCENES: dict[str, BenchScene] = {
-    "sphere": BenchScene("convex: direct light only", BUILTINS["sphere"], JobRender().bounces),
-    "shaderball": BenchScene("the built-in shaderball", BUILTINS["shaderball"], JobRender().bounces),
+    "sphere": BenchScene("convex: direct light only", BUILTINS["sphere"], Sampling.bounces),
+    "shaderball": BenchScene("the built-in shaderball", BUILTINS["shaderball"], Sampling.bounces),
     "suzanne": BenchScene("with three bounces of indirect light", BUILTINS["suzanne"], 3),
-    "million": BenchScene("a boulder of a million triangles", lambda: make_boulder(MILLION), JobRender().bounces),
+    "million": BenchScene("a boulder of a million triangles", lambda: make_boulder(MILLION), Sampling.bounces),
 }
 IBLS: dict[str, str] = {
     "studio": "soft boxes: large, and about equally bright",
     "city": "a small and very bright sun",
     "forest": "light through leaves: many small bright spots",
 }
-BACKENDS: dict[str, str] = {
-    "exact": "the look as published",
-    "nodes": "the look as native shader nodes, whose closures come near to it, under Cycles' own light",
-    "nodes-exact": "the look as published, in native shader nodes: one direction a hit, none of the light's",
-    "principled": "Cycles' Principled BSDF, which comes near to the look, under Cycles' own light",
-    "mitsuba": "Mitsuba 3's principled, if the package mitsuba is installed",
-}
-
-OURS: tuple[Backend, ...] = ("exact", "nodes", "nodes-exact")
-"""The backends of jobs: they render every look."""
-
 LARGEST_SAMPLES = 1 << 14
 MOST_REPEATS = 64
 SEEDS = 128
@@ -122,8 +111,9 @@ class Options:
                     yield Cell(scene, ibl, look)
 
     def backends_of(self, cell: Cell) -> tuple[str, ...]:
-        """Return the backends that can render a cell: only some looks have something like them elsewhere."""
-        return tuple(name for name in self.backends if name in OURS or LOOKS[cell.look].principled is not None)
+        """Return the backends that can show the look of a cell."""
+        look = LOOKS[cell.look].make()
+        return tuple(name for name in self.backends if BACKENDS[name].cannot_show(look) is None)
 
 
 def has_mitsuba() -> bool:
@@ -173,7 +163,7 @@ def listing() -> str:
         "scenes": {name: scene.help for name, scene in SCENES.items()},
         "ibls": IBLS,
         "looks": {name: look.help for name, look in LOOKS.items()},
-        "backends": BACKENDS,
+        "backends": {name: backend.help for name, backend in BACKENDS.items()},
     }
     width = max(len(name) for names in kinds.values() for name in names)
     lines = []

@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -116,11 +117,11 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     source = scene.shaders[0]
     if not isinstance(source, PrincipledSource):
         raise RenderError("Mitsuba renders principled scenes only")
-    asset = read_asset(scene.asset_file)
+    asset = read_asset(scene.asset.path)
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
     # Whatever else is beside the radiance in that file is left out.
-    radiance = mi.Bitmap(str(scene.light.radiance)).convert(
+    radiance = mi.Bitmap(str(scene.light.radiance.path)).convert(
         mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
     )
     target = np.array(scene.camera.target) - asset.center
@@ -220,21 +221,7 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
 
 def _same(built: SceneTask, asked: SceneTask) -> bool:
     """Tell whether a scene serves another task: the samples and their seed may differ."""
-    return (
-        built.asset_file,
-        built.shaders,
-        built.light,
-        built.resolution,
-        built.camera,
-        built.sampling.bounces,
-    ) == (
-        asked.asset_file,
-        asked.shaders,
-        asked.light,
-        asked.resolution,
-        asked.camera,
-        asked.sampling.bounces,
-    )
+    return replace(built, sampling=replace(asked.sampling, bounces=built.sampling.bounces)) == asked
 
 
 if __name__ == "__main__":

@@ -18,27 +18,33 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
-from lookdev.asset import BUILTINS, save_asset
-from lookdev.batch.prepare import Prepared, prepare_job
-from lookdev.batch.run import render_job
+from lookdev.asset import BUILTINS, load_asset
+from lookdev.batch.run import render_setups
 from lookdev.bench.backends import bench_asset, bench_environment, bench_light, bench_scene
 from lookdev.bench.curves import at
-from lookdev.bench.looks import LOOKS, usda
+from lookdev.bench.looks import LOOKS
 from lookdev.bench.matrix import LARGEST_SAMPLES, SCENES
 from lookdev.bench.measure import CurvePoint
+from lookdev.codegen.principled import generate_principled
 from lookdev.errors import LookdevError, RenderError
+from lookdev.job import JobOutputs, JobTurntable
+from lookdev.light import load_environment, prepare_light
 from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
+from lookdev.plan import Setup, Turns, make_setup
+from lookdev.render.backends import BACKENDS
 from lookdev.render.worker import last_words
+from lookdev.scene import Sampling, Scene
 
 TARGET = 1e-3
 """The relMSE that frames are rendered to."""
 
 FRAMES = 24
-KINDS = ("element", "lighting")
+KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")
 PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
 
 # Frames of each turntable that are rendered again with other seeds, to know their error; a divisor of FRAMES.
@@ -58,9 +64,9 @@ class Subject:
     resolution: int
 
     def __post_init__(self) -> None:
-        look = LOOKS[self.look]
-        if look.principled is None or self.scene not in BUILTINS:
-            looks = [name for name, each in LOOKS.items() if each.principled is not None]
+        unlike = BACKENDS["principled"].cannot_show
+        if unlike(LOOKS[self.look].make()) or self.scene not in BUILTINS:
+            looks = [name for name, each in LOOKS.items() if not unlike(each.make())]
             raise LookdevError(
                 f"there is no plain script of {self.look} on {self.scene}; "
                 f"looks that there are: {', '.join(looks)}; scenes: {', '.join(SCENES.keys() & BUILTINS.keys())}"
@@ -250,22 +256,16 @@ def producers(subject: Subject) -> dict[str, Produce]:
     """Return the real batch runner and the real script."""
 
     def exact(folder: Path, samples: int, frames: int, seed: int) -> Produced:
-        job = _write_job(subject, folder, samples, frames, seed)
-        skips: dict[str, None] = {}
-
-        def prepare(path: Path) -> Prepared:
-            prepared = prepare_job(path)
-            skips.update((str(skip), None) for skip in prepared.plan.skips)
-            return prepared
-
+        turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
         started = time.perf_counter()
-        result = render_job(job, prepare)
+        setups = _setups(subject, samples, seed)
+        plan, result = render_setups(setups, Turns(turntables, folder), JobOutputs())
         seconds = time.perf_counter() - started
         if result.interrupted:
             raise KeyboardInterrupt
         if result.exit_code:
             raise RenderError(result.summary())
-        return Produced(seconds, tuple(skips))
+        return Produced(seconds, tuple(dict.fromkeys(map(str, plan.skips))))
 
     def plain(folder: Path, samples: int, frames: int, seed: int) -> Produced:
         request = _write_request(subject, folder, samples, frames, seed)
@@ -281,34 +281,21 @@ def producers(subject: Subject) -> dict[str, Produce]:
     return {"exact": exact, "plain": plain}
 
 
-def _write_job(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Path:
-    folder.mkdir(parents=True)
-    (folder / "look.usda").write_text(usda(LOOKS[subject.look].make()), encoding="utf-8")
-    lines = [
-        'output = "."',
-        "[asset]",
-        f'builtin = "{subject.scene}"',
-        "[[look]]",
-        f'name = "{subject.look}"',
-        'material = "look.usda"',
-        "[render]",
-        f"resolution = [{subject.resolution}, {subject.resolution}]",
-        f"samples = {samples}",
-        f"bounces = {SCENES[subject.scene].bounces}",
-        f"seed = {seed}",
+def _setups(subject: Subject, samples: int, seed: int) -> list[Setup]:
+    """Read and generate everything anew, as a job does."""
+    asset, look = load_asset(builtin=subject.scene), LOOKS[subject.look].make()
+    sampling = Sampling(samples=samples, bounces=SCENES[subject.scene].bounces, seed=seed)
+    size = (subject.resolution, subject.resolution)
+    lights = {ibl: prepare_light(load_environment(builtin=ibl)) for ibl in subject.ibls}
+    return [
+        make_setup(subject.look, ibl, Scene.of_look(asset, look, light, size), sampling)
+        for ibl, light in lights.items()
     ]
-    for ibl in subject.ibls:
-        lines += ["[[ibl]]", f'name = "{ibl}"', f'builtin = "{ibl}"']
-    for kind in KINDS:
-        lines += ["[[turntable]]", f'kind = "{kind}"', f"frames = {frames}"]
-    job = folder / "job.toml"
-    job.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    return job
 
 
 def _write_request(subject: Subject, folder: Path, samples: int, frames: int, seed: int) -> Path:
     folder.mkdir(parents=True)
-    asset, look = bench_asset(subject.scene), LOOKS[subject.look]
+    asset, look = bench_asset(subject.scene), LOOKS[subject.look].make()
     maps = {}
     for ibl in subject.ibls:
         radiance = bench_environment(ibl).radiance
@@ -317,8 +304,8 @@ def _write_request(subject: Subject, folder: Path, samples: int, frames: int, se
     light = bench_light(subject.ibls[0])
     scene = bench_scene(asset, look, light, subject.resolution, SCENES[subject.scene].bounces)
     request = {
-        "asset": str(save_asset(asset)),
-        "principled": dict(look.principled or {}),
+        "asset": str(scene.asset.path),
+        "principled": generate_principled(look).inputs,
         "camera": asdict(scene.camera),
         "resolution": scene.resolution,
         "samples": samples,

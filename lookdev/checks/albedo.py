@@ -8,31 +8,28 @@ points, as the constant look that it is there; the shader of that is the look's 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import NoReturn, Protocol
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from lookdev.asset import load_asset, save_asset
+from lookdev.asset import load_asset
 from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
+from lookdev.checks.frames import Alter, Render, altered, unaltered
 from lookdev.checks.samples import case_layer, constant_look, sample_layers, varying
-from lookdev.codegen import ShaderSource
-from lookdev.job.schema import Backend
 from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
 from lookdev.light.environment import Repairs
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.reference.surface import look_bsdf
-from lookdev.render.source import look_source
-from lookdev.render.task import FrameTask, SceneTask
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.render.backends import BACKENDS
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]
 
@@ -42,10 +39,12 @@ FALSE_ALARM = 1e-3
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
 """Angles of view, degrees from the normal."""
 
-# What float32 loses, as in the points; and what the light's edge at the card's horizon blurs. Native closures are fits.
-_BANDS: dict[Backend, tuple[float, float]] = {"exact": (2e-4, 2e-5), "nodes-exact": (2e-4, 2e-5), "nodes": (1e-2, 1e-3)}
-_SIZE = 16
-_SAMPLING = Sampling(samples=64, error=None, brdf_samples=4, ibl_samples=0, bounces=0, seed=0)
+# Relative and absolute. Of exact backends: what float32 loses, as in the points, and what the edge of the light at the
+# card's horizon blurs. Of others: by how much their fits may be off.
+_EXACT, _FITTED = (2e-4, 2e-5), (1e-2, 1e-3)
+_SIDE = 16
+_SIZE = (_SIDE, _SIDE)
+_SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)
 _SCRAMBLES, _POINTS = 32, 512
 # As narrow as Blender's cameras get: the albedo hardly changes over it.
 _FOV, _DISTANCE = 0.4, 6.0
@@ -53,23 +52,6 @@ _FOV, _DISTANCE = 0.4, 6.0
 _LIGHT_SIZE = (16384, 2)
 _SIDES = ("reflected", "transmitted")
 _WORST = 5
-
-
-class Halves(Protocol):
-    """Two independent renders of a frame, (H, W, 3), premultiplied, without exposure, and their coverage (H, W)."""
-
-    @property
-    def a(self) -> NDArray[np.float32]: ...
-
-    @property
-    def b(self) -> NDArray[np.float32]: ...
-
-    @property
-    def alpha(self) -> NDArray[np.float32]: ...
-
-
-Render = Callable[[FrameTask], Halves]
-"""Renders a frame in Cycles."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +73,8 @@ def check_albedo(
     points: int = 3,
     angles: tuple[float, ...] = ANGLES,
     seed: int = 0,
-    backend: Backend = "exact",
-    alter: Callable[[str], str] = lambda osl: osl,
+    backend: str = "exact",
+    alter: Alter = unaltered,
 ) -> Finding:
     """Compare the albedo curves of a look.
 
@@ -109,9 +91,9 @@ def check_albedo(
     seed
         Chooses the points, the azimuths of the views and all samples.
     backend
-        What Cycles renders the look by. That of ``"nodes"`` may be off by 1 %, which is what its fits promise.
+        What renders the look. One that is not exact may be off by 1 %, which is what fits promise.
     alter
-        Is given the text of the shader and returns the one to run: how a test plants a fault.
+        Alters the text of the shader.
 
     Raises
     ------
@@ -126,7 +108,7 @@ def check_albedo(
     looks = [constant_look(look, layers, index) for index in range(points if varies else 1)]
     curves = [_measure(each, render, angles, rng, backend, alter) for each in looks]
     transmits = any(each.transmits for each in curves)
-    excess = _excess(curves, transmits, _BANDS[backend])
+    excess = _excess(curves, transmits, _EXACT if BACKENDS[backend].exact else _FITTED)
     worst = np.unravel_index(int(np.argmax(excess)), excess.shape)
     largest = float(excess[worst])
     point, way, view, side, _ = (int(index) for index in worst)
@@ -165,8 +147,8 @@ def _measure(
     render: Render,
     angles: tuple[float, ...],
     rng: np.random.Generator,
-    backend: Backend,
-    alter: Callable[[str], str],
+    backend: str,
+    alter: Alter,
 ) -> _Curves:
     bsdf = look_bsdf(look, _Anywhere())
     azimuth = float(rng.uniform(0.0, 360.0))
@@ -210,36 +192,22 @@ def _transmits(bsdf: Bsdf) -> bool:
 
 
 def _rendered(
-    look: Look,
-    render: Render,
-    views: Floats,
-    transmits: bool,
-    seed: int,
-    backend: Backend,
-    alter: Callable[[str], str],
+    look: Look, render: Render, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
 ) -> Albedo:
     """Render the views; each pixel has a scramble of its own, so their spread is the error of their mean."""
-    asset = load_asset(builtin="plane")
-    asset_file = save_asset(asset)
+    # The check is of the shader that any asset gets, not of the one that a convex asset may do with.
+    card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
     for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (_white(),)):
-        shader = look_source(look, backend, light, (_SIZE, _SIZE), _SAMPLING, _no_image)
-        if isinstance(shader, ShaderSource):
-            shader = replace(shader, osl=alter(shader.osl))
+        scene = altered(scene_task(Scene.of_look(card, look, light, _SIZE), _SAMPLING, backend), alter)
         for number, wo in enumerate(views):
             camera, pose = _standpoint(wo)
-            sampling = replace(_SAMPLING, seed=seed)
-            scene = SceneTask(asset_file, (shader,), light, (_SIZE, _SIZE), sampling, camera, "cpu")
             name = f"albedo {look.name} {seed} {side} {number}"
-            halves = render(FrameTask(scene, pose, 0.0, name, (Path(f"{name}.exr"),), {}))
+            halves = render(one_frame(replace(scene, camera=camera), pose, name, seed=seed))
             pixels = ((halves.a.astype(np.float64) + halves.b) / 2.0).reshape(-1, 3)
             value[number, side] = pixels.mean(axis=0)
             error[number, side] = pixels.std(axis=0, ddof=1) / np.sqrt(len(pixels))
     return Albedo(value, error)
-
-
-def _no_image(source: object) -> NoReturn:
-    raise AssertionError(f"a constant look reads {source}")
 
 
 def _standpoint(wo: Floats) -> tuple[Camera, Pose]:
@@ -270,13 +238,11 @@ def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -
     count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
     # Sidak: of all comparisons together, FALSE_ALARM of the looks have one beyond the limit.
     quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM) ** (1.0 / count)) / 2.0
-    limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIZE * _SIZE - 1)]
+    limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIDE * _SIDE - 1)]
     excess = []
     for each in curves:
         exact = each.quadrature
-        for way, limit, (relative, absolute) in zip(
-            (each.sampled, each.cycles), limits, (_BANDS["exact"], band), strict=True
-        ):
+        for way, limit, (relative, absolute) in zip((each.sampled, each.cycles), limits, (_EXACT, band), strict=True):
             floor = exact.error + relative * exact.value + absolute
             excess.append(np.abs(way.value - exact.value) / (limit * way.error + floor))
     stacked: Floats = np.stack(excess)[:, :, :sides].reshape(len(curves), 2, -1, sides, 3)

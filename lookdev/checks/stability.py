@@ -10,10 +10,9 @@ In scenes, pictures that must be alike are compared by what their own halves say
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -21,19 +20,19 @@ from numpy.typing import NDArray
 
 from lookdev.asset import Asset, save_asset
 from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
-from lookdev.checks.albedo import Halves, Render
+from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
+from lookdev.checks.frames import Alter, Halves, Render, unaltered
 from lookdev.checks.samples import case_line, constant, sample_layers, tokens
 from lookdev.codegen.osl.surface import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
 from lookdev.material import Layer, Look
-from lookdev.render.source import surface_shader
-from lookdev.render.task import FrameTask, SceneTask
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]
 Depth = Literal["quick", "default", "full"]
@@ -58,7 +57,7 @@ _COUNTS: dict[Depth, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
 _ENERGY: dict[Depth, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
 _VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
 _SIZE = (32, 32)
-_SAMPLING = Sampling(samples=32, error=None, brdf_samples=2, ibl_samples=2, bounces=1, seed=0)
+_SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 
 
 def stress(
@@ -139,11 +138,11 @@ def check_stack(
     layers: Sequence[PointLayer],
     rng: np.random.Generator,
     depth: Depth,
-    alter: Callable[[str], str] = lambda osl: osl,
+    alter: Alter = unaltered,
 ) -> Finding:
     """Evaluate extreme cases of a stack in NumPy and inside Cycles, and sample moderate ones in NumPy.
 
-    `alter` is given the text of the shader and returns the one to run: how a test plants a fault.
+    `alter` alters the text of the shader.
     """
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
@@ -340,13 +339,11 @@ def _difference(gain: float, halves: Halves, like: Halves) -> float:
 
 
 def _task(look: Look, case: SceneCase) -> FrameTask:
-    light = prepare_light(case.light)
-    shader = surface_shader(look, light, _SIZE, _SAMPLING)
-    asset = _carrying(case.asset, [each.attribute for each in shader.attributes if each.kind == "uv"])
-    camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
-    scene = SceneTask(save_asset(asset), (shader,), light, _SIZE, _SAMPLING, camera, "cpu")
-    name = f"stress {look.name}, {case.name}"
-    return FrameTask(scene, Pose(30.0, 75.0), 0.0, name, (Path(f"{name}.exr"),), {})
+    camera = Camera(30.0, 20.0, case.asset.center, 4.2 * case.asset.radius)
+    task = scene_task(Scene.of_look(case.asset, look, prepare_light(case.light), _SIZE, camera), _SAMPLING)
+    uv_sets = [each.attribute for source in task.shaders for each in source.attributes if each.kind == "uv"]
+    asset = Content.of(save_asset(_carrying(case.asset, uv_sets)))
+    return one_frame(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
 
 
 def _carrying(asset: Asset, uv_sets: Sequence[str]) -> Asset:

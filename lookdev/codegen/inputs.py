@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from lookdev.cache import Content
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import symbol, symbols
@@ -26,7 +27,7 @@ class LookUp:
     texture: Texture
     slopes: bool
     uv: str
-    files: Mapping[int, Path]
+    files: Mapping[int, Content]
 
 
 @dataclass
@@ -73,8 +74,8 @@ class Inputs:
         files = {number: self._file(source, tile) for number, tile in tiles.items()}
         return LookUp(texture, isinstance(source, Bump), self._uv(texture.st), files)
 
-    def _file(self, source: Texture | Bump, texture: Texture) -> Path:
-        return self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture)
+    def _file(self, source: Texture | Bump, texture: Texture) -> Content:
+        return Content.of(self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture))
 
     def uv(self, name: str) -> Any:
         """Return the symbols of a UV set, (2,)."""

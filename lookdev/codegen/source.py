@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
+
+from lookdev.cache import Content
 
 HANDEDNESS = "lookdev_handedness"
 """Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
@@ -16,7 +19,7 @@ class TextureBinding:
     """A texture of a shader: the shader parameter that takes the path, and the linear EXR file."""
 
     parameter: str
-    file: Path
+    file: Content
 
 
 @dataclass(frozen=True)
@@ -33,11 +36,31 @@ class AttributeBinding:
     fallback: tuple[float, ...] | None = None
 
 
+class Source(Protocol):
+    """What a slot of an asset wears, made of a look for one kind of renderer: a frozen dataclass of plain data.
+
+    `attributes` and `images` are what it reads, `digest` is that of all that affects the picture. Light passes through
+    the surface where it `transmits`; the surface is not wholly present where it is `see_through`.
+    """
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def digest(self) -> str: ...
+    @property
+    def attributes(self) -> tuple[AttributeBinding, ...]: ...
+    @property
+    def images(self) -> tuple[Content, ...]: ...
+    @property
+    def transmits(self) -> bool: ...
+    @property
+    def see_through(self) -> bool: ...
+
+
 @dataclass(frozen=True)
 class ShaderSource:
     """One generated OSL shader: its text, what it reads, and the digest of text and texture contents.
 
-    `transmits` where light passes through the surface, `see_through` where the surface is not wholly present;
     `directions` are how many of a shading point come from the BRDF and how many from the light; `shadows` where the
     asset may stand in their way.
     """
@@ -52,13 +75,27 @@ class ShaderSource:
     directions: tuple[int, int] = (0, 0)
     shadows: bool = True
 
+    @property
+    def images(self) -> tuple[Content, ...]:
+        """The files of its textures."""
+        return tuple(binding.file for binding in self.textures)
+
 
 @dataclass(frozen=True)
 class PrincipledSource:
-    """Cycles' own Principled BSDF, which the benchmark compares with: constants by Blender's names of its sockets."""
+    """A Principled BSDF, which the benchmark compares with: constants by Blender's names of its sockets."""
 
     name: str
     inputs: Mapping[str, float | tuple[float, ...]]
+    attributes: tuple[AttributeBinding, ...] = ()
+    images: tuple[Content, ...] = ()
+    transmits: bool = False
+    see_through: bool = False
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256 of name and inputs."""
+        return hashlib.sha256(json.dumps([self.name, self.inputs], sort_keys=True).encode()).hexdigest()
 
 
 SocketValue = float | tuple[float, ...] | str
@@ -89,7 +126,7 @@ class ShaderNode:
     inputs: Mapping[str, SocketValue | Link] = field(default_factory=dict)
     label: str = ""
     group: str = ""
-    image: Path | None = None
+    image: Content | None = None
     place: tuple[float, float] = (0.0, 0.0)
 
 
@@ -124,7 +161,7 @@ class NodeSource:
     """A look as native shader nodes: groups, each after those that it shows, and the material's own tree last.
 
     `exact` where the nodes send one importance-sampled direction on through a ray portal; otherwise they are Cycles'
-    own closures. `attributes`, `digest`, `transmits` and `see_through` as of a `ShaderSource`.
+    own closures.
     """
 
     name: str
@@ -135,6 +172,7 @@ class NodeSource:
     transmits: bool = False
     see_through: bool = False
 
-
-Source = ShaderSource | PrincipledSource | NodeSource
-"""What a slot of an asset wears."""
+    @property
+    def images(self) -> tuple[Content, ...]:
+        """The files that its image nodes read."""
+        return tuple(node.image for tree in self.trees for node in tree.nodes if node.image is not None)

@@ -74,7 +74,7 @@ def _do_once(arguments: list[str], answers: Answers) -> None:
         case ["--self-test"]:
             from lookdev.cycles.points import self_test
 
-            answers.tell(**self_test())
+            answers.send(**self_test())
         case ["--points", request]:
             from lookdev.cycles.points import evaluate_file
 
@@ -82,7 +82,7 @@ def _do_once(arguments: list[str], answers: Answers) -> None:
         case ["--export-blend", request]:
             from lookdev.cycles.export_blend import export_file
 
-            answers.tell(**export_file(Path(request)))
+            answers.send(**export_file(Path(request)))
         case other:
             raise SystemExit(f"lookdev.cycles: unknown arguments {other}")
 

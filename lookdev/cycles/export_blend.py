@@ -129,10 +129,11 @@ def _set_view(scene: Any, view: str) -> str:
 
 def _place_images(task: BlendTask) -> None:
     """Pack images, or let them be found beside the .blend."""
+    paths = {each.content.path: each.path for each in task.images}
     for image in list(bpy.data.images):  # a new name moves it in Blender's own list
         if image.source != "FILE":
             continue
-        path = task.images.get(Path(image.filepath))
+        path = paths.get(Path(image.filepath))
         if path is None:
             raise RenderError(f"{image.filepath}: the scene reads an image that the task does not name")
         if task.pack:

@@ -148,7 +148,7 @@ def _add_node(node: ShaderNode, into: Any, groups: dict[str, Any]) -> Any:
             raise RenderError(f"it shows a group '{node.group}', and none before it is called so")
         made.node_tree = groups[node.group]
     if node.image is not None:
-        made.image = load_image(node.image)
+        made.image = load_image(node.image.path)
     for name, setting in node.properties.items():
         _set_property(made, name, setting)
     for identifier, value in node.inputs.items():

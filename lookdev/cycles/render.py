@@ -14,7 +14,7 @@ from lookdev.cycles import engine
 from lookdev.cycles.scene import Scene
 from lookdev.metrics import relmse_of_halves
 from lookdev.render.task import FrameTask
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Sampling
 
 Image = NDArray[np.float32]
 

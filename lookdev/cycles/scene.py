@@ -21,8 +21,9 @@ from lookdev.cycles.principled import configure_as_users_do, principled_material
 from lookdev.cycles.shaders import surface_material
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
+from lookdev.errors import RenderError
 from lookdev.render.task import SceneTask
-from lookdev.scene.camera import Camera, Pose
+from lookdev.scene import Camera, Pose
 
 
 class Scene:
@@ -57,16 +58,11 @@ class Scene:
         self.scene = engine.empty_scene() if into is None else into
         self._groups: Groups = {} if groups is None else groups
         self._configure()
-        asset = read_asset(task.asset_file)
+        asset = read_asset(task.asset.path)
         # Cycles computes in float32: far from the origin it would lose the asset.
         self._origin = np.array(asset.center)
         asset = about_origin(asset)
-        attributes = {
-            binding
-            for source in task.shaders
-            if not isinstance(source, PrincipledSource)
-            for binding in source.attributes
-        }
+        attributes = {binding for source in task.shaders for binding in source.attributes}
         self.root, self.objects = _add_asset(self.scene, asset, self._materials(), attributes)
         self.camera = _add_camera(self.scene)
         if self.by_user:
@@ -129,6 +125,8 @@ class Scene:
                 return build_material(source, self._groups)
             case PrincipledSource():
                 return principled_material(source)
+            case other:
+                raise RenderError(f"look '{other.name}': Cycles has no material for a {type(other).__name__}")
 
     def fits(self, task: SceneTask) -> bool:
         """Tell whether frames of another task need nothing here to be rebuilt; camera and samples may differ."""
@@ -162,7 +160,7 @@ class Scene:
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    return task.asset_file, task.shaders, task.light, task.resolution, task.sampling.bounces, task.device
+    return task.asset, task.shaders, task.lights, task.resolution, task.sampling.bounces, task.device
 
 
 def _add_asset(

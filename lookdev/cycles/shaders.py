@@ -44,12 +44,16 @@ def compile_osl(osl: str) -> Path:
 
 def surface_material(source: ShaderSource, light: LightTables) -> Any:
     """Make a material of a look's light integral."""
-    values = {"light_radiance": str(light.radiance)}
-    values |= {binding.parameter: str(binding.file) for binding in source.textures}
+    values = {"light_radiance": str(light.radiance.path)}
+    values |= {binding.parameter: str(binding.file.path) for binding in source.textures}
     arrays: dict[str, Array] = {}
     if source.directions[1]:
-        values["light_points"] = str(light.points)
-        arrays = {"light_slots": np.load(light.slots), "light_bins": np.load(light.bins)}
+        # Only a constant light has none of these, and that is never sampled.
+        assert light.points is not None
+        assert light.slots is not None
+        assert light.bins is not None
+        values["light_points"] = str(light.points.path)
+        arrays = {"light_slots": np.load(light.slots.path), "light_bins": np.load(light.bins.path)}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would otherwise put every triangle of it into its light tree.
     material.cycles.emission_sampling = "NONE"

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.render.blend import BlendTurntable
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 Floats = NDArray[np.float64]
 

@@ -48,7 +48,7 @@ def build_world(
     mapping.vector_type = "POINT"
     mapping.inputs["Rotation"].default_value = (0.0, 0.0, -math.radians(turn))
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = load_image(light.radiance)
+    texture.image = load_image(light.radiance.path)
     texture.interpolation = "Linear"
     background = tree.nodes.new("ShaderNodeBackground")
     background.inputs["Strength"].default_value = strength

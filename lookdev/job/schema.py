@@ -1,7 +1,7 @@
 """The shape of a job file: strict, frozen models with a hard range for every number.
 
 A rule that spans two keys is checked by the later key's validator, which sees earlier ones in `info.data`,
-so it is told with every other fault. Names are unique within a list of tables: `lookdev.job.load` checks that
+so it is reported with every other fault. Names are unique within a list of tables: `lookdev.job.load` checks that
 over the raw tables, for the same reason.
 """
 
@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -19,18 +21,21 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
     PrivateAttr,
     Tag,
     ValidationInfo,
     field_validator,
 )
-from pydantic_core import PydanticCustomError
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
-BuiltinAsset = Literal["plane", "sphere", "suzanne", "shaderball"]
-BuiltinIbl = Literal["city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset", "white"]
-Backend = Literal["exact", "nodes", "nodes-exact"]
-Device = Literal["cpu", "cuda", "optix", "hip", "metal", "oneapi"]
-View = Literal["ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw"]
+from lookdev.asset import BUILTINS
+from lookdev.errors import nearest_hint
+from lookdev.light import BUILTIN_LIGHTS
+from lookdev.output.display import VIEWS
+from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.scene import SAMPLE_CAP, Sampling
 
 # Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
@@ -41,13 +46,41 @@ PATTERNS: dict[str, str] = {
 }
 """What a string that does not match a pattern should be."""
 
-DEFAULT_SAMPLES = 64
-DEFAULT_SAMPLE_CAP = 4096  # with a target error: where a frame that does not reach it stops
 DEFAULT_FOCAL_LENGTH = 50.0
 
 
 def _wrong(what: str, hint: str = "") -> PydanticCustomError:
     return PydanticCustomError("lookdev", "{what}", {"what": what, "hint": hint})
+
+
+@dataclass(frozen=True)
+class _OneOf:
+    """The annotation of a string that is a name of a registry, as the registry is when a job is read."""
+
+    names: Callable[[], Iterable[str]]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._known, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(schema) | {"enum": list(self.names())}
+
+    def _known(self, name: str) -> str:
+        known = list(self.names())
+        if name not in known:
+            raise _wrong(f"unknown value '{name}'", nearest_hint(name, known))
+        return name
+
+
+def _devices() -> dict[str, None]:
+    return {device: None for backend in job_backends().values() for device in backend.devices}
+
+
+BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
+BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
+BackendName = Annotated[str, _OneOf(job_backends)]
+Device = Annotated[str, _OneOf(_devices)]
+View = Annotated[str, _OneOf(lambda: VIEWS)]
 
 
 def _context_file(context: Any) -> Path:
@@ -119,7 +152,7 @@ class JobAsset(Table):
 
     @field_validator("builtin")
     @classmethod
-    def _one_source(cls, value: BuiltinAsset | None, info: ValidationInfo) -> BuiltinAsset | None:
+    def _one_source(cls, value: str | None, info: ValidationInfo) -> str | None:
         _exactly_one("builtin", value, "usd", info)
         return value
 
@@ -169,7 +202,7 @@ class JobIbl(Table):
 
     @field_validator("builtin")
     @classmethod
-    def _one_source(cls, value: BuiltinIbl | None, info: ValidationInfo) -> BuiltinIbl | None:
+    def _one_source(cls, value: str | None, info: ValidationInfo) -> str | None:
         _exactly_one("builtin", value, "file", info)
         return value
 
@@ -230,26 +263,24 @@ class JobRender(Table):
     """How frames are rendered."""
 
     resolution: tuple[Pixels, Pixels] = Field(default=(512, 512), description="Width and height, pixels.")
-    backend: Backend = Field(
+    backend: BackendName = Field(
         default="exact",
-        description="exact: the models as published, through light integrals in OSL. nodes: Cycles' own closures, "
-        "fitted to the models, as native shader nodes. nodes-exact: the models as published, as native shader nodes "
-        "without OSL; noisier than exact, and not for looks that can be seen through.",
+        description=". ".join(f"{name}: {backend.help}" for name, backend in job_backends().items()) + ".",
     )
     device: Device = Field(
         default="cpu", description="Cycles' device; exact runs on cpu only, the other backends on any."
     )
     error: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(
-        default=None,
+        default=Sampling.error,
         description="Target relMSE of a frame: samples are added until its estimate is at most this.",
     )
     samples: Annotated[int, Field(ge=2, le=2**20, multiple_of=2)] = Field(
-        default_factory=lambda data: DEFAULT_SAMPLES if data.get("error") is None else DEFAULT_SAMPLE_CAP,
+        default_factory=lambda data: Sampling.samples if data.get("error") is None else SAMPLE_CAP,
         description="Samples a pixel, even, best a power of two; with 'error', the most that are taken. "
-        f"Default {DEFAULT_SAMPLES}, with 'error' {DEFAULT_SAMPLE_CAP}.",
+        f"Default {Sampling.samples}, with 'error' {SAMPLE_CAP}.",
     )
     bounces: Annotated[int, Field(ge=0, le=64)] = Field(
-        default=2, description="Indirect bounces; 0: only direct light."
+        default=Sampling.bounces, description="Indirect bounces; 0: only direct light."
     )
     # At least one: what a narrow lobe reflects, and indirect light, is found by its own directions only.
     brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = Field(
@@ -263,7 +294,9 @@ class JobRender(Table):
         "the look.",
     )
     # Times 64, for the rounds and halves of a frame, it must be exact as a float32: so it reaches the shader.
-    seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(default=0, description="Seed of all random choices.")
+    seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(
+        default=Sampling.seed, description="Seed of all random choices."
+    )
     background: Background = Field(
         default="black",
         description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].",
@@ -271,22 +304,29 @@ class JobRender(Table):
 
     @field_validator("device")
     @classmethod
-    def _exact_needs_cpu(cls, value: Device, info: ValidationInfo) -> Device:
-        if value != "cpu" and info.data.get("backend") == "exact":
+    def _device_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
+        backend = BACKENDS.get(info.data.get("backend", ""))
+        if backend is not None and value not in backend.devices:
+            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if value in each.devices)
             raise _wrong(
-                f"the exact backend cannot run on '{value}': its light integrals are OSL, "
-                "which traces rays on Cycles' CPU device only",
-                'device = "cpu", or backend = "nodes" or "nodes-exact"',
+                f"backend '{backend.name}' cannot run on '{value}': it is {backend.help}",
+                f'device = "{backend.devices[0]}", or backend = {others}',
             )
         return value
 
     @field_validator("brdf_samples", "ibl_samples")
     @classmethod
-    def _directions_of_exact(cls, value: int, info: ValidationInfo) -> int:
-        backend = info.data.get("backend", "exact")
-        if backend != "exact":
-            raise _wrong(f"has no meaning with backend '{backend}'", 'it goes with backend = "exact"')
+    def _directions_of_the_backend(cls, value: int, info: ValidationInfo) -> int:
+        backend = BACKENDS.get(info.data.get("backend", ""))
+        if backend is not None and not backend.directions:
+            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.directions)
+            raise _wrong(f"has no meaning with backend '{backend.name}'", f"it goes with backend = {others}")
         return value
+
+    @property
+    def sampling(self) -> Sampling:
+        """How much work a frame gets."""
+        return Sampling(**{field.name: getattr(self, field.name) for field in fields(Sampling)})
 
 
 class JobOutputs(Table):
@@ -302,13 +342,13 @@ class JobOutputs(Table):
     overview_columns: Annotated[int, Field(ge=1, le=1000)] | None = Field(
         default=None, description="Looks in a row of an overview; default: what fills a page of 16:10."
     )
-    view: View = Field(default="ACES 1.0 - SDR Video", description="The OCIO view of pictures and sheets.")
+    view: View = Field(default=VIEWS[0], description="The OCIO view of pictures and sheets.")
 
     @field_validator("exr")
     @classmethod
     def _exr_is_kept(cls, value: bool) -> bool:
         if not value:
-            raise _wrong("the EXR cannot be left out: its header tells which frames are done", "exr = true")
+            raise _wrong("the EXR cannot be left out: its header records which frames are done", "exr = true")
         return value
 
     @field_validator("overview_columns")

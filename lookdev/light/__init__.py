@@ -3,8 +3,12 @@
 from lookdev.light.environment import BUILTIN_LIGHTS, EnvironmentMap, Repairs, load_environment
 from lookdev.light.tables import LightDistribution, LightTables, prepare_light, read_distribution
 
+LIGHT_TYPES: dict[str, type[LightTables]] = {"dome": LightTables}
+"""The type of each kind of light."""
+
 __all__ = [
     "BUILTIN_LIGHTS",
+    "LIGHT_TYPES",
     "EnvironmentMap",
     "LightDistribution",
     "LightTables",

@@ -42,13 +42,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import qmc
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import Content, atomic_path, cache_dir
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import bins
 from lookdev.light.environment import EnvironmentMap
@@ -87,13 +88,15 @@ class LightTables:
     """The files of an environment map prepared for the shader; see the module.
 
     `digest` names the content. Where the same radiance comes from everywhere, it is `constant`, and `radiance` is all
-    that there is: nothing is sampled by it.
+    that there is: nothing is sampled by it, and the other files are None.
     """
 
-    radiance: Path
-    points: Path
-    slots: Path
-    bins: Path
+    kind: ClassVar[str] = "dome"
+
+    radiance: Content
+    points: Content | None
+    slots: Content | None
+    bins: Content | None
     width: int
     height: int
     digest: str
@@ -189,7 +192,10 @@ def prepare_light(env: EnvironmentMap) -> LightTables:
         _write_exr(points_file, "RGBA", points.reshape(POINTS_SIDE, POINTS_SIDE, 4))
         _write_npy(slots_file, slots)
         _write_npy(bins_file, numbers)
-    return LightTables(radiance, points_file, slots_file, bins_file, width, height, digest, light.is_constant)
+    drawn, cut_up, weights = (
+        None if light.is_constant else Content.of(file) for file in (points_file, slots_file, bins_file)
+    )
+    return LightTables(Content.of(radiance), drawn, cut_up, weights, width, height, digest, light.is_constant)
 
 
 def read_distribution(tables: LightTables) -> LightDistribution:
@@ -200,7 +206,7 @@ def read_distribution(tables: LightTables) -> LightDistribution:
     EnvironmentMapError
         A file is missing or broken.
     """
-    return LightDistribution(_read_exr(tables.radiance, "RGB").astype(np.float64))
+    return LightDistribution(_read_exr(tables.radiance.path, "RGB").astype(np.float64))
 
 
 def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:

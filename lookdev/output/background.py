@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from lookdev.light import read_distribution
 from lookdev.light.mapping import rotate_z
 from lookdev.render.task import FrameTask
-from lookdev.scene.camera import camera_rays
+from lookdev.scene import camera_rays
 
 # Subsamples a pixel and axis: enough for the smooth interpolation of a map at the size of a preview.
 _GRID = 3

@@ -1,15 +1,18 @@
-"""What to render: a job's poses as frame tasks, each with a digest of all that affects it."""
+"""What to render: the poses of setups as frame tasks, each with a digest of all that affects it."""
 
-from lookdev.plan.plan import Copy, Plan, PlannedFile, PlannedFrame, build_plan, frame_files, frame_sampling
+from lookdev.plan.plan import Copy, Plan, PlannedFile, PlannedFrame, Reel, build_plan
 from lookdev.plan.poses import turntable_poses
+from lookdev.plan.setup import Setup, Turns, make_setup
 
 __all__ = [
     "Copy",
     "Plan",
     "PlannedFile",
     "PlannedFrame",
+    "Reel",
+    "Setup",
+    "Turns",
     "build_plan",
-    "frame_files",
-    "frame_sampling",
+    "make_setup",
     "turntable_poses",
 ]

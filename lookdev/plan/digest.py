@@ -6,27 +6,22 @@ import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
-from functools import cache
-from importlib.metadata import version
 
-from lookdev.codegen import PrincipledSource, Source
+from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
-from lookdev.scene.camera import Pose
-
-RENDER_VERSION = 1
-"""Raised when the program renders the same frame task to other pixels than before."""
+from lookdev.scene import Pose
 
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
-    """Return the digest of each part of a frame's inputs: what changed can then be told by its name.
+    """Return the digest of each part of a frame's inputs, so that the part that changed can be named.
 
-    The parts are ``asset look ibl camera pose render``. Paths are in none of them: geometry, textures and
-    light tables count by the digest of their content, which an asset file bears as its name.
+    The parts are ``asset look ibl camera pose render``. Paths are in none of them: geometry, textures and light tables
+    count by their content.
     """
     return {
-        "asset": _digest(scene.asset_file.stem),
-        "look": _digest([_source_digest(source) for source in scene.shaders]),
-        "ibl": _digest([scene.light.digest, exposure]),
+        "asset": scene.asset.digest,
+        "look": _digest([source.digest for source in scene.shaders]),
+        "ibl": _digest([*(light.digest for light in scene.lights), exposure]),
         "camera": _digest(asdict(scene.camera)),
         "pose": _digest(asdict(pose)),
         "render": _digest(
@@ -34,8 +29,8 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
                 "resolution": scene.resolution,
                 "sampling": asdict(scene.sampling),
                 "device": scene.device,
-                "bpy": blender_version(),
-                "version": RENDER_VERSION,
+                "backend": scene.backend,
+                "version": BACKENDS[scene.backend].version(),
             }
         ),
     }
@@ -44,16 +39,6 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
 def frame_digest(parts: Mapping[str, str]) -> str:
     """Return the digest of a frame from those of its parts."""
     return _digest(parts)
-
-
-@cache
-def blender_version() -> str:
-    """Return the version of the installed bpy, without importing it."""
-    return version("bpy")
-
-
-def _source_digest(source: Source) -> str:
-    return _digest(asdict(source)) if isinstance(source, PrincipledSource) else source.digest
 
 
 def _digest(value: object) -> str:

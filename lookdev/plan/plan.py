@@ -1,21 +1,20 @@
-"""What would be rendered and why: every frame of a job, and the state of every file on disk."""
+"""What is to be rendered and why: every frame of some setups, and the state of every file on disk."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
 from lookdev.errors import OutputError
-from lookdev.job import Job, JobIbl, JobLook, JobRender, JobTurntable
 from lookdev.plan.digest import frame_digest, part_digests
-from lookdev.plan.poses import turntable_poses, unturned
-from lookdev.plan.skips import Skip
-from lookdev.render.task import FrameTask, SceneTask
-from lookdev.scene.camera import Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.plan.poses import turntable_poses
+from lookdev.plan.setup import Setup, Turns
+from lookdev.plan.skips import Skip, scene_skips
+from lookdev.render.task import FrameTask
+from lookdev.scene import Pose
 
 State = Literal["done", "stale", "new"]
 Header = Mapping[str, str]
@@ -49,15 +48,28 @@ class Copy:
 
 
 @dataclass(frozen=True)
-class Plan:
-    """Every frame of a job, look by look, and within a look light by light.
+class Reel:
+    """The files of a turntable of a look under a light, in the order of its frames."""
 
-    `pictures` are the EXRs that need no rendering but whose PNG is missing or older; an EXR that `copies`
-    will make is among them. `skips` say what the frames leave out.
+    look: str
+    ibl: str
+    turntable: str
+    files: tuple[Path, ...]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Every frame of some setups, in their order.
+
+    `reels` are the turntables of each setup, and `output` is the folder of all files. `pictures` are the EXRs that need
+    no rendering but whose PNG is missing or older; an EXR that `copies` will make is among them. `skips` state what the
+    frames leave out.
     """
 
     frames: tuple[PlannedFrame, ...]
-    pictures: tuple[Path, ...]
+    reels: tuple[Reel, ...]
+    output: Path
+    pictures: tuple[Path, ...] = ()
     skips: tuple[Skip, ...] = ()
 
     @property
@@ -88,84 +100,86 @@ class Plan:
 
 
 def build_plan(
-    job: Job,
-    scenes: Mapping[tuple[str, str], SceneTask],
+    setups: Sequence[Setup],
+    turns: Turns,
     read_header: HeaderReader,
-    around: Collection[tuple[str, str]] = (),
+    *,
+    labels: Mapping[str, str] | None = None,
+    pictures: bool = True,
 ) -> Plan:
-    """Plan a job.
+    """Plan the frames of setups.
 
     Parameters
     ----------
-    job : Job
-        The job.
-    scenes : mapping
-        (look name, IBL name) to the scene, for every look and IBL of the job.
-    read_header : callable
+    setups
+        Every look under every light.
+    turns
+        The turntables of all of them.
+    read_header
         Reads the header of a frame that exists.
-    around : collection
-        The keys of those scenes whose asset looks the same however it is turned: poses that differ by no more than
-        that are one frame.
+    labels
+        Entries of the header of every frame.
+    pictures
+        Whether every frame is to have a PNG.
 
     Returns
     -------
     Plan
-        With one frame for each distinct pose of a look under a light, however many turntables show it. Poses are not
-        distinct where only a light turned that comes alike from everywhere.
+        With one frame for each distinct pose of a setup, however many turntables show it. Poses are not distinct where
+        only something turned that looks the same from everywhere.
     """
     frames = tuple(
         PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
-        for look in job.look
-        for ibl in job.ibl
-        for task in _tasks(job, look, ibl, scenes[look.name, ibl.name], (look.name, ibl.name) in around)
+        for setup in setups
+        for task in _tasks(setup, turns, labels or {})
     )
-    return Plan(frames, tuple(_pictures(frames)) if job.outputs.png else ())
-
-
-def frame_files(job: Job, look: str, ibl: str, turntable: JobTurntable) -> tuple[Path, ...]:
-    """Return each frame's EXR of a turntable: ``<output>/<look>/<ibl>/<turntable>.####.exr``, from 0001."""
-    folder = job.output / look / ibl
-    return tuple(folder / f"{turntable.name}.{number:04d}.exr" for number in range(1, turntable.frames + 1))
-
-
-def frame_sampling(render: JobRender) -> Sampling:
-    """Return the sampling of a job's scenes."""
-    return Sampling(
-        samples=render.samples,
-        error=render.error,
-        brdf_samples=render.brdf_samples,
-        ibl_samples=render.ibl_samples,
-        bounces=render.bounces,
-        seed=render.seed,
+    reels = tuple(
+        Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
+        for setup in setups
+        for each in turns.turntables
     )
+    due = tuple(_pictures(frames)) if pictures else ()
+    return Plan(frames, reels, turns.output, due, tuple(find_skips(setups, turns)))
 
 
-def _tasks(job: Job, look: JobLook, ibl: JobIbl, scene: SceneTask, around: bool) -> Iterator[FrameTask]:
+def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
+    """Yield what setups leave out, in their order; what the user turned off is not among it."""
+    for setup in setups:
+        for what, why in (*scene_skips(setup.task, setup.scene.looks, setup.asked), *_frame_skips(setup, turns)):
+            yield Skip(setup.look, setup.ibl, what, why)
+
+
+def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
+    poses = {pose for each in turns.turntables for pose in turntable_poses(each, setup.rotation, turns.azimuth)}
+    left = turns.poses(setup)
+    if len(left) < len(poses):
+        causes = ["same all around"] * setup.around + ["constant light"] * setup.task.light.constant
+        yield f"{len(poses) - len(left)} of {len(poses)} frames", ", ".join(causes)
+
+
+def _tasks(setup: Setup, turns: Turns, labels: Mapping[str, str]) -> Iterator[FrameTask]:
     shown: dict[Pose, list[tuple[str, Path]]] = {}
-    for turntable in job.turntable:
-        poses = turntable_poses(turntable, ibl.rotation, job.camera.azimuth)
-        files = frame_files(job, look.name, ibl.name, turntable)
-        for pose, file in zip(poses, files, strict=True):
-            shown.setdefault(unturned(pose, around, scene.light.constant), []).append((turntable.name, file))
+    for turntable in turns.turntables:
+        files = turns.files(setup.look, setup.ibl, turntable)
+        for pose, file in zip(setup.poses(turntable, turns.azimuth), files, strict=True):
+            shown.setdefault(pose, []).append((turntable.name, file))
     for pose, places in shown.items():
-        parts = part_digests(scene, pose, ibl.exposure)
-        labels = {
-            "job": str(job.file),
-            "asset": job.asset.builtin or str(job.asset.usd),
-            "look": look.name,
-            "ibl": ibl.name,
+        parts = part_digests(setup.task, pose, setup.exposure)
+        own = {
+            "look": setup.look,
+            "ibl": setup.ibl,
             "turntable": ", ".join(dict.fromkeys(name for name, _ in places)),
             "pose.element": repr(pose.element),
             "pose.lighting": repr(pose.lighting),
-            "exposure": repr(ibl.exposure),
+            "exposure": repr(setup.exposure),
         }
         yield FrameTask(
-            scene=scene,
+            scene=setup.task,
             pose=pose,
-            exposure=ibl.exposure,
+            exposure=setup.exposure,
             digest=frame_digest(parts),
             files=tuple(file for _, file in places),
-            labels=labels | {f"digest.{part}": digest for part, digest in parts.items()},
+            labels={**labels, **own, **{f"digest.{part}": digest for part, digest in parts.items()}},
         )
 
 

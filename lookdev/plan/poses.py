@@ -5,7 +5,7 @@ from __future__ import annotations
 from fractions import Fraction
 
 from lookdev.job import JobTurntable
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 
 def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: float = 0.0) -> tuple[Pose, ...]:

@@ -27,7 +27,7 @@ from lookdev.light.mapping import rotate_z
 from lookdev.material import Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.shapes import Floats, Mask, Shape
-from lookdev.scene.camera import Camera, Pose, camera_rays
+from lookdev.scene import Camera, Pose, camera_rays
 
 Ints = NDArray[np.int64]
 Places = NDArray[Any]

@@ -1,6 +1,6 @@
-"""The answering side of a render worker: what it tells its parent, one JSON object a line on standard output.
+"""The answers of a render worker to its parent: one JSON object per line on standard output.
 
-`lookdev.render.worker` is the other side, and says what each answer must have.
+`lookdev.render.worker` reads them, and defines the fields of each.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 
 class Answers:
-    """Standard output, kept for answers: whatever else prints there goes to standard error from now on.
+    """Standard output, reserved for answers: all else that is printed goes to standard error from now on.
 
     Make it before anything that prints is loaded.
     """
@@ -25,20 +25,20 @@ class Answers:
         self._channel = os.dup(1)
         os.dup2(2, 1)
 
-    def tell(self, **message: Any) -> None:
+    def send(self, **message: Any) -> None:
         """Send one message."""
         os.write(self._channel, (json.dumps(message) + "\n").encode())
 
     def ready(self, renderer: str) -> None:
-        """Say that frames can be asked for, and what will render them."""
-        self.tell(type="ready", blender=renderer)
+        """Report that tasks can be sent, and the name of the renderer."""
+        self.send(type="ready", blender=renderer)
 
     def progress(self, digest: str, samples: int, of: int, relmse: float | None) -> None:
-        """Say how far the frame of a digest is: samples done, samples planned, and the relMSE so far."""
-        self.tell(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
+        """Report samples done, samples planned and the relMSE so far of the frame of a digest."""
+        self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
 
     def done(self, digest: str, arrays: str, *, samples: int, seconds: float, relmse: float) -> None:
-        """Hand over a frame, with the most memory that this process has held.
+        """Report a frame that is rendered, with the peak memory of this process.
 
         Parameters
         ----------
@@ -49,7 +49,7 @@ class Answers:
         samples, seconds, relmse
             Over both halves; the frame's own estimate, or nan.
         """
-        self.tell(
+        self.send(
             type="done",
             digest=digest,
             arrays=arrays,
@@ -60,8 +60,8 @@ class Answers:
         )
 
     def failed(self, digest: str, error: Exception) -> None:
-        """Say why there is no frame."""
-        self.tell(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
+        """Report why a frame cannot be rendered."""
+        self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
 
 
 def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[np.float32]) -> str:
@@ -79,7 +79,7 @@ def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[n
 
 
 def _most_memory() -> int:
-    """Return the most bytes that this process has held; what getrusage() tells begins with the parent's."""
+    """Return the most bytes that this process has held; getrusage() counts from the parent's."""
     status = Path("/proc/self/status").read_text()
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return 1024 * int(kilobytes)

@@ -1,4 +1,4 @@
-"""What the exporter of a .blend is told: the scenes of a job, as plain data."""
+"""The task of the exporter of a .blend: the scenes of a job, as plain data."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from lookdev.light import LightTables
-from lookdev.render.task import SceneTask
-from lookdev.scene.camera import Pose
+from lookdev.cache import Content
+from lookdev.render.task import AnyLight, SceneTask
+from lookdev.scene import Pose
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class BlendWorld:
     """A light of a job: `strength` multiplies its radiance, `turn` degrees about z are beyond those of the poses."""
 
     name: str
-    light: LightTables
+    light: AnyLight
     strength: float
     turn: float
 
@@ -29,6 +29,14 @@ class BlendTurntable:
 
     name: str
     poses: tuple[Pose, ...]
+
+
+@dataclass(frozen=True)
+class BlendImage:
+    """An image that looks or worlds read, and its path relative to the .blend."""
+
+    content: Content
+    path: str
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ class BlendTask:
     worlds, turntables
         At least one of each, in the order of the job; the turntables' frames are counted on from 1.
     images
-        Each image that looks and worlds read, and its path relative to the .blend.
+        Each image that looks and worlds read.
     pack
         Whether images are packed into the .blend; otherwise they lie at their relative paths.
     view
@@ -57,7 +65,7 @@ class BlendTask:
     scenes: Mapping[str, SceneTask]
     worlds: tuple[BlendWorld, ...]
     turntables: tuple[BlendTurntable, ...]
-    images: Mapping[Path, str]
+    images: tuple[BlendImage, ...]
     pack: bool
     view: str
     show_light: bool

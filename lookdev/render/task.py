@@ -1,43 +1,90 @@
-"""What the renderer is told: one scene, then frames of it. Plain data, nothing of Blender in it."""
+"""What a worker renders: one scene, then frames of it. Plain data that names its files by their content."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields, is_dataclass, replace
+from functools import cache
 from pathlib import Path
+from typing import Annotated, Any
 
-from lookdev.codegen import NodeSource, Source
-from lookdev.light import LightTables
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from pydantic import PlainSerializer, PlainValidator, TypeAdapter, ValidationInfo
+
+from lookdev.cache import Content
+from lookdev.codegen import Source
+from lookdev.light import LIGHT_TYPES, LightTables
+from lookdev.render.backends import BACKENDS
+from lookdev.scene import Camera, Pose, Sampling
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+def _read_sources(given: list[Any], info: ValidationInfo) -> tuple[Source, ...]:
+    name = info.data.get("backend")
+    if name not in BACKENDS:
+        raise ValueError(f"no backend '{name}' is registered here")
+    return tuple(_adapter(BACKENDS[name].source).validate_python(each) for each in given)
+
+
+def _read_light(given: list[Any]) -> LightTables:
+    kind, light = given
+    if kind not in LIGHT_TYPES:
+        raise ValueError(f"no kind of light '{kind}' is registered here")
+    type_: Any = LIGHT_TYPES[kind]
+    read: LightTables = _adapter(type_).validate_python(light)
+    return read
+
+
+def _with_kind(light: LightTables) -> tuple[str, LightTables]:
+    return light.kind, light
+
+
+# JSON has no types: those of sources and lights are found in their registries.
+Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
+AnyLight = Annotated[LightTables, PlainValidator(_read_light), PlainSerializer(_with_kind)]
 
 
 @dataclass(frozen=True)
 class SceneTask:
-    """All that stays the same over a sequence: geometry, one source for each slot, light, resolution.
+    """All that stays the same over a sequence: geometry, one source for each slot, lights, resolution.
 
-    The sources are all of one kind, which says who lights the scene: of `ShaderSource` the shaders themselves,
-    otherwise Cycles by its world. Of the sampling, `brdf_samples` and `ibl_samples` are in the shaders already.
+    The backend of that name in `BACKENDS` gives the type of the sources. Of the sampling, `brdf_samples` and
+    `ibl_samples` may be in the sources already.
 
     Raises
     ------
     ValueError
-        There is no source, or there are several kinds.
+        There is no source, or one of another type than the backend's.
     """
 
-    asset_file: Path
-    shaders: tuple[Source, ...]
-    light: LightTables
+    asset: Content
+    backend: str
+    shaders: Sources
+    lights: tuple[AnyLight, ...]
     resolution: tuple[int, int]
     sampling: Sampling
     camera: Camera
-    device: str
+    device: str = "cpu"
 
     def __post_init__(self) -> None:
-        """Refuse what no renderer can show."""
-        kinds = {(type(source).__name__, isinstance(source, NodeSource) and source.exact) for source in self.shaders}
-        if len(kinds) != 1:
-            found = ", ".join(name + " that is exact" * exact for name, exact in sorted(kinds)) or "none"
-            raise ValueError(f"a scene has one kind of source in all its slots, found: {found}")
+        record = BACKENDS[self.backend]
+        # Node sources have a mark of their own for whether they are exact.
+        if not self.shaders or not all(
+            isinstance(source, record.source) and getattr(source, "exact", record.exact) == record.exact
+            for source in self.shaders
+        ):
+            kinds = {type(each).__name__ + " that is exact" * getattr(each, "exact", False) for each in self.shaders}
+            wanted, found = record.source.__name__, ", ".join(sorted(kinds)) or "none"
+            raise ValueError(f"backend '{self.backend}' takes a {wanted} for every slot, found: {found}")
+
+    @property
+    def light(self) -> LightTables:
+        """The only light, a dome."""
+        (light,) = self.lights
+        return light
 
 
 @dataclass(frozen=True)
@@ -50,3 +97,24 @@ class FrameTask:
     digest: str
     files: tuple[Path, ...]
     labels: dict[str, str]
+
+
+def one_frame(scene: SceneTask, pose: Pose, name: str, **sampling: Any) -> FrameTask:
+    """Return a frame that is written to no file; `name` stands for its digest, `sampling` replaces the scene's."""
+    return FrameTask(replace(scene, sampling=replace(scene.sampling, **sampling)), pose, 0.0, name, (), {})
+
+
+def contents(task: object) -> set[Content]:
+    """Return the files that a task names: all that another machine needs besides the task itself."""
+    return set(_contents(task))
+
+
+def _contents(value: object) -> Iterator[Content]:
+    if isinstance(value, Content):
+        yield value
+    elif is_dataclass(value):
+        for field in fields(value):
+            yield from _contents(getattr(value, field.name))
+    elif isinstance(value, tuple | Mapping):
+        for each in value.values() if isinstance(value, Mapping) else value:
+            yield from _contents(each)

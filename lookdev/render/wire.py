@@ -1,4 +1,4 @@
-"""Frame tasks as lines of JSON: what the command line tells the worker process."""
+"""Frame tasks as lines of JSON, the input of a worker process."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def decode(line: str) -> FrameTask:
     Raises
     ------
     WorkerError
-        If the line is no frame task; it tells every field that is wrong.
+        If the line is no frame task of a backend that is registered here; it names every field that is wrong.
     """
     try:
         return _FRAME_TASK.validate_json(line)
     except ValidationError as error:
-        raise WorkerError(f"the worker was sent something else than a frame task: {error}") from error
+        raise WorkerError(f"the worker got something else than a frame task: {error}") from error

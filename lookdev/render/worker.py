@@ -1,7 +1,7 @@
-"""The parent's side of the render worker: one process, one frame at a time, never trusted.
+"""Supervision of a render worker: one process, one frame at a time, whose every answer is checked.
 
-The worker reads one JSON line a frame on stdin and answers in JSON lines on stdout; what it and Blender say
-besides goes to a log file. It ends when stdin ends, so it dies with this process however that dies.
+The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; all other output of it and of
+Blender goes to a log file. It ends when stdin ends, so it ends with this process however that ends.
 """
 
 from __future__ import annotations
@@ -9,13 +9,12 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Annotated, Literal, Self
@@ -26,9 +25,9 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
 from lookdev.errors import RenderError, WorkerError
 from lookdev.render import wire
+from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
 
-WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 PATIENCE = 600.0
 """Seconds of silence after which a worker counts as hung: a slow round of samples must fit in."""
 
@@ -71,7 +70,7 @@ _MESSAGES: TypeAdapter[Ready | Progress | Done | Failed] = TypeAdapter(Message)
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """What the worker made of a frame.
+    """A frame as the worker renders it.
 
     `a`, `b` (H, W, 3) are independent half renders, premultiplied, without exposure; `alpha` (H, W).
     `samples` per pixel over both halves; `seconds` in the worker; `relmse` is the frame's own estimate; `memory` the
@@ -257,26 +256,28 @@ class Worker:
 
 
 @contextmanager
-def renderer(
-    command: Sequence[str] = WORKER_COMMAND, patience: float = PATIENCE
-) -> Iterator[Callable[[FrameTask], Rendered]]:
-    """Give a function that renders a frame in a worker of its own, with a log and scratch that go with it.
+def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
+    """Give a function that renders a frame of any backend, in workers that end with the context.
 
-    It raises what `Worker.start` and `Worker.render` do; a WorkerError has the log's last words.
+    It raises what `Worker.start` and `Worker.render` do; a WorkerError has the last line of the worker's log.
     """
-    with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch:
-        log = Path(scratch, "worker.log")
-        with Worker(command, log, Path(scratch), patience) as worker:
+    with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
+        workers: dict[tuple[str, ...], Worker] = {}
 
-            def render(task: FrameTask) -> Rendered:
-                try:
-                    worker.start()
-                    return worker.render(task, lambda progress: None)
-                except WorkerError as error:
-                    # The log goes with its folder: what it says last is all that is left.
-                    raise WorkerError(f"{error}\n{last_words(log)}") from error
+        def render(task: FrameTask) -> Rendered:
+            command = BACKENDS[task.scene.backend].command
+            if command not in workers:
+                log = Path(scratch, f"{len(workers)}.log")
+                workers[command] = stack.enter_context(Worker(command, log, Path(scratch), patience))
+            worker = workers[command]
+            try:
+                worker.start()
+                return worker.render(task, lambda progress: None)
+            except WorkerError as error:
+                # The log is removed with its folder.
+                raise WorkerError(f"{error}\n{last_words(worker.log)}") from error
 
-            yield render
+        yield render
 
 
 def last_words(log: Path) -> str:

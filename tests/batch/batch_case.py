@@ -6,16 +6,20 @@ import json
 import os
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
+from lookdev.asset import load_asset
 from lookdev.batch.run import RunResult, run_plan
+from lookdev.cache import Content
 from lookdev.codegen import ShaderSource
 from lookdev.job import Job, parse_job
 from lookdev.light import LightTables
+from lookdev.material import Look
 from lookdev.output.exr import read_header
-from lookdev.plan import Plan, build_plan, frame_sampling
+from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.render.task import SceneTask
-from lookdev.scene.framing import frame_camera
+from lookdev.scene import Scene, frame_camera
 
 WIDTH, HEIGHT = 8, 6
 JOB = """
@@ -55,20 +59,18 @@ def make_job(folder: Path, turntables: str = TURNTABLES, render: str = RENDER) -
 
 
 def make_plan(job: Job) -> Plan:
-    scenes = {
-        (look.name, ibl.name): SceneTask(
-            asset_file=Path("/cache/a55e7.npz"),
-            shaders=(ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}"),),
-            light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147"),
-            resolution=(WIDTH, HEIGHT),
-            sampling=frame_sampling(job.render),
-            camera=frame_camera((0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT), elevation=job.camera.elevation),
-            device="cpu",
-        )
-        for look in job.look
-        for ibl in job.ibl
-    }
-    return build_plan(job, scenes, read_header)
+    size, sampling = (WIDTH, HEIGHT), job.render.sampling
+    light = LightTables(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
+    camera = frame_camera((0.0, 0.0, 0.0), 1.0, size, elevation=job.camera.elevation)
+    shown = Scene.of_look(load_asset(builtin="plane"), Look("gold", ()), light, size, camera)
+    setups = []
+    for look in job.look:
+        source = ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}", transmits=True)
+        task = SceneTask(Content("a55e7", ".npz"), "exact", (source,), (light,), size, sampling, camera)
+        setups += [Setup(look.name, ibl.name, shown, task, sampling, exposure=ibl.exposure) for ibl in job.ibl]
+    turns = Turns(job.turntable, job.output, job.camera.azimuth)
+    plan = build_plan(setups, turns, read_header, labels={"job": str(job.file)}, pictures=job.outputs.png)
+    return replace(plan, skips=())
 
 
 def command(folder: Path) -> tuple[str, ...]:
@@ -106,9 +108,10 @@ def wait_until(condition, seconds: float = 20.0) -> None:  # type: ignore[no-unt
         time.sleep(0.01)
 
 
-def run(folder: Path, **options: object) -> RunResult:
-    job = make_job(folder)
-    return run_plan(job, make_plan(job), worker_command=command(folder), **options)  # type: ignore[arg-type]
+def run(folder: Path, job: Job | None = None, **options: object) -> RunResult:
+    job = job or make_job(folder)
+    options = {"worker_command": command(folder), **options}
+    return run_plan(make_plan(job), job.outputs, job.render.background, **options)  # type: ignore[arg-type]
 
 
 if __name__ == "__main__":

@@ -103,7 +103,7 @@ def test_frames_are_the_jobs_own_but_small_and_of_other_seeds(job: Path, rendere
     first = rendered[:4]
     assert len({task.scene.sampling.seed for task in first}) == 4
     assert len({task.digest for task in rendered}) == len(rendered)
-    assert len({(task.scene.asset_file, task.pose, task.scene.camera) for task in first}) == 1
+    assert len({(task.scene.asset, task.pose, task.scene.camera) for task in first}) == 1
 
 
 def test_stability_is_asked_of_the_models_or_of_the_looks(
@@ -146,6 +146,19 @@ def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTa
     assert kinds == [NodeSource] * 4 + [ShaderSource] * 4
     assert len({task.scene.sampling.seed for task in rendered}) == 8
     assert len({(task.scene.resolution, task.scene.sampling.samples, task.pose) for task in rendered}) == 1
+
+
+def test_a_backend_that_no_job_may_name_is_refused() -> None:
+    with pytest.raises(LookdevError, match=r"no backend 'node' \(did you mean 'nodes'\?\)"):
+        list(check_file(MATERIALS / "brushed_metal.usda", backend="node"))
+
+
+def test_every_variant_of_a_look_is_checked(rendered: list[FrameTask]) -> None:
+    metals = [
+        subject for _, subject in found(MATERIALS / "brushed_metal.usda", only=["image"], variants={"metal": "*"})
+    ]
+    assert "brushed_metal_copper, city" in metals
+    assert len(set(metals)) == len(metals) > 1
 
 
 def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) -> None:

@@ -1,4 +1,4 @@
-"""`lookdev export blend` without Blender: what the exporter is told, which files are placed, and what is left of it."""
+"""`lookdev export blend` without Blender: the exporter's task, which files are placed, and what is left of it."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.batch.export import Exported, blend_task, export_blend, image_names
-from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.batch.prepare import JobSetups, read_setups
+from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.render.blend import BLEND_TASK
-from lookdev.scene.camera import Pose
+from lookdev.render.blend import BLEND_TASK, BlendImage
+from lookdev.scene import Pose
 
 LOOK = """#usda 1.0
 ( defaultPrim = "Look" )
@@ -102,8 +103,8 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.fixture
-def prepared(job: Path) -> Prepared:
-    return prepare_job(job, backend="nodes")
+def prepared(job: Path) -> JobSetups:
+    return read_setups(job, backend="nodes")
 
 
 Export = Callable[..., Exported]
@@ -124,38 +125,40 @@ def names(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def test_the_task_has_every_pose_of_the_first_light(prepared: Prepared, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", {}, pack=False)
+def test_the_task_has_every_pose_of_the_first_light(prepared: JobSetups, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", (), pack=False)
     assert [(each.name, each.poses) for each in task.turntables] == [
         ("element", tuple(Pose(angle, 20.0) for angle in (350.0, 80.0, 170.0, 260.0))),
         ("sun", (Pose(350.0, 20.0), Pose(350.0, 65.0))),
     ]
 
 
-def test_other_lights_are_worlds_turned_beyond_the_first(prepared: Prepared, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", {}, pack=False)
+def test_other_lights_are_worlds_turned_beyond_the_first(prepared: JobSetups, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", (), pack=False)
     assert [(world.name, world.strength, world.turn) for world in task.worlds] == [
         ("tent", 2.0, 0.0),
         ("bright", 0.25, 45.0),
     ]
 
 
-def test_scenes_are_of_nodes_whatever_the_job_says(prepared: Prepared, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", {}, pack=False)
+def test_scenes_are_of_nodes_whatever_the_job_says(prepared: JobSetups, tmp_path: Path) -> None:
+    task = blend_task(prepared, tmp_path / "look.blend", (), pack=False)
     assert list(task.scenes) == ["chips"]
     (source,) = task.scenes["chips"].shaders
     assert type(source).__name__ == "NodeSource"
     assert (task.view, task.show_light, task.pack) == ("Raw", True, False)
 
 
-def test_a_task_travels_as_json(prepared: Prepared, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", {tmp_path / "a.exr": "look_files/a.exr"}, pack=True)
+def test_a_task_travels_as_json(prepared: JobSetups, tmp_path: Path) -> None:
+    task = blend_task(
+        prepared, tmp_path / "look.blend", [BlendImage(Content("a", ".exr"), "look_files/a.exr")], pack=True
+    )
     assert BLEND_TASK.validate_json(BLEND_TASK.dump_json(task)) == task
 
 
-def test_images_are_called_as_the_user_called_them(prepared: Prepared) -> None:
+def test_images_are_called_as_the_user_called_them(prepared: JobSetups) -> None:
     called = image_names(prepared)
-    assert all(file.is_file() for file in called)
+    assert all(image.path.is_file() for image in called)
     # Both lights are the same image: its name is the first one's.
     assert sorted(name.rpartition("-")[0] for name in called.values()) == ["paint_chips", "tent"]
     assert len(set(called.values())) == len(called)
@@ -166,7 +169,7 @@ def test_tiles_of_a_set_are_called_one_by_one(job: Path) -> None:
         tile = np.full((4, 4, 3), number % 100, np.uint8)
         oiio.ImageBuf(tile).write(str(job.with_name(f"rust.{number}.png")))
     job.with_name("chips.usda").write_text(LOOK.replace("paint chips.png", "rust.<UDIM>.png"))
-    called = image_names(prepare_job(job, backend="nodes"))
+    called = image_names(read_setups(job, backend="nodes"))
     assert sorted(name.rpartition("-")[0] for name in called.values()) == ["rust.1001", "rust.1012", "tent"]
 
 
@@ -177,9 +180,9 @@ def test_images_are_placed_beside_the_file(export: Export, tmp_path: Path) -> No
     assert exported.notes == ("a note",)
     assert {exported.file, *exported.images} == {folder / name for name in names(folder)}
     task = json.loads(exported.file.read_bytes().removeprefix(b"BLENDER"))
-    for file, path in task["images"].items():
-        assert (folder / path).read_bytes() == Path(file).read_bytes()
-        assert path.startswith("look_files/")
+    for image in task["images"]:
+        assert (folder / image["path"]).read_bytes() == Content(**image["content"]).path.read_bytes()
+        assert image["path"].startswith("look_files/")
 
 
 def test_packed_images_leave_no_folder(export: Export, tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from pathlib import Path
 import batch_case as case
 
 from lookdev.batch.listing import LINKED, Range, plan_data, plan_ranges, plan_text
-from lookdev.batch.run import run_plan
 from lookdev.plan.skips import Skip
 
 
@@ -48,7 +47,7 @@ def test_a_changed_look_is_the_reason(tmp_path: Path) -> None:
 def test_the_data_names_every_file(tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
     element = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 4\n')
-    run_plan(element, case.make_plan(element), worker_command=case.command(tmp_path))
+    case.run(tmp_path, element)
     data = plan_data(case.make_plan(job), job.output)
     assert data["output"] == str(tmp_path / "out")
     assert data["render"] == 2

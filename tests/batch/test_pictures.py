@@ -8,8 +8,9 @@ import batch_case as case
 import numpy as np
 import pytest
 
-from lookdev.batch.pictures import share, write_shared
-from lookdev.batch.run import RunResult, run_plan
+from lookdev.batch.pictures import write_shared
+from lookdev.batch.run import RunResult
+from lookdev.cache import share
 from lookdev.output.sheet import write_sheet
 
 
@@ -50,7 +51,7 @@ def test_large_frames_are_averaged_for_the_sheet(tmp_path: Path, monkeypatch: py
     job = case.make_job(tmp_path)
     behind = np.zeros((case.HEIGHT, case.WIDTH, 3))
     behind[:, ::2] = 1.0
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path), background=lambda task: behind)
+    case.run(tmp_path, job, behind=lambda task: behind)
     assert len(seen) == 7
     assert seen[0].shape == (3, 4, 3)
     assert (seen[0] == 128).all()  # the mean of 0.25 and 0.25 + 0.5 * 1, in the Raw view
@@ -79,12 +80,7 @@ def overview(folder: Path, outputs: str = WANTED, looks: tuple[str, ...] = ("tin
     """Run a job of gold and other looks, each before its own colour."""
     more = "".join(f'[[look]]\nname = "{name}"\nmaterial = "gold.usda"\n' for name in looks)
     job = case.make_job(folder, case.TURNTABLES + more, case.RENDER + outputs)
-    return run_plan(
-        job,
-        case.make_plan(job),
-        worker_command=case.command(folder),
-        background=lambda task: np.array(COLORS[task.labels["look"]]),
-    )
+    return case.run(folder, job, behind=lambda task: np.array(COLORS[task.labels["look"]]))
 
 
 def code_values(*looks: str) -> list[list[int]]:

@@ -15,7 +15,7 @@ import pytest
 import lookdev
 from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, RunStarted, SheetWritten
 from lookdev.batch.lock import output_lock
-from lookdev.batch.run import job_background, render_job, run_plan
+from lookdev.batch.run import background_light, render_job
 from lookdev.errors import JobError, OutputError, WorkerError
 from lookdev.output.exr import read_frame, read_header
 
@@ -107,7 +107,7 @@ def test_a_lost_frame_alone_is_rendered_again_and_its_sheet_remade(tmp_path: Pat
 def test_a_turntable_added_later_shares_what_is_done(tmp_path: Path) -> None:
     element = '[[turntable]]\nkind = "element"\nframes = 4\n'
     job = case.make_job(tmp_path, element)
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
+    case.run(tmp_path, job)
     result = case.run(tmp_path)
     assert (result.done, result.rendered) == (6, 2)
     assert case.requests(tmp_path)[4:] == ["lighting.0002.exr", "lighting.0003.exr"]
@@ -135,7 +135,7 @@ def test_another_view_or_background_remakes_pictures_and_sheets_without_renderin
     paths = sorted(place(tmp_path).glob("*.png"))
     before = [pixels(path) for path in paths]
     job = case.make_job(tmp_path, render=case.RENDER.replace(old, new))
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
+    case.run(tmp_path, job)
     assert len(case.requests(tmp_path)) == 6
     assert all((pixels(path) != seen).any() for path, seen in zip(paths, before, strict=True))
 
@@ -145,15 +145,15 @@ def test_fewer_frames_that_are_all_done_make_a_new_sheet(tmp_path: Path) -> None
     job = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 1\n')
     sheet = place(tmp_path) / "element.sheet.png"
     before = pixels(sheet).shape
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
+    case.run(tmp_path, job)
     assert len(case.requests(tmp_path)) == 6
     assert pixels(sheet).shape[1] < before[1]
 
 
 def test_pictures_only_if_wanted(tmp_path: Path) -> None:
     job = case.make_job(tmp_path, render=case.RENDER + "png = false\nsheet = false\n")
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
-    run_plan(job, case.make_plan(job), worker_command=case.command(tmp_path))
+    case.run(tmp_path, job)
+    case.run(tmp_path, job)
     assert names(tmp_path, ".png") == []
     assert names(tmp_path, ".exr") == FILES
 
@@ -220,7 +220,7 @@ def test_a_worker_that_never_starts_ends_the_batch(tmp_path: Path, monkeypatch: 
     job = case.make_job(tmp_path)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(WorkerError, match=r"ImportError: libXrender\.so\.1.* 3 times .*lookdev doctor"):
-        run_plan(job, case.make_plan(job), worker_command=(sys.executable, "-c", program))
+        case.run(tmp_path, job, worker_command=(sys.executable, "-c", program))
     assert (tmp_path / "starts").read_text() == "xxx"
 
 
@@ -309,13 +309,13 @@ def test_render_job_tells_faults_before_it_makes_anything(tmp_path: Path) -> Non
 def test_the_background_is_what_the_job_says(tmp_path: Path, value: str, color: list[float]) -> None:
     job = case.make_job(tmp_path, render=f"[render]\nbackground = {value}\n")
     task = case.make_plan(job).frames[0].task
-    assert job_background(job)(task).tolist() == color
+    assert background_light(job.render.background)(task).tolist() == color
 
 
 def test_pictures_lie_over_the_given_background(tmp_path: Path) -> None:
     behind = np.zeros((case.HEIGHT, case.WIDTH, 3))
     behind[0] = 1.0
-    case.run(tmp_path, background=lambda task: behind)
+    case.run(tmp_path, behind=lambda task: behind)
     shown = pixels(place(tmp_path) / "element.0002.png")
     assert (shown[0] == 191).all()  # 0.25 + 0.5 * 1
     assert (shown[1:] == 64).all()  # 0.25
@@ -323,11 +323,10 @@ def test_pictures_lie_over_the_given_background(tmp_path: Path) -> None:
 
 def test_an_output_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
-    plan = case.make_plan(job)
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "gold").write_text("a file where a folder should be")
     with pytest.raises(OutputError, match="gold"):
-        run_plan(job, plan, worker_command=case.command(tmp_path))
+        case.run(tmp_path, job)
 
 
 def test_a_reader_of_the_report_who_goes_away_is_no_fault_of_the_output(tmp_path: Path) -> None:

@@ -13,21 +13,20 @@ import argparse
 import statistics
 import tempfile
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from lookdev.asset import load_asset, save_asset
-from lookdev.batch.prepare import make_scene
+from lookdev.asset import load_asset
 from lookdev.cache import cache_dir
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.output import write_frame, write_png
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import WORKER_COMMAND, Worker
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.render.backends import WORKER_COMMAND
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Worker
+from lookdev.scene import Camera, Pose, Sampling, Scene
 
 SAMPLES = (2, 16, 64)
 
@@ -40,13 +39,12 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=8)
     arguments = parser.parse_args()
     asset = load_asset(builtin=arguments.asset)
-    asset_file = save_asset(asset)
     look = Look("plastic", (Layer("Plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3}),))
     camera = Camera(40.0, 15.0, asset.center, 3.5 * asset.radius)
     resolution = (arguments.resolution, arguments.resolution)
     sampling = Sampling(2, None, 2, 4, 2, 0)
     light = prepare_light(load_environment(builtin="studio"))
-    scene = make_scene(asset, asset_file, [look] * len(asset.slots), light, camera, resolution, sampling)
+    scene = scene_task(Scene.of_look(asset, look, light, resolution, camera), sampling)
     worker_seconds: dict[tuple[str, int], list[float]] = {}
     user_seconds: dict[tuple[str, int], list[float]] = {}
     with (
@@ -59,9 +57,8 @@ def main() -> None:
                 angle = 360.0 * number / arguments.frames
                 pose = Pose(angle, 0.0) if kind == "element" else Pose(0.0, angle)
                 for samples in SAMPLES:
-                    task_scene = replace(scene, sampling=replace(sampling, samples=samples))
                     file = Path(folder) / f"{kind}.exr"
-                    task = FrameTask(task_scene, pose, 0.0, f"{kind}{number}{samples}", (file,), {})
+                    task = one_frame(scene, pose, f"{kind}{number}{samples}", samples=samples)
                     started = time.perf_counter()
                     frame = worker.render(task, lambda progress: None)
                     beauty = (frame.a + frame.b) / 2

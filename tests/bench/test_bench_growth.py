@@ -78,10 +78,10 @@ def test_what_grows_is_in_the_scene() -> None:
     assert {task.scene.resolution[0] for task in scenes()} == set(growth.PIXELS)
     # Masks are textures: none of the layers folds away.
     assert {len(task.scene.shaders[0].textures) for task in scenes()} == {0, 1, 3, 7}
-    counts = sorted({triangle_count(read_asset(task.scene.asset_file)) for task in scenes()})
+    counts = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in scenes()})
     assert counts == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
     # Turns are taken: after the warm-up, one of each size, three times.
-    sizes = [task.scene.asset_file for task in processes.tasks]
+    sizes = [task.scene.asset for task in processes.tasks]
     assert sizes == 4 * sizes[:2]
 
 

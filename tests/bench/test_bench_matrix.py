@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.backends import bench_asset, bench_light, bench_scene, picture_key, skips_of, with_principled
-from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered, usda
-from lookdev.bench.matrix import BACKENDS, IBLS, SCENES, Cell, Options, listing, parse_options
+from lookdev.bench.backends import bench_asset, bench_light, bench_scene, picture_key, skips_of
+from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
+from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options
 from lookdev.errors import LookdevError
 from lookdev.light import load_environment
-from lookdev.material.usd import read_look
+from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
 
 WHITE = load_environment(builtin="white")
@@ -37,8 +37,8 @@ def test_a_finer_boulder_is_the_same_shape() -> None:
     assert fine.meshes[0].points.std() == pytest.approx(coarse.meshes[0].points.std(), rel=0.02)
 
 
-def scene_of(look: str) -> SceneTask:
-    return bench_scene(make_boulder(1000), LOOKS[look], bench_light("white"), 32, 2)
+def scene_of(look: str, backend: str = "exact", bounces: int = 2) -> SceneTask:
+    return bench_scene(make_boulder(1000), LOOKS[look].make(), bench_light("white"), 32, bounces, backend)
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -51,7 +51,7 @@ def test_a_look_has_a_shader(look: str) -> None:
 
 def test_skips_are_those_of_the_scene() -> None:
     def told(scene: str, look: str) -> tuple[str, ...]:
-        made = bench_scene(bench_asset(scene), LOOKS[look], bench_light("white"), 32, SCENES[scene].bounces)
+        made = bench_scene(bench_asset(scene), LOOKS[look].make(), bench_light("white"), 32, SCENES[scene].bounces)
         return skips_of(Cell(scene, "white", look), made)
 
     opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
@@ -68,39 +68,16 @@ def test_every_layer_adds_to_the_shader() -> None:
     assert len(masks) == MOST_LAYERS - 1
 
 
-@pytest.mark.parametrize("look", [name for name, look in LOOKS.items() if look.principled is not None])
-def test_a_look_of_one_layer_as_a_file(look: str, tmp_path: Path) -> None:
-    file = tmp_path / "look.usda"
-    file.write_text(usda(LOOKS[look].make()))
-    (layer,) = read_look(file).layers
-    (made,) = LOOKS[look].make().layers
-    assert layer.model == made.model
-    assert set(layer.inputs) == set(made.inputs)
-    for name, value in made.inputs.items():
-        assert layer.inputs[name] == pytest.approx(value), name
-
-
-def test_a_stack_is_no_look_of_one_layer() -> None:
-    with pytest.raises(ValueError, match="6 layers"):
-        usda(layered(6))
-
-
 def test_keys_of_references_tell_pictures_apart_but_not_samples() -> None:
-    plastic, metal = scene_of("plastic"), scene_of("metal")
-    keys = {
-        picture_key("exact", plastic, LOOKS["plastic"], WHITE),
-        picture_key("exact", metal, LOOKS["metal"], WHITE),
-        picture_key("principled", with_principled(plastic, LOOKS["plastic"]), LOOKS["plastic"], WHITE),
-        picture_key("principled", with_principled(metal, LOOKS["metal"]), LOOKS["metal"], WHITE),
-    }
-    assert len(keys) == 4
-    one, other = (
-        bench_scene(make_boulder(1000), LOOKS["plastic"], bench_light("white"), 32, bounces) for bounces in (0, 2)
-    )
-    assert picture_key("exact", one, LOOKS["plastic"], WHITE) != picture_key("exact", other, LOOKS["plastic"], WHITE)
-    assert picture_key("exact", plastic, LOOKS["plastic"], WHITE) == picture_key(
-        "exact", other, LOOKS["plastic"], WHITE
-    )
+    def key(look: str, backend: str = "exact", bounces: int = 2, samples: int = 64) -> str:
+        scene = scene_of(look, backend, bounces)
+        sampling = replace(scene.sampling, samples=samples)
+        return picture_key(replace(scene, sampling=sampling), LOOKS[look].make(), WHITE)
+
+    ours = [name for name in BACKENDS if name != "mitsuba"]
+    keys = {key(look, backend, bounces) for look in ("plastic", "metal") for backend in ours for bounces in (0, 2)}
+    assert len(keys) == 2 * len(ours) * 2
+    assert key("plastic", samples=128) == key("plastic")
 
 
 def test_cells_and_their_backends() -> None:

@@ -4,23 +4,24 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from dataclasses import asdict
 from itertools import product
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from bench_fakes import truth
 
 from lookdev.asset import read_asset
-from lookdev.batch.prepare import Prepared
 from lookdev.bench import sequence
 from lookdev.bench.measure import CurvePoint
 from lookdev.bench.sequence import Produced, Subject, choose_samples, measure_sequence, meet, producers
 from lookdev.errors import LookdevError, RenderError
-from lookdev.job import load_job
+from lookdev.job import JobOutputs
 from lookdev.metrics import EPSILON
-from lookdev.output.exr import read_frame, write_frame
+from lookdev.output.exr import read_frame, read_header, write_frame
+from lookdev.plan import Plan, Setup, Turns, build_plan
 
 GREY = 0.5
 SUBJECT = Subject("suzanne", "plastic", ("city", "studio"), 64)
@@ -130,38 +131,35 @@ def test_what_the_script_cannot_show_is_refused() -> None:
         Subject("suzanne", "pixar", ("city",), 64)
 
 
-def test_the_job_and_the_request_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    given = {}
+def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    plans, requests = [], []
 
-    def render_job(job: Path, prepare: Callable[[Path], Prepared]) -> object:
-        given["job"] = load_job(job)
-        given["skips"] = [str(skip) for skip in prepare(job).plan.skips]
-        return type("Result", (), {"interrupted": False, "exit_code": 0})()
+    def render(setups: list[Setup], turns: Turns, outputs: JobOutputs) -> tuple[Plan, object]:
+        plans.append(build_plan(setups, turns, read_header))
+        return plans[0], SimpleNamespace(interrupted=False, exit_code=0)
 
     def run(command: tuple[str, ...], **options: object) -> object:
-        given["request"] = json.loads(Path(command[-1]).read_text())
-        return type("Done", (), {"returncode": 0})()
+        requests.append(json.loads(Path(command[-1]).read_text()))
+        return SimpleNamespace(returncode=0)
 
-    monkeypatch.setattr(sequence, "render_job", render_job)
+    monkeypatch.setattr(sequence, "render_setups", render)
     monkeypatch.setattr(sequence.subprocess, "run", run)
-    subject = Subject("suzanne", "plastic", ("white",), 64)
-    made = producers(subject)
-    exact = made["exact"](tmp_path / "a", 16, 3, 7)
-    assert exact.seconds >= 0.0
-    assert list(exact.skips) == given["skips"]
-    assert "light from behind (nothing transmits)" in exact.skips
+    made = producers(Subject("suzanne", "plastic", ("white",), 64))
+    assert "light from behind (nothing transmits)" in made["exact"](tmp_path / "a", 16, 3, 7).skips
     assert made["plain"](tmp_path / "b", 20, 3, 7).seconds >= 0.0
-    job, request = given["job"], given["request"]
-    assert (job.render.samples, job.render.seed, job.render.bounces) == (16, 7, request["bounces"])
+    (plan,), (request,) = plans, requests
+    scene = plan.frames[0].task.scene
+    assert (scene.sampling.samples, scene.sampling.seed, scene.sampling.bounces) == (16, 7, request["bounces"])
     assert (request["samples"], request["seed"]) == (20, 7)
-    assert list(job.render.resolution) == request["resolution"]
-    assert [each.name for each in job.ibl] == ["white"]
-    assert [(each.kind, each.frames) for each in job.turntable] == [("element", 3), ("lighting", 3)]
-    assert len(request["frames"]) == 6
+    assert list(scene.resolution) == request["resolution"]
+    assert {**asdict(scene.camera), "target": list(scene.camera.target)} == request["camera"]
+    for reel, frames in zip(plan.reels, (request["frames"][:3], request["frames"][3:]), strict=True):
+        places = [path.relative_to(tmp_path / "a") for path in reel.files]
+        assert places == [Path(frame["file"]).relative_to(tmp_path / "b") for frame in frames]
     second = request["frames"][1]
     assert (second["element"], second["lighting"]) == (120.0, 0.0)
-    assert second["file"] == str(tmp_path / "b" / "plastic" / "white" / "element.0002.exr")
-    assert read_asset(Path(request["asset"])).name == "suzanne"
+    assert Path(request["asset"]) == scene.asset.path
+    assert read_asset(scene.asset.path).name == "suzanne"
     # The white light, as an image: 1 everywhere.
     light, _ = read_frame(Path(request["frames"][-1]["light"]))
     assert (light == 1.0).all()

@@ -15,17 +15,18 @@ from lookdev.brdf import MODELS, pixar
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.vectors import Array, mix_color
 from lookdev.checks import stability
-from lookdev.checks.albedo import Render
 from lookdev.checks.evaluate import Batch, evaluate_lines, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
+from lookdev.checks.frames import Render
 from lookdev.checks.samples import case_line
 from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
 from lookdev.codegen.osl.surface import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.material import Layer, Look, Texture
+from lookdev.render.backends import WORKER_COMMAND
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import WORKER_COMMAND, Worker
+from lookdev.render.worker import Worker
 
 Floats = NDArray[np.float64]
 

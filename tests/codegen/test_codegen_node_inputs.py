@@ -72,7 +72,7 @@ def _image(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
     """Look an image up as Blender does: bilinearly, both axes wrapped alike, (0, 0) the lower left corner."""
     assert node.image is not None
     wrap: Any = EXTENSIONS[str(node.properties["extension"])]
-    texture = Texture(node.image, "rgb", "raw", wrap, wrap)
+    texture = Texture(node.image.path, "rgb", "raw", wrap, wrap)
     st = np.asarray(sockets["Vector"], np.float64)[..., :2]
     return {"Color": sample_texture(texture, st), "Alpha": sample_texture(replace(texture, channel="a"), st)}
 

@@ -12,6 +12,7 @@ import pytest
 
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.pixar.partition import FRONT, THROUGH
+from lookdev.cache import Content
 from lookdev.codegen import HANDEDNESS, ShaderSource
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
@@ -134,14 +135,14 @@ def test_a_constant_mask_drops_the_unused_layer(textures: dict[str, Texture], ma
     above = base(mask, baseColor=textures["b"], clearcoat=0.7, metallic=1.0)
     used = replace(above, mask=1.0) if mask else below
     stack, alone = surface(below, above), surface(used)
-    assert [binding.file for binding in stack.textures] == [textures["b" if mask else "a"].file]
+    assert stack.images == (Content.of(textures["b" if mask else "a"].file),)
     # Look-ups are numbered in the order of the layers.
     assert re.sub(r"texture\d", "texture0", stack.osl) == alone.osl
 
 
 def test_a_textured_mask_reads_both_layers(textures: dict[str, Texture]) -> None:
     source = surface(base(baseColor=textures["a"]), base(textures["mask"], baseColor=textures["b"]))
-    assert {binding.file.stem for binding in source.textures} == {"a", "b", "mask"}
+    assert set(source.images) == {Content.of(texture.file) for texture in textures.values()}
 
 
 def test_a_texture_times_0_vanishes(textures: dict[str, Texture]) -> None:
@@ -248,7 +249,7 @@ def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None
     # A lobe that is not there reads no normal.
     assert surface(pixar(roughness=1.0, highlightNormal=bumped)).textures == ()
     leaning = surface(pixar(roughness=1.0, diffuseNormal=bumped))
-    assert [binding.file.stem for binding in leaning.textures] == ["mask"]
+    assert leaning.images == (Content.of(textures["mask"].file),)
     assert HANDEDNESS in {binding.attribute for binding in leaning.attributes}
 
 

@@ -24,7 +24,7 @@ from lookdev.metrics import EPSILON
 from lookdev.reference.render import Estimate, frame_pixels, shape_pixels
 from lookdev.reference.shapes import Shape
 from lookdev.render.worker import Rendered
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 
 def constant_bsdf(layers: Sequence[Layer]) -> Bsdf:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.asset import Asset, load_asset, save_asset
-from lookdev.batch.prepare import make_scene
+from lookdev.asset import Asset, load_asset
 from lookdev.light import LightTables, load_environment, prepare_light
 from lookdev.material import Layer, Look
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import WORKER_COMMAND, Rendered, Worker
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.render.backends import WORKER_COMMAND
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Camera, Pose, Sampling, Scene
 
 RenderScene = Callable[..., Rendered]
 
@@ -73,10 +72,8 @@ def render(worker: Worker) -> RenderScene:
         asset = load_asset(builtin=which) if isinstance(which, str) else which
         look = Look("look", tuple(layers))
         sampling = Sampling(samples, error, brdf_samples, ibl_samples, bounces, seed)
-        camera = orbit_camera(asset.center, asset.radius)
-        slots = [look] * len(asset.slots)
-        scene = make_scene(asset, save_asset(asset), slots, light, camera, (size, size), sampling)
-        task = FrameTask(scene, pose, 0.0, f"{asset.name}{samples}{seed}", (Path("frame.exr"),), {})
+        scene = Scene.of_look(asset, look, light, (size, size), orbit_camera(asset.center, asset.radius))
+        task = one_frame(scene_task(scene, sampling), pose, f"{asset.name}{samples}{seed}")
         worker.start()
         return worker.render(task, lambda progress: None)
 

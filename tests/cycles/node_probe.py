@@ -1,6 +1,6 @@
-"""Build hand-written nodes in Blender and say what came of them: ``python node_probe.py ASSET.npz LIGHT.json OUT.npz``.
+"""Build hand-written nodes in Blender and report what they are there: ``python node_probe.py LIGHT.json OUT.npz``.
 
-Renders the asset twice in one pose, first as `Scene` turns it, then with the world turned instead.
+Renders suzanne twice in one pose, first as `Scene` turns it, then with the world turned instead.
 """
 
 from __future__ import annotations
@@ -16,29 +16,29 @@ import node_sources
 import numpy as np
 from pydantic import TypeAdapter
 
-from lookdev.asset import read_asset
+from lookdev.asset import load_asset, save_asset
+from lookdev.cache import Content
 from lookdev.cycles import engine
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.scene import Scene
 from lookdev.cycles.world import build_world
 from lookdev.light import LightTables
 from lookdev.render.task import SceneTask
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Camera, Pose, Sampling
 
 POSE = Pose(30.0, 75.0)
 SAMPLES = 64
 
 
-def main(asset_file: Path, light_file: Path, out: Path) -> None:
+def main(light_file: Path, out: Path) -> None:
     """Write the two pictures of four seeds each, (4, H, W, 3), and what became of the nodes, as JSON."""
     light = TypeAdapter(LightTables).validate_json(light_file.read_bytes())
-    asset = read_asset(asset_file)
+    asset = load_asset(builtin="suzanne")
     camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
     source = node_sources.diffuse((0.5, 0.4, 0.3))
     sources = (source,) * len(asset.slots)
-    sampling = Sampling(SAMPLES, None, None, None, 1, 0)
-    scene = Scene(SceneTask(asset_file, sources, light, (48, 48), sampling, camera, "cpu"))
+    file = Content.of(save_asset(asset))
+    scene = Scene(SceneTask(file, "nodes", sources, (light,), (48, 48), Sampling(SAMPLES, bounces=1), camera))
 
     def shoot() -> np.ndarray:
         return np.stack([engine.render_passes(scene.scene, SAMPLES, seed)["Combined"] for seed in range(4)])
@@ -54,7 +54,7 @@ def main(asset_file: Path, light_file: Path, out: Path) -> None:
     materials = [build_material(node_sources.diffuse(color), groups) for color in ((0.1, 0.2, 0.3), (0.5, 0.5, 0.5))]
     shown = [material.node_tree.nodes["Surface"] for material in materials]
     (socket,) = [item for item in shown[0].node_tree.interface.items_tree if item.in_out == "INPUT"]
-    images = [image for image in bpy.data.images if image.filepath == str(light.radiance)]
+    images = [image for image in bpy.data.images if image.filepath == str(light.radiance.path)]
     facts = {
         "groups": len({node.node_tree.name for node in shown}),
         "colors": [[round(x, 6) for x in node.inputs["baseColor"].default_value] for node in shown],

@@ -13,7 +13,7 @@ from conftest import RenderScene
 from looks import LOOKS
 
 from lookdev.reference.shapes import Plane, Shape, Sphere
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 pytestmark = pytest.mark.cycles
 

@@ -79,7 +79,7 @@ def _tiles_code(texture: Texture) -> str:
     lines, bindings = emit_look_up("lookup0", inputs.look_up("lookup0"))
     text = "\n".join(["vector uv_st = vector(in[0], in[1], 0);", *lines, "value = lookup0;"])
     for binding in bindings:
-        text = re.sub(rf"\b{binding.parameter}\b", f'"{binding.file}"', text)
+        text = re.sub(rf"\b{binding.parameter}\b", f'"{binding.file.path}"', text)
     return text
 
 

@@ -10,15 +10,14 @@ import pytest
 from conftest import POSE, orbit_camera
 from looks import LOOKS
 
-from lookdev.asset import load_asset, save_asset
-from lookdev.batch.prepare import make_scene
-from lookdev.job.schema import Backend
+from lookdev.asset import load_asset
 from lookdev.light import LightTables
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
-from lookdev.render.task import FrameTask
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
 from lookdev.render.worker import Rendered, Worker
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
@@ -26,14 +25,12 @@ SHEEN = (Layer("sheen", "disney", {"baseColor": (0.0, 0.0, 0.0), "sheen": 1.0, "
 MATERIALS = Path(__file__).parents[2] / "materials"
 
 
-def shoot(worker: Worker, look: Look, light: LightTables, backend: Backend, *, samples: int, size: int) -> Rendered:
+def shoot(worker: Worker, look: Look, light: LightTables, backend: str, *, samples: int, size: int) -> Rendered:
     asset = load_asset(builtin="sphere")
-    slots = [look] * len(asset.slots)
-    sampling = Sampling(samples, None, None, None, 1, 0)
-    camera = orbit_camera(asset.center, asset.radius)
-    scene = make_scene(asset, save_asset(asset), slots, light, camera, (size, size), sampling, backend)
+    scene = Scene.of_look(asset, look, light, (size, size), orbit_camera(asset.center, asset.radius))
     worker.start()
-    return worker.render(FrameTask(scene, POSE, 0.0, "", (Path("frame.exr"),), {}), lambda progress: None)
+    task = one_frame(scene_task(scene, Sampling(samples, bounces=1), backend), POSE, "")
+    return worker.render(task, lambda progress: None)
 
 
 def mean(frame: Rendered) -> Any:

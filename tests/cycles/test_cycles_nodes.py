@@ -19,14 +19,14 @@ from looks import LOOKS
 from pydantic import TypeAdapter
 
 from lookdev.asset import Asset, load_asset, save_asset
+from lookdev.cache import Content
 from lookdev.codegen import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
 from lookdev.errors import RenderError
 from lookdev.light import LightTables
 from lookdev.metrics import relmse
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Rendered, Worker
-from lookdev.scene.camera import Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Pose, Sampling
 
 pytestmark = pytest.mark.cycles
 
@@ -40,9 +40,9 @@ def shoot(worker: Worker) -> RenderSource:
     """Return a function that renders a built-in asset with a source in all its slots."""
 
     @cache
-    def stored(which: str) -> tuple[Asset, Path]:
+    def stored(which: str) -> tuple[Asset, Content]:
         asset = load_asset(builtin=which)
-        return asset, save_asset(asset)
+        return asset, Content.of(save_asset(asset))
 
     def render_one(
         which: str,
@@ -57,12 +57,14 @@ def shoot(worker: Worker) -> RenderSource:
         device: str = "cpu",
     ) -> Rendered:
         asset, file = stored(which)
-        sampling = Sampling(samples, error, None, None, bounces, seed)
+        sampling = Sampling(samples, error, bounces=bounces, seed=seed)
         camera = orbit_camera(asset.center, asset.radius)
         sources = (source,) * len(asset.slots)
-        scene = SceneTask(file, sources, light, (48, 48), sampling, camera, device)
+        exact = isinstance(source, NodeSource) and source.exact
+        backend = "principled" if isinstance(source, PrincipledSource) else "nodes-exact" if exact else "nodes"
+        scene = SceneTask(file, backend, sources, (light,), (48, 48), sampling, camera, device)
         worker.start()
-        return worker.render(FrameTask(scene, pose, 0.0, f"{seed}", (Path("frame.exr"),), {}), lambda progress: None)
+        return worker.render(one_frame(scene, pose, f"{seed}"), lambda progress: None)
 
     return render_one
 
@@ -112,7 +114,7 @@ def probed(tmp_path_factory: pytest.TempPathFactory, light_of) -> dict[str, Any]
     folder = tmp_path_factory.mktemp("probe")
     light = folder / "light.json"
     light.write_bytes(TypeAdapter(LightTables).dump_json(light_of("city")))
-    command = [sys.executable, PROBE, save_asset(load_asset(builtin="suzanne")), light, folder / "out.npz"]
+    command = [sys.executable, PROBE, light, folder / "out.npz"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 0, done.stderr[-3000:]
     with np.load(folder / "out.npz") as stored:
@@ -217,7 +219,7 @@ def with_node(node: ShaderNode) -> NodeSource:
             "no socket 'baseColor' among the out",
         ),
         (ShaderNode("Odd", "Group", group="Lookdev Gone"), "a group 'Lookdev Gone'"),
-        (ShaderNode("Odd", "TexImage", image=Path("/nowhere/gone.exr")), "/nowhere/gone.exr"),
+        (ShaderNode("Odd", "TexImage", image=Content("9", ".exr")), "lacks the file 9.exr"),
     ],
 )
 def test_what_blender_does_not_have_is_told(node: ShaderNode, said: str, shoot: RenderSource, light_of) -> None:

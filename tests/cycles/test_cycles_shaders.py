@@ -119,7 +119,8 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         of_slot = (
             "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2]));"
             "color got = "
-            f'light_sample(light_slots, light_bins, "{tables.points}", int(in[0]), hashed, seed, in[3], wi, ratio);'
+            f'light_sample(light_slots, light_bins, "{tables.points.path}", int(in[0]), '
+            "hashed, seed, in[3], wi, ratio);"
         )
         of_normal = "vector axis; int bin = light_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
@@ -145,7 +146,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
                 "value = color(x, y, 0);",
                 1,
             ),
-            "radiance": (beyond, f'value = light_radiance_at("{tables.radiance}", in[0], in[1]);', 1),
+            "radiance": (beyond, f'value = light_radiance_at("{tables.radiance.path}", in[0], in[1]);', 1),
             "bin": (normals, f"{of_normal} value = color(bin);", 1),
             "axis": (normals, f"{of_normal} value = axis;", 1),
             "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(light_bins[2 * int(in[0])]);", 1),
@@ -163,7 +164,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         for name, (table, code, samples) in asked.items():
             osl = TEMPLATE % {"samples": samples, "headers": headers, "arrays": arrays, "code": code}
             request |= {f"{name}.osl": osl, f"{name}.table": table.astype(np.float32), f"{name}.samples": samples}
-        request |= {"array.light_slots": np.load(tables.slots), "array.light_bins": np.load(tables.bins)}
+        request |= {"array.light_slots": np.load(tables.slots.path), "array.light_bins": np.load(tables.bins.path)}
         np.savez(folder / "request.npz", **request)
         command = [sys.executable, str(Path(__file__).parent / "osl_probe.py"), "request.npz", "answer.npz"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
@@ -173,8 +174,8 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _, _) in asked.items()}
         with np.load(folder / "answer.npz") as stored:
             values = {name: stored[name].astype(np.float64) for name in stored.files}
-        points = _read(tables.points, "RGBA").reshape(-1, 4)
-        return Probes(rounded, values, image, light, points, np.load(tables.slots), np.load(tables.bins))
+        points = _read(tables.points.path, "RGBA").reshape(-1, 4)
+        return Probes(rounded, values, image, light, points, np.load(tables.slots.path), np.load(tables.bins.path))
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))

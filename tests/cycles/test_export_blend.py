@@ -20,7 +20,7 @@ from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.plan import turntable_poses
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered, Worker
-from lookdev.scene.camera import camera_rays
+from lookdev.scene import camera_rays
 
 pytestmark = pytest.mark.cycles
 

@@ -7,8 +7,6 @@ Student's. Hence white light and one that changes slowly from direction to direc
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,16 +14,16 @@ from agreement import assert_agreement, check_mesh, relative_difference
 from conftest import POSE, orbit_camera
 from looks import LOOKS
 
-from lookdev.asset import Asset, load_asset, save_asset
-from lookdev.batch.prepare import make_scene
+from lookdev.asset import Asset, load_asset
 from lookdev.checks.finding import Finding
 from lookdev.light import LightTables
 from lookdev.material import Coordinates, Formula, Layer, Look
 from lookdev.material.expression import parse
 from lookdev.reference.shapes import Sphere
-from lookdev.render.task import FrameTask
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
 from lookdev.render.worker import Rendered, Worker
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
@@ -37,16 +35,9 @@ def frames(
 ) -> list[Rendered]:
     worker.start()
     look = Look("look", tuple(layers))
-    sampling = Sampling(samples, None, None, None, bounces, 0)
-    camera = orbit_camera(asset.center, asset.radius)
-    slots = [look] * len(asset.slots)
-    scene = make_scene(asset, save_asset(asset), slots, light, camera, (SIZE, SIZE), sampling, "nodes-exact")
-    rendered = []
-    for seed in range(SEEDS):
-        seeded = replace(scene, sampling=replace(scene.sampling, seed=seed))
-        task = FrameTask(seeded, POSE, 0.0, f"{asset.name}{samples}{seed}", (Path("frame.exr"),), {})
-        rendered.append(worker.render(task, lambda progress: None))
-    return rendered
+    shown = Scene.of_look(asset, look, light, (SIZE, SIZE), orbit_camera(asset.center, asset.radius))
+    scene = scene_task(shown, Sampling(samples, bounces=bounces), "nodes-exact")
+    return [worker.render(one_frame(scene, POSE, str(seed), seed=seed), lambda progress: None) for seed in range(SEEDS)]
 
 
 QUICK = [("slopes", "coated", 0)]

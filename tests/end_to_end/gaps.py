@@ -8,44 +8,28 @@ from __future__ import annotations
 
 import csv
 import sys
-import tempfile
 from collections.abc import Callable, Iterable
-from dataclasses import astuple, dataclass, fields, replace
+from dataclasses import astuple, dataclass, fields
 from pathlib import Path
 
-from lookdev.asset import read_asset
-from lookdev.batch.prepare import make_scene, prepare_job
+from lookdev.asset import load_asset
 from lookdev.cache import atomic_path
 from lookdev.checks.albedo import check_albedo
 from lookdev.checks.gap import measure_gap
+from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import read_preset
-from lookdev.material.library.edit import new_look
-from lookdev.render.task import FrameTask
+from lookdev.material.library.edit import preset_look
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
 from lookdev.render.worker import Rendered, renderer
+from lookdev.scene import Pose, Sampling, Scene
 
 ROOT = Path(__file__).parents[2]
 PRESETS = sorted((ROOT / "materials/presets").glob("*.usda"))
 RECORD = Path(__file__).with_suffix(".csv")
 
-_JOB = """
-output = "out"
-[asset]
-builtin = "sphere"
-[[look]]
-name = "{name}"
-material = "{material}"
-[[ibl]]
-name = "studio"
-builtin = "studio"
-[[turntable]]
-kind = "element"
-frames = 1
-[render]
-backend = "nodes"
-resolution = [96, 96]
-error = 5e-4
-samples = 1024
-"""
+_SIZE = (96, 96)
+_SAMPLING = Sampling(samples=1024, error=5e-4)
 
 
 @dataclass(frozen=True)
@@ -61,22 +45,15 @@ class Gap:
 
 def measure(preset: Path, render: Callable[[FrameTask], Rendered]) -> Gap:
     """Render a preset by both backends until noise is no longer seen, or 1024 samples, and check its albedo."""
-    with tempfile.TemporaryDirectory() as folder:
-        file, job = Path(folder, preset.name), Path(folder, "job.toml")
-        new_look(file, read_preset(preset))
-        job.write_text(_JOB.format(name=preset.stem, material=file), encoding="utf-8")
-        prepared = prepare_job(job)
-    (frame,) = prepared.plan.frames
-    nodes = frame.task.scene
-    looks = prepared.looks[preset.stem]
-    asset, size = read_asset(nodes.asset_file), nodes.resolution
-    exact = make_scene(asset, nodes.asset_file, looks, nodes.light, nodes.camera, size, nodes.sampling)
+    look = preset_look(read_preset(preset), preset.stem)
+    light = prepare_light(load_environment(builtin="studio"))
+    scene = Scene.of_look(load_asset(builtin="sphere"), look, light, _SIZE)
     a, b = (
-        render(replace(frame.task, scene=scene, digest=f"{preset.stem} {name}"))
-        for name, scene in (("exact", exact), ("nodes", nodes))
+        render(one_frame(scene_task(scene, _SAMPLING, backend), Pose(0.0, 0.0), f"{preset.stem} {backend}"))
+        for backend in ("exact", "nodes")
     )
     gap = measure_gap((a.a, a.b), (b.a, b.b), a.alpha)
-    albedo = check_albedo(looks[0], render, backend="nodes")
+    albedo = check_albedo(look, render, backend="nodes")
     return Gap(preset.stem, gap.flip, gap.noise, gap.relmse, albedo.figures["cycles_error"])
 
 

@@ -10,14 +10,14 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset import Asset, save_asset
-from lookdev.batch.prepare import make_scene
+from lookdev.asset import Asset
 from lookdev.light import EnvironmentMap, Repairs, prepare_light
 from lookdev.material import Look
-from lookdev.render.task import FrameTask
-from lookdev.render.worker import WORKER_COMMAND, Progress, Rendered, Worker
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.sampling import Sampling
+from lookdev.render.backends import WORKER_COMMAND
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.render.worker import Progress, Rendered, Worker
+from lookdev.scene import Camera, Pose, Sampling, Scene
 
 # Samples of the light alone keep the generated shader, and its compilation, small.
 SAMPLES = 16
@@ -65,10 +65,9 @@ class Stage:
         samples: int,
         seed: int,
     ) -> FrameTask:
-        sampling = Sampling(samples, None, brdf_samples=2, ibl_samples=2, bounces=1, seed=seed)
-        slots = [look] * len(asset.slots)
-        scene = make_scene(asset, save_asset(asset), slots, prepare_light(light), camera, resolution, sampling)
-        return FrameTask(scene, pose, 0.0, "d1ge57", (), {})
+        sampling = Sampling(samples, brdf_samples=2, ibl_samples=2, bounces=1, seed=seed)
+        scene = Scene.of_look(asset, look, prepare_light(light), resolution, camera)
+        return one_frame(scene_task(scene, sampling), pose, "d1ge57")
 
 
 def light_of(radiance: NDArray[np.float32]) -> EnvironmentMap:

@@ -120,7 +120,7 @@ def test_frames_that_blender_cannot_render_are_listed_and_the_others_are_done(tm
         return replace(prepared.plan, frames=tuple(frames))
 
     with output_lock(prepared.job.output):
-        result = run_plan(prepared.job, spoilt("red"))
+        result = run_plan(spoilt("red"), prepared.job.outputs)
     assert result.exit_code == 1
     assert {failure.name for failure in result.failures} == {
         f"red/white/{name}" for name in ("element.0001", "element.0002")
@@ -128,5 +128,5 @@ def test_frames_that_blender_cannot_render_are_listed_and_the_others_are_done(tm
     assert all("RenderError" in failure.reason for failure in result.failures)
     assert (result.done, result.rendered) == (2, 2)
     with output_lock(prepared.job.output):
-        again = run_plan(prepared.job, prepare_job(prepared.job.file).plan)
+        again = run_plan(prepare_job(prepared.job.file).plan, prepared.job.outputs)
     assert (again.exit_code, again.done, again.rendered) == (0, 4, 2)

@@ -17,7 +17,7 @@ from lookdev.light import EnvironmentMap
 from lookdev.light.mapping import direction_to_uv, rotate_z, uv_to_direction
 from lookdev.material import Layer, Look
 from lookdev.output.background import environment_background
-from lookdev.scene.camera import Camera, Pose, camera_rays
+from lookdev.scene import Camera, Pose, camera_rays
 
 pytestmark = pytest.mark.cycles
 

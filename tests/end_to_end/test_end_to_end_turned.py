@@ -12,8 +12,9 @@ import pytest
 from stage import difference
 
 from lookdev.batch.prepare import prepare_job
-from lookdev.render.worker import WORKER_COMMAND, Rendered, Worker
-from lookdev.scene.camera import Pose
+from lookdev.render.backends import WORKER_COMMAND
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Pose
 
 pytestmark = [pytest.mark.cycles, pytest.mark.slow]
 

@@ -15,8 +15,9 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.errors import RenderError
 from lookdev.light import load_environment
 from lookdev.material import Layer, Look
-from lookdev.render.worker import WORKER_COMMAND, Progress, Rendered
-from lookdev.scene.camera import Camera
+from lookdev.render.backends import WORKER_COMMAND
+from lookdev.render.worker import Progress, Rendered
+from lookdev.scene import Camera
 
 pytestmark = pytest.mark.cycles
 

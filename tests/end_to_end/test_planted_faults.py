@@ -152,7 +152,7 @@ def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch
     """Generate shaders from other layers; those who combine layers in NumPy are left alone."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        for module in ("surface", "look"):
+        for module in ("osl.surface", "look"):
             patch.setattr(f"lookdev.codegen.{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
 
     return plant
@@ -181,7 +181,7 @@ def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
     def read(tables: LightTables) -> LightDistribution:
         return read_distribution(right[tables])
 
-    patch.setattr("lookdev.batch.prepare.prepare_light", prepare)
+    patch.setattr("lookdev.batch.check.prepare_light", prepare)
     patch.setattr("lookdev.batch.check.read_distribution", read)
 
 

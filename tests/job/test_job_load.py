@@ -8,6 +8,8 @@ import pytest
 
 from lookdev.errors import JobError
 from lookdev.job import Job, load_job, parse_job
+from lookdev.render.backends import Backend, job_backends
+from lookdev.scene import Sampling
 
 MINIMAL = """
 output = "out"
@@ -111,11 +113,18 @@ def test_everything_can_be_said(folder: Path) -> None:
     assert job.outputs.overview_columns == 11
 
 
-@pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
-def test_native_nodes_run_on_any_device(backend: str, folder: Path) -> None:
-    for device in ("cpu", "cuda", "metal"):
-        render = parse(f'{MINIMAL}[render]\nbackend = "{backend}"\ndevice = "{device}"\n', folder).render
-        assert (render.backend, render.device) == (backend, device)
+def test_sampling_is_that_of_the_job(folder: Path) -> None:
+    wanted = Sampling(4096, 0.01, brdf_samples=3, ibl_samples=5, bounces=7, seed=11)
+    numbers = "error = 0.01\nbrdf_samples = 3\nibl_samples = 5\nbounces = 7\nseed = 11\n"
+    assert parse(f"{MINIMAL}[render]\n{numbers}", folder).render.sampling == wanted
+    assert parse(MINIMAL, folder).render.sampling == Sampling()
+
+
+@pytest.mark.parametrize("backend", job_backends().values(), ids=lambda backend: backend.name)
+def test_a_backend_runs_on_its_devices(backend: Backend, folder: Path) -> None:
+    for device in backend.devices:
+        render = parse(f'{MINIMAL}[render]\nbackend = "{backend.name}"\ndevice = "{device}"\n', folder).render
+        assert (render.backend, render.device) == (backend.name, device)
 
 
 def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
@@ -206,7 +215,8 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
                 f"render.{key}",
                 f"backend '{backend}'",
             )
-            for backend in ("nodes", "nodes-exact")
+            for backend, record in job_backends().items()
+            if not record.directions
             for key in ("brdf_samples", "ibl_samples")
         ),
         ("frames = 4", "frames = 4\n[render]\nerror = 0.0", "render.error", "greater than 0"),

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import pytest
 from pydantic import BaseModel
 
+from lookdev.asset import BUILTINS
 from lookdev.job import Job, json_schema
+from lookdev.light import BUILTIN_LIGHTS
+from lookdev.output.display import VIEWS
+from lookdev.render.backends import job_backends
 
 SCHEMA = json_schema()
 TABLES: dict[str, dict[str, Any]] = {"Job": SCHEMA, **SCHEMA["$defs"]}
@@ -30,7 +35,20 @@ def test_constraints_are_exported() -> None:
     samples = TABLES["JobRender"]["properties"]["samples"]
     assert (samples["minimum"], samples["multipleOf"]) == (2, 2)
     assert SCHEMA["properties"]["look"]["minItems"] == 1
-    assert "studio" in str(TABLES["JobIbl"]["properties"]["builtin"])
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "names"),
+    [
+        ("JobAsset", "builtin", BUILTINS),
+        ("JobIbl", "builtin", BUILTIN_LIGHTS),
+        ("JobRender", "backend", job_backends()),
+        ("JobOutputs", "view", VIEWS),
+    ],
+)
+def test_choices_are_the_names_of_registries(table: str, key: str, names: Iterable[str]) -> None:
+    schema = TABLES[table]["properties"][key]
+    assert schema.get("anyOf", [schema])[0]["enum"] == list(names)
 
 
 def test_models_are_frozen_and_strict() -> None:

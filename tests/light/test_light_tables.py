@@ -9,6 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
+from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import (
     EnvironmentMap,
@@ -147,8 +148,8 @@ def cache(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "ibl"
 
 
-def files_of(tables: LightTables) -> list[Path]:
-    return [tables.radiance, tables.points, tables.slots, tables.bins]
+def files_of(tables: LightTables) -> list[Content]:
+    return [each for each in (tables.radiance, tables.points, tables.slots, tables.bins) if each]
 
 
 def read(file: Path, channels: str) -> NDArray[np.float32]:
@@ -349,11 +350,11 @@ def test_smallest_maps(few: None, shape: tuple[int, int]) -> None:
 def test_files_hold_the_tables(cache: Path, sunny: LightDistribution) -> None:
     tables = prepare_light(environment(sunny.table))
     assert (tables.width, tables.height, tables.constant) == (16, 8, False)
-    assert sorted(cache.iterdir()) == sorted(files_of(tables))
+    assert {Content.of(file) for file in cache.iterdir()} == set(files_of(tables))
     wanted = tables_of(sunny, 32)
-    np.testing.assert_array_equal(read(tables.points, "RGBA").reshape(-1, 4), wanted.points)
+    np.testing.assert_array_equal(read(tables.points.path, "RGBA").reshape(-1, 4), wanted.points)
     for file, values in ((tables.slots, wanted.slots), (tables.bins, wanted.numbers)):
-        stored = np.load(file)
+        stored = np.load(file.path)
         assert stored.dtype == values.dtype
         np.testing.assert_array_equal(stored, values)
     np.testing.assert_array_equal(read_distribution(tables).table, sunny.table)
@@ -362,30 +363,32 @@ def test_files_hold_the_tables(cache: Path, sunny: LightDistribution) -> None:
 def test_a_constant_light_needs_no_samples(cache: Path) -> None:
     tables = prepare_light(environment(np.full((8, 16, 3), 2.0)))
     assert tables.constant
-    assert list(cache.iterdir()) == [tables.radiance]
+    assert [Content.of(file) for file in cache.iterdir()] == [tables.radiance] == files_of(tables)
 
 
 def test_cache_is_idempotent(cache: Path, sunny: LightDistribution) -> None:
     asked = environment(sunny.table)
     tables = prepare_light(asked)
-    content = [path.read_bytes() for path in files_of(tables)]
-    stamps = [path.stat().st_mtime_ns for path in files_of(tables)]
+    files = sorted(cache.iterdir())
+    content = [path.read_bytes() for path in files]
+    stamps = [path.stat().st_mtime_ns for path in files]
     assert prepare_light(asked) == tables
-    assert stamps == [path.stat().st_mtime_ns for path in files_of(tables)]
-    for missing in files_of(tables):
+    assert stamps == [path.stat().st_mtime_ns for path in files]
+    for missing in files:
         missing.unlink()
         assert prepare_light(asked) == tables
-        assert content == [path.read_bytes() for path in files_of(tables)]
+        assert content == [path.read_bytes() for path in files]
     assert prepare_light(dataclasses.replace(asked, digest="other")).digest != tables.digest
 
 
 def test_broken_files_are_told(cache: Path, sunny: LightDistribution) -> None:
     asked = environment(sunny.table)
     tables = prepare_light(asked)
-    tables.radiance.write_bytes(tables.radiance.read_bytes()[:-30])
+    tables.radiance.path.write_bytes(tables.radiance.path.read_bytes()[:-30])
     with pytest.raises(EnvironmentMapError, match="remove it"):
         read_distribution(tables)
-    tables.radiance.unlink()
-    tables.radiance.mkdir()  # a place where no file can be put
+    (radiance,) = cache.glob("*.radiance.exr")
+    radiance.unlink()
+    radiance.mkdir()  # a place where no file can be put
     with pytest.raises(EnvironmentMapError, match="cannot write"):
         prepare_light(asked)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,12 +11,13 @@ import pytest
 
 from lookdev.errors import OutputError
 from lookdev.job import Job
-from lookdev.plan import Copy, Plan, PlannedFile, build_plan, frame_files, frame_sampling
+from lookdev.plan import Copy, Plan, PlannedFile, Setup, Turns, build_plan
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 Scenes = dict[tuple[str, str], SceneTask]
 MakeJob = Callable[..., Job]
+PlanOf = Callable[..., Plan]
 
 
 class Disk:
@@ -48,9 +49,22 @@ def disk() -> Disk:
 def scenes(scene: SceneTask) -> Scenes:
     def variant(look: str, ibl: str) -> SceneTask:
         shaders = (replace(scene.shaders[0], digest=look),)
-        return replace(scene, shaders=shaders, light=replace(scene.light, digest=ibl))
+        return replace(scene, shaders=shaders, lights=(replace(scene.light, digest=ibl),))
 
     return {(look, ibl): variant(look, ibl) for look in ("gold", "paint") for ibl in ("city", "studio")}
+
+
+@pytest.fixture
+def plan_of(disk: Disk, scenes: Scenes, make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> PlanOf:
+    """Return a function that plans a job, or one with text appended, of which some scenes look the same all around."""
+
+    def plan(given: Job | str = "", around: Collection[tuple[str, str]] = ()) -> Plan:
+        job = make_job(given) if isinstance(given, str) else given
+        setups = make_setups(job, scenes, around)
+        turns = Turns(job.turntable, job.output, job.camera.azimuth)
+        return build_plan(setups, turns, disk.read_header, labels={"job": "a job"}, pictures=job.outputs.png)
+
+    return plan
 
 
 def planned(plan: Plan, path: Path) -> PlannedFile:
@@ -58,9 +72,9 @@ def planned(plan: Plan, path: Path) -> PlannedFile:
     return file
 
 
-def test_a_new_job_renders_every_pose_once_look_by_look(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+def test_a_new_job_renders_every_pose_once_look_by_look(make_job: MakeJob, plan_of: PlanOf) -> None:
     job = make_job()
-    plan = build_plan(job, scenes, disk.read_header)
+    plan = plan_of(job)
     pending = plan.pending()
     # element 0, 90, 180, 270 and lighting 120, 240: pose 0 is shared, so 6 poses show 7 frames.
     assert [(task.labels["look"], task.labels["ibl"]) for task in pending] == [
@@ -73,7 +87,7 @@ def test_a_new_job_renders_every_pose_once_look_by_look(make_job: MakeJob, scene
     assert shared.files == (folder / "element.0001.exr", folder / "lighting.0001.exr")
     assert shared.pose == Pose(0.0, 0.0)
     assert shared.labels["turntable"] == "element, lighting"
-    assert shared.labels["job"] == str(job.file)
+    assert shared.labels["job"] == "a job"
     assert (shared.exposure, pending[6].exposure) == (0.5, 0.0)
     assert len({task.digest for task in pending}) == 24
     assert planned(plan, shared.files[0]) == PlannedFile(shared.files[0], "new", "no file")
@@ -81,13 +95,13 @@ def test_a_new_job_renders_every_pose_once_look_by_look(make_job: MakeJob, scene
 
 def test_files_are_numbered_from_one(make_job: MakeJob) -> None:
     job = make_job()
-    files = frame_files(job, "gold", "city", job.turntable[1])
+    files = Turns(job.turntable, job.output).files("gold", "city", job.turntable[1])
     assert files == tuple(job.output / "gold" / "city" / f"lighting.000{n}.exr" for n in (1, 2, 3))
 
 
-def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, plan_of: PlanOf) -> None:
     job = make_job('[[turntable]]\nname = "twice"\nkind = "element"\nframes = 2\ndegrees = 720\n')
-    plan = build_plan(job, scenes, disk.read_header)
+    plan = plan_of(job)
     assert [path.name for path in plan.frames[0].task.files] == [
         "element.0001.exr",
         "lighting.0001.exr",
@@ -97,9 +111,9 @@ def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, s
     assert plan.frames[0].task.labels["turntable"] == "element, lighting, twice"
 
 
-def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, plan_of: PlanOf) -> None:
     job = make_job("[camera]\nazimuth = 30\n")
-    plan = build_plan(job, scenes, disk.read_header, {("gold", "city")})
+    plan = plan_of(job, {("gold", "city")})
     frames = [frame.task for frame in plan.frames]
     assert [task.labels["look"] + task.labels["ibl"] for task in frames].count("goldcity") == 3
     assert len(frames) == 3 + 3 * 6
@@ -116,19 +130,19 @@ def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, sce
         for look in job.look
         for ibl in job.ibl
         for turntable in job.turntable
-        for path in frame_files(job, look.name, ibl.name, turntable)
+        for path in Turns(job.turntable, job.output).files(look.name, ibl.name, turntable)
     )
 
 
 def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
-    make_job: MakeJob, scenes: Scenes, disk: Disk
+    make_job: MakeJob, scenes: Scenes, plan_of: PlanOf
 ) -> None:
     job = make_job("[camera]\nazimuth = 30\n")
     for key in (("gold", "studio"), ("paint", "studio")):
-        scenes[key] = replace(scenes[key], light=replace(scenes[key].light, constant=True))
+        scenes[key] = replace(scenes[key], lights=(replace(scenes[key].light, constant=True),))
 
     def planned_poses(look: str, ibl: str) -> dict[Pose, list[str]]:
-        tasks = [frame.task for frame in build_plan(job, scenes, disk.read_header, {("gold", "studio")}).frames]
+        tasks = [frame.task for frame in plan_of(job, {("gold", "studio")}).frames]
         shown = [task for task in tasks if (task.labels["look"], task.labels["ibl"]) == (look, ibl)]
         return {task.pose: [path.stem for path in task.files] for task in shown}
 
@@ -146,59 +160,57 @@ def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
     assert len(planned_poses("paint", "city")) == 6
 
 
-def test_one_frame_of_many_files_resumes_as_any_other(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+def test_one_frame_of_many_files_resumes_as_any_other(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
     around = {("gold", "city")}
-    task = build_plan(make_job(), scenes, disk.read_header, around).pending()[0]
+    task = plan_of("", around).pending()[0]
     disk.write(task, *task.files[1:3])
-    plan = build_plan(make_job(), scenes, disk.read_header, around)
+    plan = plan_of("", around)
     assert task not in plan.pending()
     assert plan.copies() == tuple(Copy(task.files[1], path) for path in (task.files[0], *task.files[3:]))
     disk.write(task)
-    assert build_plan(make_job(), scenes, disk.read_header, around).copies() == ()
+    assert plan_of("", around).copies() == ()
     scenes["gold", "city"] = replace(scenes["gold", "city"], resolution=(8, 8))
-    plan = build_plan(make_job(), scenes, disk.read_header, around)
+    plan = plan_of("", around)
     assert plan.pending()[0].files == task.files
     assert {planned(plan, path).reason for path in task.files} == {"render changed"}
 
 
-def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(
-    make_job: MakeJob, scenes: Scenes, disk: Disk
-) -> None:
+def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(disk: Disk, plan_of: PlanOf) -> None:
     """Of a look that has lost its texture, say, and is now the same all around; its digest aside."""
-    for task in build_plan(make_job(), scenes, disk.read_header).pending():
+    for task in plan_of().pending():
         disk.write(task)
-    plan = build_plan(make_job(), scenes, disk.read_header, {("gold", "city")})
+    plan = plan_of("", {("gold", "city")})
     assert plan.pending() == ()
     first, *others = (path for path in plan.frames[0].task.files if path.stem.startswith("element"))
     assert plan.copies() == tuple(Copy(first, path) for path in others)
     assert planned(plan, others[0]).reason == "pose changed"
 
 
-def test_a_finished_job_has_nothing_to_do(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
-    for task in build_plan(make_job(), scenes, disk.read_header).pending():
+def test_a_finished_job_has_nothing_to_do(disk: Disk, plan_of: PlanOf) -> None:
+    for task in plan_of().pending():
         disk.write(task)
-    again = build_plan(make_job(), scenes, disk.read_header)
+    again = plan_of()
     assert again.counts == {"done": 28, "stale": 0, "new": 0}
     assert (again.pending(), again.copies(), again.pictures) == ((), (), ())
 
 
-def test_a_changed_look_is_stale_alone_and_says_so(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
-    for task in build_plan(make_job(), scenes, disk.read_header).pending():
+def test_a_changed_look_is_stale_alone_and_says_so(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
+    for task in plan_of().pending():
         disk.write(task)
     for key in (("paint", "city"), ("paint", "studio")):
         scenes[key] = replace(scenes[key], shaders=(replace(scenes[key].shaders[0], digest="new"),))
-    plan = build_plan(make_job(), scenes, disk.read_header)
+    plan = plan_of()
     assert {task.labels["look"] for task in plan.pending()} == {"paint"}
     assert plan.counts == {"done": 14, "stale": 14, "new": 0}
     assert {file.reason for frame in plan.frames for file in frame.files} == {"", "look changed"}
 
 
-def test_several_changes_are_all_named(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
-    task = build_plan(make_job(), scenes, disk.read_header).pending()[0]
+def test_several_changes_are_all_named(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
+    task = plan_of().pending()[0]
     disk.write(task)
     scene = scenes["gold", "city"]
-    scenes["gold", "city"] = replace(scene, resolution=(8, 8), light=replace(scene.light, digest="new"))
-    plan = build_plan(make_job("[camera]\nazimuth = 1\n"), scenes, disk.read_header)
+    scenes["gold", "city"] = replace(scene, resolution=(8, 8), lights=(replace(scene.light, digest="new"),))
+    plan = plan_of("[camera]\nazimuth = 1\n")
     assert planned(plan, task.files[0]).reason == "ibl, pose, render changed"
 
 
@@ -211,53 +223,46 @@ def test_several_changes_are_all_named(make_job: MakeJob, scenes: Scenes, disk: 
     ],
 )
 def test_files_that_are_no_frames_are_stale(
-    make_job: MakeJob, scenes: Scenes, disk: Disk, header: dict[str, str] | str | None, reason: str
+    disk: Disk, plan_of: PlanOf, header: dict[str, str] | str | None, reason: str
 ) -> None:
-    task = build_plan(make_job(), scenes, disk.read_header).pending()[0]
+    task = plan_of().pending()[0]
     disk.write(task)
     for path in task.files:
         if isinstance(header, str):
             del disk.headers[path]
         else:
             disk.headers[path] = header
-    plan = build_plan(make_job(), scenes, disk.read_header)
+    plan = plan_of()
     assert planned(plan, task.files[0]) == PlannedFile(task.files[0], "stale", reason)
     assert plan.pending()[0] == task
 
 
-def test_a_frame_done_under_another_name_is_copied(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
-    task = build_plan(make_job(), scenes, disk.read_header).pending()[0]
+def test_a_frame_done_under_another_name_is_copied(disk: Disk, plan_of: PlanOf) -> None:
+    task = plan_of().pending()[0]
     first, second = task.files
     disk.write(task, first)
-    plan = build_plan(make_job(), scenes, disk.read_header)
+    plan = plan_of()
     assert task not in plan.pending()
     assert plan.copies() == (Copy(first, second),)
     assert plan.pictures == (second,)
 
 
-def test_missing_and_older_pictures_are_due(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
-    first, second, third = build_plan(make_job(), scenes, disk.read_header).pending()[1:4]
+def test_missing_and_older_pictures_are_due(disk: Disk, plan_of: PlanOf) -> None:
+    first, second, third = plan_of().pending()[1:4]
     disk.write(first)
     disk.write(second, png=False)
     disk.write(third)
     (older,) = third.files
     os.utime(older.with_suffix(".png"), (0, 0))
-    plan = build_plan(make_job(), scenes, disk.read_header)
+    plan = plan_of()
     assert plan.counts["done"] == 3
     assert plan.pictures == (*second.files, older)
-    assert build_plan(make_job("[outputs]\npng = false\n"), scenes, disk.read_header).pictures == ()
+    assert plan_of("[outputs]\npng = false\n").pictures == ()
 
 
-def test_the_background_renders_nothing_again(make_job: MakeJob, scenes: Scenes, disk: Disk) -> None:
+def test_the_background_renders_nothing_again(make_job: MakeJob, plan_of: PlanOf) -> None:
     def first(job: Job) -> FrameTask:
-        return build_plan(job, scenes, disk.read_header).pending()[0]
+        return plan_of(job).pending()[0]
 
     black, grey = first(make_job()), first(make_job("[render]\nbackground = [0.1, 0.2, 1]\n"))
     assert black == grey
-
-
-def test_sampling_is_that_of_the_job(make_job: MakeJob) -> None:
-    render = "[render]\nerror = 0.01\nbrdf_samples = 3\nibl_samples = 5\nbounces = 7\nseed = 11\n"
-    sampling = frame_sampling(make_job(render).render)
-    assert (sampling.samples, sampling.error, sampling.bounces, sampling.seed) == (4096, 0.01, 7, 11)
-    assert (sampling.brdf_samples, sampling.ibl_samples) == (3, 5)

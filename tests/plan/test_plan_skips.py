@@ -5,31 +5,35 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, complete_parameters, evaluate_cosine
+from lookdev.cache import Content
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
-from lookdev.job.schema import Backend
 from lookdev.light import LightTables
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.plan.skips import find_skips, same_all_around
-from lookdev.render.source import look_source, surface_shader
+from lookdev.plan import Setup, Turns
+from lookdev.plan.plan import find_skips
+from lookdev.plan.skips import same_all_around
+from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
-from lookdev.scene.sampling import Sampling
+from lookdev.scene import Sampling
 
 MakeJob = Callable[..., Job]
+Told = Callable[..., list[str]]
 MAP = Texture(Path("map.png"), "r", "raw")
 OTHER = replace(MAP, file=Path("other.png"))
 PLAIN = Layer("Base", "disney", {"baseColor": (0.5, 0.4, 0.3), "roughness": 0.3})
 NOISE = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
-SAMPLING = Sampling(samples=4, error=None, brdf_samples=None, ibl_samples=None, bounces=0, seed=0)
-LIGHT = LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147")
+SAMPLING = Sampling(samples=4, bounces=0)
+LIGHT = LightTables(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
 
 
 def look(*layers: Layer) -> Look:
@@ -47,7 +51,8 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     image.touch()
 
     def generate(wanted: Look, light: LightTables = LIGHT, **sampling: Any) -> ShaderSource:
-        return surface_shader(wanted, light, (8, 8), replace(SAMPLING, **sampling), lambda texture: image)
+        setting = Setting((light,), (8, 8), replace(SAMPLING, **sampling), resolve=lambda texture: image)
+        return BACKENDS["exact"].generate(wanted, setting)
 
     return generate
 
@@ -81,7 +86,7 @@ def test_same_all_around(layers: tuple[Layer, ...], same: bool, shader: Callable
 def test_every_part_must_be_the_same_all_around() -> None:
     even = ShaderSource("even", "", (), (), "")
     brushed = look(base(anisotropic=1.0))
-    mapped = replace(even, textures=(TextureBinding("texture0_file", Path("m.exr")),))
+    mapped = replace(even, textures=(TextureBinding("texture0_file", Content("m", ".exr")),))
     read = replace(even, attributes=(AttributeBinding("primvar_wear", "wear", "float", (0.0,)),))
     assert same_all_around([look(PLAIN)] * 2, [even] * 2)
     assert not same_all_around([look(PLAIN), brushed], [even] * 2)
@@ -116,15 +121,22 @@ def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: st
     assert same_all_around([look(base(model, **given))], [even]) == np.allclose(f, turned, rtol=1e-6, atol=1e-12)
 
 
-def told(job: Job, scene: SceneTask, wanted: Look, around: bool = False) -> list[str]:
-    """Return what is said of one look, the same under both lights."""
-    scenes = {(each.name, ibl.name): scene for each in job.look for ibl in job.ibl}
-    looks = {each.name: (wanted,) * len(scene.shaders) for each in job.look}
-    skips = list(find_skips(job, scenes, looks, scenes if around else ()))
-    by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
-    assert all(each == by_scene[0] for each in by_scene)
-    assert [(skip.look, skip.ibl) for skip in skips] == [key for key in scenes for _ in by_scene[0]]
-    return by_scene[0]
+@pytest.fixture
+def told(make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> Told:
+    """Return a function that gives the skips of one look, the same under both lights."""
+
+    def told(given: Job | str, scene: SceneTask, wanted: Look, around: bool = False) -> list[str]:
+        job = make_job(given) if isinstance(given, str) else given
+        scenes = {(each.name, ibl.name): scene for each in job.look for ibl in job.ibl}
+        setups = make_setups(job, scenes, scenes if around else (), wanted)
+        setups = [replace(each, scene=SimpleNamespace(looks=(wanted,) * len(scene.shaders))) for each in setups]
+        skips = list(find_skips(setups, Turns(job.turntable, job.output, job.camera.azimuth)))
+        by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
+        assert all(each == by_scene[0] for each in by_scene)
+        assert [(skip.look, skip.ibl) for skip in skips] == [key for key in scenes for _ in by_scene[0]]
+        return by_scene[0]
+
+    return told
 
 
 @pytest.fixture
@@ -134,11 +146,11 @@ def bare(scene: SceneTask) -> SceneTask:
     return replace(scene, shaders=(source,), sampling=replace(SAMPLING, bounces=2))
 
 
-def test_nothing_is_said_where_nothing_is_skipped(make_job: MakeJob, bare: SceneTask) -> None:
-    assert told(make_job(), bare, look(PLAIN)) == []
+def test_nothing_is_said_where_nothing_is_skipped(told: Told, bare: SceneTask) -> None:
+    assert told("", bare, look(PLAIN)) == []
 
 
-def test_each_skip_has_its_cause(make_job: MakeJob, bare: SceneTask) -> None:
+def test_each_skip_has_its_cause(told: Told, make_job: MakeJob, bare: SceneTask) -> None:
     (source,) = bare.shaders
 
     def changed(shaders: tuple[ShaderSource, ...] = bare.shaders, more: str = "", **values: Any) -> list[str]:
@@ -157,25 +169,25 @@ def test_each_skip_has_its_cause(make_job: MakeJob, bare: SceneTask) -> None:
     assert changed((opaque,)) == ["light from behind (nothing transmits)"]
     assert changed((opaque, source)) == []
     unlit, white = replace(source, directions=(4, 0)), replace(bare.light, constant=True)
-    assert changed((unlit,), light=white) == ["light samples (constant light)"]
-    assert changed((unlit,), light=white, more="[render]\nibl_samples = 0\n") == []
-    assert changed((unlit, source), light=white) == []
+    assert changed((unlit,), lights=(white,)) == ["light samples (constant light)"]
+    assert changed((unlit,), lights=(white,), more="[render]\nibl_samples = 0\n") == []
+    assert changed((unlit, source), lights=(white,)) == []
     broad = replace(source, directions=(0, 4))
     assert changed((broad, broad)) == ["BRDF samples (every lobe is broad)"]
     assert changed((broad, source)) == []
 
 
-def test_generated_shaders_have_the_facts(make_job: MakeJob, bare: SceneTask, shader: Callable[..., Any]) -> None:
+def test_generated_shaders_have_the_facts(told: Told, bare: SceneTask, shader: Callable[..., Any]) -> None:
     diffuse = look(base("pixar", roughness=1.0))
     scene = replace(bare, shaders=(shader(diffuse),), sampling=SAMPLING)
-    assert told(make_job(), scene, diffuse) == [
+    assert told("", scene, diffuse) == [
         "bounces (convex asset)",
         "light from behind (nothing transmits)",
         "BRDF samples (every lobe is broad)",
     ]
     white = replace(LIGHT, constant=True)
     leaf = look(base("pixar", roughness=0.5, back=0.5))
-    assert told(make_job(), replace(bare, light=white, shaders=(shader(leaf, white),)), leaf) == [
+    assert told("", replace(bare, lights=(white,), shaders=(shader(leaf, white),)), leaf) == [
         "light samples (constant light)",
         "2 of 6 frames (constant light)",
     ]
@@ -202,37 +214,37 @@ def test_generated_shaders_have_the_facts(make_job: MakeJob, bare: SceneTask, sh
     ],
 )
 def test_textures_that_reach_no_pixel_are_counted(
-    make_job: MakeJob, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], said: str | None
+    told: Told, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], said: str | None
 ) -> None:
     wanted = look(*layers)
     source = replace(shader(wanted), transmits=True, directions=(4, 4))
     # Two slots that wear one look read its textures once.
-    assert told(make_job(), replace(bare, shaders=(source,) * 2), wanted) == ([said] if said else [])
+    assert told("", replace(bare, shaders=(source,) * 2), wanted) == ([said] if said else [])
 
 
-def test_a_formulas_textures_count(make_job: MakeJob, bare: SceneTask, shader: Callable[..., Any]) -> None:
+def test_a_formulas_textures_count(told: Told, bare: SceneTask, shader: Callable[..., Any]) -> None:
     kinds: dict[str, Any] = {"a": "float", "b": "float"}
     mask = Formula(parse("a"), {"a": MAP, "b": OTHER}, kinds)
     wanted = look(PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, mask))
     source = replace(shader(wanted), transmits=True, directions=(4, 4))
-    assert told(make_job(), replace(bare, shaders=(source,)), wanted) == ["1 texture (reaches no pixel)"]
+    assert told("", replace(bare, shaders=(source,)), wanted) == ["1 texture (reaches no pixel)"]
 
 
 def nodes(*labels: str, **values: Any) -> NodeSource:
     images = tuple(
-        ShaderNode(f"Image {number}", "TexImage", label=label, image=Path("linear.exr"))
+        ShaderNode(f"Image {number}", "TexImage", label=label, image=Content("linear", ".exr"))
         for number, label in enumerate(labels)
     )
     return NodeSource("gold", (NodeTree("gold", images),), (), "500d", exact=False, **values)
 
 
-def test_of_native_nodes_is_said_what_holds_for_them(make_job: MakeJob, bare: SceneTask) -> None:
+def test_of_native_nodes_is_said_what_holds_for_them(told: Told, make_job: MakeJob, bare: SceneTask) -> None:
     """Their directions are Cycles' own business."""
     white = replace(bare.light, constant=True)
     element = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
 
     def said(source: NodeSource, *layers: Layer) -> list[str]:
-        return told(element, replace(bare, shaders=(source,), light=white), look(*layers))
+        return told(element, replace(bare, backend="nodes", shaders=(source,), lights=(white,)), look(*layers))
 
     assert said(nodes(transmits=True), PLAIN) == []
     assert said(nodes(), PLAIN) == ["light from behind (nothing transmits)"]
@@ -252,32 +264,32 @@ def test_native_nodes_that_read_something_differ_all_around() -> None:
     assert not same_all_around([look(base(anisotropic=1.0))], [nodes()])
 
 
-@pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
-def test_generated_nodes_have_the_facts(backend: Backend, make_job: MakeJob, bare: SceneTask, tmp_path: Path) -> None:
+@pytest.mark.parametrize("backend", [name for name, each in BACKENDS.items() if each.source is NodeSource])
+def test_generated_nodes_have_the_facts(told: Told, backend: str, bare: SceneTask, tmp_path: Path) -> None:
     image = tmp_path / "linear.exr"
     image.touch()
     wanted = look(base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0))
-    source = look_source(wanted, backend, LIGHT, (8, 8), SAMPLING, lambda texture: image)
-    assert told(make_job(), replace(bare, shaders=(source,)), wanted) == [
+    source = BACKENDS[backend].generate(wanted, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
+    assert told("", replace(bare, backend=backend, shaders=(source,)), wanted) == [
         "light from behind (nothing transmits)",
         "1 texture (reaches no pixel)",
     ]
 
 
-def test_tiles_of_one_texture_are_one(make_job: MakeJob, bare: SceneTask) -> None:
+def test_tiles_of_one_texture_are_one(told: Told, bare: SceneTask) -> None:
     (source,) = bare.shaders
-    tiles = tuple(TextureBinding(f"texture0_{number}_file", Path("t.exr")) for number in (1001, 1002))
+    tiles = tuple(TextureBinding(f"texture0_{number}_file", Content("t", ".exr")) for number in (1001, 1002))
     wanted = look(base(roughness=replace(MAP, file=Path("t.<UDIM>.png"))))
-    assert told(make_job(), replace(bare, shaders=(replace(source, textures=tiles),)), wanted) == []
+    assert told("", replace(bare, shaders=(replace(source, textures=tiles),)), wanted) == []
 
 
-def test_frames_are_counted_by_pose(make_job: MakeJob, bare: SceneTask) -> None:
+def test_frames_are_counted_by_pose(told: Told, make_job: MakeJob, bare: SceneTask) -> None:
     # element 0, 90, 180, 270 and lighting 120, 240: pose 0 is shared in any case.
-    assert told(make_job(), bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
+    assert told("", bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
     still = make_job().model_copy(update={"turntable": make_job().turntable[1:]})
     assert told(still, bare, look(PLAIN), around=True) == []
-    white = replace(bare, light=replace(bare.light, constant=True))
-    assert told(make_job(), white, look(PLAIN)) == ["2 of 6 frames (constant light)"]
-    assert told(make_job(), white, look(PLAIN), around=True) == ["5 of 6 frames (same all around, constant light)"]
+    white = replace(bare, lights=(replace(bare.light, constant=True),))
+    assert told("", white, look(PLAIN)) == ["2 of 6 frames (constant light)"]
+    assert told("", white, look(PLAIN), around=True) == ["5 of 6 frames (same all around, constant light)"]
     turned = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
     assert told(turned, white, look(PLAIN)) == []

@@ -12,7 +12,7 @@ from lookdev.job import JobTurntable
 from lookdev.light.mapping import rotate_z
 from lookdev.plan import turntable_poses
 from lookdev.plan.poses import unturned
-from lookdev.scene.camera import Camera, Pose, camera_rays
+from lookdev.scene import Camera, Pose, camera_rays
 
 
 def test_frames_divide_the_turn_and_do_not_repeat_the_first() -> None:

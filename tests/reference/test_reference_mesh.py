@@ -17,7 +17,7 @@ from lookdev.material import Layer, Look, Primvar
 from lookdev.reference.mesh import MeshScene, corner_triangles
 from lookdev.reference.render import frame_pixels, shape_pixels
 from lookdev.reference.shapes import Plane, Sphere
-from lookdev.scene.camera import Camera, Pose, camera_rays
+from lookdev.scene import Camera, Pose, camera_rays
 
 POSE = Pose(30.0, 75.0)
 CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)

@@ -10,7 +10,7 @@ from lookdev.light import LightDistribution
 from lookdev.light.mapping import rotate_z, uv_to_direction
 from lookdev.reference.render import shape_pixels
 from lookdev.reference.shapes import Plane, Sphere
-from lookdev.scene.camera import Camera, Pose, camera_rays
+from lookdev.scene import Camera, Pose, camera_rays
 
 POSE = Pose(30.0, 75.0)
 CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)

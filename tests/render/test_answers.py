@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from lookdev.errors import RenderError
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Progress, Worker
-from lookdev.scene.camera import Pose
+from lookdev.scene import Pose
 
 # Frames with an exposure fail; others are held back until 300 MB have been held and let go.
 WORKER = """
@@ -40,7 +40,7 @@ for line in sys.stdin:
 
 
 def test_a_worker_is_understood(scene: SceneTask, tmp_path: Path) -> None:
-    task = FrameTask(scene, Pose(0.0, 0.0), 0.0, "d16e57", (Path("frame.exr"),), {})
+    task = one_frame(scene, Pose(0.0, 0.0), "d16e57")
     told: list[Progress] = []
     log = tmp_path / "worker.log"
     scratch = tmp_path / "scratch"

@@ -9,7 +9,7 @@ import pytest
 
 from lookdev.errors import AssetError
 from lookdev.job import JobCamera
-from lookdev.scene.framing import frame_camera
+from lookdev.scene import frame_camera
 
 
 @pytest.mark.parametrize("resolution", [(512, 512), (1920, 1080), (300, 900)])

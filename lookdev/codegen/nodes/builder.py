@@ -9,11 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import laid_out
 from lookdev.codegen.nodes.match import Triple, depth_of, match, match_cross, match_dot, match_normalize
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
@@ -86,7 +86,7 @@ class TreeBuilder:
         inputs: Mapping[str, SocketValue | Link] | None = None,
         label: str = "",
         group: str = "",
-        image: Path | None = None,
+        image: Content | None = None,
     ) -> str:
         """Add a node, or find its equal, and return its name; arguments as a `ShaderNode` has them."""
         properties, inputs = dict(properties or {}), dict(inputs or {})

@@ -9,12 +9,11 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lookdev.cache import file_digest
+from lookdev.cache import Content
 from lookdev.codegen.inputs import Inputs, LookUp
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.source import AttributeBinding, Link, NodeTree
@@ -64,7 +63,7 @@ def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding
         for node in tree.nodes:
             digest.update(repr(replace(node, image=None)).encode())
             if node.image is not None:
-                digest.update(file_digest(node.image).encode())
+                digest.update(node.image.digest.encode())
     return digest.hexdigest()
 
 
@@ -89,7 +88,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     # An image has no third coordinate: the UV set's lets a place that is not transformed be the node's output itself.
     third = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
 
-    def read(file: Path, place: Sequence[Any], wrap: str) -> Any:
+    def read(file: Content, place: Sequence[Any], wrap: str) -> Any:
         vector = builder.vector(elements_of(np.stack(place)))
         properties = {"interpolation": "Linear", "projection": "FLAT", "extension": _EXTENSION[wrap]}
         node = builder.add("TexImage", properties, {"Vector": vector}, texture.file.stem, image=file)

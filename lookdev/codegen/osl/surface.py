@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MODELS, Lobe, Mode, StackLayer, stack_bsdf
-from lookdev.cache import file_digest
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import BrdfCode, emit_brdf, trace_lobes
 from lookdev.codegen.osl.frame import emit_frame
@@ -134,7 +133,7 @@ def generate_surface(
     )
     digest = hashlib.sha256(osl.encode())
     for binding in bound:
-        digest.update(file_digest(binding.file).encode())
+        digest.update(binding.file.digest.encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
     return ShaderSource(

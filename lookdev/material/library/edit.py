@@ -23,7 +23,7 @@ from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
 from lookdev.material.library.preview import author_preview
 from lookdev.material.look import Look, Mode
-from lookdev.material.usd import find_material, read_look
+from lookdev.material.usd import find_material, read_look, read_material
 from lookdev.material.usd.file import open_stage, reading
 from lookdev.material.usd.network import Network, Source, shader_id
 
@@ -65,6 +65,22 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
         _author_preview(material)
         _check(material)
     return f"/{name}"
+
+
+def preset_look(preset: Preset, name: str) -> Look:
+    """Return the look whose only layer is a preset, made in memory.
+
+    Raises
+    ------
+    LookError
+        The preset does not read as a look.
+    """
+    stage = Usd.Stage.CreateInMemory()
+    material = UsdShade.Material.Define(stage, "/Preset")
+    base = stage.DefinePrim("/Preset/Base", "Shader")
+    base.GetReferences().AddReference(str(preset.file.absolute()), preset.prim)
+    _author_stack(material, base.GetPath())
+    return replace(read_material(preset.file, stage, material.GetPath()), name=name)
 
 
 def add_layer(

@@ -1,0 +1,53 @@
+"""A look as the Principled BSDF that comes nearest to it, which the benchmark compares with.
+
+The two are different models: their pictures are alike, not equal. What they share is how hard they are to sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from lookdev.brdf import complete_parameters
+from lookdev.codegen.source import PrincipledSource
+from lookdev.errors import CodegenError
+from lookdev.material import Look, Varying
+
+_CARRIED = ("baseColor", "metallic", "roughness", "anisotropic", "clearcoat", "clearcoatGloss")
+
+
+def generate_principled(look: Look) -> PrincipledSource:
+    """Translate a look of one Disney layer with constant inputs.
+
+    Disney's clearcoat is a quarter as strong as Blender's coat. Its alpha is 0.1 at a gloss of 0 and 0.001 at 1
+    (Burley 2012, section 5.6); alpha is the square of Blender's roughness.
+
+    Raises
+    ------
+    CodegenError
+        The look has other layers, or an input that the Principled BSDF does not have.
+    """
+    where = f"{look.name}: the Principled BSDF carries"
+    if [layer.model for layer in look.layers] != ["disney"]:
+        raise CodegenError(f"{where} one Disney layer, not {len(look.layers)} layers of any model")
+    inputs = look.layers[0].inputs
+    for name, value in inputs.items():
+        if isinstance(value, Varying):
+            raise CodegenError(f"{where} constants, and {name} varies over the surface")
+    values, usual = complete_parameters("disney", inputs), complete_parameters("disney", {})
+    for name, value in values.items():
+        if name not in _CARRIED and not np.array_equal(value, usual[name]):
+            raise CodegenError(f"{where} no {name} but its default")
+    red, green, blue = map(float, values["baseColor"])
+    sockets: dict[str, float | tuple[float, ...]] = {
+        "Base Color": (red, green, blue),
+        "Metallic": float(values["metallic"]),
+        "Roughness": float(values["roughness"]),
+    }
+    if values["anisotropic"] > 0.0:
+        sockets["Anisotropic"] = float(values["anisotropic"])
+    if values["clearcoat"] > 0.0:
+        sockets["Coat Weight"] = 0.25 * float(values["clearcoat"])
+        sockets["Coat Roughness"] = math.sqrt(0.1 - 0.099 * float(values["clearcoatGloss"]))
+    return PrincipledSource(look.name, sockets)

@@ -1,0 +1,210 @@
+"""The backends: what a look is translated to, and the worker that renders it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
+from lookdev.errors import CodegenError
+from lookdev.light import LightTables
+from lookdev.scene import Sampling
+
+if TYPE_CHECKING:
+    from lookdev.material import Bump, Look, Texture
+
+RENDER_VERSION = 2
+"""Raised when the program renders the same frame task to other pixels than before."""
+
+WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
+"""The worker of Cycles."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a source is generated for besides its look.
+
+    Without `shadows` the asset is never in the way of light. `resolve` turns a texture into its linear EXR file, a
+    height map into that of its slopes; None: by the cache.
+    """
+
+    lights: tuple[LightTables, ...]
+    resolution: tuple[int, int]
+    sampling: Sampling
+    shadows: bool = True
+    resolve: Callable[[Texture | Bump], Path] | None = None
+
+    def image_file(self, source: Texture | Bump) -> Path:
+        """Return the file of an image."""
+        from lookdev.material.textures import image_file
+
+        return (self.resolve or image_file)(source)
+
+
+@cache
+def blender_version() -> str:
+    """Return the version of the installed bpy, without importing it."""
+    return version("bpy")
+
+
+def _of_cycles() -> str:
+    return f"{blender_version()} {RENDER_VERSION}"
+
+
+def _anything(look: Look) -> None:
+    """Return no reason against any look."""
+
+
+@dataclass(frozen=True)
+class Backend:
+    """One way to render looks.
+
+    Parameters
+    ----------
+    name, help
+        The name that users write, and what it stands for.
+    command
+        The worker: a program that takes tasks of this backend, and its arguments.
+    source, generate
+        The type of the sources that the worker takes, and what makes one of a look; it raises CodegenError.
+    devices
+        The names of the devices that it can use, the usual one first.
+    cannot_show
+        Returns why a look cannot be shown, or None; asked before anything is generated.
+    exact
+        Whether pictures agree with the published models; otherwise they come near to them.
+    in_jobs
+        Whether a job may name it.
+    directions
+        Whether the numbers of directions of a `Sampling`, `brdf_samples` and `ibl_samples`, have a meaning.
+    version
+        Returns a text that changes when the same task is rendered to other pixels.
+    """
+
+    name: str
+    help: str
+    command: tuple[str, ...]
+    source: type[Source]
+    generate: Callable[[Look, Setting], Source]
+    devices: tuple[str, ...] = ("cpu",)
+    cannot_show: Callable[[Look], str | None] = _anything
+    exact: bool = False
+    in_jobs: bool = False
+    directions: bool = False
+    version: Callable[[], str] = _of_cycles
+
+
+# Generators are imported where they run: workers read this registry to decode tasks, and generate nothing.
+
+
+def _exact(look: Look, setting: Setting) -> Source:
+    from lookdev.codegen.osl.surface import generate_surface
+
+    (light,) = setting.lights
+    return generate_surface(
+        look,
+        setting.image_file,
+        brdf_samples=setting.sampling.brdf_samples,
+        ibl_samples=setting.sampling.ibl_samples,
+        bounces=setting.sampling.bounces,
+        light_size=(light.width, light.height),
+        constant_light=light.constant,
+        shadows=setting.shadows,
+        resolution=setting.resolution,
+    )
+
+
+def _nodes(look: Look, setting: Setting) -> Source:
+    from lookdev.codegen.nodes.look import generate_nodes
+
+    return generate_nodes(look, setting.image_file)
+
+
+def _nodes_exact(look: Look, setting: Setting) -> Source:
+    from lookdev.codegen.nodes.exact import generate_nodes_exact
+
+    return generate_nodes_exact(look, setting.image_file, bounces=setting.sampling.bounces)
+
+
+def _principled(look: Look, setting: Setting) -> Source:
+    from lookdev.codegen.principled import generate_principled
+
+    return generate_principled(look)
+
+
+def _unlike_principled(look: Look) -> str | None:
+    from lookdev.codegen.principled import generate_principled
+
+    try:
+        generate_principled(look)
+    except CodegenError as error:
+        return str(error)
+    return None
+
+
+_ANY_DEVICE = ("cpu", "cuda", "optix", "hip", "metal", "oneapi")
+
+BACKENDS: dict[str, Backend] = {
+    backend.name: backend
+    for backend in (
+        Backend(
+            name="exact",
+            help="the models as published, through light integrals in OSL, which Cycles runs on the CPU only",
+            command=WORKER_COMMAND,
+            source=ShaderSource,
+            generate=_exact,
+            exact=True,
+            in_jobs=True,
+            directions=True,
+        ),
+        Backend(
+            name="nodes",
+            help="Cycles' own closures, fitted to the models, as native shader nodes",
+            command=WORKER_COMMAND,
+            source=NodeSource,
+            generate=_nodes,
+            devices=_ANY_DEVICE,
+            in_jobs=True,
+        ),
+        Backend(
+            name="nodes-exact",
+            help="the models as published, as native shader nodes without OSL; noisier than exact, and not for looks "
+            "that can be seen through",
+            command=WORKER_COMMAND,
+            source=NodeSource,
+            generate=_nodes_exact,
+            devices=_ANY_DEVICE,
+            exact=True,
+            in_jobs=True,
+        ),
+        Backend(
+            name="principled",
+            help="Blender's Principled BSDF, which comes near to the look, under Cycles' own light",
+            command=WORKER_COMMAND,
+            source=PrincipledSource,
+            generate=_principled,
+            devices=_ANY_DEVICE,
+            cannot_show=_unlike_principled,
+        ),
+        Backend(
+            name="mitsuba",
+            help="Mitsuba 3's principled, if the package mitsuba is installed",
+            command=(sys.executable, "-m", "lookdev.bench.mitsuba_worker"),
+            source=PrincipledSource,
+            generate=_principled,
+            cannot_show=_unlike_principled,
+            version=lambda: version("mitsuba"),
+        ),
+    )
+}
+"""Every backend by its name."""
+
+
+def job_backends() -> Mapping[str, Backend]:
+    """Return the backends that a job may name."""
+    return {name: backend for name, backend in BACKENDS.items() if backend.in_jobs}

@@ -1,0 +1,52 @@
+"""From a scene to the task that a worker renders."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from lookdev.asset import save_asset
+from lookdev.cache import Content
+from lookdev.codegen import Source
+from lookdev.errors import CodegenError
+from lookdev.render.backends import BACKENDS, Setting
+from lookdev.render.task import SceneTask
+from lookdev.scene import Sampling, Scene
+
+
+def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device: str = "cpu") -> SceneTask:
+    """Generate the sources of a scene.
+
+    Light that a convex asset reflects never meets it again, so it is rendered without bounces and shadow rays, unless
+    light passes through a closed one, which it meets from inside.
+
+    Raises
+    ------
+    CodegenError
+        The backend cannot show one of the looks.
+    """
+    record, asset = BACKENDS[backend], scene.asset
+    # Slots that share a look share its source.
+    different = {id(look): look for look in scene.looks}
+    for look in different.values():
+        if reason := record.cannot_show(look):
+            raise CodegenError(reason)
+
+    def generate(sampling: Sampling, shadows: bool) -> dict[int, Source]:
+        setting = Setting(scene.lights, scene.film.resolution, sampling, shadows)
+        return {key: record.generate(look, setting) for key, look in different.items()}
+
+    chosen = replace(sampling, bounces=0) if asset.convex else sampling
+    sources = generate(chosen, shadows=not asset.convex)
+    if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in sources.values()):
+        chosen = sampling
+        sources = generate(sampling, shadows=True)
+    return SceneTask(
+        asset=Content.of(save_asset(asset)),
+        backend=backend,
+        shaders=tuple(sources[id(look)] for look in scene.looks),
+        lights=scene.lights,
+        resolution=scene.film.resolution,
+        sampling=chosen,
+        camera=scene.camera,
+        device=device,
+    )

@@ -1,0 +1,55 @@
+"""A scene: an asset, what each of its parts wears, the lights, and the camera that sees it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from lookdev.asset import Asset
+from lookdev.light import LightTables
+from lookdev.material import Look
+from lookdev.scene.camera import Camera
+from lookdev.scene.framing import frame_camera
+
+
+@dataclass(frozen=True)
+class Film:
+    """What the camera exposes: `resolution` is width and height in pixels."""
+
+    resolution: tuple[int, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What is shown. `wears` maps the path of each slot of the asset to a look; there is one light, a dome.
+
+    Raises
+    ------
+    ValueError
+        A slot has no look.
+    """
+
+    asset: Asset
+    wears: Mapping[str, Look]
+    lights: tuple[LightTables, ...]
+    camera: Camera
+    film: Film
+
+    def __post_init__(self) -> None:
+        bare = [slot.path for slot in self.asset.slots if slot.path not in self.wears]
+        if bare:
+            raise ValueError(f"{self.asset.name}: no look for {', '.join(bare)}")
+
+    @classmethod
+    def of_look(
+        cls, asset: Asset, look: Look, light: LightTables, resolution: tuple[int, int], camera: Camera | None = None
+    ) -> Self:
+        """Return a scene whose asset wears one look all over, seen by a camera that frames it unless one is given."""
+        camera = camera or frame_camera(asset.center, asset.radius, resolution)
+        return cls(asset, {slot.path: look for slot in asset.slots}, (light,), camera, Film(resolution))
+
+    @property
+    def looks(self) -> tuple[Look, ...]:
+        """What each slot of the asset wears, in the order of the slots."""
+        return tuple(self.wears[slot.path] for slot in self.asset.slots)
