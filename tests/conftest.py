@@ -18,7 +18,7 @@ from lookdev.codegen import (
     TextureBinding,
 )
 from lookdev.job import Job, parse_job
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.render.task import SceneTask
 from lookdev.scene.camera import Camera
 from lookdev.scene.sampling import Sampling
@@ -62,7 +62,7 @@ def scene() -> SceneTask:
                 digest="500d",
             ),
         ),
-        light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 1024, 512, "119147"),
+        light=Dome(*(Path(f"/c/{part}.exr") for part in "rpsb"), 1024, 512, "119147"),
         resolution=(64, 48),
         sampling=Sampling(samples=64, error=None, brdf_samples=2, ibl_samples=4, bounces=2, seed=0),
         camera=Camera(fov=39.6, elevation=10.0, target=(0.1, 0.2, 1 / 3), distance=3.7),

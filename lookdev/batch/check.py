@@ -25,7 +25,6 @@ from lookdev.checks.stability import stress
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job.schema import Backend
-from lookdev.light import read_distribution
 from lookdev.material import Look
 from lookdev.reference.render import frame_pixels
 from lookdev.render.task import FrameTask, SceneTask
@@ -239,7 +238,7 @@ def _check_image(subject: _Subject, name: str, task: FrameTask, looks: Sequence[
     reference = frame_pixels(
         read_asset(scene.asset_file),
         looks,
-        read_distribution(scene.light),
+        scene.light,
         scene.camera,
         task.pose,
         (width, height),

@@ -21,6 +21,7 @@ from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.cache import atomic_path
 from lookdev.codegen import NodeSource
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
+from lookdev.light import world_image
 from lookdev.material import Bump, Formula, Look, Texture
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
@@ -146,7 +147,7 @@ def image_names(prepared: Prepared) -> dict[Path, str]:
     """
     called: dict[Path, str] = {}
     for frame in prepared.plan.frames:
-        called.setdefault(frame.task.scene.light.radiance, frame.task.labels["ibl"])
+        called.setdefault(world_image(frame.task.scene.light), frame.task.labels["ibl"])
     originals: dict[Path, str] = {}
     for texture in (each for looks in prepared.looks.values() for each in _textures(looks)):
         with suppress(TextureError):  # of an image that reaches no pixel, or the job would not have been prepared

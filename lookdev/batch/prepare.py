@@ -13,7 +13,7 @@ from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
 from lookdev.job import Job, JobLook, load_job
 from lookdev.job.schema import Backend, Device
-from lookdev.light import LightTables, load_environment, prepare_light
+from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.output.exr import read_header
@@ -101,7 +101,7 @@ def make_scene(
     asset: Asset,
     asset_file: Path,
     slots: Sequence[Look],
-    light: LightTables,
+    light: Light,
     camera: Camera,
     resolution: tuple[int, int],
     sampling: Sampling,
@@ -112,8 +112,8 @@ def make_scene(
 
     Raises
     ------
-    CodegenError
-        The backend cannot show one of the looks.
+    CodegenError, EnvironmentMapError
+        The backend cannot show one of the looks, or the light.
     """
     # Slots that share a look share its shader.
     different = {id(look): look for look in slots}
@@ -144,8 +144,8 @@ def _collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
         faults.append(Fault(str(job.file), where, str(error)))
 
 
-def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, LightTables]:
-    lights: dict[str, LightTables] = {}
+def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]:
+    lights: dict[str, Light] = {}
     for index, ibl in enumerate(job.ibl):
         with _collected(job, f"ibl[{index}]", faults):
             environment = load_environment(ibl.file, ibl.builtin)

@@ -23,7 +23,7 @@ from lookdev.bench.reference import Shot
 from lookdev.codegen import PrincipledSource
 from lookdev.job import JobRender
 from lookdev.job.schema import Backend
-from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
+from lookdev.light import Dome, EnvironmentMap, load_environment, prepare_light
 from lookdev.plan import frame_sampling
 from lookdev.plan.digest import RENDER_VERSION, blender_version
 from lookdev.plan.skips import Skip, scene_skips
@@ -57,13 +57,13 @@ def bench_environment(ibl: str) -> EnvironmentMap:
 
 
 @cache
-def bench_light(ibl: str) -> LightTables:
+def bench_light(ibl: str) -> Dome:
     """Return a built-in light, prepared once."""
     return prepare_light(bench_environment(ibl))
 
 
 def bench_scene(
-    asset: Asset, look: BenchLook, light: LightTables, resolution: int, bounces: int, backend: Backend = "exact"
+    asset: Asset, look: BenchLook, light: Dome, resolution: int, bounces: int, backend: Backend = "exact"
 ) -> SceneTask:
     """Return the scene for one of our backends, sampled as a job does that says nothing of it."""
     size = (resolution, resolution)

@@ -18,7 +18,7 @@ from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.errors import RenderError
-from lookdev.light import LightTables
+from lookdev.light import Light
 
 Array = NDArray[np.int32] | NDArray[np.float32]
 
@@ -42,14 +42,11 @@ def compile_osl(osl: str) -> Path:
     return final
 
 
-def surface_material(source: ShaderSource, light: LightTables) -> Any:
+def surface_material(source: ShaderSource, light: Light) -> Any:
     """Make a material of a look's light integral."""
-    values = {"light_radiance": str(light.radiance)}
-    values |= {binding.parameter: str(binding.file) for binding in source.textures}
-    arrays: dict[str, Array] = {}
-    if source.directions[1]:
-        values["light_points"] = str(light.points)
-        arrays = {"light_slots": np.load(light.slots), "light_bins": np.load(light.bins)}
+    code = light.code(sampled=source.directions[1] > 0)
+    values = {**code.parameters, **{binding.parameter: str(binding.file) for binding in source.textures}}
+    arrays = {name: np.load(file) for name, file in code.arrays.items()}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would otherwise put every triangle of it into its light tree.
     material.cycles.emission_sampling = "NONE"

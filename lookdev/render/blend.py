@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from lookdev.light import LightTables
+from lookdev.light import AnyLight
 from lookdev.render.task import SceneTask
 from lookdev.scene.camera import Pose
 
@@ -18,7 +18,7 @@ class BlendWorld:
     """A light of a job: `strength` multiplies its radiance, `turn` degrees about z are beyond those of the poses."""
 
     name: str
-    light: LightTables
+    light: AnyLight
     strength: float
     turn: float
 

@@ -10,7 +10,7 @@ from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.job.schema import Backend
-from lookdev.light import LightTables
+from lookdev.light import Light, world_image
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.textures import image_file
 from lookdev.scene.sampling import Sampling
@@ -18,7 +18,7 @@ from lookdev.scene.sampling import Sampling
 
 def surface_shader(
     look: Look,
-    light: LightTables,
+    light: Light,
     resolution: tuple[int, int],
     sampling: Sampling,
     resolve: Callable[[Texture | Bump], Path] = image_file,
@@ -32,8 +32,7 @@ def surface_shader(
         brdf_samples=sampling.brdf_samples,
         ibl_samples=sampling.ibl_samples,
         bounces=sampling.bounces,
-        light_size=(light.width, light.height),
-        constant_light=light.constant,
+        light=light,
         shadows=shadows,
         resolution=resolution,
     )
@@ -42,7 +41,7 @@ def surface_shader(
 def look_source(
     look: Look,
     backend: Backend,
-    light: LightTables,
+    light: Light,
     resolution: tuple[int, int],
     sampling: Sampling,
     resolve: Callable[[Texture | Bump], Path] = image_file,
@@ -55,7 +54,11 @@ def look_source(
     ------
     CodegenError
         The backend cannot show such a look.
+    EnvironmentMapError
+        The backend cannot show such a light.
     """
+    if backend != "exact":
+        world_image(light)
     match backend:
         case "exact":
             return surface_shader(look, light, resolution, sampling, resolve, shadows=shadows)

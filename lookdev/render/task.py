@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lookdev.codegen import NodeSource, Source
-from lookdev.light import LightTables
+from lookdev.light import AnyLight
 from lookdev.scene.camera import Camera, Pose
 from lookdev.scene.sampling import Sampling
 
@@ -26,7 +26,7 @@ class SceneTask:
 
     asset_file: Path
     shaders: tuple[Source, ...]
-    light: LightTables
+    light: AnyLight
     resolution: tuple[int, int]
     sampling: Sampling
     camera: Camera

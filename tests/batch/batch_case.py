@@ -11,7 +11,7 @@ from pathlib import Path
 from lookdev.batch.run import RunResult, run_plan
 from lookdev.codegen import ShaderSource
 from lookdev.job import Job, parse_job
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, build_plan, frame_sampling
 from lookdev.render.task import SceneTask
@@ -59,7 +59,7 @@ def make_plan(job: Job) -> Plan:
         (look.name, ibl.name): SceneTask(
             asset_file=Path("/cache/a55e7.npz"),
             shaders=(ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}"),),
-            light=LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147"),
+            light=Dome(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147"),
             resolution=(WIDTH, HEIGHT),
             sampling=frame_sampling(job.render),
             camera=frame_camera((0.0, 0.0, 0.0), 1.0, (WIDTH, HEIGHT), elevation=job.camera.elevation),

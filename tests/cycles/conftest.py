@@ -11,7 +11,7 @@ import pytest
 
 from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.light import LightTables, load_environment, prepare_light
+from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import WORKER_COMMAND, Rendered, Worker
@@ -36,7 +36,7 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
 
 
 @pytest.fixture(scope="session")
-def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], LightTables]:
+def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Dome]:
     """Return a function that prepares a built-in light, or ``slopes``.
 
     That is of another colour from everywhere, three times as bright here as there: where a light with small lamps is
@@ -59,7 +59,7 @@ def render(worker: Worker) -> RenderScene:
     def render_one(
         which: str | Asset,
         layers: Sequence[Layer],
-        light: LightTables,
+        light: Dome,
         *,
         pose: Pose = POSE,
         samples: int,

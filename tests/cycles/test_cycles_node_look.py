@@ -13,7 +13,7 @@ from looks import LOOKS
 from lookdev.asset import load_asset, save_asset
 from lookdev.batch.prepare import make_scene
 from lookdev.job.schema import Backend
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.render.task import FrameTask
@@ -26,7 +26,7 @@ SHEEN = (Layer("sheen", "disney", {"baseColor": (0.0, 0.0, 0.0), "sheen": 1.0, "
 MATERIALS = Path(__file__).parents[2] / "materials"
 
 
-def shoot(worker: Worker, look: Look, light: LightTables, backend: Backend, *, samples: int, size: int) -> Rendered:
+def shoot(worker: Worker, look: Look, light: Dome, backend: Backend, *, samples: int, size: int) -> Rendered:
     asset = load_asset(builtin="sphere")
     slots = [look] * len(asset.slots)
     sampling = Sampling(samples, None, None, None, 1, 0)

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lookdev.asset import Asset, save_asset
 from lookdev.batch.prepare import make_scene
-from lookdev.light import EnvironmentMap, Repairs, prepare_light
+from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import WORKER_COMMAND, Progress, Rendered, Worker
@@ -69,12 +65,6 @@ class Stage:
         slots = [look] * len(asset.slots)
         scene = make_scene(asset, save_asset(asset), slots, prepare_light(light), camera, resolution, sampling)
         return FrameTask(scene, pose, 0.0, "d1ge57", (), {})
-
-
-def light_of(radiance: NDArray[np.float32]) -> EnvironmentMap:
-    """Return radiance (H, W, 3) as an environment map."""
-    pixels = np.ascontiguousarray(radiance, dtype=np.float32)
-    return EnvironmentMap("made", pixels, Repairs(0, 0, 0), hashlib.sha256(pixels.tobytes()).hexdigest())
 
 
 def difference(one: Rendered, other: Rendered) -> float:

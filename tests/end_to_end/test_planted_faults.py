@@ -13,15 +13,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from lookdev.asset import Asset
 from lookdev.batch.check import DEPTHS, check_file
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.checks.albedo import ANGLES
-from lookdev.light import EnvironmentMap, LightDistribution, LightTables, prepare_light, read_distribution
+from lookdev.light import Dome, EnvironmentMap, prepare_light
+from lookdev.material import Look
+from lookdev.reference.render import Estimate, frame_pixels
 
 DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
 
@@ -171,18 +175,18 @@ def _swapped(stack: Stack) -> Stack:
 
 def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
     """Render the mirror image of a light; the reference has the light itself."""
-    right: dict[LightTables, LightTables] = {}
+    right: dict[Dome, Dome] = {}
 
-    def prepare(light: EnvironmentMap) -> LightTables:
+    def prepare(light: EnvironmentMap) -> Dome:
         wrong = prepare_light(replace(light, radiance=light.radiance[:, ::-1], digest=f"{light.digest} mirrored"))
         right[wrong] = prepare_light(light)
         return wrong
 
-    def read(tables: LightTables) -> LightDistribution:
-        return read_distribution(right[tables])
+    def reference(asset: Asset, looks: Sequence[Look], light: Dome, *rest: Any, **options: int) -> Estimate:
+        return frame_pixels(asset, looks, right[light], *rest, **options)
 
     patch.setattr("lookdev.batch.prepare.prepare_light", prepare)
-    patch.setattr("lookdev.batch.check.read_distribution", read)
+    patch.setattr("lookdev.batch.check.frame_pixels", reference)
 
 
 @dataclass(frozen=True)

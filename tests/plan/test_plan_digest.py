@@ -104,7 +104,7 @@ def test_paths_do_not_count(scene: SceneTask) -> None:
     moved = replace(
         scene,
         asset_file=Path("/elsewhere/a55e7.npz"),
-        light=replace(scene.light, radiance=Path("/elsewhere/r.exr"), slots=Path("/elsewhere/s.exr")),
+        light=replace(scene.light, radiance_file=Path("/elsewhere/r.exr"), slots_file=Path("/elsewhere/s.exr")),
         shaders=(replace(scene.shaders[0], textures=()),),
     )
     assert part_digests(scene, POSE, 0.0) == part_digests(moved, POSE, 0.0)

@@ -14,7 +14,7 @@ from lookdev.brdf import MODELS, PARAMETERS, complete_parameters, evaluate_cosin
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
 from lookdev.job.schema import Backend
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
@@ -29,7 +29,7 @@ OTHER = replace(MAP, file=Path("other.png"))
 PLAIN = Layer("Base", "disney", {"baseColor": (0.5, 0.4, 0.3), "roughness": 0.3})
 NOISE = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
 SAMPLING = Sampling(samples=4, error=None, brdf_samples=None, ibl_samples=None, bounces=0, seed=0)
-LIGHT = LightTables(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147")
+LIGHT = Dome(*(Path(f"/c/{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
 
 def look(*layers: Layer) -> Look:
@@ -46,7 +46,7 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     image = tmp_path / "linear.exr"
     image.touch()
 
-    def generate(wanted: Look, light: LightTables = LIGHT, **sampling: Any) -> ShaderSource:
+    def generate(wanted: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
         return surface_shader(wanted, light, (8, 8), replace(SAMPLING, **sampling), lambda texture: image)
 
     return generate
