@@ -93,19 +93,16 @@ class LightKind:
 
 @dataclass(frozen=True)
 class Turned:
-    """An emitter turned about the world's z axis by `degrees`, counter-clockwise seen from above."""
+    """An `Emitter` turned about the world's z axis by `degrees`, counter-clockwise seen from above."""
 
     light: Emitter
     degrees: float
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
-        """See `Emitter.radiance`."""
         return self.light.radiance(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
-        """See `Emitter.pdf`."""
         return self.light.pdf(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
 
     def sample(self, place: Floats, u: Floats) -> Floats:
-        """See `Emitter.sample`."""
         return rotate_z(self.light.sample(rotate_z(place, -self.degrees), u), self.degrees)

@@ -117,7 +117,7 @@ def test_points_follow_the_light(light: Callable[[], Dome]) -> None:
 
 
 def test_points_are_one_in_each_cell_along_the_curve() -> None:
-    """Under a light that comes from everywhere, places tell the random numbers."""
+    """Under a constant light, places are a known map of the random numbers."""
     side = 128
     u, v = direction_to_uv(drawn(dome(np.ones((1, 1, 3))), side)[1]).T
     # A row of texels begins amid the first; here that is the middle of the map.
@@ -130,7 +130,7 @@ def test_points_hold_the_light_where_they_are() -> None:
     light = sunny()
     pixels, _ = drawn(light, 256)
     _, mean, radiance = decoded(pixels)
-    # Not by way of the direction: amid float32's pole nothing but the azimuth tells the light's columns apart.
+    # From the azimuth, not from the direction, which has no azimuth left at the pole in float32.
     azimuth, z = pixels[:, :2].astype(np.float64).T
     wanted = lookup(light.table, np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1))
     # The look-up climbs to the sun by 50 over a texel, and places are float32.

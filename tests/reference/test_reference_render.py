@@ -173,6 +173,26 @@ def test_a_card_that_is_partly_there_is_that_much_of_one(shape, lamps):
     np.testing.assert_allclose(part.value, 0.25 * whole.value, rtol=1e-12)
 
 
+def test_light_may_differ_from_place_to_place():
+    class Glow:
+        """Uniform over directions, brighter along x."""
+
+        def radiance(self, place, direction):
+            return (2.0 + place[:, :1]) * np.ones(3)
+
+        def pdf(self, place, direction):
+            return np.full(len(direction), 0.25 / np.pi)
+
+        def sample(self, place, u):
+            return white_sky.sample(place, u)
+
+    white_sky = dome(np.ones((1, 1, 3)))
+    got = estimate(lambert(0.5, 0.0), Sphere(), Glow())
+    # The sphere's normals are its places; what turns with the light is where it is bright.
+    turned = rotate_z(normals_in_pixels(Sphere()), POSE.element - POSE.lighting)
+    assert_agrees(got, 0.5 * (2.0 + turned[..., :1].mean(axis=1)))
+
+
 def test_pixels_count_by_what_they_cover(white):
     # A white disc of known size: the sphere's silhouette, the camera's axis through its middle.
     camera = Camera(40.0, 0.0, (0.3, 0.0, 0.1), 4.0)

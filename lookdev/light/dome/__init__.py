@@ -40,10 +40,10 @@ TABLE_VERSION = 3
 
 @dataclass(frozen=True)
 class Dome:
-    """A dome light by the files that the shader reads; satisfies `lookdev.light.Light`.
+    """A `lookdev.light.Light` by the files that the shader reads.
 
     `width` and `height` are those of the map. The files of a `constant` light, but for that of its radiance, need not
-    exist.
+    exist. It is sampled in proportion to the mean of the channels, a black dome uniformly.
     """
 
     kind: ClassVar[str] = "dome"
@@ -67,19 +67,15 @@ class Dome:
         return BilinearWarp(self.table.mean(axis=-1))
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
-        """See `lookdev.light.Emitter.radiance`."""
         return lookup_towards(self.table, direction)
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
-        """See `lookdev.light.Emitter.pdf`: in proportion to the mean of the channels, uniform for a black dome."""
         return self._warp.pdf(direction)
 
     def sample(self, place: Floats, u: Floats) -> Floats:
-        """See `lookdev.light.Emitter.sample`."""
         return self._warp.directions(u)
 
     def code(self, *, sampled: bool) -> LightCode:
-        """See `lookdev.light.Light.code`."""
         constants = {
             "WIDTH": self.width,
             "HEIGHT": self.height,
