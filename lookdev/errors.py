@@ -4,7 +4,7 @@
     ├── JobError            a job file is wrong: carries every Fault found in it
     ├── LookError           a look (USD material) is wrong: carries every Fault found in it
     ├── AssetError          an asset cannot be read or has no surface to render
-    ├── EnvironmentMapError an image-based light cannot be read
+    ├── EnvironmentMapError a light cannot be read, or shown by a backend
     ├── ExpressionError     a mask expression is wrong (defined beside the parser, in lookdev.material)
     ├── TextureError        a texture cannot be read or has no such channel
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
@@ -68,7 +68,7 @@ class AssetError(LookdevError):
 
 
 class EnvironmentMapError(LookdevError):
-    """An image-based light cannot be read."""
+    """A light cannot be read, or shown by a backend."""
 
 
 class TextureError(LookdevError):

@@ -20,7 +20,7 @@ from lookdev.codegen import (
     TextureBinding,
 )
 from lookdev.job import Job, parse_job
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.plan import Setup
 from lookdev.render.task import SceneTask
@@ -66,7 +66,7 @@ def scene() -> SceneTask:
                 digest="500d",
             ),
         ),
-        lights=(LightTables(*(Content(part, ".exr") for part in "rpsb"), 1024, 512, "119147"),),
+        lights=(Dome(*(Content(part, ".exr") for part in "rpsb"), 1024, 512, "119147"),),
         resolution=(64, 48),
         sampling=Sampling(brdf_samples=2, ibl_samples=4),
         camera=Camera(fov=39.6, elevation=10.0, target=(0.1, 0.2, 1 / 3), distance=3.7),

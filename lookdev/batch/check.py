@@ -25,7 +25,7 @@ from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
 from lookdev.job.scenes import each_variant
-from lookdev.light import load_environment, prepare_light, read_distribution
+from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.material.usd import read_look
 from lookdev.plan import Setup, Turns, make_setup
@@ -229,7 +229,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
     reference = frame_pixels(
         setup.scene.asset,
         setup.scene.looks,
-        read_distribution(task.light),
+        task.light,
         task.camera,
         pose,
         (width, height),

@@ -19,6 +19,7 @@ from pydantic import BaseModel, ValidationError
 from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content, atomic_path
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
+from lookdev.light import world_image
 from lookdev.material import Bump, Formula, Look, Texture
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
@@ -144,7 +145,7 @@ def image_names(made: JobSetups) -> dict[Content, str]:
     """
     called: dict[Content, str] = {}
     for setup in made.setups:
-        called.setdefault(setup.task.light.radiance, setup.ibl)
+        called.setdefault(world_image(setup.task.light), setup.ibl)
     originals: dict[Content, str] = {}
     for texture in {each: None for setup in made.setups for each in _textures(setup.scene.looks)}:
         with suppress(TextureError):  # of an image that reaches no pixel: that of any other is a fault before

@@ -16,7 +16,7 @@ from lookdev.bench.looks import LOOKS
 from lookdev.bench.matrix import SCENES, Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
-from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
+from lookdev.light import Dome, EnvironmentMap, load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.render.backends import BACKENDS
@@ -44,13 +44,13 @@ def bench_environment(ibl: str) -> EnvironmentMap:
 
 
 @cache
-def bench_light(ibl: str) -> LightTables:
+def bench_light(ibl: str) -> Dome:
     """Return a built-in light, prepared once."""
     return prepare_light(bench_environment(ibl))
 
 
 def bench_scene(
-    asset: Asset, look: Look, light: LightTables, resolution: int, bounces: int, backend: str = "exact"
+    asset: Asset, look: Look, light: Dome, resolution: int, bounces: int, backend: str = "exact"
 ) -> SceneTask:
     """Return a scene that wears a look all over, sampled as usual."""
     scene = Scene.of_look(asset, look, light, (resolution, resolution))

@@ -26,6 +26,7 @@ from lookdev.asset.bounds import about_origin
 from lookdev.asset.normals import face_starts
 from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
+from lookdev.light import world_image
 from lookdev.render import wire
 from lookdev.render.answers import Answers, save_arrays
 from lookdev.render.task import FrameTask, SceneTask
@@ -121,7 +122,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
     # Whatever else is beside the radiance in that file is left out.
-    radiance = mi.Bitmap(str(scene.light.radiance.path)).convert(
+    radiance = mi.Bitmap(str(world_image(scene.light).path)).convert(
         mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
     )
     target = np.array(scene.camera.target) - asset.center

@@ -20,8 +20,7 @@ from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.frames import Alter, Render, altered, unaltered
 from lookdev.checks.samples import case_layer, constant_look, sample_layers, varying
-from lookdev.light import EnvironmentMap, LightTables, load_environment, prepare_light
-from lookdev.light.environment import Repairs
+from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
@@ -218,18 +217,16 @@ def _standpoint(wo: Floats) -> tuple[Camera, Pose]:
     return camera, Pose(element % 360.0, element % 360.0)
 
 
-def _white() -> LightTables:
+def _white() -> Dome:
     return prepare_light(load_environment(builtin="white"))
 
 
-def _half_light(*, front: bool) -> LightTables:
+def _half_light(*, front: bool) -> Dome:
     """Return light of radiance 1 from the half of the world that the card's front, or back, looks at."""
     width, height = _LIGHT_SIZE
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     lit = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
-    name = "front" if front else "back"
-    radiance = np.repeat(lit[..., None], 3, axis=-1).astype(np.float32)
-    return prepare_light(EnvironmentMap(name, radiance, Repairs(), f"half light from the {name}, {width} x {height}"))
+    return prepare_light(make_environment("half", np.repeat(lit[..., None], 3, axis=-1)))
 
 
 def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -> Floats:

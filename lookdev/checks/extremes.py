@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,8 +16,7 @@ from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch
 from lookdev.codegen.osl.surface import PointLayer
-from lookdev.light import EnvironmentMap
-from lookdev.light.environment import Repairs
+from lookdev.light import EnvironmentMap, make_environment
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -247,9 +245,7 @@ def _anywhere(mesh: Mesh) -> Mesh:
 
 
 def _light(radiance: Floats) -> EnvironmentMap:
-    pixels = np.ascontiguousarray(radiance, dtype=np.float32)
-    digest = hashlib.sha256(repr(pixels.shape).encode() + pixels.tobytes()).hexdigest()
-    return EnvironmentMap("stress", pixels, Repairs(), digest)
+    return make_environment("stress", radiance)
 
 
 def _white() -> EnvironmentMap:

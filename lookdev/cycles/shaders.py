@@ -14,11 +14,11 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import Content, atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.errors import RenderError
-from lookdev.light import LightTables
+from lookdev.light import Light
 
 Array = NDArray[np.int32] | NDArray[np.float32]
 
@@ -42,18 +42,12 @@ def compile_osl(osl: str) -> Path:
     return final
 
 
-def surface_material(source: ShaderSource, light: LightTables) -> Any:
+def surface_material(source: ShaderSource, light: Light) -> Any:
     """Make a material of a look's light integral."""
-    values = {"light_radiance": str(light.radiance.path)}
-    values |= {binding.parameter: str(binding.file.path) for binding in source.textures}
-    arrays: dict[str, Array] = {}
-    if source.directions[1]:
-        # Only a constant light has none of these, and that is never sampled.
-        assert light.points is not None
-        assert light.slots is not None
-        assert light.bins is not None
-        values["light_points"] = str(light.points.path)
-        arrays = {"light_slots": np.load(light.slots.path), "light_bins": np.load(light.bins.path)}
+    code = light.code(sampled=source.directions[1] > 0)
+    given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
+    values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
+    arrays = {name: np.load(content.path) for name, content in code.arrays.items()}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would otherwise put every triangle of it into its light tree.
     material.cycles.emission_sampling = "NONE"

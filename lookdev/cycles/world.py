@@ -1,4 +1,4 @@
-"""Worlds by which Cycles itself lights a scene."""
+"""Worlds by which Cycles itself lights a scene: for kinds of light that have a lat-long image."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ import bpy
 
 from lookdev.cycles import version
 from lookdev.cycles.nodes import load_image
-from lookdev.light import LightTables
+from lookdev.light import Light, world_image
 
 
 def build_world(
     name: str,
-    light: LightTables,
+    light: Light,
     *,
     sampled: bool = True,
     after_portals: bool = False,
     strength: float = 1.0,
     turn: float = 0.0,
 ) -> Any:
-    """Build a world with an environment map.
+    """Build a world that shows a light by its lat-long image.
 
     Parameters
     ----------
     sampled
-        Whether Cycles draws directions from it: its map for that takes more than a second to make, whenever anything of
-        the world is changed.
+        Whether Cycles draws directions from it. The importance map that this needs takes more than a second to build,
+        after any change of the world.
     after_portals
-        Whether only rays that went through a ray portal see it: other rays of the camera find black.
+        Whether only rays that went through a ray portal see it; rays straight from the camera see black.
     strength
         Multiplies the radiance.
     turn
@@ -37,6 +37,8 @@ def build_world(
 
     Raises
     ------
+    EnvironmentMapError
+        Cycles' world cannot show lights of its kind.
     RenderError
         The map cannot be read.
     """
@@ -48,7 +50,7 @@ def build_world(
     mapping.vector_type = "POINT"
     mapping.inputs["Rotation"].default_value = (0.0, 0.0, -math.radians(turn))
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = load_image(light.radiance.path)
+    texture.image = load_image(world_image(light).path)
     texture.interpolation = "Linear"
     background = tree.nodes.new("ShaderNodeBackground")
     background.inputs["Strength"].default_value = strength

@@ -11,7 +11,7 @@ from pathlib import Path
 from lookdev.asset import Slot, load_asset
 from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
 from lookdev.job.schema import Job, JobLook
-from lookdev.light import LightTables, load_environment, prepare_light
+from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.material.usd import expand_variants, has_look, read_look
 from lookdev.scene import Film, Scene, frame_camera
@@ -112,8 +112,8 @@ def raise_all(faults: Iterable[Fault]) -> None:
         raise FaultsError(unique)
 
 
-def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, LightTables]:
-    lights: dict[str, LightTables] = {}
+def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]:
+    lights: dict[str, Light] = {}
     for index, ibl in enumerate(job.ibl):
         with collected(job, f"ibl[{index}]", faults):
             environment = load_environment(ibl.file, ibl.builtin)

@@ -1,4 +1,4 @@
-"""The picture of an asset under an environment map, in float64: what a frame of Cycles must converge to.
+"""The picture of an asset under a light, in float64: what a frame of Cycles must converge to.
 
 The integral over a pixel's area and over directions is done by randomised quasi-Monte Carlo: a scrambled Sobol set
 a pixel, multiple importance sampling of BSDF and light (balance heuristic) at each depth, several independent
@@ -22,8 +22,7 @@ from scipy.stats import qmc
 
 from lookdev.asset import Asset
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample, seen_along
-from lookdev.light import LightDistribution
-from lookdev.light.mapping import rotate_z
+from lookdev.light import Emitter, Turned
 from lookdev.material import Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.shapes import Floats, Mask, Shape
@@ -60,6 +59,9 @@ class Scene(Protocol):
     def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
         """Return which rays that leave `place` meet the scene again, (N,), and where."""
 
+    def points(self, place: Places) -> Floats:
+        """Return places in world space, (N, 3) metres."""
+
     def frame(self, place: Places, wo: Floats) -> tuple[Floats, Floats]:
         """Return the shading frames (N, 3, 3), as of `Shape.frame`, and the normals (N, 3) of the surface itself."""
 
@@ -80,6 +82,9 @@ class _ShapeScene:
     def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
         return self.shape.onward(place, direction)
 
+    def points(self, place: Places) -> Floats:
+        return place
+
     def frame(self, place: Places, wo: Floats) -> tuple[Floats, Floats]:
         frame = self.shape.frame(place, wo)
         return frame, frame[:, 2]
@@ -91,7 +96,7 @@ class _ShapeScene:
 def shape_pixels(
     bsdf: Bsdf,
     shape: Shape,
-    light: LightDistribution,
+    light: Emitter,
     camera: Camera,
     pose: Pose,
     resolution: tuple[int, int],
@@ -113,7 +118,7 @@ def shape_pixels(
 def frame_pixels(
     asset: Asset,
     looks: Sequence[Look],
-    light: LightDistribution,
+    light: Emitter,
     camera: Camera,
     pose: Pose,
     resolution: tuple[int, int],
@@ -156,7 +161,7 @@ def frame_pixels(
 
 def _estimate(
     scene: Scene,
-    light: LightDistribution,
+    light: Emitter,
     camera: Camera,
     pose: Pose,
     resolution: tuple[int, int],
@@ -167,7 +172,7 @@ def _estimate(
     seed: int,
 ) -> Estimate:
     estimates = np.empty((len(pixels), scrambles, 3))
-    turned = _TurnedLight(light, pose.lighting - pose.element)
+    turned = Turned(light, pose.lighting - pose.element)
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
         u = _points(numbers, bounces + 1, samples, scrambles, seed)
@@ -181,23 +186,6 @@ def _estimate(
     return Estimate(estimates.mean(axis=1), error, samples, scrambles)
 
 
-@dataclass(frozen=True)
-class _TurnedLight:
-    """The light, turned by `degrees` about z."""
-
-    light: LightDistribution
-    degrees: float
-
-    def radiance(self, direction: Floats) -> Floats:
-        return self.light.radiance(rotate_z(direction, -self.degrees))
-
-    def pdf(self, direction: Floats) -> Floats:
-        return self.light.pdf(rotate_z(direction, -self.degrees))
-
-    def sample(self, u: Floats) -> Floats:
-        return rotate_z(self.light.sample(u), self.degrees)
-
-
 def _points(numbers: Ints, depths: int, samples: int, scrambles: int, seed: int) -> Floats:
     """Return the Sobol points (N, 2 + 5 depths) of some pixels."""
     points = []
@@ -208,7 +196,7 @@ def _points(numbers: Ints, depths: int, samples: int, scrambles: int, seed: int)
     return np.concatenate(points)
 
 
-def _scattered(scene: Scene, light: _TurnedLight, place: Places, ray: Floats, u: Floats) -> Floats:
+def _scattered(scene: Scene, light: Emitter, place: Places, ray: Floats, u: Floats) -> Floats:
     """Return the radiance (N, 3) that comes back along rays (N, 3) that hit the scene at `place`."""
     total = np.zeros(ray.shape)
     path = np.arange(len(ray))  # the rays still under way, in `total` and `u`
@@ -217,7 +205,7 @@ def _scattered(scene: Scene, light: _TurnedLight, place: Places, ray: Floats, u:
     for depth in range(u.shape[1] // _DIMENSIONS):
         here = u[path, _DIMENSIONS * depth : _DIMENSIONS * (depth + 1)]
         surface = _Surface.seen(scene, place, -ray)
-        from_light = surface.to_local(light.sample(here[:, 2:4]))
+        from_light = surface.to_local(light.sample(surface.point, here[:, 2:4]))
         onward = surface.meet(light, surface.sample(here[:, :2]))
         total[path] += throughput * (onward.direct + surface.meet(light, from_light).direct)
 
@@ -226,7 +214,7 @@ def _scattered(scene: Scene, light: _TurnedLight, place: Places, ray: Floats, u:
         if len(holes := np.flatnonzero(absent > 0.0)):
             beyond[holes], far_place[holes] = scene.onward(place[holes], ray[holes])
             seen = holes[bounced[holes] & ~beyond[holes]]
-            total[path[seen]] += absent[seen, None] * throughput[seen] * light.radiance(ray[seen])
+            total[path[seen]] += absent[seen, None] * throughput[seen] * light.radiance(surface.point[seen], ray[seen])
         # Where both ways lead to another wall, one of them is taken, as often as its share.
         through = beyond & (here[:, 4] < absent)
         weight = np.where(through[:, None], 1.0, onward.weight)
@@ -258,10 +246,14 @@ class _Meeting:
 
 @dataclass(frozen=True)
 class _Surface:
-    """Places of a scene, seen along `wo` (N, 3), which is local, as all directions are but where it says otherwise."""
+    """Places of a scene, seen along `wo` (N, 3). Directions are local unless stated otherwise.
+
+    `point` (N, 3) has the places in world space.
+    """
 
     scene: Scene
     place: Places
+    point: Floats
     frame: Floats
     facet: Floats
     wo: Floats
@@ -273,7 +265,7 @@ class _Surface:
         frame, facet = scene.frame(place, viewer)
         wo = _turned(frame, viewer)
         parts = tuple((part, seen_along(bsdf, wo[part])) for part, bsdf in scene.bsdfs(place))
-        return cls(scene, place, frame, facet, wo, parts)
+        return cls(scene, place, scene.points(place), frame, facet, wo, parts)
 
     @property
     def presence(self) -> Floats:
@@ -288,7 +280,7 @@ class _Surface:
         """Draw directions (N, 3) from the BSDF by u (N, 2)."""
         return self._each(lambda bsdf, part: sample(bsdf, self.wo[part], u[part]), (3,))
 
-    def meet(self, light: _TurnedLight, wi: Floats) -> _Meeting:
+    def meet(self, light: Emitter, wi: Floats) -> _Meeting:
         """Follow directions to the light or to the next wall."""
         direction = np.einsum("nji,nj->ni", self.frame, wi)
         value = self._each(lambda bsdf, part: evaluate_cosine(bsdf, self.wo[part], wi[part]), (3,))
@@ -299,9 +291,10 @@ class _Surface:
         blocked, place = np.zeros(len(wi), np.bool_), self.place.copy()
         blocked[followed], place[followed] = self.scene.onward(self.place[followed], direction[followed])
         free = followed[~blocked[followed]]
-        arriving = light.radiance(direction[free])
+        point, wi = self.point[free], direction[free]
+        arriving = light.radiance(point, wi)
         direct = np.zeros(direction.shape)
-        direct[free] = _divide(value[free] * arriving, density[free] + light.pdf(direction[free]))
+        direct[free] = _divide(value[free] * arriving, density[free] + light.pdf(point, wi))
         return _Meeting(direction, direct, blocked, place, _divide(value, density))
 
     def _each(self, compute: Callable[[Bsdf, Ints], Floats], shape: tuple[int, ...]) -> Floats:

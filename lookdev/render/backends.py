@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.errors import CodegenError
-from lookdev.light import LightTables
+from lookdev.light import Light
 from lookdev.scene import Sampling
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class Setting:
     height map into that of its slopes; None: by the cache.
     """
 
-    lights: tuple[LightTables, ...]
+    lights: tuple[Light, ...]
     resolution: tuple[int, int]
     sampling: Sampling
     shadows: bool = True
@@ -80,6 +80,8 @@ class Backend:
         Whether pictures agree with the published models; otherwise they come near to them.
     in_jobs
         Whether a job may name it.
+    any_light
+        Whether it renders lights of every kind; otherwise only those that Cycles' world can show.
     directions
         Whether the numbers of directions of a `Sampling`, `brdf_samples` and `ibl_samples`, have a meaning.
     version
@@ -95,6 +97,7 @@ class Backend:
     cannot_show: Callable[[Look], str | None] = _anything
     exact: bool = False
     in_jobs: bool = False
+    any_light: bool = False
     directions: bool = False
     version: Callable[[], str] = _of_cycles
 
@@ -112,8 +115,7 @@ def _exact(look: Look, setting: Setting) -> Source:
         brdf_samples=setting.sampling.brdf_samples,
         ibl_samples=setting.sampling.ibl_samples,
         bounces=setting.sampling.bounces,
-        light_size=(light.width, light.height),
-        constant_light=light.constant,
+        light=light,
         shadows=setting.shadows,
         resolution=setting.resolution,
     )
@@ -160,6 +162,7 @@ BACKENDS: dict[str, Backend] = {
             generate=_exact,
             exact=True,
             in_jobs=True,
+            any_light=True,
             directions=True,
         ),
         Backend(

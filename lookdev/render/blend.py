@@ -9,7 +9,8 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from lookdev.cache import Content
-from lookdev.render.task import AnyLight, SceneTask
+from lookdev.light import AnyLight
+from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
 
 

@@ -8,6 +8,7 @@ from lookdev.asset import save_asset
 from lookdev.cache import Content
 from lookdev.codegen import Source
 from lookdev.errors import CodegenError
+from lookdev.light import world_image
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -21,8 +22,8 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
 
     Raises
     ------
-    CodegenError
-        The backend cannot show one of the looks.
+    CodegenError, EnvironmentMapError
+        The backend cannot show one of the looks, or one of the lights.
     """
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look share its source.
@@ -30,6 +31,9 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
     for look in different.values():
         if reason := record.cannot_show(look):
             raise CodegenError(reason)
+    for light in scene.lights:
+        if not record.any_light:
+            world_image(light)
 
     def generate(sampling: Sampling, shadows: bool) -> dict[int, Source]:
         setting = Setting(scene.lights, scene.film.resolution, sampling, shadows)

@@ -8,11 +8,11 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import PlainSerializer, PlainValidator, TypeAdapter, ValidationInfo
+from pydantic import PlainValidator, TypeAdapter, ValidationInfo
 
 from lookdev.cache import Content
 from lookdev.codegen import Source
-from lookdev.light import LIGHT_TYPES, LightTables
+from lookdev.light import AnyLight, Light
 from lookdev.render.backends import BACKENDS
 from lookdev.scene import Camera, Pose, Sampling
 
@@ -29,22 +29,8 @@ def _read_sources(given: list[Any], info: ValidationInfo) -> tuple[Source, ...]:
     return tuple(_adapter(BACKENDS[name].source).validate_python(each) for each in given)
 
 
-def _read_light(given: list[Any]) -> LightTables:
-    kind, light = given
-    if kind not in LIGHT_TYPES:
-        raise ValueError(f"no kind of light '{kind}' is registered here")
-    type_: Any = LIGHT_TYPES[kind]
-    read: LightTables = _adapter(type_).validate_python(light)
-    return read
-
-
-def _with_kind(light: LightTables) -> tuple[str, LightTables]:
-    return light.kind, light
-
-
-# JSON has no types: those of sources and lights are found in their registries.
+# JSON has no types: those of sources are found by the backend's record.
 Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
-AnyLight = Annotated[LightTables, PlainValidator(_read_light), PlainSerializer(_with_kind)]
 
 
 @dataclass(frozen=True)
@@ -81,8 +67,8 @@ class SceneTask:
             raise ValueError(f"backend '{self.backend}' takes a {wanted} for every slot, found: {found}")
 
     @property
-    def light(self) -> LightTables:
-        """The only light, a dome."""
+    def light(self) -> Light:
+        """The only light."""
         (light,) = self.lights
         return light
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from lookdev.asset import Asset
-from lookdev.light import LightTables
+from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.scene.camera import Camera
 from lookdev.scene.framing import frame_camera
@@ -32,7 +32,7 @@ class Scene:
 
     asset: Asset
     wears: Mapping[str, Look]
-    lights: tuple[LightTables, ...]
+    lights: tuple[Light, ...]
     camera: Camera
     film: Film
 
@@ -43,7 +43,7 @@ class Scene:
 
     @classmethod
     def of_look(
-        cls, asset: Asset, look: Look, light: LightTables, resolution: tuple[int, int], camera: Camera | None = None
+        cls, asset: Asset, look: Look, light: Light, resolution: tuple[int, int], camera: Camera | None = None
     ) -> Self:
         """Return a scene whose asset wears one look all over, seen by a camera that frames it unless one is given."""
         camera = camera or frame_camera(asset.center, asset.radius, resolution)

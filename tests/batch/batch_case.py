@@ -14,7 +14,7 @@ from lookdev.batch.run import RunResult, run_plan
 from lookdev.cache import Content
 from lookdev.codegen import ShaderSource
 from lookdev.job import Job, parse_job
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
@@ -60,7 +60,7 @@ def make_job(folder: Path, turntables: str = TURNTABLES, render: str = RENDER) -
 
 def make_plan(job: Job) -> Plan:
     size, sampling = (WIDTH, HEIGHT), job.render.sampling
-    light = LightTables(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
+    light = Dome(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
     camera = frame_camera((0.0, 0.0, 0.0), 1.0, size, elevation=job.camera.elevation)
     shown = Scene.of_look(load_asset(builtin="plane"), Look("gold", ()), light, size, camera)
     setups = []

@@ -10,8 +10,11 @@ import pytest
 
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
+from lookdev.light import Dome
 from lookdev.material import Bump, Formula, Input, Layer, Look, Texture
 from lookdev.material.expression import parse
+
+DOME = Dome(*(Path(f"{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
 
 class Images:
@@ -32,8 +35,7 @@ class Images:
 
     def surface(self, *layers: Layer) -> ShaderSource:
         return generate_surface(
-            Look("test", layers), self.resolve, brdf_samples=1, ibl_samples=1, bounces=0, light_size=(64, 32),
-            resolution=(8, 8),
+            Look("test", layers), self.resolve, brdf_samples=1, ibl_samples=1, bounces=0, light=DOME, resolution=(8, 8)
         )  # fmt: skip
 
 

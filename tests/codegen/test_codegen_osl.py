@@ -20,10 +20,12 @@ from lookdev.codegen.osl.surface import PointLayer, expand_template, generate_po
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.errors import CodegenError, ModelError
+from lookdev.light import Dome
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 
 DISNEY = PointLayer("disney", {"variant": "2014"})
 PIXAR = PointLayer("pixar", {"energy": "published"})
+DOME = Dome(*(Path(f"{part}.exr") for part in "rpsb"), 64, 32, "119147")
 
 
 @pytest.fixture
@@ -39,7 +41,7 @@ def textures(tmp_path: Path) -> dict[str, Texture]:
 
 
 def surface(
-    *layers: Layer, bounces: int = 1, shadows: bool = True, ibl_samples: int = 1, constant_light: bool = False
+    *layers: Layer, bounces: int = 1, shadows: bool = True, ibl_samples: int = 1, light: Dome = DOME
 ) -> ShaderSource:
     return generate_surface(
         Look("test", layers),
@@ -47,9 +49,8 @@ def surface(
         brdf_samples=1,
         ibl_samples=ibl_samples,
         bounces=bounces,
-        constant_light=constant_light,
         shadows=shadows,
-        light_size=(64, 32),
+        light=light,
         resolution=(8, 8),
     )
 
@@ -344,7 +345,8 @@ def test_broad_lobes_leave_light_to_its_directions() -> None:
     # The others weigh against the light's directions, all lobes against each other.
     assert code.count("unaided_pdf += own_pdf;") == 2
     assert len(re.findall(r" pdf \+= ", code)) == 3
-    for without in (surface(coated, ibl_samples=0), surface(coated, constant_light=True), surface(base(metallic=1.0))):
+    constant = surface(coated, light=replace(DOME, constant=True))
+    for without in (surface(coated, ibl_samples=0), constant, surface(base(metallic=1.0))):
         assert not aided_in(without)
         assert "#define AIDED 0" in without.osl
         assert "unaided_pdf += " not in without.osl

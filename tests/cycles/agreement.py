@@ -18,7 +18,7 @@ from lookdev.asset import Asset
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.light import LightTables, read_distribution
+from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.metrics import EPSILON
 from lookdev.reference.render import Estimate, frame_pixels, shape_pixels
@@ -42,7 +42,7 @@ def _reference(
     layers: Sequence[Layer],
     shape: Shape,
     radius: float,
-    light: LightTables,
+    light: Dome,
     pose: Pose,
     chosen: NDArray[np.int64],
     **options: int,
@@ -50,8 +50,8 @@ def _reference(
     """Estimate pixels (P, 2), row and column, of a square frame of a shape about the origin."""
     size = frame.alpha.shape[0]
     camera = orbit_camera((0.0, 0.0, 0.0), radius)
-    bsdf, distribution = constant_bsdf(layers), read_distribution(light)
-    return shape_pixels(bsdf, shape, distribution, camera, pose, (size, size), chosen[:, ::-1], **options)
+    bsdf = constant_bsdf(layers)
+    return shape_pixels(bsdf, shape, light, camera, pose, (size, size), chosen[:, ::-1], **options)
 
 
 def assert_agreement(
@@ -59,7 +59,7 @@ def assert_agreement(
     layers: Sequence[Layer],
     shape: Shape,
     radius: float,
-    light: LightTables,
+    light: Dome,
     pose: Pose,
     *,
     bounces: int = 0,
@@ -101,7 +101,7 @@ def check_mesh(
     frames: Sequence[Rendered],
     asset: Asset,
     layers: Sequence[Layer],
-    light: LightTables,
+    light: Dome,
     *,
     samples: int,
     bounces: int,
@@ -113,7 +113,7 @@ def check_mesh(
     reference = frame_pixels(
         asset,
         [Look("look", tuple(layers))] * len(asset.slots),
-        read_distribution(light),
+        light,
         orbit_camera(asset.center, asset.radius),
         POSE,
         (alpha.shape[1], alpha.shape[0]),
@@ -125,7 +125,7 @@ def check_mesh(
 
 
 def relative_difference(
-    frames: Sequence[Rendered], layers: Sequence[Layer], shape: Shape, radius: float, light: LightTables, pose: Pose
+    frames: Sequence[Rendered], layers: Sequence[Layer], shape: Shape, radius: float, light: Dome, pose: Pose
 ) -> NDArray[np.float64]:
     """Return how far the mean of frames is off the reference, of it, at 300 pixels that the shape fills."""
     filled = np.argwhere(frames[0].alpha >= 1.0)

@@ -9,7 +9,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.asset import Asset, load_asset
-from lookdev.light import LightTables, load_environment, prepare_light
+from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.render.backends import WORKER_COMMAND
 from lookdev.render.scene import scene_task
@@ -35,7 +35,7 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
 
 
 @pytest.fixture(scope="session")
-def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], LightTables]:
+def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Dome]:
     """Return a function that prepares a built-in light, or ``slopes``.
 
     That is of another colour from everywhere, three times as bright here as there: where a light with small lamps is
@@ -58,7 +58,7 @@ def render(worker: Worker) -> RenderScene:
     def render_one(
         which: str | Asset,
         layers: Sequence[Layer],
-        light: LightTables,
+        light: Dome,
         *,
         pose: Pose = POSE,
         samples: int,

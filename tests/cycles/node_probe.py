@@ -22,7 +22,7 @@ from lookdev.cycles import engine
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.scene import Scene
 from lookdev.cycles.world import build_world
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Pose, Sampling
 
@@ -32,7 +32,7 @@ SAMPLES = 64
 
 def main(light_file: Path, out: Path) -> None:
     """Write the two pictures of four seeds each, (4, H, W, 3), and what became of the nodes, as JSON."""
-    light = TypeAdapter(LightTables).validate_json(light_file.read_bytes())
+    light = TypeAdapter(Dome).validate_json(light_file.read_bytes())
     asset = load_asset(builtin="suzanne")
     camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
     source = node_sources.diffuse((0.5, 0.4, 0.3))
@@ -54,7 +54,7 @@ def main(light_file: Path, out: Path) -> None:
     materials = [build_material(node_sources.diffuse(color), groups) for color in ((0.1, 0.2, 0.3), (0.5, 0.5, 0.5))]
     shown = [material.node_tree.nodes["Surface"] for material in materials]
     (socket,) = [item for item in shown[0].node_tree.interface.items_tree if item.in_out == "INPUT"]
-    images = [image for image in bpy.data.images if image.filepath == str(light.radiance.path)]
+    images = [image for image in bpy.data.images if image.filepath == str(light.radiance_file.path)]
     facts = {
         "groups": len({node.node_tree.name for node in shown}),
         "colors": [[round(x, 6) for x in node.inputs["baseColor"].default_value] for node in shown],

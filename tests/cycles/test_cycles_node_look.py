@@ -11,7 +11,7 @@ from conftest import POSE, orbit_camera
 from looks import LOOKS
 
 from lookdev.asset import load_asset
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
 from lookdev.render.scene import scene_task
@@ -25,7 +25,7 @@ SHEEN = (Layer("sheen", "disney", {"baseColor": (0.0, 0.0, 0.0), "sheen": 1.0, "
 MATERIALS = Path(__file__).parents[2] / "materials"
 
 
-def shoot(worker: Worker, look: Look, light: LightTables, backend: str, *, samples: int, size: int) -> Rendered:
+def shoot(worker: Worker, look: Look, light: Dome, backend: str, *, samples: int, size: int) -> Rendered:
     asset = load_asset(builtin="sphere")
     scene = Scene.of_look(asset, look, light, (size, size), orbit_camera(asset.center, asset.radius))
     worker.start()

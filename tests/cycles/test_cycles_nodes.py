@@ -22,7 +22,7 @@ from lookdev.asset import Asset, load_asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import Link, NodeSource, NodeTree, PrincipledSource, ShaderNode, Source
 from lookdev.errors import RenderError
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.metrics import relmse
 from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Rendered, Worker
@@ -47,7 +47,7 @@ def shoot(worker: Worker) -> RenderSource:
     def render_one(
         which: str,
         source: Source,
-        light: LightTables,
+        light: Dome,
         *,
         pose: Pose = POSE,
         samples: int = 64,
@@ -113,7 +113,7 @@ def test_a_pose_shows_what_our_own_shaders_show(shoot: RenderSource, render: Ren
 def probed(tmp_path_factory: pytest.TempPathFactory, light_of) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("probe")
     light = folder / "light.json"
-    light.write_bytes(TypeAdapter(LightTables).dump_json(light_of("city")))
+    light.write_bytes(TypeAdapter(Dome).dump_json(light_of("city")))
     command = [sys.executable, PROBE, light, folder / "out.npz"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 0, done.stderr[-3000:]

@@ -16,11 +16,13 @@ import pytest
 from numpy.typing import NDArray
 from osl_probe import TEMPLATE
 
-from lookdev.codegen.osl.surface import expand_template, light_constants
-from lookdev.light import EnvironmentMap, LightDistribution, Repairs, bins, prepare_light, read_distribution
+from lookdev.codegen.osl.light import light_sections
+from lookdev.codegen.osl.surface import expand_template
+from lookdev.light import Dome, make_environment, prepare_light
+from lookdev.light.dome import bins
+from lookdev.light.dome.slots import MOST_POINTS, SLOTS
+from lookdev.light.dome.warp import lookup
 from lookdev.light.mapping import rotate_z, uv_to_direction
-from lookdev.light.tables import MOST_POINTS, SLOTS
-from lookdev.light.warp import lookup
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, sample_slopes, sample_texture, slope_texture
 
@@ -48,7 +50,7 @@ class Probes:
     tables: dict[str, Floats]
     values: dict[str, Floats]
     image: Texture
-    light: LightDistribution
+    light: Dome
     points: NDArray[np.float32]
     slots: NDArray[np.int32]
     numbers: NDArray[np.float32]
@@ -99,10 +101,10 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         linear = linear_texture(image)
         # A light whose texels differ a thousandfold, so that a look-up in the wrong place is seen.
         radiance = (10.0 ** rng.uniform(-1.0, 2.0, (16, 32, 3))).astype(np.float32)
-        tables = prepare_light(EnvironmentMap("noise", radiance, Repairs(0, 0, 0), "0" * 64))
-        headers = "".join(expand_template(f"{name}.h", {}) for name in ("texture", "sobol", "light", "stratum"))
-        light_size = (f"#define LIGHT_WIDTH {tables.width}", f"#define LIGHT_HEIGHT {tables.height}")
-        headers = "\n".join(["#define IBL_SAMPLES 1", *light_size, *light_constants(), headers])
+        light = prepare_light(make_environment("noise", radiance))
+        constants, functions = light.code(sampled=True).constants, light_sections(light)["light_functions"]
+        headers = "".join(expand_template(f"{name}.h", {}) for name in ("texture", "sobol", "stratum"))
+        headers = "\n".join(["#define IBL_SAMPLES 1", *constants, headers, *functions])
         net = np.array([(index, seed) for seed in _SEEDS for index in range(2**_NET)], dtype=np.float64)
         square = rng.random((4096, 2))
         # Near the poles and the seam, too, and round it again, as a turned map asks.
@@ -119,10 +121,10 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         of_slot = (
             "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2]));"
             "color got = "
-            f'light_sample(light_slots, light_bins, "{tables.points.path}", int(in[0]), '
+            f'dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), '
             "hashed, seed, in[3], wi, ratio);"
         )
-        of_normal = "vector axis; int bin = light_bin(vector(in[0], in[1], in[2]), in[3], axis);"
+        of_normal = "vector axis; int bin = dome_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
         asked: dict[str, tuple[Floats, str, int]] = {
             "texture": (_texture_places(), _texture_code("lookdev_texture", lambda s, t: linear, "looked"), 1),
@@ -142,15 +144,15 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
             ),
             "to_square": (
                 directions,
-                f"float x; float y; light_from_direction(vector(in[0], in[1], in[2]), {_TURN}, x, y);"
+                f"float x; float y; dome_place(vector(in[0], in[1], in[2]), {_TURN}, x, y);"
                 "value = color(x, y, 0);",
                 1,
             ),
-            "radiance": (beyond, f'value = light_radiance_at("{tables.radiance.path}", in[0], in[1]);', 1),
+            "radiance": (beyond, f'value = dome_look_up("{light.radiance_file.path}", in[0], in[1]);', 1),
             "bin": (normals, f"{of_normal} value = color(bin);", 1),
             "axis": (normals, f"{of_normal} value = axis;", 1),
-            "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(light_bins[2 * int(in[0])]);", 1),
-            "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(light_widened(in[0]));", 1),
+            "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(dome_bins[2 * int(in[0])]);", 1),
+            "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(dome_widened(in[0]));", 1),
             "sample": (drawn, f"{of_slot} value = wi;", 1),
             "sample_radiance": (drawn, f"{of_slot} value = got;", 1),
             "sample_ratio": (drawn, f"{of_slot} value = color(ratio);", 1),
@@ -159,23 +161,26 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
             wanted = np.arange(4096.0)[:, None] % samples
             code = "int index = stratum(time, SAMPLES); value = color(index == int(in[0]), index, index * index);"
             asked[f"time{samples}"] = (wanted, code, samples)
-        arrays = "int light_slots[LIGHT_ALL_SLOTS] = {0}, float light_bins[LIGHT_BIN_NUMBERS] = {0},"
+        arrays = "int dome_slots[DOME_ALL_SLOTS] = {0}, float dome_bins[DOME_BIN_NUMBERS] = {0},"
         request: dict[str, Any] = {}
         for name, (table, code, samples) in asked.items():
             osl = TEMPLATE % {"samples": samples, "headers": headers, "arrays": arrays, "code": code}
             request |= {f"{name}.osl": osl, f"{name}.table": table.astype(np.float32), f"{name}.samples": samples}
-        request |= {"array.light_slots": np.load(tables.slots.path), "array.light_bins": np.load(tables.bins.path)}
+        request |= {
+            "array.dome_slots": np.load(light.slots_file.path),
+            "array.dome_bins": np.load(light.bins_file.path),
+        }
         np.savez(folder / "request.npz", **request)
         command = [sys.executable, str(Path(__file__).parent / "osl_probe.py"), "request.npz", "answer.npz"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-        light = read_distribution(tables)
         # The image is looked up in NumPy at the very numbers that Cycles got.
         rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _, _) in asked.items()}
         with np.load(folder / "answer.npz") as stored:
             values = {name: stored[name].astype(np.float64) for name in stored.files}
-        points = _read(tables.points.path, "RGBA").reshape(-1, 4)
-        return Probes(rounded, values, image, light, points, np.load(tables.slots.path), np.load(tables.bins.path))
+        points = _read(light.points_file.path, "RGBA").reshape(-1, 4)
+        arrays = (np.load(file.path) for file in (light.slots_file, light.bins_file))
+        return Probes(rounded, values, image, light, points, *arrays)
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))

@@ -14,7 +14,7 @@ from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.material import Bump, Coordinates, Formula, Layer, Texture
 from lookdev.material.expression import parse
 
@@ -80,7 +80,7 @@ def test_a_reflected_instance_has_its_bitangent_on_the_other_side(render: Render
     assert_agreement(render, reflected, (Layer("Leaning", "disney", inputs),), light_of("city"))
 
 
-def assert_agreement(render: RenderScene, asset: Asset, layers: tuple[Layer, ...], light: LightTables) -> None:
+def assert_agreement(render: RenderScene, asset: Asset, layers: tuple[Layer, ...], light: Dome) -> None:
     frames = [
         render(asset, layers, light, samples=SAMPLES, seed=seed, size=SIZE, bounces=BOUNCES) for seed in range(SEEDS)
     ]

@@ -16,7 +16,7 @@ from looks import LOOKS
 
 from lookdev.asset import Asset, load_asset
 from lookdev.checks.finding import Finding
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.material import Coordinates, Formula, Layer, Look
 from lookdev.material.expression import parse
 from lookdev.reference.shapes import Sphere
@@ -31,7 +31,7 @@ SIZE, SEEDS = 48, 8
 
 
 def frames(
-    worker: Worker, asset: Asset, layers: Sequence[Layer], light: LightTables, *, samples: int, bounces: int
+    worker: Worker, asset: Asset, layers: Sequence[Layer], light: Dome, *, samples: int, bounces: int
 ) -> list[Rendered]:
     worker.start()
     look = Look("look", tuple(layers))

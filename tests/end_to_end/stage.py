@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
 from lookdev.asset import Asset
-from lookdev.light import EnvironmentMap, Repairs, prepare_light
+from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
 from lookdev.render.backends import WORKER_COMMAND
 from lookdev.render.scene import scene_task
@@ -68,12 +64,6 @@ class Stage:
         sampling = Sampling(samples, brdf_samples=2, ibl_samples=2, bounces=1, seed=seed)
         scene = Scene.of_look(asset, look, prepare_light(light), resolution, camera)
         return one_frame(scene_task(scene, sampling), pose, "d1ge57")
-
-
-def light_of(radiance: NDArray[np.float32]) -> EnvironmentMap:
-    """Return radiance (H, W, 3) as an environment map."""
-    pixels = np.ascontiguousarray(radiance, dtype=np.float32)
-    return EnvironmentMap("made", pixels, Repairs(0, 0, 0), hashlib.sha256(pixels.tobytes()).hexdigest())
 
 
 def difference(one: Rendered, other: Rendered) -> float:

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from stage import Stage, difference, light_of
+from stage import Stage, difference
 
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
-from lookdev.light import EnvironmentMap
+from lookdev.light import EnvironmentMap, make_environment
 from lookdev.light.mapping import direction_to_uv, rotate_z, uv_to_direction
 from lookdev.material import Layer, Look
 from lookdev.output.background import environment_background
@@ -42,10 +42,11 @@ def light() -> EnvironmentMap:
     v, u = (np.mgrid[:height, :width] + 0.5) / np.array([height, width])[:, None, None]
     direction = uv_to_direction(np.stack([u, 1.0 - v], axis=-1))
     lamp, fill = np.array([0.6, -0.6, 0.5]), np.array([-0.8, 0.1, 0.2])
-    return light_of(
+    return make_environment(
+        "made",
         0.1
         + 6.0 * np.exp(8.0 * (direction @ lamp - 1.0))[..., None] * [1.0, 0.9, 0.7]
-        + 0.8 * np.exp(3.0 * (direction @ fill - 1.0))[..., None] * [0.2, 0.4, 1.0]
+        + 0.8 * np.exp(3.0 * (direction @ fill - 1.0))[..., None] * [0.2, 0.4, 1.0],
     )
 
 
@@ -83,10 +84,10 @@ def test_a_pose_shows_the_asset_and_the_light_turned(
     asset = placed(*(turned(element) @ matrix for matrix in GROUP))
     width = light.radiance.shape[1]
     # u grows clockwise, the angle of light counter-clockwise.
-    rolled = light_of(np.roll(light.radiance, -round(width * lighting / 360.0), axis=1))
+    rolled = make_environment("made", np.roll(light.radiance, -round(width * lighting / 360.0), axis=1))
     assert difference(posed, stage.render(asset, BRUSHED, rolled, CAMERA, STILL, seed=1)) < SAME
     back = placed(*(turned(-element) @ matrix for matrix in GROUP))
-    wrong = light_of(np.roll(light.radiance, round(width * lighting / 360.0), axis=1))
+    wrong = make_environment("made", np.roll(light.radiance, round(width * lighting / 360.0), axis=1))
     assert difference(posed, stage.render(back, BRUSHED, wrong, CAMERA, STILL, seed=1)) > OTHER
 
 

@@ -13,15 +13,20 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from lookdev.asset import Asset
 from lookdev.batch.check import DEPTHS, check_file
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.checks.albedo import ANGLES
-from lookdev.light import EnvironmentMap, LightDistribution, LightTables, prepare_light, read_distribution
+from lookdev.light import Dome, EnvironmentMap, prepare_light
+from lookdev.material import Look
+from lookdev.material.values import look_layers
+from lookdev.reference.render import Estimate, frame_pixels
 
 DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
 
@@ -152,8 +157,9 @@ def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch
     """Generate shaders from other layers; those who combine layers in NumPy are left alone."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        for module in ("osl.surface", "look"):
-            patch.setattr(f"lookdev.codegen.{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
+        module = "lookdev.codegen.osl.surface"
+        patch.setattr(f"{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
+        patch.setattr(f"{module}.look_bsdf", lambda look, inputs: stack_bsdf(change(look_layers(look, inputs))))
 
     return plant
 
@@ -171,18 +177,18 @@ def _swapped(stack: Stack) -> Stack:
 
 def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
     """Render the mirror image of a light; the reference has the light itself."""
-    right: dict[LightTables, LightTables] = {}
+    right: dict[Dome, Dome] = {}
 
-    def prepare(light: EnvironmentMap) -> LightTables:
+    def prepare(light: EnvironmentMap) -> Dome:
         wrong = prepare_light(replace(light, radiance=light.radiance[:, ::-1], digest=f"{light.digest} mirrored"))
         right[wrong] = prepare_light(light)
         return wrong
 
-    def read(tables: LightTables) -> LightDistribution:
-        return read_distribution(right[tables])
+    def reference(asset: Asset, looks: Sequence[Look], light: Dome, *rest: Any, **options: int) -> Estimate:
+        return frame_pixels(asset, looks, right[light], *rest, **options)
 
     patch.setattr("lookdev.batch.check.prepare_light", prepare)
-    patch.setattr("lookdev.batch.check.read_distribution", read)
+    patch.setattr("lookdev.batch.check.frame_pixels", reference)
 
 
 @dataclass(frozen=True)
@@ -201,7 +207,8 @@ class Fault:
 
 FAULTS = {
     "a cosine too many": Fault(
-        {"points": 16, "albedo": 1, "image": 6}, _instead(r"pdf /= shares;", "pdf /= shares; f *= fabs(wi_z);")
+        {"points": 16, "albedo": 1, "image": 6},
+        _instead(r"pdf = pdf / shares;", "pdf = pdf / shares; f *= fabs(wi_z);"),
     ),
     "pi missing": Fault({"points": 16, "albedo": 1, "image": 6}, _instead(r"0\.3183098861837907", "1.0", 1)),
     # Where directions enter the local frame, and where they leave it.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.light import bins
+from lookdev.light.dome import bins
 
 Floats = NDArray[np.float64]
 

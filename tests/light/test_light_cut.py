@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.light.tables import along_hilbert, cut
+from lookdev.light.dome.points import along_hilbert
+from lookdev.light.dome.slots import cut
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -1,34 +1,27 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 import pytest
+from light_cases import SUN, assert_follows, cells, dome, overcast, sunny
 from numpy.typing import NDArray
-from scipy import stats
 
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import (
-    EnvironmentMap,
-    LightDistribution,
-    LightTables,
-    Repairs,
-    bins,
-    prepare_light,
-    read_distribution,
-)
-from lookdev.light import tables as tables_module
+from lookdev.light import Dome, make_environment, prepare_light
+from lookdev.light.dome import bins, points, slots
+from lookdev.light.dome.points import along_hilbert, draw_points
+from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, packed
+from lookdev.light.dome.warp import BilinearWarp, lookup
 from lookdev.light.mapping import direction_to_uv, uv_to_direction
-from lookdev.light.tables import MOST_POINTS, SLOTS, along_hilbert, cut_slots, packed
-from lookdev.light.warp import lookup
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-SUN = (2, 11)  # row, column
 SEVERAL = range(0, bins.COUNT, 11)
 
 
@@ -36,7 +29,7 @@ SEVERAL = range(0, bins.COUNT, 11)
 class Tables:
     """What the files of a light would hold, and the directions of its points."""
 
-    light: LightDistribution
+    light: Dome
     points: NDArray[np.float32]
     towards: Floats
     slots: NDArray[np.int32]
@@ -48,21 +41,13 @@ class Tables:
         return self.numbers[:, 0]
 
 
-def tables_of(light: LightDistribution, side: int) -> Tables:
-    points, towards = light.points(side)
-    return Tables(light, points, towards, *cut_slots(towards, light.integral))
+def drawn(light: Dome, side: int) -> tuple[NDArray[np.float32], Floats]:
+    return draw_points(light.table, BilinearWarp(light.table.mean(axis=-1)), side)
 
 
-def environment(radiance: Floats, digest: str = "test") -> EnvironmentMap:
-    return EnvironmentMap("test", radiance.astype(np.float32), Repairs(), digest)
-
-
-def cells(height: int) -> tuple[Floats, Floats]:
-    """Return directions (h, 2 h, 3) amid cells of the lat-long square, row 0 at the zenith, and solid angles (h, 1)."""
-    u, v = np.meshgrid((np.arange(2 * height) + 0.5) / (2 * height), 1.0 - (np.arange(height) + 0.5) / height)
-    edge = np.cos(np.pi * np.arange(height + 1) / height)
-    solid = (edge[:-1] - edge[1:])[:, None] * np.pi / height
-    return uv_to_direction(np.stack([u, v], axis=-1)), solid
+def tables_of(light: Dome, side: int) -> Tables:
+    pixels, towards = drawn(light, side)
+    return Tables(light, pixels, towards, *cut_slots(towards, BilinearWarp(light.table.mean(axis=-1)).integral))
 
 
 def decoded(points: NDArray[np.float32]) -> tuple[Floats, Floats, Floats]:
@@ -73,23 +58,6 @@ def decoded(points: NDArray[np.float32]) -> tuple[Floats, Floats, Floats]:
     share = np.stack([red, green, np.maximum(4095.0 - red - green, 0.0)], axis=-1) / 4095.0
     towards = np.stack([horizontal * np.cos(azimuth), horizontal * np.sin(azimuth), z], axis=-1)
     return towards, mean, 3.0 * mean[..., None] * share
-
-
-def assert_follows(towards: Floats, density: Floats) -> None:
-    """Chi-square: directions (n, 3) against a density per steradian at the middles of `cells`, in 32 x 16 of them."""
-    height = len(density)
-    mass = (density * cells(height)[1]).reshape(16, height // 16, 32, height // 16).sum(axis=(1, 3)).ravel()
-    expected = mass * len(towards)
-    u, v = direction_to_uv(towards).T
-    row, column = np.minimum((1.0 - v) * 16, 15).astype(int), np.minimum(u * 32, 31).astype(int)
-    observed = np.bincount(32 * row + column, minlength=512)
-    assert expected.sum() == pytest.approx(len(towards), rel=1e-3)
-    rare = expected < 10.0  # pooled, as the test's approximation wants
-    observed = np.append(observed[~rare], observed[rare].sum())
-    expected = np.append(expected[~rare], expected[rare].sum())
-    statistic = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
-    assert len(expected) > 20
-    assert stats.chi2.sf(statistic, len(expected) - 1) > 1e-3
 
 
 def unpacked(slots: NDArray[np.int32]) -> tuple[Ints, Ints, Ints]:
@@ -112,33 +80,15 @@ def by_the_shader(tables: Tables, number: int) -> tuple[Floats, Floats]:
 
 
 @pytest.fixture(scope="module")
-def sunny() -> LightDistribution:
-    """A dim sky with a sun of fifty times its radiance, and one texel that is black."""
-    radiance = np.random.default_rng(3).uniform(0.5, 1.5, (8, 16, 3))
-    radiance[SUN] = (60.0, 50.0, 30.0)
-    radiance[4, 3] = 0.0
-    return LightDistribution(radiance.astype(np.float32).astype(np.float64))
-
-
-@pytest.fixture(scope="module")
-def overcast() -> LightDistribution:
-    """A map bright at the poles, so that what happens there has samples enough to show."""
-    radiance = np.random.default_rng(9).uniform(0.5, 1.5, (8, 16, 3))
-    radiance[[0, -1]] *= 20.0
-    return LightDistribution(radiance)
-
-
-@pytest.fixture(scope="module")
-def of_sunny(sunny: LightDistribution) -> Tables:
-    return tables_of(sunny, tables_module.POINTS_SIDE)
+def of_sunny() -> Tables:
+    return tables_of(sunny(), points.SIDE)
 
 
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make tables of four bins with 64 slots each, of 32 x 32 points: quickly."""
-    monkeypatch.setattr(tables_module, "SLOTS", 64)
-    monkeypatch.setattr(tables_module, "POINTS_SIDE", 32)
-    monkeypatch.setattr(LightDistribution.points, "__defaults__", (32,))
+    monkeypatch.setattr(slots, "SLOTS", 64)
+    monkeypatch.setattr(points, "SIDE", 32)
     monkeypatch.setattr(bins, "COUNT", 4)
 
 
@@ -148,8 +98,8 @@ def cache(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "ibl"
 
 
-def files_of(tables: LightTables) -> list[Content]:
-    return [each for each in (tables.radiance, tables.points, tables.slots, tables.bins) if each]
+def files_of(light: Dome) -> list[Content]:
+    return [each for each in (light.radiance_file, light.points_file, light.slots_file, light.bins_file) if each]
 
 
 def read(file: Path, channels: str) -> NDArray[np.float32]:
@@ -157,69 +107,33 @@ def read(file: Path, channels: str) -> NDArray[np.float32]:
         return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
 
 
-@pytest.mark.parametrize("name", ["sunny", "overcast"])
-def test_samples_follow_the_density(request: pytest.FixtureRequest, name: str) -> None:
-    light: LightDistribution = request.getfixturevalue(name)
-    towards, solid = cells(512)
-    density = light.pdf(towards)
-    # The midpoint rule over cells of pi / 512: (pi / 512)^2 / 24, times what slope and sine bend, 20 at most.
-    assert (density * solid).sum() == pytest.approx(1.0, abs=4e-5)
-    assert_follows(light.sample(np.random.default_rng(4).random((200_000, 2))), density)
-    assert not light.is_black
-    assert not light.is_constant
-
-
-def test_irradiance_by_light_and_by_uniform_sampling(sunny: LightDistribution) -> None:
-    normal = np.array([0.0, 0.6, 0.8])
-    directions = sunny.sample(np.random.default_rng(5).random((200_000, 2)))
-    uniform = np.random.default_rng(6).normal(size=(400_000, 3))
-    uniform /= np.linalg.norm(uniform, axis=-1, keepdims=True)
-
-    def estimate(wi: Floats, pdf: Floats) -> tuple[Floats, Floats]:
-        value = sunny.radiance(wi) * np.maximum(wi @ normal, 0.0)[:, None] / pdf[:, None]
-        return value.mean(axis=0), value.var(axis=0) / len(value)
-
-    by_light, light_variance = estimate(directions, sunny.pdf(directions))
-    by_chance, chance_variance = estimate(uniform, np.full(len(uniform), 0.25 / np.pi))
-    assert (np.abs(by_light - by_chance) < 4.0 * np.sqrt(light_variance + chance_variance)).all()
-
-
-def test_a_black_map_is_sampled_evenly() -> None:
-    light = LightDistribution(np.zeros((8, 16, 3)))
-    assert light.is_black
-    assert light.is_constant
-    towards = light.sample(np.random.default_rng(7).random((200_000, 2)))
-    np.testing.assert_array_equal(light.pdf(towards), 0.25 / np.pi)
-    assert_follows(towards, light.pdf(cells(64)[0]))
-
-
-@pytest.mark.parametrize("name", ["sunny", "overcast"])
-def test_points_follow_the_light(request: pytest.FixtureRequest, name: str) -> None:
-    light: LightDistribution = request.getfixturevalue(name)
-    points, towards = light.points(512)
-    assert points.shape == (512 * 512, 4)
-    assert_follows(towards, light.pdf(cells(512)[0]))
-    np.testing.assert_allclose(points[:, 1], towards[:, 2], atol=1e-7)
-    # Near the poles the cosine tells an angle to (2^-23)^1/2 only.
-    np.testing.assert_allclose(decoded(points)[0], towards, atol=4e-4)
+@pytest.mark.parametrize("light", [sunny, overcast])
+def test_points_follow_the_light(light: Callable[[], Dome]) -> None:
+    pixels, towards = drawn(light(), 512)
+    assert pixels.shape == (512 * 512, 4)
+    assert_follows(towards, light().pdf(np.zeros(3), cells(512)[0]))
+    np.testing.assert_allclose(pixels[:, 1], towards[:, 2], atol=1e-7)
+    # Near the poles the cosine determines an angle to (2^-23)^1/2 only.
+    np.testing.assert_allclose(decoded(pixels)[0], towards, atol=4e-4)
 
 
 def test_points_are_one_in_each_cell_along_the_curve() -> None:
-    """Under a light that comes from everywhere, places tell the random numbers."""
+    """Under a constant light, places are a known map of the random numbers."""
     side = 128
-    u, v = direction_to_uv(LightDistribution(np.ones((1, 1, 3))).points(side)[1]).T
+    u, v = direction_to_uv(drawn(dome(np.ones((1, 1, 3))), side)[1]).T
     # A row of texels begins amid the first; here that is the middle of the map.
     square = np.stack([(u - 0.5) % 1.0, 0.5 - 0.5 * np.cos(np.pi * (1.0 - v))], axis=-1)
     place = along_hilbert(np.floor(square * side).astype(np.int64), side)
     np.testing.assert_array_equal(place, np.arange(side * side))
 
 
-def test_points_hold_the_light_where_they_are(sunny: LightDistribution) -> None:
-    points, _ = sunny.points(256)
-    _, mean, radiance = decoded(points)
-    # Not by way of the direction: amid float32's pole nothing but the azimuth tells the light's columns apart.
-    azimuth, z = points[:, :2].astype(np.float64).T
-    wanted = lookup(sunny.table, np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1))
+def test_points_hold_the_light_where_they_are() -> None:
+    light = sunny()
+    pixels, _ = drawn(light, 256)
+    _, mean, radiance = decoded(pixels)
+    # From the azimuth, not from the direction, which has no azimuth left at the pole in float32.
+    azimuth, z = pixels[:, :2].astype(np.float64).T
+    wanted = lookup(light.table, np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1))
     # The look-up climbs to the sun by 50 over a texel, and places are float32.
     np.testing.assert_allclose(mean, wanted.mean(axis=-1), rtol=1e-5, atol=1e-4)
     # Each of two channels is rounded by half a step of 1/4095 of thrice the mean; the third has the rest.
@@ -232,7 +146,7 @@ def test_colours_of_one_channel(channel: int) -> None:
     """The two integers are full or empty: as large as the code gets, and it is exact in float32."""
     radiance = np.zeros((4, 8, 3))
     radiance[..., channel] = 7.0
-    _, _, got = decoded(LightDistribution(radiance).points(4)[0])
+    _, _, got = decoded(drawn(dome(radiance), 4)[0])
     np.testing.assert_allclose(got, np.broadcast_to(radiance[0, 0], (16, 3)), rtol=1e-6)
 
 
@@ -251,7 +165,7 @@ def test_slots_are_drawn_as_their_bin_weighs(of_sunny: Tables, number: int) -> N
     # So weighed, the points are a quadrature with the density that weighs them against other samples.
     height = 512
     towards, solid = cells(height)
-    density = of_sunny.light.radiance(towards).mean(axis=-1) * bins.widened(towards @ axis) * scale
+    density = of_sunny.light.radiance(np.zeros(3), towards).mean(axis=-1) * bins.widened(towards @ axis) * scale
     # What 2^20 stratified points miss, and the midpoint rule.
     assert (density * solid).sum() == pytest.approx(1.0, abs=1e-4)
     wanted = (density * solid).reshape(8, height // 8, 16, height // 8).sum(axis=(1, 3)).ravel()
@@ -266,7 +180,7 @@ def test_irradiance_of_a_constant_light_is_pi() -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(bins, "AXES", bins.AXES[[0, 5, 40, 100]])
         patch.setattr(bins, "COUNT", 4)
-        white = tables_of(LightDistribution(np.ones((4, 8, 3))), tables_module.POINTS_SIDE)
+        white = tables_of(dome(np.ones((4, 8, 3))), points.SIDE)
         for number, axis in enumerate(bins.AXES):
             probability, ratio = by_the_shader(white, number)
             seen, weight = np.maximum(white.towards @ axis, 0.0), bins.widened(white.towards @ axis)
@@ -300,10 +214,10 @@ def test_a_point_of_more_slots_than_there_are_codes_leaves_some_empty() -> None:
 
 def test_bins_that_see_no_light(monkeypatch: pytest.MonkeyPatch) -> None:
     """A lone sun: bins that face it draw from its four look-ups, for those that do not nothing has weight."""
-    monkeypatch.setattr(tables_module, "SLOTS", 64)
+    monkeypatch.setattr(slots, "SLOTS", 64)
     radiance = np.zeros((8, 16, 3))
     radiance[SUN] = 1e6, 1e5, 1e6
-    lone = tables_of(LightDistribution(radiance), 64)
+    lone = tables_of(dome(radiance), 64)
     for values in (lone.points, lone.numbers):
         assert np.isfinite(values).all()
     u, v = direction_to_uv(lone.towards).T
@@ -325,7 +239,7 @@ def test_bins_that_see_no_light(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_points_of_a_black_map_are_black(few: None) -> None:
-    black = tables_of(LightDistribution(np.zeros((8, 16, 3))), 32)
+    black = tables_of(dome(np.zeros((8, 16, 3))), 32)
     assert not black.points[:, 2:].any()
     for values in (black.points, black.numbers):
         assert np.isfinite(values).all()
@@ -334,9 +248,9 @@ def test_points_of_a_black_map_are_black(few: None) -> None:
 @pytest.mark.parametrize("shape", [(1, 1), (1, 2), (2, 1), (3, 7)])
 def test_smallest_maps(few: None, shape: tuple[int, int]) -> None:
     radiance = np.random.default_rng(7).random((*shape, 3)) + 0.1
-    small = tables_of(LightDistribution(radiance), 32)
+    small = tables_of(dome(radiance), 32)
     towards, mean, _ = decoded(small.points)
-    np.testing.assert_allclose(mean, small.light.radiance(towards).mean(axis=-1), rtol=1e-4)
+    np.testing.assert_allclose(mean, small.light.radiance(np.zeros(3), towards).mean(axis=-1), rtol=1e-4)
     # A widened hemisphere has an integral of the cosine between pi and 2 pi.
     assert (1.0 / small.inverse[:4] > np.pi * radiance.mean(axis=-1).min()).all()
     assert (1.0 / small.inverse[:4] < 2.0 * np.pi * radiance.mean(axis=-1).max()).all()
@@ -347,46 +261,49 @@ def test_smallest_maps(few: None, shape: tuple[int, int]) -> None:
             assert (probability * ratio).sum() == pytest.approx(1.0, abs=1e-6)
 
 
-def test_files_hold_the_tables(cache: Path, sunny: LightDistribution) -> None:
-    tables = prepare_light(environment(sunny.table))
-    assert (tables.width, tables.height, tables.constant) == (16, 8, False)
-    assert {Content.of(file) for file in cache.iterdir()} == set(files_of(tables))
-    wanted = tables_of(sunny, 32)
-    np.testing.assert_array_equal(read(tables.points.path, "RGBA").reshape(-1, 4), wanted.points)
-    for file, values in ((tables.slots, wanted.slots), (tables.bins, wanted.numbers)):
+def test_files_hold_the_tables(cache: Path) -> None:
+    light = prepare_light(make_environment("test", sunny().table))
+    assert (light.width, light.height, light.constant) == (16, 8, False)
+    assert {Content.of(file) for file in cache.iterdir()} == set(files_of(light))
+    wanted = tables_of(sunny(), 32)
+    np.testing.assert_array_equal(read(light.points_file.path, "RGBA").reshape(-1, 4), wanted.points)
+    for file, values in ((light.slots_file, wanted.slots), (light.bins_file, wanted.numbers)):
         stored = np.load(file.path)
         assert stored.dtype == values.dtype
         np.testing.assert_array_equal(stored, values)
-    np.testing.assert_array_equal(read_distribution(tables).table, sunny.table)
 
 
-def test_a_constant_light_needs_no_samples(cache: Path) -> None:
-    tables = prepare_light(environment(np.full((8, 16, 3), 2.0)))
-    assert tables.constant
-    assert [Content.of(file) for file in cache.iterdir()] == [tables.radiance] == files_of(tables)
+@pytest.mark.parametrize(("level", "sampled"), [(0.5, True), (2.0, False)])
+def test_what_draws_no_samples_has_no_tables(cache: Path, level: float, sampled: bool) -> None:
+    """Neither a constant light, nor one of which they are not wanted."""
+    radiance = np.full((8, 16, 3), 0.5)
+    radiance[0] = level
+    light = prepare_light(make_environment("test", radiance), sampled=sampled)
+    assert light.constant == sampled
+    assert [Content.of(file) for file in cache.iterdir()] == [light.radiance_file] == files_of(light)
 
 
-def test_cache_is_idempotent(cache: Path, sunny: LightDistribution) -> None:
-    asked = environment(sunny.table)
-    tables = prepare_light(asked)
+def test_cache_is_idempotent(cache: Path) -> None:
+    asked = make_environment("test", sunny().table)
+    light = prepare_light(asked)
     files = sorted(cache.iterdir())
     content = [path.read_bytes() for path in files]
     stamps = [path.stat().st_mtime_ns for path in files]
-    assert prepare_light(asked) == tables
+    assert prepare_light(asked) == light
     assert stamps == [path.stat().st_mtime_ns for path in files]
     for missing in files:
         missing.unlink()
-        assert prepare_light(asked) == tables
+        assert prepare_light(asked) == light
         assert content == [path.read_bytes() for path in files]
-    assert prepare_light(dataclasses.replace(asked, digest="other")).digest != tables.digest
+    assert prepare_light(dataclasses.replace(asked, digest="other")).digest != light.digest
 
 
-def test_broken_files_are_told(cache: Path, sunny: LightDistribution) -> None:
-    asked = environment(sunny.table)
-    tables = prepare_light(asked)
-    tables.radiance.path.write_bytes(tables.radiance.path.read_bytes()[:-30])
+def test_broken_files_are_reported(cache: Path) -> None:
+    asked = make_environment("test", sunny().table)
+    light = prepare_light(asked)
+    light.radiance_file.path.write_bytes(light.radiance_file.path.read_bytes()[:-30])
     with pytest.raises(EnvironmentMapError, match="remove it"):
-        read_distribution(tables)
+        light.radiance(np.zeros(3), np.array([0.0, 0.0, 1.0]))
     (radiance,) = cache.glob("*.radiance.exr")
     radiance.unlink()
     radiance.mkdir()  # a place where no file can be put

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import stats
 
-from lookdev.light.warp import BilinearWarp, lookup
+from lookdev.light.dome.warp import BilinearWarp, lookup
 
 Floats = NDArray[np.float64]
 

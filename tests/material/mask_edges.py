@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
-from lookdev.light import LightDistribution, load_environment
+from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material.usd import read_look
 from lookdev.reference.shapes import Sphere
 
@@ -56,6 +56,7 @@ _T0 = 0.002**2
 _POINTS = 2**15
 _IOR = 1.5  # of every preset that transmits
 _AT_A_TIME = 8
+_ANYWHERE = np.zeros(3)
 
 Preset = tuple[str, dict[str, Any]]
 """A model and all of its parameters."""
@@ -103,21 +104,21 @@ class Pixel:
 @cache
 def sphere_pixels(light: str) -> tuple[Pixel, ...]:
     """Gather the light at some points of a sphere that is seen from -y."""
-    distribution = LightDistribution(load_environment(builtin=light).radiance.astype(np.float64))
+    dome = prepare_light(load_environment(builtin=light), sampled=False)
     polar = np.radians(np.repeat([angle for angle, _ in _RINGS], [count for _, count in _RINGS]))
     around = 2.0 * np.pi * (np.concatenate([np.arange(count) / count for _, count in _RINGS]) + 0.07)
     normals = np.stack([np.sin(polar) * np.cos(around), -np.cos(polar), np.sin(polar) * np.sin(around)], axis=-1)
     frames = Sphere().frame(normals, np.broadcast_to([0.0, -1.0, 0.0], normals.shape))
-    return tuple(_gather(distribution, frame, seed) for seed, frame in enumerate(frames))
+    return tuple(_gather(dome, frame, seed) for seed, frame in enumerate(frames))
 
 
-def _gather(light: LightDistribution, frame: Floats, seed: int) -> Pixel:
+def _gather(light: Light, frame: Floats, seed: int) -> Pixel:
     rng = np.random.default_rng(seed)
     wo = frame @ [0.0, -1.0, 0.0]
     sides = [(1.0, wo), (-1.0, np.append(wo[:2], np.sqrt(_IOR**2 - 1.0 + wo[2] ** 2)) / _IOR)]
     # Drawn from the cells and from the light, both combined: lamps are found however small, and so is what is mirrored.
     wi = np.concatenate([_draw(side, view, rng) for side, view in sides])
-    wi = np.concatenate([wi, light.sample(qmc.Sobol(2, rng=rng).random(_POINTS)) @ frame.T])
+    wi = np.concatenate([wi, light.sample(_ANYWHERE, qmc.Sobol(2, rng=rng).random(_POINTS)) @ frame.T])
     wi = wi[np.abs(wi[:, 2]) > 1e-6]
 
     cell, density = np.zeros(len(wi), np.intp), np.zeros(len(wi))
@@ -126,7 +127,7 @@ def _gather(light: LightDistribution, frame: Floats, seed: int) -> Pixel:
         within, density[here] = _cell(view, wi[here] * (1.0, 1.0, side))
         cell[here] = within + number * _CELLS[0] * _CELLS[1]
     world = wi @ frame
-    arriving = light.radiance(world) / (_POINTS * (density + light.pdf(world)))[:, None]
+    arriving = light.radiance(_ANYWHERE, world) / (_POINTS * (density + light.pdf(_ANYWHERE, world)))[:, None]
     energy, direction = (
         np.stack([np.bincount(cell, weight) for weight in weights.T], axis=-1)
         for weights in (arriving, wi * arriving.sum(axis=-1, keepdims=True))

@@ -32,7 +32,7 @@ from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.layering import blend_parameters
 from lookdev.brdf.pixar.layering import layer
 from lookdev.brdf.pixar.partition import layer_partition
-from lookdev.light import BUILTIN_LIGHTS, LightDistribution, load_environment
+from lookdev.light import BUILTIN_LIGHTS, load_environment, prepare_light
 
 # The distribution of a highlight, alpha^2 / (alpha^2 cos^2 + sin^2)^2, is nowhere above (1 + x)^2 / (4 x) times the
 # larger of its ends when alpha grows by a factor x: 1 %, which `NARROW` allows, for 1.22.
@@ -182,18 +182,18 @@ def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], light: s
     """Cells displace light by half their width at most: 1 % of the level as rms, 3 % here with the estimate's noise."""
     model, parameters = presets[name]
     bsdf = MODELS[model].bsdf(parameters)
-    distribution = LightDistribution(load_environment(builtin=light).radiance.astype(np.float64))
+    dome, anywhere = prepare_light(load_environment(builtin=light), sampled=False), np.zeros(3)
     count, rng = 2**12, np.random.default_rng(5)
     u = qmc.Sobol(2, rng=rng).random(count)
-    drawn = distribution.sample(qmc.Sobol(2, rng=rng).random(count))
+    drawn = dome.sample(anywhere, qmc.Sobol(2, rng=rng).random(count))
     error = []
     for pixel in sphere_pixels(light):
         wo = np.broadcast_to(pixel.wo, (count, 3))
         wi = np.concatenate([sample(bsdf, wo, u), drawn @ pixel.frame.T])
         wi = wi[wi[:, 2] != 0.0]
         world = wi @ pixel.frame
-        density = pdf(bsdf, pixel.wo[None], wi) + distribution.pdf(world)
-        values = evaluate_cosine(bsdf, pixel.wo[None], wi) * distribution.radiance(world) / density[:, None]
+        density = pdf(bsdf, pixel.wo[None], wi) + dome.pdf(anywhere, world)
+        values = evaluate_cosine(bsdf, pixel.wo[None], wi) * dome.radiance(anywhere, world) / density[:, None]
         estimate = values.sum(axis=0) / count
         error.append(pixel.show(bsdf) / estimate - 1.0)
     assert np.sqrt(np.mean(np.square(error))) <= 0.03

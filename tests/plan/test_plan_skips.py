@@ -15,7 +15,7 @@ from lookdev.brdf import MODELS, complete_parameters, evaluate_cosine
 from lookdev.cache import Content
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
-from lookdev.light import LightTables
+from lookdev.light import Dome
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
@@ -33,7 +33,7 @@ OTHER = replace(MAP, file=Path("other.png"))
 PLAIN = Layer("Base", "disney", {"baseColor": (0.5, 0.4, 0.3), "roughness": 0.3})
 NOISE = Formula(parse("noise(uv[0], uv[1])"), {"uv": Coordinates("st")}, {"uv": "color"})
 SAMPLING = Sampling(samples=4, bounces=0)
-LIGHT = LightTables(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
+LIGHT = Dome(*(Content(part, ".exr") for part in "rpsb"), 64, 32, "119147")
 
 
 def look(*layers: Layer) -> Look:
@@ -50,7 +50,7 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     image = tmp_path / "linear.exr"
     image.touch()
 
-    def generate(wanted: Look, light: LightTables = LIGHT, **sampling: Any) -> ShaderSource:
+    def generate(wanted: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
         setting = Setting((light,), (8, 8), replace(SAMPLING, **sampling), resolve=lambda texture: image)
         return BACKENDS["exact"].generate(wanted, setting)
 

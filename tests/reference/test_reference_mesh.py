@@ -12,7 +12,7 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
-from lookdev.light import LightDistribution, load_environment
+from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look, Primvar
 from lookdev.reference.mesh import MeshScene, corner_triangles
 from lookdev.reference.render import frame_pixels, shape_pixels
@@ -30,8 +30,7 @@ LEAF = Look("leaf", (Layer("Leaf", "pixar", {"surfaceColor": (1.0,) * 3, "roughn
 
 @pytest.fixture(scope="module")
 def lights():
-    maps = {name: load_environment(builtin=name).radiance for name in ("white", "forest")}
-    return {name: LightDistribution(radiance.astype(np.float64)) for name, radiance in maps.items()}
+    return {name: prepare_light(load_environment(builtin=name), sampled=False) for name in ("white", "forest")}
 
 
 def polygons(points, faces, **changes):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
-from lookdev.light import LightDistribution
+from lookdev.light import make_environment, prepare_light
 from lookdev.light.mapping import rotate_z, uv_to_direction
 from lookdev.reference.render import shape_pixels
 from lookdev.reference.shapes import Plane, Sphere
@@ -53,14 +53,18 @@ def lambert(reflected, transmitted, presence=1.0):
     return Bsdf(lambda wo: lobes, presence, two_sided=True)
 
 
+def dome(radiance):
+    return prepare_light(make_environment("test", radiance), sampled=False)
+
+
 @pytest.fixture(scope="module")
 def white():
-    return LightDistribution(np.ones((1, 1, 3)))
+    return dome(np.ones((1, 1, 3)))
 
 
 @pytest.fixture(scope="module")
 def lamps():
-    return LightDistribution(0.05 + 5.0 * np.random.default_rng(5).uniform(size=(16, 32, 3)) ** 6)
+    return dome(0.05 + 5.0 * np.random.default_rng(5).uniform(size=(16, 32, 3)) ** 6)
 
 
 def sky(light, pose, height=192):
@@ -69,7 +73,7 @@ def sky(light, pose, height=192):
     direction = uv_to_direction(np.stack([u, v], axis=-1)).reshape(-1, 3)
     solid = 2.0 * (np.pi / (2 * height)) * np.sin(np.pi / (2 * height)) * np.hypot(*direction[:, :2].T)
     solid *= 4.0 * np.pi / solid.sum()
-    return rotate_z(direction, pose.lighting - pose.element), light.radiance(direction), solid[:, None]
+    return rotate_z(direction, pose.lighting - pose.element), light.radiance(np.zeros(3), direction), solid[:, None]
 
 
 def in_pixel(shape, pixel, pose):
@@ -156,7 +160,7 @@ def test_a_card_shows_the_light_of_both_sides(reflected, transmitted, pose, lamp
 def test_an_opaque_card_lit_from_behind_is_black():
     radiance = np.zeros((16, 32, 3))
     radiance[:, 2:14] = 1.0  # u below 1/2 is +y; two texels of margin on either side for the interpolation
-    behind, pose = LightDistribution(radiance), Pose(0.0, 0.0)
+    behind, pose = dome(radiance), Pose(0.0, 0.0)
     assert (estimate(lambert(0.8, 0.0), Plane(), behind, pose=pose).value == 0.0).all()
     assert (estimate(lambert(0.0, 0.8), Plane(), behind, pose=pose).value > 0.1).all()
 
@@ -167,6 +171,26 @@ def test_a_card_that_is_partly_there_is_that_much_of_one(shape, lamps):
     whole = estimate(lambert(0.3, 0.5), shape, lamps)
     part = estimate(lambert(0.3, 0.5, presence=0.25), shape, lamps)
     np.testing.assert_allclose(part.value, 0.25 * whole.value, rtol=1e-12)
+
+
+def test_light_may_differ_from_place_to_place():
+    class Glow:
+        """Uniform over directions, brighter along x."""
+
+        def radiance(self, place, direction):
+            return (2.0 + place[:, :1]) * np.ones(3)
+
+        def pdf(self, place, direction):
+            return np.full(len(direction), 0.25 / np.pi)
+
+        def sample(self, place, u):
+            return white_sky.sample(place, u)
+
+    white_sky = dome(np.ones((1, 1, 3)))
+    got = estimate(lambert(0.5, 0.0), Sphere(), Glow())
+    # The sphere's normals are its places; what turns with the light is where it is bright.
+    turned = rotate_z(normals_in_pixels(Sphere()), POSE.element - POSE.lighting)
+    assert_agrees(got, 0.5 * (2.0 + turned[..., :1].mean(axis=1)))
 
 
 def test_pixels_count_by_what_they_cover(white):

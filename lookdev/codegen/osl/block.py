@@ -62,6 +62,11 @@ def literal(value: float | bool) -> str:
     return repr(float(value))
 
 
+def bare(code: str) -> str:
+    """Return the code of an expression without parentheses around all of it."""
+    return code[1:-1] if code.startswith("(") and code.endswith(")") else code
+
+
 Spell = Callable[[str], str]
 """From the name of a symbol to how it is written."""
 
@@ -140,7 +145,5 @@ class Block:
     def _define(self, node: Node, code: str) -> None:
         name = self._chosen.get(node, f"{self._prefix}{len(self.named)}")
         kind = "int" if node.op in _BOOLEAN else "float"
-        if code.startswith("(") and code.endswith(")"):
-            code = code[1:-1]
-        self.write(f"{kind} {name} = {code};")
+        self.write(f"{kind} {name} = {bare(code)};")
         self.named[node] = name

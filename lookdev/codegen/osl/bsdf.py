@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from lookdev.brdf import Lobe
-from lookdev.codegen.osl.block import Block, Spell
+from lookdev.codegen.osl.block import Block, Spell, bare
 from lookdev.codegen.trace.graph import Graph, Node, depends_on, in_order, reachable
 from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -169,7 +169,7 @@ def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Itera
                 outer.write("}")
     for name, density in mixture.densities.items():
         if density.op != "symbol":
-            outer.write(f"{name} = {outer.expression(density)};")
+            outer.write(f"{name} = {bare(outer.expression(density))};")
     return outer.lines
 
 
@@ -201,7 +201,7 @@ def _evaluate_side(
         inner = outer.inner(f"{prefix}{index}_", indent + 1)
         inner.prepare(lobe.evaluated())
         color = ", ".join(inner.expression(value) for value in lobe.value)
-        density = inner.expression(lobe.density)
+        density = bare(inner.expression(lobe.density))
         # A scope of its own for each lobe, an `if` where the lobe may be absent at this point.
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
         outer.write(f"{guard}{{  // {lobe.name}")
@@ -220,8 +220,7 @@ def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     """Choose a lobe by u1 and sample it."""
     outer = setup.inner("d", indent=3)
     outer.prepare([lobe.below for lobe in lobes[:-1]])
-    codes = [outer.expression(lobe.below) for lobe in lobes[:-1]]
-    conditions = [f"if {code} " if code.startswith("(") else f"if ({code}) " for code in codes]
+    conditions = [f"if ({bare(outer.expression(lobe.below))}) " for lobe in lobes[:-1]]
     # The last lobe has what the others leave.
     for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=False)):
         inner = outer.inner(f"d{index}_", indent=4)

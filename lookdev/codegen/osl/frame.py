@@ -31,5 +31,5 @@ def emit_frame(*, leaning: bool) -> Sequence[str]:
         components = ", ".join(block.name(element) for element in elements_of(value))
         block.write(f"vector {name} = vector({components});")
     for name, element in zip(WO, wo, strict=True):
-        block.write(f"float {name} = {block.expression(element)};")
+        block.define(name, element)
     return block.lines

@@ -7,7 +7,6 @@ of that name, ``//@ include file`` by that file, so that the text handed to the 
 from __future__ import annotations
 
 import hashlib
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib.resources import files
@@ -21,13 +20,13 @@ from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import BrdfCode, emit_brdf, trace_lobes
 from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import LookUpNames, emit_look_up
+from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.source import HANDEDNESS, ShaderSource
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, present_lobes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.errors import CodegenError
-from lookdev.light import bins
-from lookdev.light.tables import CODE_BITS, MOST_POINTS, SLOTS
+from lookdev.light import Light
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
@@ -55,8 +54,7 @@ def generate_surface(
     brdf_samples: int | None,
     ibl_samples: int | None,
     bounces: int,
-    light_size: tuple[int, int],
-    constant_light: bool = False,
+    light: Light,
     shadows: bool = True,
     resolution: tuple[int, int],
 ) -> ShaderSource:
@@ -72,10 +70,8 @@ def generate_surface(
         Directions drawn a shading point from the BRDF and from the light; None: as many as suit the look.
     bounces
         Times that light may be reflected by the asset before it leaves it towards the camera.
-    light_size
-        Width and height of the light's table.
-    constant_light
-        The same radiance comes from everywhere.
+    light
+        The OSL of its kind is part of the shader; of its values, only the constants of `LightCode` are.
     shadows
         The asset may stand in the way of light; without, there are no `bounces` either.
     resolution
@@ -84,9 +80,9 @@ def generate_surface(
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = look_bsdf(look, inputs)
-    by_light = ibl_samples != 0 and not constant_light
+    by_light = ibl_samples != 0 and not light.constant
     lobes = present_lobes(graph, bsdf)
-    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant_light)
+    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, light.constant)
     # At least one: otherwise a path ends.
     onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
     # Light from behind has directions of its own only where there are two at least.
@@ -113,13 +109,11 @@ def generate_surface(
                 f"#define AIDED {int(code.aids)}",
                 f"#define BOUNCES {bounces}",
                 f"#define SHADOWS {int(shadows)}",
-                f"#define LIGHT_WIDTH {light_size[0]}",
-                f"#define LIGHT_HEIGHT {light_size[1]}",
                 f"#define IMAGE_WIDTH {resolution[0]}",
                 f"#define IMAGE_HEIGHT {resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
-                *light_constants(),
+                *light.code(sampled=ibl_samples > 0).constants,
                 f"#define LEANING {int(leaning)}",
             ],
             "parameters": [
@@ -129,6 +123,7 @@ def generate_surface(
             "frame": emit_frame(leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **_sections(code),
+            **light_sections(light),
         },
     )
     digest = hashlib.sha256(osl.encode())
@@ -167,15 +162,15 @@ _BROAD_SHARES = (0.05, 0.3)
 def _split(
     lobes: Sequence[Lobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
 ) -> tuple[int, int]:
-    """Choose how many directions come from the BRDF and how many from the light, where nobody said."""
+    """Choose how many directions come from the BRDF and how many from the light, where they are None."""
     if constant_light:
-        # It tells nothing about where to look, whatever was asked for.
+        # Every direction is equally bright, so samples of the light reduce no variance, even if they are asked for.
         return brdf_samples or 4, 0
     chosen = (0, 4) if bounces == 0 and all(lobe.broad for lobe in lobes) else (4, 4)
     brdf, ibl = (
         own if given is None else given for given, own in zip((brdf_samples, ibl_samples), chosen, strict=True)
     )
-    # Somebody has to look for light.
+    # Keep at least one sampling strategy.
     return (brdf, ibl) if brdf + ibl else (1, 0)
 
 
@@ -196,23 +191,6 @@ class PointLayer:
         """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
         numbers = [parameter for parameter in MODELS[self.model].parameters.values() if parameter.kind != "token"]
         return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
-
-
-def light_constants() -> list[str]:
-    """Return the definitions by which `lookdev/shaders/light.h` finds its way in the tables of a light."""
-    return [
-        f"#define LIGHT_SLOTS {SLOTS}",
-        f"#define LIGHT_SLOTS_SHIFT {33 - SLOTS.bit_length()}",
-        f"#define LIGHT_CODE_BITS {CODE_BITS}",
-        f"#define LIGHT_MOST_POINTS {MOST_POINTS}",
-        f"#define LIGHT_ALL_SLOTS {bins.COUNT * SLOTS}",
-        f"#define LIGHT_BIN_NUMBERS {2 * bins.COUNT}",
-        f"#define LIGHT_ROWS {bins.ROWS}",
-        f"#define LIGHT_CELLS {{{', '.join(map(str, bins.CELLS))}}}",
-        f"#define LIGHT_FIRST {{{', '.join(map(str, bins.FIRST))}}}",
-        f"#define LIGHT_COS_RADIUS {math.cos(bins.RADIUS)!r}",
-        f"#define LIGHT_SIN_RADIUS {math.sin(bins.RADIUS)!r}",
-    ]
 
 
 def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:

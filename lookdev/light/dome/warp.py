@@ -1,28 +1,28 @@
-"""Directions drawn in proportion to a map over the sphere that is looked up bilinearly: exactly, by inversion."""
+"""Directions in proportion to the bilinear look-up of a map over the sphere, by exact inversion."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lookdev.light.mapping import direction_to_uv
+from lookdev.light.mapping import direction_to_uv, uv_to_direction
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NEWTON = 3  # steps: the start is off by what a sine bends over a row, each step squares that
+_NEWTON = 3  # steps: the start neglects the curvature of the sine over a row, each step squares the relative error
 
 
 class BilinearWarp:
-    """Unit square to lat-long square, so that uniform points become directions with a density like `values`.
+    """Map from the unit square to the lat-long square: uniform points become directions with a given pdf.
 
-    Over solid angle the density is the map's bilinear look-up (see `lookup`) over `integral`: the places are found by
-    inverting its cumulative distribution, rows first, with the cosine of the latitude in it.
+    Over solid angle the pdf is the bilinear look-up (see `lookup`) of a map, over its `integral`. The cumulative
+    distribution, which contains the cosine of the latitude, is inverted over the rows first, then along a row.
 
     Parameters
     ----------
     values : (H, W)
-        Not negative, row 0 at the zenith. A map of zeros counts as one of ones.
+        Not negative, row 0 at the zenith. A map of zeros counts as one of ones: its pdf is uniform.
 
     Attributes
     ----------
@@ -34,7 +34,8 @@ class BilinearWarp:
         if not values.any():
             values = np.ones_like(values)
         height, width = values.shape
-        # Between the centres of rows k - 1 and k; beyond the first and the last, the value stays.
+        self._values = values
+        # Strip k is between the centres of rows k - 1 and k; beyond the first and the last row values are constant.
         self._rows = np.concatenate([values[:1], values, values[-1:]])
         middle = 0.5 * (self._rows + np.roll(self._rows, -1, axis=1))
         self._along = np.concatenate([np.zeros((height + 2, 1)), np.cumsum(middle, axis=1)], axis=1) / width
@@ -47,6 +48,14 @@ class BilinearWarp:
         self._first, self._last = first, last
         # d omega = sin(theta) d theta d phi, theta = pi y / H, phi = 2 pi u.
         self.integral = float(2.0 * np.pi**2 / height * self._down[-1])
+
+    def pdf(self, direction: ArrayLike) -> Floats:
+        """Return the density (...) per steradian of directions (..., 3)."""
+        return np.asarray(lookup_towards(self._values[..., None], direction)[..., 0] / self.integral)
+
+    def directions(self, u: ArrayLike) -> Floats:
+        """Map points (N, 2) of the unit square to unit directions (N, 3)."""
+        return place_directions(self.places(u))
 
     def places(self, u: ArrayLike) -> Floats:
         """Map points (N, 2) of the unit square to places (N, 2) in the map: x along a row, y from the top, to 1."""
@@ -81,7 +90,7 @@ class BilinearWarp:
         return np.asarray((slope / step * np.sin(theta) - (a + slope * t) * np.cos(theta)) / step)
 
     def _invert_strip(self, strip: Ints, mass: Floats) -> Floats:
-        """Return where in its strip each mass is reached, t in [0, 1]."""
+        """Return t in [0, 1], the place in its strip at which each mass is reached."""
         a, slope = self._row_sums[strip], self._row_sums[strip + 1] - self._row_sums[strip]
         step = np.pi / (len(self._rows) - 2)
         first, last = self._first[strip], self._last[strip]
@@ -97,9 +106,14 @@ class BilinearWarp:
 
 
 def _invert_line(left: Floats, right: Floats, mass: Floats) -> Floats:
-    """Return t in [0, 1] up to which a density that runs straight from `left` to `right` holds `mass`."""
+    """Return t in [0, 1] up to which a density that is linear from `left` to `right` has the integral `mass`."""
     root = np.sqrt(np.maximum(left * left + 2.0 * (right - left) * mass, 0.0))
     return np.asarray(np.clip(2.0 * mass / np.maximum(left + root, np.finfo(np.float64).tiny), 0.0, 1.0))
+
+
+def place_directions(places: Floats) -> Floats:
+    """Return the unit directions (N, 3) of places (N, 2) in a map, as `BilinearWarp.places` returns them."""
+    return uv_to_direction(np.stack([places[:, 0], 1.0 - places[:, 1]], axis=-1))
 
 
 def lookup(table: ArrayLike, uv: ArrayLike) -> Floats:

@@ -1,7 +1,7 @@
 """Environment maps: read, repaired, and named by their content.
 
-A map is a lat-long image of linear Rec.709 radiance. The numbers of a file are taken as they are, like Cycles
-takes them: an EXR's ``chromaticities`` are not converted from.
+A map is a lat-long image of linear Rec.709 radiance. The numbers of a file are used as they are, as Cycles does: an
+EXR's ``chromaticities`` have no effect.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.ndimage import convolve1d
 
 from lookdev.errors import EnvironmentMapError, nearest_hint
@@ -29,18 +29,18 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class Repairs:
-    """How many texels of a map had to be repaired, per kind of damage; a texel may have several."""
+    """The number of texels that were repaired, by kind of damage; a texel may have several kinds."""
 
     negative: int = 0
     nan: int = 0
     infinite: int = 0
 
     def __bool__(self) -> bool:
-        """Tell whether anything was repaired."""
+        """Return whether anything was repaired."""
         return bool(self.negative or self.nan or self.infinite)
 
     def __str__(self) -> str:
-        """Say it for a message: ``12 negative and 1 infinite texels repaired``."""
+        """Return the text of a message: ``12 negative and 1 infinite texels repaired``."""
         kinds = (("negative", self.negative), ("NaN", self.nan), ("infinite", self.infinite))
         found = [f"{count} {kind}" for kind, count in kinds if count]
         return f"{' and '.join(found) or 'no'} texels repaired"
@@ -61,16 +61,14 @@ class EnvironmentMap:
 
     @property
     def is_constant(self) -> bool:
-        """Whether the same radiance comes from everywhere: sampling by the light is then pointless."""
+        """Whether the radiance is the same from every direction."""
         return bool((self.radiance == self.radiance[0, 0]).all())
 
 
 def load_environment(file: Path | None = None, builtin: str | None = None) -> EnvironmentMap:
-    """Load a lat-long map from an EXR or HDR file, or one of `BUILTIN_LIGHTS`; give exactly one of both.
+    """Load a lat-long map from an EXR or HDR file, or one of `BUILTIN_LIGHTS`; exactly one of both is given.
 
-    Maps of any aspect are taken: the whole image is the whole sphere. Negative values become 0, infinite ones
-    the largest finite value of the map, and a NaN the mean of the values beside it that are none (0 where all
-    are); `EnvironmentMap.repairs` counts them.
+    Maps may have any aspect: the whole image is the whole sphere.
 
     Raises
     ------
@@ -79,11 +77,11 @@ def load_environment(file: Path | None = None, builtin: str | None = None) -> En
         installed.
     """
     if file is not None and builtin is None:
-        return _environment(file.stem, _read(file), str(file))
+        return make_environment(file.stem, _read(file), str(file))
     if file is None and builtin is not None:
         white = builtin == "white"
         pixels = np.ones((32, 64, 3), np.float32) if white else _read(_builtin_file(builtin))
-        return _environment(builtin, pixels, builtin)
+        return make_environment(builtin, pixels)
     raise EnvironmentMapError("an environment map is given either by file or by built-in name, not both or none")
 
 
@@ -146,8 +144,18 @@ def _read_hdr(file: Path) -> Floats:
     return np.asarray(pixels, dtype=np.float32)
 
 
-def _environment(name: str, pixels: Floats, where: str) -> EnvironmentMap:
-    radiance, repairs = _repair(pixels, where)
+def make_environment(name: str, pixels: ArrayLike, where: str = "") -> EnvironmentMap:
+    """Make a map of radiance (H, W, 3), row 0 at the zenith, repaired.
+
+    Negative values become 0, infinite ones the largest finite value of the map, and NaN the mean of the neighbours that
+    are not NaN, or 0; `EnvironmentMap.repairs` counts them.
+
+    Raises
+    ------
+    EnvironmentMapError
+        No value is finite; the message names the map by `where`, or by its name.
+    """
+    radiance, repairs = _repair(np.asarray(pixels, np.float32), where or name)
     digest = hashlib.sha256(repr(radiance.shape).encode() + radiance.tobytes()).hexdigest()
     return EnvironmentMap(name, radiance, repairs, digest)
 

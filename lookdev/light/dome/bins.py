@@ -1,8 +1,9 @@
-"""Shading normals in bins of a few degrees: each samples the light in a way of its own (`tables`).
+"""Bins of shading normals, a few degrees wide: each has its own sampling distribution of a dome light (`slots`).
 
-Rows of latitude of equal height, cells of nearly equal width in each. `lookdev/shaders/light.h` finds bins likewise.
-A bin weighs the light by its `widened` cosine: that to the nearest normal of a cone about its axis. No normal of the
-bin sees light that the bin gives no weight.
+Bins are cells of nearly equal width in rows of latitude of equal height; `lookdev/shaders/dome.osl.h` finds them in the
+same way. A bin weighs the light by its `widened` cosine, the largest cosine between a direction and the normals of a
+cone about the bin's axis. The cone contains the bin: wherever a normal of the bin has a positive cosine, the weight is
+positive.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ FIRST = tuple(int(sum(CELLS[:row])) for row in range(ROWS))
 
 COUNT = sum(CELLS)
 
-# Beyond the farthest corner of a bin: the shader's arc tangents are good to 1e-5 only.
+# Radians beyond the farthest corner of a bin: the shader's arc tangents are accurate to 1e-5 only.
 _MARGIN = 1e-3
 
 
@@ -44,7 +45,7 @@ def _direction(theta: float, phi: float) -> tuple[float, float, float]:
 
 
 def _radius() -> float:
-    """Return the largest angle between a bin's axis and a corner of it: no other place is as far."""
+    """Return the largest angle between a bin's axis and its corners, which are its farthest places."""
     farthest = 0.0
     for row, cells in enumerate(CELLS):
         axis = np.array(_direction(np.pi * (row + 0.5) / ROWS, np.pi / cells))
@@ -57,11 +58,11 @@ AXES = _axes()
 """Axis of each bin, (COUNT, 3), in the light's frame."""
 
 RADIUS = _radius() + _MARGIN
-"""Radians: half the opening angle of the cone of normals that a bin stands for."""
+"""Radians: half the opening angle of a bin's cone of normals."""
 
 
 def widened(cosine: NDArray[AnyFloat]) -> NDArray[AnyFloat]:
-    """Return the largest cosine between a direction and the normals of a bin, not below 0, from that to its axis."""
+    """Return the widened cosines of a bin, at least 0, from the cosines between directions and the bin's axis."""
     near, far = math.cos(RADIUS), math.sin(RADIUS)
     # cos(max(0, angle - radius)).
     turned = near * cosine + far * np.sqrt(np.maximum(1.0 - cosine * cosine, 0.0))

@@ -1,0 +1,140 @@
+"""Dome light: an environment map at infinity, whose radiance is the same at every place.
+
+Radiance is looked up bilinearly: texel centres at ((i + 1/2) / W, (j + 1/2) / H), periodic along a row, clamped over
+rows; row j counts from the top of the image, at ``v = 1 - (j + 1/2) / H``. ``*.radiance.exr`` has it as R, G, B.
+
+`Dome.sample` draws directions in proportion to the radiance alone (`warp`). The shader draws them as the bin of the
+shading normal weighs the light (`bins`): it chooses a slot of the bin (`slots`), then a point of the slot (`points`).
+Slots and bins are array parameters of the shader, because a look-up in a texture costs ten times as much (CPU, Blender
+4.5). The points are too many for an array, and the radiance needs interpolation: both are textures.
+
+The shader numbers slots by reversed bits: any aligned block of 2^k sample numbers is spread evenly along the curve of
+the points, hence over the light. A picture that has converged is a quadrature with N points. Its expectation over the
+choice of the points is the integral; docs/accuracy.md states how far one set of points is off.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import Content, cache_dir
+from lookdev.light.dome import bins, points, slots
+from lookdev.light.dome.environment import EnvironmentMap, make_environment
+from lookdev.light.dome.files import read_exr, write_exr, write_npy
+from lookdev.light.dome.warp import BilinearWarp, lookup_towards
+from lookdev.light.protocol import LightCode
+
+Floats = NDArray[np.float64]
+
+TABLE_VERSION = 3
+"""Part of the digest: raised with any change to the content of the tables."""
+
+
+@dataclass(frozen=True)
+class Dome:
+    """A `lookdev.light.Light` by the files that the shader reads.
+
+    `width` and `height` are those of the map. A light that is never sampled by a shader has no file but that of its
+    radiance. It is sampled in proportion to the mean of the channels, a black dome uniformly.
+    """
+
+    kind: ClassVar[str] = "dome"
+
+    radiance_file: Content
+    points_file: Content | None
+    slots_file: Content | None
+    bins_file: Content | None
+    width: int
+    height: int
+    digest: str
+    constant: bool = False
+
+    @cached_property
+    def table(self) -> Floats:
+        """Radiance (H, W, 3), row 0 at the zenith; an EnvironmentMapError if its file is missing or broken."""
+        return read_exr(self.radiance_file.path, "RGB").astype(np.float64)
+
+    @cached_property
+    def _warp(self) -> BilinearWarp:
+        return BilinearWarp(self.table.mean(axis=-1))
+
+    def radiance(self, place: Floats, direction: Floats) -> Floats:
+        return lookup_towards(self.table, direction)
+
+    def pdf(self, place: Floats, direction: Floats) -> Floats:
+        return self._warp.pdf(direction)
+
+    def sample(self, place: Floats, u: Floats) -> Floats:
+        return self._warp.directions(u)
+
+    def code(self, *, sampled: bool) -> LightCode:
+        constants = {
+            "WIDTH": self.width,
+            "HEIGHT": self.height,
+            "SLOTS": slots.SLOTS,
+            "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),
+            "CODE_BITS": slots.CODE_BITS,
+            "MOST_POINTS": slots.MOST_POINTS,
+            "ALL_SLOTS": bins.COUNT * slots.SLOTS,
+            "BIN_NUMBERS": 2 * bins.COUNT,
+            "ROWS": bins.ROWS,
+            "CELLS": f"{{{', '.join(map(str, bins.CELLS))}}}",
+            "FIRST": f"{{{', '.join(map(str, bins.FIRST))}}}",
+            "COS_RADIUS": repr(math.cos(bins.RADIUS)),
+            "SIN_RADIUS": repr(math.sin(bins.RADIUS)),
+        }
+        lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
+        if not sampled:
+            return LightCode(lines, {"dome_radiance": self.radiance_file})
+        assert self.points_file is not None
+        assert self.slots_file is not None
+        assert self.bins_file is not None
+        return LightCode(
+            lines,
+            {"dome_radiance": self.radiance_file, "dome_points": self.points_file},
+            {"dome_slots": self.slots_file, "dome_bins": self.bins_file},
+        )
+
+
+def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:
+    """Write the files of a map's dome light to the cache, unless they are there.
+
+    Without `sampled` the tables by which a shader draws directions are not made: NumPy and Cycles' world do without.
+
+    Raises
+    ------
+    EnvironmentMapError
+        The files cannot be written.
+    """
+    digest = hashlib.sha256(f"{env.digest} light tables {TABLE_VERSION}".encode()).hexdigest()
+    folder = cache_dir("ibl")
+    height, width = env.radiance.shape[:2]
+    radiance_file, points_file = (folder / f"{digest}.{part}.exr" for part in ("radiance", "points"))
+    slots_file, bins_file = (folder / f"{digest}.{part}.npy" for part in ("slots", "bins"))
+    sampled = sampled and not env.is_constant
+    if not radiance_file.is_file():
+        write_exr(radiance_file, "RGB", env.radiance)
+    if sampled and not all(file.is_file() for file in (points_file, slots_file, bins_file)):
+        radiance = env.radiance.astype(np.float64)
+        warp = BilinearWarp(radiance.mean(axis=-1))
+        drawn, towards = points.draw_points(radiance, warp, points.SIDE)
+        ranges, numbers = slots.cut_slots(towards, warp.integral)
+        write_exr(points_file, "RGBA", drawn.reshape(points.SIDE, points.SIDE, 4))
+        write_npy(slots_file, ranges)
+        write_npy(bins_file, numbers)
+    drawn_from, cut, weights = (Content.of(file) if sampled else None for file in (points_file, slots_file, bins_file))
+    return Dome(Content.of(radiance_file), drawn_from, cut, weights, width, height, digest, env.is_constant)
+
+
+def example_dome() -> Dome:
+    """Return a dim sky with a broad sun and a black ground."""
+    radiance = np.full((16, 32, 3), (0.2, 0.3, 0.5))
+    radiance[3:6, 9:13], radiance[12:] = (9.0, 7.0, 4.0), 0.0
+    return prepare_light(make_environment("example", radiance))

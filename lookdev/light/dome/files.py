@@ -1,0 +1,66 @@
+"""The files of a dome light, written whole or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+from numpy.typing import NDArray
+
+from lookdev.cache import atomic_path
+from lookdev.errors import EnvironmentMapError
+
+_TILE_SIDE = 4096
+
+
+def write_exr(path: Path, channels: str, values: NDArray[np.float32]) -> None:
+    """Write an image (H, W, C) as a tiled EXR.
+
+    OpenImageIO, by which Blender 4.5 evaluates texture(), cuts an image without tiles into tiles of 64 x 64. A thread
+    keeps two tiles at hand, and a change of the tile costs more than the look-up: an image is a single tile.
+
+    Raises
+    ------
+    EnvironmentMapError
+        The file cannot be written.
+    """
+    planes = {name: np.ascontiguousarray(values[..., i], dtype=np.float32) for i, name in enumerate(channels)}
+    tile = OpenEXR.TileDescription()
+    tile.ySize, tile.xSize = (min(side, _TILE_SIDE) for side in values.shape[:2])
+    tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage, "tiles": tile}
+    with _writing(path) as temporary, OpenEXR.File(header, planes) as exr:
+        exr.write(str(temporary))
+
+
+def write_npy(path: Path, values: NDArray[np.int32] | NDArray[np.float32]) -> None:
+    """Write an array; an EnvironmentMapError if that fails."""
+    with _writing(path) as temporary, temporary.open("wb") as file:
+        np.save(file, values)
+
+
+def read_exr(path: Path, channels: str) -> NDArray[np.float32]:
+    """Read an image (H, W, C) back.
+
+    Raises
+    ------
+    EnvironmentMapError
+        The file is missing or broken.
+    """
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as exr:
+            return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
+    except (RuntimeError, ValueError, KeyError) as error:
+        raise EnvironmentMapError(f"{path}: unreadable ({error}); remove it and it is made again") from error
+
+
+@contextmanager
+def _writing(path: Path) -> Iterator[Path]:
+    try:
+        with atomic_path(path) as temporary:
+            yield temporary
+    except (RuntimeError, OSError) as error:
+        raise EnvironmentMapError(f"{path}: cannot write the light's tables: {error}") from error

@@ -1,0 +1,108 @@
+"""What a light is: radiance, pdf and sampling in NumPy, and the values that its kind's OSL takes.
+
+A kind of light is a frozen dataclass of plain data that satisfies `Light`, a file of OSL sections, and a `LightKind` in
+`lookdev.light.LIGHT_KINDS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib.resources.abc import Traversable
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import Content
+from lookdev.light.mapping import rotate_z
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LightCode:
+    """What the OSL of a kind takes for one light.
+
+    `constants` are preprocessor lines in front of the shader, `parameters` the values of shader parameters by name
+    (a file stands for its path), `arrays` the ``.npy`` files of array parameters by name.
+    """
+
+    constants: tuple[str, ...] = ()
+    parameters: Mapping[str, Content | str | int | float] = field(default_factory=dict)
+    arrays: Mapping[str, Content] = field(default_factory=dict)
+
+
+class Emitter(Protocol):
+    """Light that arrives at places of the world, float64.
+
+    Places (..., 3) are in metres, directions (..., 3) are unit vectors from the place towards the light; both are in
+    world space and broadcast with each other.
+    """
+
+    def radiance(self, place: Floats, direction: Floats) -> Floats:
+        """Return the radiance (..., 3) that arrives, linear Rec.709."""
+
+    def pdf(self, place: Floats, direction: Floats) -> Floats:
+        """Return the density (...) per steradian with which `sample` draws the directions at `place`."""
+
+    def sample(self, place: Floats, u: Floats) -> Floats:
+        """Map points `u` (N, 2) of the unit square to directions (N, 3) at places (N, 3)."""
+
+
+class Light(Emitter, Protocol):
+    """A light of a registered kind: a frozen dataclass of plain data that names its files."""
+
+    kind: ClassVar[str]
+    """The name of its record in `lookdev.light.LIGHT_KINDS`."""
+
+    @property
+    def digest(self) -> str:
+        """Name of everything that the light's radiance and sampling depend on."""
+
+    @property
+    def constant(self) -> bool:
+        """Whether the radiance is the same from every direction at every place: then it needs no samples."""
+
+    def code(self, *, sampled: bool) -> LightCode:
+        """Return what the kind's OSL takes; without `sampled`, what it takes to look radiance up."""
+
+
+@dataclass(frozen=True)
+class LightKind:
+    """The record of a kind of light.
+
+    Parameters
+    ----------
+    type
+        The dataclass of its lights.
+    osl
+        The file of its OSL, by sections; `lookdev.codegen.osl.light` states what each contains.
+    example
+        Returns a small light of the kind that is not `constant`: tests and documentation use it.
+    world
+        Returns the lat-long EXR file by which Cycles' world shows a light; None: Cycles' world cannot, so that backend
+        `exact` alone renders lights of the kind.
+    """
+
+    type: type[Light]
+    osl: Traversable
+    example: Callable[[], Light]
+    world: Callable[[Any], Content] | None = None
+
+
+@dataclass(frozen=True)
+class Turned:
+    """An `Emitter` turned about the world's z axis by `degrees`, counter-clockwise seen from above."""
+
+    light: Emitter
+    degrees: float
+
+    def radiance(self, place: Floats, direction: Floats) -> Floats:
+        return self.light.radiance(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
+
+    def pdf(self, place: Floats, direction: Floats) -> Floats:
+        return self.light.pdf(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
+
+    def sample(self, place: Floats, u: Floats) -> Floats:
+        return rotate_z(self.light.sample(rotate_z(place, -self.degrees), u), self.degrees)

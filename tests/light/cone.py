@@ -1,0 +1,64 @@
+"""A whole kind of light, of the smallest size: a cone of directions, all of the same radiance.
+
+``python cone.py`` is a render worker that has the kind in its registry.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.light import LIGHT_KINDS, LightCode, LightKind
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Cone:
+    """Radiance `color` from directions whose cosine to the unit vector `axis`, not vertical, is above `cosine`."""
+
+    kind: ClassVar[str] = "cone"
+    constant: ClassVar[bool] = False
+
+    axis: tuple[float, float, float]
+    cosine: float
+    color: tuple[float, float, float]
+
+    @property
+    def digest(self) -> str:
+        return hashlib.sha256(repr(self).encode()).hexdigest()
+
+    def radiance(self, place: Floats, direction: Floats) -> Floats:
+        return np.where(self._lit(direction)[..., None], self.color, 0.0)
+
+    def pdf(self, place: Floats, direction: Floats) -> Floats:
+        return np.where(self._lit(direction), 0.5 / (np.pi * (1.0 - self.cosine)), 0.0)
+
+    def sample(self, place: Floats, u: Floats) -> Floats:
+        across = np.cross(self.axis, (0.0, 0.0, 1.0))
+        across /= np.linalg.norm(across)
+        frame = np.stack([across, np.cross(self.axis, across), self.axis])
+        cosine, angle = 1.0 - u[:, 0] * (1.0 - self.cosine), 2.0 * np.pi * u[:, 1]
+        sine = np.sqrt(1.0 - cosine * cosine)
+        return np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=-1) @ frame
+
+    def code(self, *, sampled: bool) -> LightCode:
+        values = {**dict(zip("XYZ", self.axis, strict=True)), "COSINE": self.cosine, "RADIANCE": f"color{self.color}"}
+        return LightCode(tuple(f"#define CONE_{name} {value}" for name, value in values.items()))
+
+    def _lit(self, direction: Floats) -> NDArray[np.bool_]:
+        return direction @ np.array(self.axis) > self.cosine
+
+
+CONE = LightKind(Cone, Path(__file__).with_suffix(".osl.h"), lambda: Cone((0.48, -0.6, 0.64), 0.7, (3.0, 2.0, 1.0)))
+
+if __name__ == "__main__":
+    from lookdev.cycles.__main__ import main
+
+    LIGHT_KINDS["cone"] = CONE
+    main()

@@ -1,0 +1,60 @@
+"""Dome lights, cells of the sphere, and the chi-square test of directions against a density."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy import stats
+
+from lookdev.light import Dome, make_environment, prepare_light
+from lookdev.light.mapping import direction_to_uv, uv_to_direction
+
+Floats = NDArray[np.float64]
+
+SUN = (2, 11)  # row, column
+
+
+def dome(radiance: Floats) -> Dome:
+    """Return a dome light without the tables of the shader."""
+    return prepare_light(make_environment("test", radiance), sampled=False)
+
+
+def sunny() -> Dome:
+    """Return a dim sky with a sun of fifty times its radiance, and one texel that is black."""
+    radiance = np.random.default_rng(3).uniform(0.5, 1.5, (8, 16, 3))
+    radiance[SUN] = (60.0, 50.0, 30.0)
+    radiance[4, 3] = 0.0
+    return dome(radiance)
+
+
+def overcast() -> Dome:
+    """Return a sky that is bright at the poles, so that samples there are enough to show a fault."""
+    radiance = np.random.default_rng(9).uniform(0.5, 1.5, (8, 16, 3))
+    radiance[[0, -1]] *= 20.0
+    return dome(radiance)
+
+
+def cells(height: int) -> tuple[Floats, Floats]:
+    """Return directions (h, 2 h, 3) amid cells of the lat-long square, row 0 at the zenith, and solid angles (h, 1)."""
+    u, v = np.meshgrid((np.arange(2 * height) + 0.5) / (2 * height), 1.0 - (np.arange(height) + 0.5) / height)
+    edge = np.cos(np.pi * np.arange(height + 1) / height)
+    solid = (edge[:-1] - edge[1:])[:, None] * np.pi / height
+    return uv_to_direction(np.stack([u, v], axis=-1)), solid
+
+
+def assert_follows(towards: Floats, density: Floats) -> None:
+    """Chi-square: directions (n, 3) against a density per steradian at the middles of `cells`, in 32 x 16 of them."""
+    height = len(density)
+    mass = (density * cells(height)[1]).reshape(16, height // 16, 32, height // 16).sum(axis=(1, 3)).ravel()
+    expected = mass * len(towards)
+    u, v = direction_to_uv(towards).T
+    row, column = np.minimum((1.0 - v) * 16, 15).astype(int), np.minimum(u * 32, 31).astype(int)
+    observed = np.bincount(32 * row + column, minlength=512)
+    assert expected.sum() == pytest.approx(len(towards), rel=1e-3)
+    rare = expected < 10.0  # pooled, as the test's approximation wants
+    observed = np.append(observed[~rare], observed[rare].sum())
+    expected = np.append(expected[~rare], expected[rare].sum())
+    statistic = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
+    assert len(expected) > 20
+    assert stats.chi2.sf(statistic, len(expected) - 1) > 1e-3

@@ -1,0 +1,144 @@
+"""Every registered kind of light, and a new one (`cone`): its protocol in NumPy, and frames by its OSL."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import cone
+import numpy as np
+import pytest
+from light_cases import assert_follows, cells, dome, overcast, sunny
+from numpy.typing import NDArray
+from pydantic import TypeAdapter, ValidationError
+
+from lookdev.asset import load_asset
+from lookdev.checks.images import check_frame, choose_pixels
+from lookdev.codegen.osl.light import light_sections
+from lookdev.errors import CodegenError, EnvironmentMapError
+from lookdev.light import LIGHT_KINDS, AnyLight, Light, Turned
+from lookdev.material import Layer, Look
+from lookdev.reference.render import frame_pixels
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Worker
+from lookdev.scene import Camera, Pose, Sampling, Scene
+
+Floats = NDArray[np.float64]
+
+KINDS = LIGHT_KINDS | {"cone": cone.CONE}
+EXAMPLES: dict[str, Callable[[], Light]] = {
+    **{name: kind.example for name, kind in KINDS.items()},
+    "sunny dome": sunny,
+    "overcast dome": overcast,
+    "black dome": partial(dome, np.zeros((8, 16, 3))),
+}
+WHITE = Look("white", (Layer("White", "disney", {"baseColor": (1.0,) * 3, "roughness": 1.0, "specular": 0.0}),))
+PLACE = np.array([0.3, -0.2, 0.5])
+SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=4, bounces=0)
+
+
+@pytest.fixture(autouse=True)
+def _registered(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(LIGHT_KINDS, "cone", cone.CONE)
+
+
+@pytest.fixture(params=EXAMPLES)
+def light(request: pytest.FixtureRequest) -> Light:
+    return EXAMPLES[request.param]()
+
+
+def draw(light: Light | Turned, count: int = 200_000) -> Floats:
+    u = np.random.default_rng(4).random((count, 2))
+    return light.sample(np.broadcast_to(PLACE, (count, 3)), u)
+
+
+def test_directions_follow_the_pdf(light: Light) -> None:
+    towards, solid = cells(512)
+    density = light.pdf(PLACE, towards)
+    # The midpoint rule over cells of pi / 512 is off by (pi / 512)^2 / 24 times the curvature, 20 at most; an edge of
+    # length 2 pi crosses 1000 cells at random places: 0.3 sqrt(1000) of 250,000 cells.
+    assert (density * solid).sum() == pytest.approx(1.0, abs=2e-4)
+    drawn = draw(light)
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=-1), 1.0, rtol=1e-12)
+    assert_follows(drawn, density)
+
+
+def test_all_light_that_arrives_is_sampled(light: Light) -> None:
+    """Irradiance by the light's directions and by uniform ones."""
+    normal = np.array([0.0, -0.6, 0.8])
+    uniform = np.random.default_rng(6).normal(size=(400_000, 3))
+    uniform /= np.linalg.norm(uniform, axis=-1, keepdims=True)
+
+    def estimate(wi: Floats, pdf: Floats) -> tuple[Floats, Floats]:
+        value = light.radiance(PLACE, wi) * np.maximum(wi @ normal, 0.0)[:, None] / pdf[:, None]
+        return value.mean(axis=0), value.var(axis=0) / len(value)
+
+    drawn = draw(light)
+    by_light, light_variance = estimate(drawn, light.pdf(PLACE, drawn))
+    by_chance, chance_variance = estimate(uniform, np.full(len(uniform), 0.25 / np.pi))
+    # A black light has no variance.
+    assert (np.abs(by_light - by_chance) <= 4.0 * np.sqrt(light_variance + chance_variance)).all()
+
+
+def test_a_turned_light_is_the_light_in_a_turned_frame(light: Light) -> None:
+    turned, turn = Turned(light, 90.0), np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    place, towards, u = np.broadcast_to(PLACE, (1000, 3)), draw(light, 1000), np.random.default_rng(8).random((1000, 2))
+    for got, wanted in (
+        (turned.radiance(place @ turn.T, towards @ turn.T), light.radiance(place, towards)),
+        (turned.pdf(place @ turn.T, towards @ turn.T), light.pdf(place, towards)),
+        (turned.sample(place @ turn.T, u), light.sample(place, u) @ turn.T),
+    ):
+        np.testing.assert_allclose(got, wanted, atol=1e-9)
+
+
+def test_a_light_is_plain_data(light: Light) -> None:
+    adapter: TypeAdapter[Light] = TypeAdapter(AnyLight)
+    again = adapter.validate_json(adapter.dump_json(light))
+    assert again == light
+    assert again.digest == light.digest
+    assert light.kind.encode() in adapter.dump_json(light)
+    with pytest.raises(ValidationError, match="a light has a kind, one of: dome, cone"):
+        adapter.validate_python({"kind": "candle"})
+
+
+def test_a_file_without_a_section_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = cone.CONE.osl.read_text(encoding="utf-8").replace("section density", "section pdf")
+    (tmp_path / "wrong.osl.h").write_text(text)
+    monkeypatch.setitem(LIGHT_KINDS, "cone", replace(cone.CONE, osl=tmp_path / "wrong.osl.h"))
+    with pytest.raises(CodegenError, match=r"wrong\.osl\.h: the sections of a light are .*: density, pdf"):
+        light_sections(cone.CONE.example())
+
+
+@pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
+def test_a_light_without_a_world_is_refused_by_nodes(backend: str) -> None:
+    with pytest.raises(EnvironmentMapError, match="cannot show a light of kind 'cone'; use backend 'exact'"):
+        scene_task(Scene.of_look(load_asset(builtin="sphere"), WHITE, cone.CONE.example(), (8, 8)), SAMPLING, backend)
+
+
+@pytest.fixture(scope="module")
+def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    folder = tmp_path_factory.mktemp("worker")
+    with Worker([sys.executable, cone.__file__], folder / "worker.log", folder, 300.0) as process:
+        yield process
+
+
+@pytest.mark.cycles
+@pytest.mark.parametrize("kind", KINDS)
+def test_frames_agree_with_the_reference(kind: str, worker: Worker) -> None:
+    asset, light, size = load_asset(builtin="sphere"), KINDS[kind].example(), (48, 48)
+    camera, pose = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius), Pose(30.0, 75.0)
+    scene = scene_task(Scene.of_look(asset, WHITE, light, size, camera), SAMPLING)
+    worker.start()
+    frames = []
+    for seed in range(4):
+        task = FrameTask(replace(scene, sampling=replace(SAMPLING, seed=seed)), pose, 0.0, f"{kind} {seed}", (), {})
+        frames.append(worker.render(task, lambda progress: None))
+    halves, alpha = np.stack([half for frame in frames for half in (frame.a, frame.b)]), frames[0].alpha
+    pixels = choose_pixels(alpha, 100, seed=1)
+    reference = frame_pixels(asset, [WHITE], light, camera, pose, size, pixels)
+    finding = check_frame(kind, halves, alpha, len(frames) * SAMPLING.samples, pixels, reference)
+    assert finding.passed, finding
