@@ -113,7 +113,7 @@ def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any
 
 
 def build_scene(mi: Any, task: FrameTask) -> Any:
-    """Build a scene about the origin, seen and lit as the task's pose says."""
+    """Build a scene about the origin, seen and lit at the task's pose."""
     scene, pose = task.scene, task.pose
     source = scene.shaders[0]
     if not isinstance(source, PrincipledSource):
