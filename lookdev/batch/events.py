@@ -1,4 +1,4 @@
-"""What happens during a run, told as it happens to whoever shows it."""
+"""What happens during a run, reported as it happens."""
 
 from __future__ import annotations
 

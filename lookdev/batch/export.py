@@ -30,7 +30,7 @@ EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--ex
 
 
 class Answer(BaseModel):
-    """What the exporting process says: what the user should know, or why it failed."""
+    """The answer of the exporting process: notes for the user, or why it failed."""
 
     notes: tuple[str, ...] = ()
     error: str = ""

@@ -1,4 +1,4 @@
-"""What a plan says to a person, and to a program."""
+"""A plan as text, and as data for a program."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ def plan_ranges(plan: Plan, output: Path) -> Iterator[Range]:
             turntable, _, _ = file.path.relative_to(output).with_suffix("").as_posix().rpartition(".")
             turntables.setdefault(turntable, []).append(file)
 
-    def told(file: PlannedFile) -> tuple[str, str]:
+    def of_file(file: PlannedFile) -> tuple[str, str]:
         return file.state, LINKED if file.path in linked else file.reason
 
     for turntable, files in turntables.items():
-        for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=told):
+        for (state, reason), group in groupby(sorted(files, key=lambda file: file.path), key=of_file):
             numbers = [file.path.stem.rpartition(".")[2] for file in group]
             yield Range(turntable, numbers[0], numbers[-1], len(numbers), state, reason)
 

@@ -32,7 +32,7 @@ def output_lock(output: Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        Another run holds it (the message says who), or the folder cannot be written.
+        Another run holds it (the message names it), or the folder cannot be written.
     """
     folder = output / STATE_FOLDER
     try:

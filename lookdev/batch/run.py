@@ -51,7 +51,7 @@ CLEAN_TRIES = 2
 
 @dataclass(frozen=True)
 class Failure:
-    """A frame that was given up, the reason of the last try, and the log that says more."""
+    """A frame that was given up, the reason of the last try, and the log with the details."""
 
     name: str
     reason: str
@@ -307,7 +307,7 @@ class _Run:
 
 
 def _start(worker: Worker) -> None:
-    """Start the worker, or say why no frame can be rendered here at all."""
+    """Start the worker, or raise why no frame can be rendered here at all."""
     for attempt in range(CRASH_TRIES):
         try:
             worker.start()

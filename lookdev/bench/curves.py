@@ -60,7 +60,7 @@ def reach(effort: Sequence[float], error: Sequence[float], target: float) -> Rea
 
 
 def ratio(one: Reached | None, other: Reached | None) -> Reached | None:
-    """Divide where one curve meets an error by where the other does; None where that says nothing."""
+    """Divide where one curve meets an error by where the other does; None where there is no such ratio."""
     if one is None or other is None:
         return None
     value = one.value / other.value

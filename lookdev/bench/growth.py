@@ -51,7 +51,7 @@ class Growth:
     rows: tuple[GrowthRow, ...]
 
 
-def measure_growth(frames: int, tell: Callable[[str], None], opened: OpenRenderer = _open_exact) -> Iterator[Growth]:
+def measure_growth(frames: int, report: Callable[[str], None], opened: OpenRenderer = _open_exact) -> Iterator[Growth]:
     """Measure all four, one after another.
 
     Parameters
@@ -68,14 +68,14 @@ def measure_growth(frames: int, tell: Callable[[str], None], opened: OpenRendere
     """
     if frames < _QUARTERS:
         raise LookdevError(f"{frames} frames: their first quarter needs at least {_QUARTERS}")
-    tell(f"growth: {frames} frames")
+    report(f"growth: {frames} frames")
     yield Growth("frames", _frame_rows(_scene(), frames, opened))
     for of, scenes in (
         ("pixels", {side * side: _scene(side=side) for side in PIXELS}),
         ("layers", {layers: _scene(look=layered(layers)) for layers in LAYERS}),
         ("triangles", {count: _scene(make_boulder(count)) for count in TRIANGLES}),
     ):
-        tell(f"growth: {', '.join(f'{size:,}' for size in scenes)} {of}")
+        report(f"growth: {', '.join(f'{size:,}' for size in scenes)} {of}")
         yield Growth(of, _rows(scenes, opened))
 
 

@@ -122,7 +122,7 @@ def has_mitsuba() -> bool:
 
 
 def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool, **numbers: int | None) -> Options:
-    """Return the options that a command line says.
+    """Return the options of a command line.
 
     Parameters
     ----------

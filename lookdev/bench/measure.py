@@ -1,4 +1,4 @@
-"""Who renders when, and what each render told."""
+"""Which backend renders when, and what is measured of each render."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from lookdev.bench.matrix import MOST_REPEATS, SEEDS, Cell, Options
 from lookdev.bench.reference import FIRST_SEED, Reference, Render, Shot, Verdict, obtain
 
 TARGETS = (1e-3, 1e-4)
-"""The relMSE to which the time is told."""
+"""The relMSE to which the time is measured."""
 
 _SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MOST_REPEATS)
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A backend that is ready to render a cell; `key` names the picture, however it is sampled, and `skips` say what is
-    left out because nobody would see it, and why.
+    """A backend that is ready to render a cell; `key` names the picture, however it is sampled, and `skips` are what is
+    left out because no pixel would show it, and why.
     """
 
     backend: str
@@ -116,7 +116,7 @@ class CellRun:
         self._shots: dict[tuple[str, int], list[Shot]] = {}
         self._measurements: list[Measurement] = []
 
-    def run(self, tell: Callable[[str], None]) -> None:
+    def run(self, report: Callable[[str], None]) -> None:
         """Render references, warm up, then measure."""
         options = self._options
         for backend, candidate in self._candidates.items():
@@ -126,7 +126,7 @@ class CellRun:
                 options.reference,
                 candidate.render,
                 fresh=options.fresh,
-                tell=lambda text, backend=backend: tell(f"{self._cell}: {backend}: {text}"),  # type: ignore[misc]
+                report=lambda text, backend=backend: report(f"{self._cell}: {backend}: {text}"),  # type: ignore[misc]
             )
         for candidate in self._candidates.values():
             candidate.render(options.samples[0], FIRST_SEED)
@@ -136,7 +136,7 @@ class CellRun:
             verdict = self._references[turn.backend].judge(shot)
             self._measurements.append(_measurement(self._cell, turn, shot, verdict))
             error = "below its reference" if verdict.relmse is None else f"relMSE {verdict.relmse:.2e}"
-            tell(f"{self._cell}: {turn.backend}: {turn.samples} samples, {shot.seconds:.2f} s, {error}")
+            report(f"{self._cell}: {turn.backend}: {turn.samples} samples, {shot.seconds:.2f} s, {error}")
 
     def result(self) -> CellResult:
         """Sum up what has been measured so far."""

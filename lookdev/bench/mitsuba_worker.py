@@ -30,6 +30,7 @@ from lookdev.light import world_image
 from lookdev.render import wire
 from lookdev.render.answers import Answers, save_arrays
 from lookdev.render.task import FrameTask, SceneTask
+from lookdev.scene import camera_rays
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 """Fastest first: the first needs LLVM's library on the machine."""
@@ -113,7 +114,7 @@ def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any
 
 
 def build_scene(mi: Any, task: FrameTask) -> Any:
-    """Build a scene about the origin, seen and lit as the task's pose says."""
+    """Build a scene about the origin, seen and lit at the task's pose."""
     scene, pose = task.scene, task.pose
     source = scene.shaders[0]
     if not isinstance(source, PrincipledSource):
@@ -126,10 +127,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
     )
     target = np.array(scene.camera.target) - asset.center
-    azimuth, elevation = (math.radians(angle) for angle in (-90.0 - pose.element, scene.camera.elevation))
-    direction = np.array(
-        [math.cos(elevation) * math.cos(azimuth), math.cos(elevation) * math.sin(azimuth), math.sin(elevation)]
-    )
+    origin = camera_rays(scene.camera, pose, scene.resolution, 0.0, 0.0)[0] - asset.center
     width, height = scene.resolution
     description: dict[str, Any] = {
         "type": "scene",
@@ -147,9 +145,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
             "fov_axis": "x",
             "near_clip": scene.camera.distance * 1e-3,
             "far_clip": scene.camera.distance * 1e3,
-            "to_world": transform().look_at(
-                origin=(target + scene.camera.distance * direction).tolist(), target=target.tolist(), up=[0, 0, 1]
-            ),
+            "to_world": transform().look_at(origin=origin.tolist(), target=target.tolist(), up=[0, 0, 1]),
             "film": {
                 "type": "hdrfilm",
                 "width": width,

@@ -1,9 +1,9 @@
-"""The converged picture of a backend, which knows its own error, and what it says of a render.
+"""The converged picture of a backend, with its own error, and the error of renders against it.
 
 A reference is the mean of independent parts. Their spread is an unbiased estimate of what is left of its own variance,
 pixel by pixel. That variance is in the squared difference of every render from it, and is taken away again: so a
 reference of a few times the samples serves as well as one of many thousand times as many. What is smaller than the
-reference's own error is not told at all.
+reference's own error is not reported.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Render = Callable[[int, int], Shot]
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a reference says of a render.
+    """The error of a render against a reference.
 
     `relmse` without the reference's own error, or None where it is below that; `bias` is the mean relative difference
     of the mean over the asset, `bias_error` its standard error.
@@ -144,7 +144,7 @@ class Reference:
 
 
 def obtain(
-    key: str, samples: int, parts: int, render: Render, *, fresh: bool = False, tell: Callable[[str], None]
+    key: str, samples: int, parts: int, render: Render, *, fresh: bool = False, report: Callable[[str], None]
 ) -> Reference:
     """Return the reference of a picture from the cache, or render what it lacks.
 
@@ -158,8 +158,8 @@ def obtain(
         Renders a part.
     fresh
         Start anew, whatever there is.
-    tell
-        Is told what is rendered.
+    report
+        Is called with what is rendered.
 
     Raises
     ------
@@ -171,7 +171,7 @@ def obtain(
     if reference is None or (reference.samples < samples * parts and reference.part_samples < samples):
         reference = Reference(samples)
     while reference.parts < 4 or reference.samples < samples * parts:
-        tell(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
+        report(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
         reference.add(render(reference.part_samples, FIRST_SEED + reference.parts))
         # After every part: what Ctrl-C leaves is taken up by the next run.
         reference.save(file)

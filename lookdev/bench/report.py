@@ -22,7 +22,7 @@ from lookdev.bench.sequence import SequenceResult
 from lookdev.cache import atomic_path
 
 BIAS_LIMIT = 5.0
-"""Standard errors of a bias beyond which it is told."""
+"""Standard errors of a bias beyond which it is reported."""
 
 _MEGABYTE = 1e6
 _TARGET_NAMES = {target: f"{target:.0e}".replace("e-0", "e-") for target in TARGETS}
@@ -81,7 +81,7 @@ def warnings(cells: Sequence[CellResult]) -> list[str]:
 
 
 def _times(cells: Sequence[CellResult]) -> Table:
-    # All of it fits into 80 columns, wrapped: a number that is cut off says nothing.
+    # All of it fits into 80 columns, wrapped: no number is cut off.
     table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left", pad_edge=False, collapse_padding=True)
     table.add_column("scene, ibl, look", min_width=12)
     for name in _TARGET_NAMES.values():

@@ -18,10 +18,10 @@ from lookdev.bench.sequence import Produce, Subject, choose_samples, measure_seq
 from lookdev.errors import LookdevError
 
 Open = Callable[[Cell, Options], AbstractContextManager[list[Candidate]]]
-Tell = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-def run_matrix(options: Options, folder: Path, tell: Tell, *, opened: Open = open_candidates) -> Results:
+def run_matrix(options: Options, folder: Path, report: Report, *, opened: Open = open_candidates) -> Results:
     """Measure every cell.
 
     Parameters
@@ -29,8 +29,8 @@ def run_matrix(options: Options, folder: Path, tell: Tell, *, opened: Open = ope
     folder
         Takes ``results.csv``, ``results.json`` and the curves, after every cell and at the end, also where an error or
         Ctrl-C is the end: then `Results.complete` is false.
-    tell
-        Is told what is measured.
+    report
+        Is called with what is measured.
     opened
         Gives a cell's backends, ready to render.
 
@@ -41,7 +41,7 @@ def run_matrix(options: Options, folder: Path, tell: Tell, *, opened: Open = ope
     """
     results = Results(options, this_machine())
     with _kept(results, folder):
-        _measure_cells(results, folder, tell, opened)
+        _measure_cells(results, folder, report, opened)
         results.complete = True
     return results
 
@@ -49,7 +49,7 @@ def run_matrix(options: Options, folder: Path, tell: Tell, *, opened: Open = ope
 def run_sequence(
     options: Options,
     folder: Path,
-    tell: Tell,
+    report: Report,
     *,
     frames: int,
     opened: Open = open_candidates,
@@ -58,7 +58,7 @@ def run_sequence(
 ) -> Results:
     """Measure turntables against the plain script, then how cost grows; files and errors as `run_matrix`.
 
-    The curves of ``exact`` and ``principled`` say how many samples make their errors equal. `frames` is how many the
+    The curves of ``exact`` and ``principled`` give the samples that make their errors equal. `frames` is how many the
     growth with frames is measured over.
 
     Raises
@@ -72,7 +72,7 @@ def run_sequence(
     options = replace(options, backends=("exact", "principled"))
     results = Results(options, this_machine())
     with _kept(results, folder):
-        _measure_cells(results, folder, tell, opened)
+        _measure_cells(results, folder, report, opened)
         curves = {backend: [result.curves[backend] for result in results.cells] for backend in ("exact", "principled")}
         results.sequence = measure_sequence(
             subject,
@@ -80,22 +80,22 @@ def run_sequence(
             produce(subject),
             repeats=options.repeats,
             seed=options.seed,
-            tell=tell,
+            report=report,
         )
         results.write(folder)
-        for each in measure_growth(frames, tell, *([growth] if growth else [])):
+        for each in measure_growth(frames, report, *([growth] if growth else [])):
             results.growth.append(each)
             results.write(folder)
         results.complete = True
     return results
 
 
-def _measure_cells(results: Results, folder: Path, tell: Tell, opened: Open) -> None:
+def _measure_cells(results: Results, folder: Path, report: Report, opened: Open) -> None:
     for cell in results.options.cells():
         with opened(cell, results.options) as candidates:
             run = CellRun(cell, candidates, results.options)
             try:
-                run.run(tell)
+                run.run(report)
             finally:
                 if (result := run.result()).measurements:
                     results.cells.append(result)

@@ -103,7 +103,7 @@ class SequenceResult:
     """Frames a minute of the batch runner ("exact") and of the plain script ("plain"), at the samples that make their
     mean relMSE equal; `relmse` is that measured on frames of the timed runs.
 
-    `frames` are those that are shown, however many of them were rendered: `skips` say what the batch runner left out.
+    `frames` are those that are shown, however many of them were rendered: `skips` are what the batch runner left out.
     `ratio` of the medians, exact over plain; `low` and `high` of the repeats.
     """
 
@@ -163,7 +163,7 @@ def measure_sequence(
     *,
     repeats: int,
     seed: int,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> SequenceResult:
     """Time both, taking turns.
 
@@ -181,7 +181,7 @@ def measure_sequence(
         probes: dict[tuple[str, int], Path] = {}
 
         def probe(backend: str, count: int) -> float:
-            tell(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
+            report(f"sequence: {backend}: {_PROBES} frames of each turntable, {count} samples, twice")
             one, other = next(folders), next(folders)
             producers[backend](one, count, _PROBES, seed + 1)
             producers[backend](other, count, _PROBES, seed + 2)
@@ -194,7 +194,7 @@ def measure_sequence(
         made: dict[str, Produced] = {}
         for repeat in range(repeats):
             for backend in ("exact", "plain"):
-                tell(f"sequence: {backend}: {total} frames, {count[backend]} samples")
+                report(f"sequence: {backend}: {total} frames, {count[backend]} samples")
                 timed[backend] = next(folders)
                 made[backend] = producers[backend](timed[backend], count[backend], FRAMES, seed)
                 seconds = made[backend].seconds

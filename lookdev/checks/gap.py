@@ -2,7 +2,7 @@
 
 Both pictures come as two independent halves. Products of differences of unlike halves have no noise in them on
 average, so relMSE needs no converged pictures. FLIP has no such form: that of two renders of the same picture, which
-should be 0, is told beside it.
+should be 0, is reported beside it.
 """
 
 from __future__ import annotations

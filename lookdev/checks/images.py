@@ -3,7 +3,8 @@
 A frame comes as independent halves, whose spread is its noise; the reference has a standard error of its own. Both are
 known from few values, so a difference over its error follows Student's t, with the freedom that Welch (1947) and
 Satterthwaite (1946) give it. Light that comes by rare bright paths makes noise of long tails: a pixel whose halves all
-missed such a path seems sure of too low a value. The reference has taken more samples, and says how noisy it must be.
+missed such a path has too low a value and too small a spread. The reference has more samples, and gives a lower bound
+of the noise.
 
 Noise alone fails each of three tests once in `1 / LEVEL` frames:
 
@@ -91,7 +92,9 @@ def compare_pixels(halves: Floats, samples: int, reference: Estimate) -> Agreeme
     """
     count = len(halves)
     if count < FEWEST_HALVES:
-        raise RenderError(f"{count} independent renders say too little of their noise; {FEWEST_HALVES} would be right")
+        raise RenderError(
+            f"{count} independent renders are too few to know their noise; {FEWEST_HALVES} would be right"
+        )
     halves = halves.astype(np.float64)
     own = halves.var(axis=0, ddof=1) / count
     least = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
@@ -129,7 +132,7 @@ def check_frame(
     reference
         Those pixels in float64.
     converged : (H, W, 3)
-        The same frame at many more samples: how a person sees the difference is told as FLIP.
+        The same frame at many more samples: how visible the difference is, is reported as FLIP.
 
     Raises
     ------

@@ -46,7 +46,7 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
 
 
 def verdict(findings: Sequence[Finding]) -> str:
-    """Return one line that says how it went."""
+    """Return one line with the result of all."""
     bad = sum(not finding.passed for finding in findings)
     return f"{bad} of {len(findings)} checks disagree" if bad else f"all {len(findings)} checks agree"
 

@@ -5,7 +5,7 @@ error (Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5): it m
 inputs that differ by `UNITS` roundings. Where a highlight of 0.25 degrees meets the horizon that is a lot, and no
 formula does better; everywhere else it is little, and the relative error is reported beside it.
 
-In scenes, pictures that must be alike are compared by what their own halves say of their noise.
+In scenes, pictures that must be alike are compared by the noise that their own halves show.
 """
 
 from __future__ import annotations
@@ -328,7 +328,7 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, li
 
 
 def _difference(gain: float, halves: Halves, like: Halves) -> float:
-    """Return the squared difference of two pictures over what their halves say of their noise, coverage included."""
+    """Return the squared difference of two pictures over the noise that their halves show; coverage is compared too."""
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
     c, d = np.float64(like.a), np.float64(like.b)
     noise = float((((a - b) ** 2 + (c - d) ** 2) / 4.0).sum())

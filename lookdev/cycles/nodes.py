@@ -10,7 +10,7 @@ import bpy
 
 from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.cycles import version
-from lookdev.errors import RenderError, nearest_hint
+from lookdev.errors import ContentError, RenderError, nearest_hint
 
 _SOCKETS = {
     "float": "NodeSocketFloat",
@@ -117,7 +117,7 @@ def _fill(source: NodeSource, tree: NodeTree, into: Any, groups: dict[str, Any])
     for node in tree.nodes:
         try:
             nodes[node.name] = _add_node(node, into, groups)
-        except RenderError as error:
+        except (ContentError, RenderError) as error:
             raise RenderError(f"{where}, '{node.name}': {error}") from error
     # Blender goes over all of a tree whenever a single thing in it is set: hence at once, and only what differs.
     into.nodes.foreach_set("location", [x for node in tree.nodes for x in node.place])

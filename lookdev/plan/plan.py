@@ -24,7 +24,7 @@ HeaderReader = Callable[[Path], Header | None]
 
 @dataclass(frozen=True)
 class PlannedFile:
-    """A file of a frame. `reason` says why it is not done; it is empty where it is."""
+    """A file of a frame. `reason` is why it is not done, empty where it is."""
 
     path: Path
     state: State

@@ -17,7 +17,7 @@ def quiet(text: str) -> None:
 
 
 def make_reference(render: FakeRenderer, samples: int = SAMPLES, parts: int = 4) -> Reference:
-    return obtain(render.name, samples, parts, render, tell=quiet)
+    return obtain(render.name, samples, parts, render, report=quiet)
 
 
 def test_the_references_own_error_is_taken_away() -> None:
@@ -116,7 +116,7 @@ def test_fresh_renders_it_again() -> None:
     render = FakeRenderer()
     make_reference(render)
     render.asked.clear()
-    obtain(render.name, SAMPLES, 4, render, fresh=True, tell=quiet)
+    obtain(render.name, SAMPLES, 4, render, fresh=True, report=quiet)
     assert len(render.asked) == 4
 
 

@@ -100,7 +100,7 @@ def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 6)
     fakes = {"exact": FakeProducer(0.1, 0.01, ("no frames (none)",)), "plain": FakeProducer(0.2, 0.02)}
     # Four times the samples make the plain script's error equal; the first guess is far off.
-    result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, tell=lambda text: None)
+    result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, report=lambda text: None)
     assert result.samples["exact"] == 16
     assert result.samples["plain"] == pytest.approx(64, rel=0.15)
     assert result.relmse["plain"] == pytest.approx(result.relmse["exact"], rel=0.15)
@@ -121,7 +121,7 @@ def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_measured_error_is_that_of_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 3)
     fakes = {"exact": FakeProducer(0.05, 1.0), "plain": FakeProducer(0.05, 1.0)}
-    result = measure_sequence(SUBJECT, (16, 16), fakes, repeats=1, seed=0, tell=lambda text: None)
+    result = measure_sequence(SUBJECT, (16, 16), fakes, repeats=1, seed=0, report=lambda text: None)
     # From 12 frames of 43 x 64 x 3 values: 1 % of noise, and as much because the median of neighbours has noise too.
     assert result.relmse["exact"] == pytest.approx(0.05**2 / 16 / (GREY**2 + EPSILON), rel=0.05)
 

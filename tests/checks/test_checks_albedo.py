@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lookdev.checks.albedo import check_albedo
+from lookdev.checks.frames import Render
 from lookdev.material import Layer, Look, Primvar
-from lookdev.render.backends import WORKER_COMMAND, job_backends
+from lookdev.render.backends import job_backends
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Rendered, renderer
 
 GLOSSY = Look("glossy", (Layer("Base", "disney", {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.3}),))
 LEAF = Look("leaf", (Layer("Leaf", "pixar", {"back": 0.4, "clear": 0.3, "roughness": Primvar("rough", 0.3)}),))
@@ -50,16 +50,14 @@ def test_the_card_is_seen_from_every_angle_in_light_that_stays() -> None:
 
 
 @pytest.fixture(scope="module")
-def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
-    folder = tmp_path_factory.mktemp("worker")
-    with Worker(WORKER_COMMAND, Path(folder, "worker.log"), folder, 300.0) as process:
-        process.start()
-        yield process
+def render() -> Iterator[Render]:
+    with renderer() as render:
+        yield render
 
 
 @pytest.mark.cycles
-def test_a_look_that_transmits_agrees_on_both_sides(worker: Worker) -> None:
-    finding = check_albedo(LEAF, lambda task: worker.render(task, lambda progress: None), points=1, angles=ANGLES)
+def test_a_look_that_transmits_agrees_on_both_sides(render: Render) -> None:
+    finding = check_albedo(LEAF, render, points=1, angles=ANGLES)
     assert finding.passed, finding.summary
     assert not finding.skipped
     assert [series.name for series in finding.plots[0].series if "Cycles" in series.name] == [
@@ -70,10 +68,8 @@ def test_a_look_that_transmits_agrees_on_both_sides(worker: Worker) -> None:
 
 @pytest.mark.cycles
 @pytest.mark.parametrize("backend", [name for name in job_backends() if name != "exact"])
-def test_native_nodes_agree(backend: str, worker: Worker) -> None:
-    finding = check_albedo(
-        GLOSSY, lambda task: worker.render(task, lambda progress: None), angles=ANGLES, backend=backend
-    )
+def test_native_nodes_agree(backend: str, render: Render) -> None:
+    finding = check_albedo(GLOSSY, render, angles=ANGLES, backend=backend)
     assert finding.passed, finding.summary
     # The band of the fits is no wider than what they promise.
     assert finding.figures["cycles_error"] < 0.01
@@ -84,11 +80,11 @@ def test_native_nodes_agree(backend: str, worker: Worker) -> None:
     ("right", "wrong"),
     [("f += color(", "f += 1.01 * color("), ("pdf /= shares;", "pdf /= 1.01 * shares;"), ("u1 *= shares;", "")],
 )
-def test_a_fault_in_the_text_is_found(right: str, wrong: str, worker: Worker) -> None:
+def test_a_fault_in_the_text_is_found(right: str, wrong: str, render: Render) -> None:
     def alter(osl: str) -> str:
         assert right in osl
         return osl.replace(right, wrong)
 
-    finding = check_albedo(GLOSSY, lambda task: worker.render(task, lambda progress: None), angles=ANGLES, alter=alter)
+    finding = check_albedo(GLOSSY, render, angles=ANGLES, alter=alter)
     assert not finding.passed
     assert finding.skipped == "no light passes through: no curve of transmission"

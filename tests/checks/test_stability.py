@@ -24,9 +24,8 @@ from lookdev.checks.stability import check_scenes, check_stack, look_stack, mode
 from lookdev.codegen.osl.surface import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.material import Layer, Look, Texture
-from lookdev.render.backends import WORKER_COMMAND
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Worker
+from lookdev.render.worker import renderer
 
 Floats = NDArray[np.float64]
 
@@ -211,15 +210,9 @@ def test_scenes_are_what_they_say() -> None:
 
 
 @pytest.fixture(scope="module")
-def render(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Render]:
-    folder = tmp_path_factory.mktemp("stress")
-    with Worker(WORKER_COMMAND, folder / "worker.log", folder, 120.0) as worker:
-
-        def render_one(task: FrameTask) -> object:
-            worker.start()
-            return worker.render(task, lambda progress: None)
-
-        yield render_one  # type: ignore[misc]
+def render() -> Iterator[Render]:
+    with renderer(patience=120.0) as render:
+        yield render
 
 
 def _scenes(*names: str) -> list[SceneCase]:

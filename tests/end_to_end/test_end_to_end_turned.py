@@ -12,8 +12,8 @@ import pytest
 from stage import difference
 
 from lookdev.batch.prepare import prepare_job
-from lookdev.render.backends import WORKER_COMMAND
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import renderer
 from lookdev.scene import Pose
 
 pytestmark = [pytest.mark.cycles, pytest.mark.slow]
@@ -51,6 +51,14 @@ def job(tmp_path: Path) -> Path:
     return path
 
 
+def differences(task: FrameTask, same: list[Pose], other: Pose) -> tuple[list[float], float]:
+    """Return how far frames of other poses are from that of a task: of those that show the same, and of one more."""
+    with renderer() as render:
+        shown, *others = (render(replace(task, pose=pose, digest=str(pose))) for pose in (task.pose, *same, other))
+    *ratios, wrong = (difference(shown, each) for each in others)
+    return ratios, wrong
+
+
 def test_five_poses_are_one_frame_of_five_files(job: Path) -> None:
     plan = prepare_job(job).plan
     assert [str(skip) for skip in plan.skips][-1] == "4 of 5 frames (same all around)"
@@ -69,15 +77,7 @@ def test_five_poses_are_one_frame_of_five_files(job: Path) -> None:
 def test_every_pose_has_that_picture(job: Path) -> None:
     (task,) = prepare_job(job).plan.pending()
     assert task.pose == Pose(0.0, 40.0)
-    with Worker(WORKER_COMMAND, job.parent / "worker.log", job.parent, 300.0) as worker:
-        worker.start()
-
-        def render(pose: Pose) -> Rendered:
-            return worker.render(replace(task, pose=pose, digest=str(pose)), lambda progress: None)
-
-        shown = render(task.pose)
-        ratios = [difference(shown, render(Pose(72.0 * number, 40.0))) for number in range(1, 5)]
-        wrong = difference(shown, render(Pose(72.0, 41.0)))
+    ratios, wrong = differences(task, [Pose(72.0 * number, 40.0) for number in range(1, 5)], Pose(72.0, 41.0))
     # 1 would be noise: but asset, light and samples stand as they did to the camera, so the noise itself is the same,
     # up to float32 and where the facets are.
     assert max(ratios) < 0.01, ratios
@@ -95,15 +95,7 @@ def test_a_white_light_that_turns_is_one_frame(tmp_path: Path) -> None:
     (task,) = plan.pending()
     assert task.pose == Pose(0.0, 0.0)
     assert [file.name for file in task.files] == [f"lighting.000{number}.exr" for number in range(1, 6)]
-    with Worker(WORKER_COMMAND, tmp_path / "worker.log", tmp_path, 300.0) as worker:
-        worker.start()
-
-        def render(pose: Pose) -> Rendered:
-            return worker.render(replace(task, pose=pose, digest=str(pose)), lambda progress: None)
-
-        shown = render(task.pose)
-        ratios = [difference(shown, render(Pose(0.0, 40.0 + 72.0 * number))) for number in range(3)]
-        wrong = difference(shown, render(Pose(1.0, 0.0)))
+    ratios, wrong = differences(task, [Pose(0.0, 40.0 + 72.0 * number) for number in range(3)], Pose(1.0, 0.0))
     # The samples stand as they did to the camera, and their light is the same but for how float32 interpolates it.
     assert max(ratios) < 1e-9, ratios
     assert wrong > 0.3, wrong
