@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Real, cross, dot, normalize, scale, vector
+from lookdev.brdf.vectors import Array, Real, cross, dot, scale, vector
 
 LEAST_COSINE = 1e-4
 """Cosine between the viewer and a normal that has been bent towards the viewer."""
@@ -48,6 +48,13 @@ def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, ha
     facet = scale(facet, np.where(dot(facet, viewer) < 0.0, -1.0, 1.0))
     side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)
     n, t = scale(normal, side), scale(tangent, side)
-    n = normalize(n + scale(viewer, np.maximum(LEAST_COSINE - dot(n, viewer), 0.0)))
-    t = normalize(t - scale(n, dot(t, n)))
+    lean = dot(n, viewer)
+    bent = _unit(n + scale(viewer, LEAST_COSINE - lean))
+    n = np.where(np.expand_dims(lean < LEAST_COSINE, -1), bent, n)
+    t = _unit(t - scale(n, dot(t, n)))
     return ShadingFrame(t, scale(cross(n, t), side * hand), n, facet)
+
+
+def _unit(v: Array) -> Array:
+    # Rounded as OSL's normalize() rounds: a place that a path reaches next seeds its random numbers.
+    return v / np.expand_dims(np.sqrt(dot(v, v)), -1)

@@ -15,9 +15,10 @@ import numpy as np
 
 from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import laid_out
-from lookdev.codegen.nodes.match import Triple, depth_of, match, match_cross, match_dot, match_normalize
+from lookdev.codegen.nodes.match import depth_of, match
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
 from lookdev.codegen.trace.graph import Node
+from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.errors import CodegenError
 
 _AXES = ("X", "Y", "Z")

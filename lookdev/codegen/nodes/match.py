@@ -10,9 +10,7 @@ from collections.abc import Container, Iterator
 from typing import Any, TypeAlias
 
 from lookdev.codegen.trace.graph import Node, in_order
-
-Triple: TypeAlias = tuple[Any, Any, Any]
-"""The components of a vector: nodes and numbers."""
+from lookdev.codegen.trace.vectors import is_inverse_root
 
 Match: TypeAlias = tuple[Any, ...]
 """An operation and its operands; ``"MIX", a, b, t`` is a (1 - t) + b t."""
@@ -58,7 +56,7 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
         case "subtract", (a, b) if _is_product(b, known) and not all(isinstance(each, Node) for each in b.args):
             factor, number = b.args if isinstance(b.args[0], Node) else reversed(b.args)
             return "MULTIPLY_ADD", factor, -number, a
-        case "divide", (_, b) if _is_inverse_root(node):
+        case "divide", (_, b) if is_inverse_root(node):
             return "INVERSE_SQRT", b.args[0]
         case "negative", (a,):
             return "MULTIPLY", a, -1.0
@@ -82,65 +80,10 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
             return (_OPERATIONS[node.op], *node.args)
 
 
-def match_dot(node: Node) -> tuple[Triple, Triple] | None:
-    """Return the two vectors whose dot product a node is, if it is one."""
-    factor: Any = None
-    if node.op == "multiply" and not isinstance(node.args[1], Node):
-        # A mean of three.
-        node, factor = node.args
-    summands = _summands(node)
-    if summands is None:
-        return None
-    if factor is not None:
-        return summands, (factor, factor, factor)
-    pairs = [each.args for each in summands if isinstance(each, Node) and each.op == "multiply"]
-    if len(pairs) < 3:
-        return None
-    (a0, b0), (a1, b1), (a2, b2) = pairs
-    return (a0, a1, a2), (b0, b1, b2)
-
-
-def match_normalize(triple: Triple) -> Triple | None:
-    """Return the vector that a triple is, divided by its length; None if it is none."""
-    if not all(isinstance(each, Node) and each.op == "multiply" for each in triple):
-        return None
-    (x, inverse), (y, second), (z, third) = (each.args for each in triple)
-    if inverse is not second or inverse is not third or not _is_inverse_root(inverse):
-        return None
-    vector, (square,) = (x, y, z), inverse.args[1].args
-    dot = match_dot(square)
-    return vector if dot is not None and all(_alike(vector, each) for each in dot) else None
-
-
-def match_cross(triple: Triple) -> tuple[Triple, Triple] | None:
-    """Return the two vectors whose cross product a triple is, if it is one."""
-    products: list[Any] = []
-    for each in triple:
-        if not isinstance(each, Node) or each.op != "subtract":
-            return None
-        products += each.args
-    if not all(isinstance(each, Node) and each.op == "multiply" for each in products):
-        return None
-    (ay, bz), (az, by), (az_, bx), (ax, bz_), (ax_, by_), (ay_, bx_) = (each.args for each in products)
-    if not _alike((ax, ay, az), (ax_, ay_, az_)) or not _alike((bx, by, bz), (bx_, by_, bz_)):
-        return None
-    return (ax, ay, az), (bx, by, bz)
-
-
 def depth_of(value: Any, depths: dict[Node, int]) -> None:
     """Add to `depths` how many operations deep a node, and all that it needs, are."""
     for node in in_order([value], stop=lambda each: each in depths):
         depths[node] = 1 + max((depths[each] for each in node.operands()), default=0)
-
-
-def _alike(a: Triple, b: Triple) -> bool:
-    return all(x is y if isinstance(x, Node) else x == y for x, y in zip(a, b, strict=True))
-
-
-def _summands(node: Node) -> Triple | None:
-    if node.op != "add" or not isinstance(node.args[0], Node) or node.args[0].op != "add":
-        return None
-    return (*node.args[0].args, node.args[1])
 
 
 def _is_product(value: Any, known: Container[Any]) -> bool:
@@ -149,15 +92,8 @@ def _is_product(value: Any, known: Container[Any]) -> bool:
         isinstance(value, Node)
         and value.op == "multiply"
         and value not in known
-        and not any(_is_inverse_root(each) for each in value.args)
+        and not any(is_inverse_root(each) for each in value.args)
     )
-
-
-def _is_inverse_root(value: Any) -> bool:
-    if not isinstance(value, Node) or value.op != "divide":
-        return False
-    one, root = value.args
-    return not isinstance(one, Node) and one == 1.0 and root.op == "sqrt"
 
 
 def _match_multiply_add(a: Any, b: Any, known: Container[Any]) -> Match | None:

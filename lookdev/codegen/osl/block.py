@@ -15,7 +15,7 @@ import numpy as np
 from lookdev.codegen.trace.graph import Node, in_order, reachable
 from lookdev.errors import CodegenError
 
-_CODE: dict[str, str] = {
+CODE: dict[str, str] = {
     "add": "({} + {})",
     "subtract": "({} - {})",
     "multiply": "({} * {})",
@@ -135,7 +135,7 @@ class Block:
             if node.op == "symbol":
                 inline[node] = self._spell(str(node.args[0]))
                 continue
-            code = _CODE[node.op].format(*(shown(arg) for arg in node.args))
+            code = CODE[node.op].format(*(shown(arg) for arg in node.args))
             if self._uses[node] > 1 or len(code) > _MAX_INLINE:
                 self._define(node, code)
             else:
