@@ -38,14 +38,7 @@ def shader_definitions() -> str:
             _input("token", name, None, {"help": f"The layer over {beneath}."}),
             _parameter(mask),
             _input("bool", f"{name}Enabled", "1", {"help": f"Whether {name} is there at all."}, constant=True),
-            _input(
-                "token",
-                f"{name}Mode",
-                '"over"',
-                {"help": _MODE_HELP},
-                choices=("over", "transmit"),
-                constant=True,
-            ),
+            _input("token", f"{name}Mode", '"over"', {"help": _MODE_HELP}, choices=("over", "transmit"), constant=True),
         ]
     bump = [
         _input("float", "height", None, {"help": "A channel of a UsdUVTexture: the height map."}),
@@ -61,7 +54,7 @@ def shader_definitions() -> str:
             {"help": "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."},
             (),
             True,
-        ),
+        )
     ]
     models = [
         _shader(model.identifier, model.text, [*map(_parameter, model.parameters.values())], "token outputs:layer")
@@ -121,12 +114,7 @@ def _parameter(parameter: Parameter) -> str:
         metadata |= {"hardMin": repr(hard_min), "hardMax": repr(hard_max)}
         metadata |= {"softMin": repr(soft_min), "softMax": repr(soft_max)}
     return _input(
-        _USD_TYPES[parameter.kind],
-        parameter.name,
-        _literal(parameter.default),
-        metadata,
-        parameter.choices,
-        constant,
+        _USD_TYPES[parameter.kind], parameter.name, _literal(parameter.default), metadata, parameter.choices, constant
     )
 
 

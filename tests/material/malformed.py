@@ -154,13 +154,7 @@ def _wrong_types(_: random.Random) -> Iterator[Given]:
                 "st": "float2 inputs:st.connect = </M/St.outputs:result>\n",
             }
             yield f"{name} of a texture as {written}", text.replace(given.get(name, "\0"), "")
-    yield (
-        "a relationship for an input",
-        look(
-            disney(body="rel inputs:roughness = </M>"),
-        ),
-        "any",
-    )
+    yield ("a relationship for an input", look(disney(body="rel inputs:roughness = </M>")), "any")
     yield "a text for a number", look(disney(body='float inputs:roughness = "a"'))
     yield "a number for a connection", look(disney(body="float inputs:roughness.connect = 1"))
     yield "an id that is a number", look('def Shader "Base" {\nuniform int info:id = 1\n}\n')

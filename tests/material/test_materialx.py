@@ -173,10 +173,7 @@ def test_primvars(tmp_path: Path) -> None:
     links = setting("roughness", 'nodename="wear"'), setting("baseColor", 'nodename="Cd"')
     imported = import_materialx(document(tmp_path, *links, nodes=nodes))
     layer = as_look(imported)
-    assert layer.inputs == {
-        "roughness": Primvar("wear", 0.25),
-        "baseColor": Primvar("displayColor", (0.0, 0.0, 0.0)),
-    }
+    assert layer.inputs == {"roughness": Primvar("wear", 0.25), "baseColor": Primvar("displayColor", (0.0, 0.0, 0.0))}
     assert not imported.unmapped
 
 

@@ -66,11 +66,7 @@ def test_srgb_is_decoded_and_alpha_neither_decoded_nor_multiplied_in(tmp_path: P
 
 @pytest.mark.parametrize(
     ("stored", "expected"),
-    [
-        ([0.25], [0.25, 0.25, 0.25, 1]),
-        ([0.25, 0.5], [0.25, 0.25, 0.25, 0.5]),
-        ([1, 0.5, 0.25], [1, 0.5, 0.25, 1]),
-    ],
+    [([0.25], [0.25, 0.25, 0.25, 1]), ([0.25, 0.5], [0.25, 0.25, 0.25, 0.5]), ([1, 0.5, 0.25], [1, 0.5, 0.25, 1])],
 )
 def test_missing_channels_are_filled_as_usd_says(tmp_path: Path, stored: list[float], expected: list[float]) -> None:
     pixels = np.array([[stored]], np.float32)

@@ -32,57 +32,35 @@ def bump(inputs: str) -> str:
         pixar(body="normal3f inputs:highlightNormal.connect = </M/Bump.outputs:normal>")
         + shader("Bump", "LookdevBump", inputs)
         + shader(
-            "Tex",
-            "UsdUVTexture",
-            "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>",
+            "Tex", "UsdUVTexture", "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
         )
         + ST
     )
 
 
 FAULTS = {
-    "misspelt input": (
-        disney(body="float inputs:roughnes = 1"),
-        "/M/Base.inputs:roughnes",
-        "did you mean 'roughness'",
-    ),
+    "misspelt input": (disney(body="float inputs:roughnes = 1"), "/M/Base.inputs:roughnes", "did you mean 'roughness'"),
     "wrong type": (disney(body="double inputs:roughness = 1"), "/M/Base.inputs:roughness", "must be float"),
-    "float for a colour": (
-        disney(body="float inputs:baseColor = 1"),
-        "/M/Base.inputs:baseColor",
-        "must be color3f",
-    ),
+    "float for a colour": (disney(body="float inputs:baseColor = 1"), "/M/Base.inputs:baseColor", "must be color3f"),
     "wrong type behind the interface": (
         "int inputs:r = 1\n" + disney(body="float inputs:roughness.connect = </M.inputs:r>"),
         "/M/Base.inputs:roughness",
         "has type int at </M.inputs:r>",
     ),
-    "out of range": (
-        disney(body="float inputs:roughness = 1.5"),
-        "/M/Base.inputs:roughness",
-        "within [0, 1]",
-    ),
+    "out of range": (disney(body="float inputs:roughness = 1.5"), "/M/Base.inputs:roughness", "within [0, 1]"),
     "one channel out of range": (
         disney(body="color3f inputs:baseColor = (0, 1.5, 0)"),
         "/M/Base.inputs:baseColor",
         "0, 1.5, 0 is out of range",
     ),
     "NaN": (disney(body="float inputs:roughness = nan"), "/M/Base.inputs:roughness", "not finite"),
-    "infinite": (
-        disney(body="color3f inputs:baseColor = (0, inf, 0)"),
-        "/M/Base.inputs:baseColor",
-        "not finite",
-    ),
+    "infinite": (disney(body="color3f inputs:baseColor = (0, inf, 0)"), "/M/Base.inputs:baseColor", "not finite"),
     "animated": (
         disney(body="float inputs:roughness.timeSamples = { 1: 0.5 }"),
         "/M/Base.inputs:roughness",
         "animated",
     ),
-    "unknown token": (
-        disney(body='token inputs:variant = "2013"'),
-        "/M/Base.inputs:variant",
-        "did you mean '201",
-    ),
+    "unknown token": (disney(body='token inputs:variant = "2013"'), "/M/Base.inputs:variant", "did you mean '201"),
     "computed token": (
         disney(body="token inputs:variant.connect = </M/St.outputs:result>") + ST,
         "/M/Base.inputs:variant",
@@ -120,11 +98,7 @@ FAULTS = {
     "not an image": (textured(file="@./look.usda@"), "/M/Tex.inputs:file", "cannot be read as an image"),
     "UDIM": (textured(file="@./gray.<UDIM>.png@"), "/M/Tex.inputs:file", "no tile of this set: ./gray.<UDIM>.png"),
     "unknown texture input": (textured("float inputs:gamma = 1"), "/M/Tex.inputs:gamma", "unknown input"),
-    "unknown wrap": (
-        textured('token inputs:wrapS = "repeats"'),
-        "/M/Tex.inputs:wrapS",
-        "did you mean 'repeat'",
-    ),
+    "unknown wrap": (textured('token inputs:wrapS = "repeats"'), "/M/Tex.inputs:wrapS", "did you mean 'repeat'"),
     "computed wrap": (
         textured("token inputs:wrapS.connect = </M/St.outputs:result>"),
         "/M/Tex.inputs:wrapS",
@@ -139,9 +113,7 @@ FAULTS = {
     "colour into a float": (
         disney(body="float inputs:roughness.connect = </M/Tex.outputs:rgb>")
         + shader(
-            "Tex",
-            "UsdUVTexture",
-            "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>",
+            "Tex", "UsdUVTexture", "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
         )
         + ST,
         "/M/Base.inputs:roughness",
@@ -231,11 +203,7 @@ FAULTS = {
         "/M/Bump.inputs:height",
         "outputs:r",
     ),
-    "height of a wrong type": (
-        bump(HEIGHT.replace("float", "color3f")),
-        "/M/Bump.inputs:height",
-        "must be float",
-    ),
+    "height of a wrong type": (bump(HEIGHT.replace("float", "color3f")), "/M/Bump.inputs:height", "must be float"),
     "dangling height": (
         bump("float inputs:height.connect = </M/Gone.outputs:r>"),
         "/M/Bump.inputs:height",
@@ -248,11 +216,7 @@ FAULTS = {
     ),
     "infinite scale of a bump": (bump(HEIGHT + "float inputs:scale = inf"), "/M/Bump.inputs:scale", "not finite"),
     "unknown input of a bump": (bump(HEIGHT + "float inputs:scal = 1"), "/M/Bump.inputs:scal", "mean 'scale'"),
-    "unknown shader": (
-        shader("Base", "LookdevDisnei"),
-        "/M.outputs:lookdev:surface",
-        "did you mean 'LookdevDisney'",
-    ),
+    "unknown shader": (shader("Base", "LookdevDisnei"), "/M.outputs:lookdev:surface", "did you mean 'LookdevDisney'"),
 }
 
 STACK_FAULTS = {
@@ -268,11 +232,7 @@ STACK_FAULTS = {
         "/M/Layers.inputs:layer2",
         "there is no layer1",
     ),
-    "mask without a layer": (
-        BASE + "float inputs:layer1Mask = 1",
-        "/M/Layers.inputs:layer1",
-        "is not connected",
-    ),
+    "mask without a layer": (BASE + "float inputs:layer1Mask = 1", "/M/Layers.inputs:layer1", "is not connected"),
     "mask out of range": (
         BASE + LAYER1 + "float inputs:layer1Mask = -0.25",
         "/M/Layers.inputs:layer1Mask",

@@ -65,11 +65,7 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
             disney("Coat", "float inputs:clearcoat = 1"),
             disney("Dust"),
             shader("Tex", "UsdUVTexture", tex),
-            shader(
-                "Worn",
-                "UsdPrimvarReader_float",
-                'string inputs:varname = "worn"\nfloat inputs:fallback = 0.5',
-            ),
+            shader("Worn", "UsdPrimvarReader_float", 'string inputs:varname = "worn"\nfloat inputs:fallback = 0.5'),
             ST,
         ),
         STACK,
@@ -192,9 +188,7 @@ def test_bump_is_a_height_and_its_scale(write, tmp_path: Path, inputs: str, scal
         + pixar(body="normal3f inputs:diffuseNormal.connect = </M/Bump.outputs:normal>")
         + shader("Bump", "LookdevBump", "float inputs:height.connect = </M.inputs:h>\n" + inputs)
         + shader(
-            "Tex",
-            "UsdUVTexture",
-            "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>",
+            "Tex", "UsdUVTexture", "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
         )
         + ST
     )
@@ -292,12 +286,7 @@ def test_variant_sets_above_the_material_count(tmp_path: Path) -> None:
 
 def test_has_look(write) -> None:
     file = write(disney(), before='def Material "Plain" { }\ndef Scope "Scope" { }\n')
-    assert [has_look(file, path) for path in ("/M", "/Plain", "/Scope", "/Nothing")] == [
-        True,
-        False,
-        False,
-        False,
-    ]
+    assert [has_look(file, path) for path in ("/M", "/Plain", "/Scope", "/Nothing")] == [True, False, False, False]
 
 
 def test_unsupported_material_names_its_terminal(write) -> None:
@@ -323,8 +312,7 @@ def test_wrong_request(write, options: dict[str, object], where: str, says: str)
 
 def test_wrong_variant_names_the_nearest(write) -> None:
     file = write(
-        disney() + 'variantSet "wear" = { "clean" { }\n "dusty" { } }',
-        material='(prepend variantSets = "wear")',
+        disney() + 'variantSet "wear" = { "clean" { }\n "dusty" { } }', material='(prepend variantSets = "wear")'
     )
     assert faults_of(file, variants={"wear": "dust"}) == [
         ("/M", "variant set 'wear' has no variant 'dust'", "did you mean 'dusty'?")
@@ -340,9 +328,7 @@ def test_broken_reference_is_a_fault(write) -> None:
 def test_several_materials_and_no_default(tmp_path: Path) -> None:
     file = tmp_path / "two.usda"
     file.write_text('#usda 1.0\ndef Material "A" { }\ndef Material "B" { }\n')
-    assert faults_of(file) == [
-        ("", "holds 2 materials and none is the default prim", "name one with prim: /A, /B"),
-    ]
+    assert faults_of(file) == [("", "holds 2 materials and none is the default prim", "name one with prim: /A, /B")]
 
 
 def test_a_preset_is_no_look(tmp_path: Path) -> None:

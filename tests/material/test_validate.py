@@ -43,11 +43,7 @@ NOTES = {
         "the layer never shows: its mask is 0",
     ),
     "presence 0": (
-        stack(
-            BASE + LAYER1 + "float inputs:layer1Mask = 0.5",
-            pixar(),
-            pixar("Coat", "float inputs:presence = 0"),
-        ),
+        stack(BASE + LAYER1 + "float inputs:layer1Mask = 0.5", pixar(), pixar("Coat", "float inputs:presence = 0")),
         "/M/Layers.inputs:layer1",
         "the layer never shows: the presence of Coat is 0",
     ),

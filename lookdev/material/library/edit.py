@@ -15,14 +15,14 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import layer_shaders
+from lookdev.brdf import Mode, layer_shaders
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.library import Preset
 from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
 from lookdev.material.library.preview import author_preview
-from lookdev.material.look import Look, Mode
+from lookdev.material.look import Look
 from lookdev.material.usd import find_material, read_look, read_material
 from lookdev.material.usd.file import open_stage, reading
 from lookdev.material.usd.network import Network, Source, shader_id

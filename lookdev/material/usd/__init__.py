@@ -12,17 +12,15 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, MODELS, layer_shaders, stranger
+from lookdev.brdf import MASK, MODELS, Mode, layer_shaders, stranger
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.look import Formula, Input, Layer, Look, Mode, Primvar, Texture
+from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.usd.file import open_stage, reading, usd_words
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import Network, Source, authored_properties, shader_id
 
 MOST_PROPERTIES = 4096
 """Properties that a LookdevLayers may have: a thousand layers. More are no work of a person."""
-
-Mask = float | Texture | Primvar | Formula
 
 _TERMINAL = "outputs:lookdev:surface"
 _LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
@@ -342,12 +340,7 @@ def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask
 
 
 def _read_layer(
-    network: Network,
-    place: Usd.Attribute,
-    source: Source,
-    mask: Mask,
-    mode: Mode,
-    known: tuple[str, ...],
+    network: Network, place: Usd.Attribute, source: Source, mask: Mask, mode: Mode, known: tuple[str, ...]
 ) -> Layer | None:
     model = layer_shaders().get(given := shader_id(source.shader))
     if model is None:

@@ -321,9 +321,5 @@ def _transform2d(
     """Give UsdTransform2d as a matrix: ``in * scale * rotate + translation``, counter-clockwise degrees."""
     c, s = cos(radians(rotation)), sin(radians(rotation))
     return np.array(
-        [
-            [c * scale[0], -s * scale[1], translation[0]],
-            [s * scale[0], c * scale[1], translation[1]],
-            [0.0, 0.0, 1.0],
-        ]
+        [[c * scale[0], -s * scale[1], translation[0]], [s * scale[0], c * scale[1], translation[1]], [0.0, 0.0, 1.0]]
     )
