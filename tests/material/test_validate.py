@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
-from typer.testing import CliRunner
 
-from lookdev.cli import app
+from lookdev.cli import main
 from lookdev.material import validate as validation
 from lookdev.material.validate import validate
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
@@ -260,19 +259,20 @@ def test_validate_examines_in_a_process_of_its_own(write) -> None:
     assert validate(file, "/M", {"wear": "new"}) == examine(file, "/M", {"wear": "new"})
 
 
-def test_the_verb(write) -> None:
-    run = CliRunner().invoke
-    good = run(app, ["validate", str(write(disney()))])
-    assert (good.exit_code, good.output) == (
-        0,
-        f"{write(disney())}: nothing wrong (1 material, 1 combination of variants)\n",
-    )
+def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def run(*options: str) -> tuple[object, str]:
+        monkeypatch.setattr(sys, "argv", ["lookdev", "validate", str(file), *options])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return left.value.code, capsys.readouterr().out
+
+    file = write(disney())
+    assert run() == (0, f"{file}: nothing wrong (1 material, 1 combination of variants)\n")
     file = write(disney() + VARIANTS % (rough(2), ""), material=WITH_VARIANTS)
-    bad = run(app, ["validate", str(file), "--prim", "/M", "--variants", "wear=dusty", "--json"])
-    assert bad.exit_code == 1
-    assert Report.from_data(json.loads(bad.output)) == examine(file, "/M", {"wear": "dusty"})
-    assert run(app, ["validate", str(file), "--variants", "wear=new"]).exit_code == 0
-    assert run(app, ["validate", str(file), "--variants", "wear"]).exit_code == 2
+    code, output = run("--prim", "/M", "--variants", "wear=dusty", "--json")
+    assert code == 1
+    assert Report.from_data(json.loads(output)) == examine(file, "/M", {"wear": "dusty"})
+    assert [run("--variants", wear)[0] for wear in ("wear=new", "wear")] == [0, 2]
 
 
 @pytest.fixture(scope="module")
