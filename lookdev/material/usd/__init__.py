@@ -16,7 +16,7 @@ from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.usd.file import open_stage, reading, usd_words
 from lookdev.material.usd.inputs import read_input
-from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, shader_id
+from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
 _MOST_COMBINATIONS = 1000  # of variants, that "*" may stand for
@@ -213,7 +213,7 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
         if name != "base" and not LAYER_INPUT.fullmatch(name):
             known = ["base", "layer1", "layer1Mask", "layer1Enabled", "layer1Mode"]
             network.fault(attribute, "unknown input", nearest_hint(name, known))
-        elif attribute.HasAuthoredConnections() or attribute.HasAuthoredValue():
+        elif is_set(attribute):
             given[name] = attribute
     # Each layer beside the input it is connected to, the place of its faults.
     layers: list[tuple[Usd.Attribute, Layer]] = []

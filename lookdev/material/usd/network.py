@@ -165,6 +165,11 @@ def shader_id(shader: UsdShade.Shader) -> str:
     return shader.GetShaderId() or ""
 
 
+def is_set(attribute: Usd.Attribute) -> bool:
+    """Return whether an input has a connection or a value."""
+    return bool(attribute.HasAuthoredConnections() or attribute.HasAuthoredValue())
+
+
 def authored_properties(prim: Usd.Prim) -> int:
     """Count the properties of a prim in its layers, each layer's: composing their names would take long."""
     return sum(len(spec.properties) for spec in prim.GetPrimStack())
