@@ -19,7 +19,9 @@ DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
 DEFINED_LAYERS = 8
 """Layers over the base that LookdevLayers declares; a look may have more."""
 
-_USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
+USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
+"""The type of an input by the kind of its parameter."""
+
 _HEAD = """#usda 1.0
 (
     doc = "Node definitions of lookdev. Written by lookdev.material.definitions; do not edit."
@@ -100,7 +102,7 @@ def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "su
 
 
 def _parameter(parameter: Parameter) -> str:
-    kind, name, text = _USD_TYPES[parameter.kind], parameter.name, parameter.help
+    kind, name, text = USD_TYPES[parameter.kind], parameter.name, parameter.help
     if parameter.kind == "token":
         return _input(kind, name, text, json.dumps(parameter.default), parameter.choices, constant=True)
     return _input(kind, name, text, repr(parameter.default), ranges=parameter.hard + parameter.soft)

@@ -79,13 +79,7 @@ def image_header(file: Path) -> ImageHeader:
 
 
 def resolved(texture: Texture) -> Texture:
-    """Return the texture with the colour space and wrap modes that depend on its image, by the image's header.
-
-    Raises
-    ------
-    TextureError
-        As `image_header`; or a set of tiles has none.
-    """
+    """Return the texture with colour space and wrap modes of its image where it has none; errors as `image_header`."""
     if texture.colorspace != "auto" and "useMetadata" not in (texture.wrap_s, texture.wrap_t):
         return texture
     tiles = udim_tiles(texture)
@@ -98,13 +92,7 @@ def resolved(texture: Texture) -> Texture:
 
 
 def udim_tiles(texture: Texture) -> dict[int, Texture]:
-    """Return the tiles of a set by their number, 1001 and up, in order; none for a single image.
-
-    Raises
-    ------
-    TextureError
-        The name is one of a set, and there is no tile of it.
-    """
+    """Return the tiles of a set by number, from 1001; none for a single image; TextureError for an empty set."""
     before, mark, after = texture.file.name.partition(UDIM)
     if not mark:
         return {}
@@ -227,12 +215,7 @@ def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     """Look the slopes of a height map up bilinearly, (..., 2), by the image's coordinates; `st` as `image_texels`.
 
     The chain rule goes through the wrap modes: mirrored copies lean the other way, and beyond a clamped edge the height
-    is constant.
-
-    Raises
-    ------
-    TextureError
-        As `slope_texture`.
+    is constant. Errors as `slope_texture`.
     """
     texture = resolved(texture)
     image_st = _image_st(texture, st)

@@ -179,7 +179,7 @@ FAULTS = {
     "normal map of 16 bits without bias": (
         normal_map("@./rgb16.png@", "float4 inputs:scale = (2, 2, 2, 1)"),
         "/M/Tex.inputs:bias",
-        "cannot lean either way",
+        "no normal has a negative component",
     ),
     "bump into a colour": (
         pixar(body="color3f inputs:surfaceColor.connect = </M/Bump.outputs:normal>") + shader("Bump", "LookdevBump"),

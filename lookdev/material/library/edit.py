@@ -20,7 +20,7 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import Mode, layer_shaders
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.library import Preset
+from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
 from lookdev.material.library.preview import author_preview
@@ -29,7 +29,6 @@ from lookdev.material.usd import find_material, read_look, read_material
 from lookdev.material.usd.file import open_stage, reading
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
 
-_SUFFIXES = (".usda", ".usd", ".usdc")
 _TYPES = Sdf.ValueTypeNames
 
 
@@ -270,7 +269,11 @@ def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
     if not isinstance(source, Source) or shader_id(source.shader) != "LookdevExpression":
         return {}
     inputs = {each.GetBaseName(): each.GetAttr() for each in source.shader.GetInputs()}
-    return {name: Held.of(attribute) for name, attribute in inputs.items() if name != "expression"}
+    return {
+        name: Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
+        for name, attribute in inputs.items()
+        if name != "expression"
+    }
 
 
 @contextmanager
@@ -293,8 +296,8 @@ def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
 
 
 def _check_suffix(file: Path) -> None:
-    if file.suffix not in _SUFFIXES:
-        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(_SUFFIXES)}")])
+    if file.suffix not in SUFFIXES:
+        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
 
 
 @contextmanager

@@ -130,11 +130,6 @@ class Held:
     connections: tuple[Sdf.Path, ...]
     value: object
 
-    @staticmethod
-    def of(attribute: Usd.Attribute) -> Held:
-        """Return the state of an input."""
-        return Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
-
 
 class MaskWriter:
     """Writes the nodes of a mask as children of `scope`.
@@ -156,21 +151,17 @@ class MaskWriter:
             Its result is no float.
         """
         clear_input(attribute)
-        if isinstance(mask, float | int):
-            attribute.Set(mask)
-        else:
-            attribute.SetConnections([self._node_of(name, mask)])
-
-    def _node_of(self, name: str, mask: Image | PrimvarName | UvName | Computed) -> Sdf.Path:
         match mask:
             case Image():
-                return self._image(name, mask)
+                attribute.SetConnections([self._image(name, mask)])
             case PrimvarName():
-                return self._reader(name, "float", mask.name)
+                attribute.SetConnections([self._reader(name, "float", mask.name)])
             case UvName():
-                return self._coordinates(mask.name)
+                attribute.SetConnections([self._coordinates(mask.name)])
             case Computed():
-                return self._expression(name, mask)
+                attribute.SetConnections([self._expression(name, mask)])
+            case _:
+                attribute.Set(mask)
 
     def _image(self, name: str, image: Image) -> Sdf.Path:
         node = self._node(name, "UsdUVTexture")

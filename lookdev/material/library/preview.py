@@ -28,15 +28,8 @@ from lookdev.material.values import Values, presence
 
 Value = NDArray[np.float64]
 
-_TYPES = {
-    "diffuseColor": Sdf.ValueTypeNames.Color3f,
-    "metallic": Sdf.ValueTypeNames.Float,
-    "roughness": Sdf.ValueTypeNames.Float,
-    "clearcoat": Sdf.ValueTypeNames.Float,
-    "clearcoatRoughness": Sdf.ValueTypeNames.Float,
-    "ior": Sdf.ValueTypeNames.Float,
-    "opacity": Sdf.ValueTypeNames.Float,
-}
+_FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
+_TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
 _DERIVED: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
 _PLAIN = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
 """UsdPreviewSurface's own defaults: what a model's likeness does not set."""
@@ -66,13 +59,7 @@ class _Grid:
 
 
 def preview_values(layers: Sequence[Layer]) -> dict[str, Value]:
-    """Return the inputs of the UsdPreviewSurface that approximates a stack, base first: floats () and colours (3,).
-
-    Raises
-    ------
-    TextureError
-        A texture cannot be read.
-    """
+    """Return the inputs of the UsdPreviewSurface that approximates a stack, base first: floats () and colours (3,)."""
     values = _values(layers[0])
     values["opacity"] = values["opacity"] * _cover(layers[0])
     for layer in layers[1:]:
@@ -127,7 +114,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
 
 
 def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
-    """Return what an input of the preview is connected to: the source of the layer that decides it, if that varies."""
+    """Return the connection of an input of the preview: the source of the layer with most weight, if that varies."""
     covers = np.array([1.0, *(_cover(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))
