@@ -25,6 +25,19 @@ def pixar(name: str = "Base", body: str = "") -> str:
 
 
 ST = shader("St", "UsdPrimvarReader_float2", 'string inputs:varname = "st"')
+
+
+def texture(more: str = "", file: str = "@./gray.png@", name: str = "Tex") -> str:
+    """Return a texture, and its reader of coordinates unless `more` connects another."""
+    st = "" if "inputs:st" in more else "float2 inputs:st.connect = </M/St.outputs:result>\n"
+    return shader(name, "UsdUVTexture", f"asset inputs:file = {file}\n{st}{more}") + ST
+
+
+def rough(source: str) -> str:
+    """Return a Disney layer whose roughness is connected to an output inside the material."""
+    return disney(body=f"float inputs:roughness.connect = </M/{source}>")
+
+
 BASE = "token inputs:base.connect = </M/Base.outputs:layer>\n"
 LAYER1 = "token inputs:layer1.connect = </M/Coat.outputs:layer>\n"
 
