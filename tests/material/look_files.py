@@ -1,9 +1,10 @@
-"""Looks of a material /M put together from text, and what is wrong with them."""
+"""Looks of a material /M made from text, their images, and their faults."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import LookError
@@ -40,6 +41,13 @@ def rough(source: str) -> str:
 
 BASE = "token inputs:base.connect = </M/Base.outputs:layer>\n"
 LAYER1 = "token inputs:layer1.connect = </M/Coat.outputs:layer>\n"
+
+
+def write_gray(file: Path, channels: int = 1, kind: str = "uint8", size: int = 2) -> None:
+    """Write an image whose channels are all 0.5."""
+    image = oiio.ImageBuf(oiio.ImageSpec(size, size, channels, kind))
+    oiio.ImageBufAlgo.fill(image, (0.5,) * channels)
+    assert image.write(str(file)), image.geterror()
 
 
 def stack(inputs: str, *shaders: str) -> str:

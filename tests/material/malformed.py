@@ -1,4 +1,4 @@
-"""Malformed look files, made from good ones: always the same, each with what is known of it by construction.
+"""Malformed look files, made from good ones: always the same, each with its state by construction.
 
 ``python tests/material/malformed.py FOLDER`` writes them, to look at.
 """

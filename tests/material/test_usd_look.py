@@ -78,7 +78,7 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
     assert layers[3].mask == Primvar("worn", 0.5)
 
 
-def test_texture_node_means_what_usd_says(write, tmp_path: Path) -> None:
+def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
     file = write(
         disney(body="color3f inputs:baseColor.connect = </M/Tex.outputs:rgb>")
         + shader(
