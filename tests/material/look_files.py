@@ -43,6 +43,12 @@ BASE = "token inputs:base.connect = </M/Base.outputs:layer>\n"
 LAYER1 = "token inputs:layer1.connect = </M/Coat.outputs:layer>\n"
 
 
+def look(body: str, terminal: str = "</M/Base.outputs:layer>", material: str = "", before: str = "") -> str:
+    """Return the text of a file with the material, whose surface is connected to `terminal` unless that is empty."""
+    surface = f"token outputs:lookdev:surface.connect = {terminal}" if terminal else ""
+    return f'#usda 1.0\n(\n defaultPrim = "M"\n)\n{before}\ndef Material "M" {material}\n{{\n{surface}\n{body}\n}}\n'
+
+
 def write_gray(file: Path, channels: int = 1, kind: str = "uint8", size: int = 2) -> None:
     """Write an image whose channels are all 0.5."""
     image = oiio.ImageBuf(oiio.ImageSpec(size, size, channels, kind))
