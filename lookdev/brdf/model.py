@@ -34,9 +34,9 @@ class StackLayer:
 class Preview:
     """A model's likeness in UsdPreviewSurface.
 
-    `same` maps its inputs to the parameters that have the same meaning. `derived` computes ``clearcoat``,
-    ``clearcoatRoughness``, ``opacity`` and ``f0``, the reflectance at normal incidence, where they are not the
-    defaults, from all parameters as float64 arrays, () or (3,).
+    `same` maps its inputs to the parameters that have the same meaning, ``opacity`` to the presence of a layer.
+    `derived` computes ``clearcoat``, ``clearcoatRoughness``, ``opacity`` and ``f0``, the reflectance at normal
+    incidence, where they are not the defaults, from all parameters as float64 arrays, () or (3,).
     """
 
     same: Mapping[str, str] = field(default_factory=dict)

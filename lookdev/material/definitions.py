@@ -6,22 +6,44 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from lookdev.brdf import MODELS, Parameter, Value
+from lookdev.brdf import MASK, MODELS, Parameter
 from lookdev.cache import atomic_path
 
 DEFINITIONS = Path(__file__).parents[1] / "shaders" / "shaderDefs.usda"
-"""The file that `shader_definitions` is the text of."""
+"""The file that contains `shader_definitions`."""
 
 DEFINED_LAYERS = 8
 """Layers over the base that LookdevLayers declares; a look may have more."""
 
-_USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
-_MODE_HELP = (
-    "over: covers what is beneath by the mask; Disney layers blend parameters, Pixar layers blend lobes. "
-    "transmit: what the layer transmits meets the layers beneath; for Pixar layers over nothing but Pixar layers."
+USD_TYPES = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
+"""The type of an input by the kind of its parameter."""
+
+_HEAD = """#usda 1.0
+(
+    doc = "Node definitions of lookdev. Written by lookdev.material.definitions; do not edit."
 )
+
+"""
+# Sdr drops a node without a source asset; the code is generated, so the definition names itself.
+_SHADER = """def Shader "{name}" (
+    doc = {doc}
+    sdrMetadata = {{
+        token role = "{role}"
+    }}
+)
+{{
+    uniform token info:id = "{name}"
+    uniform token info:implementationSource = "sourceAsset"
+    uniform asset info:lookdev:sourceAsset = @./{file}@
+
+{inputs}
+    {output}
+}}
+"""
 
 
 def shader_definitions() -> str:
@@ -29,128 +51,80 @@ def shader_definitions() -> str:
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
-    layers = [_input("token", "base", None, {"help": "The layer beneath all others."})]
-    for number in range(1, DEFINED_LAYERS + 1):
-        name = f"layer{number}"
-        beneath = "the base" if number == 1 else f"layer{number - 1}"
-        mask = Parameter(f"{name}Mask", "float", 1.0, help=f"How much of {name} covers what is beneath.")
-        layers += [
-            _input("token", name, None, {"help": f"The layer over {beneath}."}),
-            _parameter(mask),
-            _input("bool", f"{name}Enabled", "1", {"help": f"Whether {name} is there at all."}, constant=True),
-            _input(
-                "token",
-                f"{name}Mode",
-                '"over"',
-                {"help": _MODE_HELP},
-                choices=("over", "transmit"),
-                constant=True,
-            ),
-        ]
-    bump = [
-        _input("float", "height", None, {"help": "A channel of a UsdUVTexture: the height map."}),
-        _input(
-            "float", "scale", "1.0", {"help": "How many units of st a height of 1 stands above the surface."}, (), True
-        ),
-    ]
-    expression = [
-        _input(
-            "string",
-            "expression",
-            None,
-            {"help": "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."},
-            (),
-            True,
-        ),
-    ]
     models = [
         _shader(model.identifier, model.text, [*map(_parameter, model.parameters.values())], "token outputs:layer")
         for model in MODELS.values()
     ]
-    return "\n".join(
-        [
-            "#usda 1.0",
-            "(",
-            '    doc = "Node definitions of lookdev. Written by lookdev.material.definitions; do not edit."',
-            ")",
-            "",
-            *models,
-            _shader(
-                "LookdevLayers", "A stack of layers, each over what is beneath it.", layers, "token outputs:surface"
-            ),
-            _shader("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", role="math"),
-            _shader(
-                "LookdevExpression",
-                "A value computed from named inputs, which are float, color3f or float2.",
-                expression,
-                "float outputs:result",
-                role="math",
-            ),
-        ]
+    layers = [_input("token", "base", "The layer beneath all others.")]
+    for number in range(1, DEFINED_LAYERS + 1):
+        layers += _layer_inputs(f"layer{number}", "the base" if number == 1 else f"layer{number - 1}")
+    stack_doc = "A stack of layers, each over what is beneath it."
+    bump = [
+        _input("float", "height", "A channel of a UsdUVTexture: the height map."),
+        _input("float", "scale", "How many units of st a height of 1 stands above the surface.", "1.0", constant=True),
+    ]
+    expression_help = "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."
+    expression = [_input("string", "expression", expression_help, constant=True)]
+    expression_doc = "A value computed from named inputs, which are float, color3f or float2."
+    others = [
+        _shader("LookdevLayers", stack_doc, layers, "token outputs:surface"),
+        _shader("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
+        _shader("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
+    ]
+    return _HEAD + "\n".join([*models, *others])
+
+
+def _layer_inputs(name: str, beneath: str) -> list[str]:
+    combined = [model.title for model in MODELS.values() if model.combine]
+    blended = [model.title for model in MODELS.values() if not model.combine]
+    takers = [model.title for model in MODELS.values() if "transmit" in model.modes]
+    mode = (
+        f"over: covers what is beneath by the mask; {_layers(blended)} blend parameters, {_layers(combined)} blend "
+        f"lobes. transmit: what the layer transmits meets the layers beneath; for {_layers(takers)} over nothing but "
+        f"{_layers(takers)}."
     )
+    return [
+        _input("token", name, f"The layer over {beneath}."),
+        _parameter(replace(MASK, name=f"{name}Mask", help=f"How much of {name} covers what is beneath.")),
+        _input("bool", f"{name}Enabled", f"Whether {name} is there at all.", "1", constant=True),
+        _input("token", f"{name}Mode", mode, '"over"', ("over", "transmit"), constant=True),
+    ]
+
+
+def _layers(titles: list[str]) -> str:
+    return f"{' and '.join(titles)} layers"
 
 
 def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
-    # Sdr drops a node without a source asset; the code is generated, so the definition names itself.
-    return "\n".join(
-        [
-            f'def Shader "{name}" (',
-            f"    doc = {json.dumps(doc)}",
-            "    sdrMetadata = {",
-            f'        token role = "{role}"',
-            "    }",
-            ")",
-            "{",
-            f'    uniform token info:id = "{name}"',
-            '    uniform token info:implementationSource = "sourceAsset"',
-            f"    uniform asset info:lookdev:sourceAsset = @./{DEFINITIONS.name}@",
-            "",
-            *inputs,
-            f"    {output}",
-            "}",
-            "",
-        ]
+    return _SHADER.format(
+        name=name, doc=json.dumps(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
     )
 
 
 def _parameter(parameter: Parameter) -> str:
-    metadata = {"help": parameter.help}
-    constant = parameter.kind == "token"
-    if not constant:
-        (hard_min, hard_max), (soft_min, soft_max) = parameter.hard, parameter.soft
-        metadata |= {"hardMin": repr(hard_min), "hardMax": repr(hard_max)}
-        metadata |= {"softMin": repr(soft_min), "softMax": repr(soft_max)}
-    return _input(
-        _USD_TYPES[parameter.kind],
-        parameter.name,
-        _literal(parameter.default),
-        metadata,
-        parameter.choices,
-        constant,
-    )
-
-
-def _literal(value: Value) -> str:
-    return json.dumps(value) if isinstance(value, str) else repr(value)
+    kind, name, text = USD_TYPES[parameter.kind], parameter.name, parameter.help
+    if parameter.kind == "token":
+        return _input(kind, name, text, json.dumps(parameter.default), parameter.choices, constant=True)
+    return _input(kind, name, text, repr(parameter.default), ranges=parameter.hard + parameter.soft)
 
 
 def _input(
     usd_type: str,
     name: str,
-    default: str | None,
-    metadata: dict[str, str],
-    choices: tuple[str, ...] = (),
+    text: str,
+    default: str = "",
+    choices: Sequence[str] = (),
     constant: bool = False,
+    ranges: Sequence[float] = (),
 ) -> str:
-    lines = [f"    {usd_type} inputs:{name}" + (f" = {default}" if default is not None else "") + " ("]
+    lines = [f"    {usd_type} inputs:{name}" + (f" = {default}" if default else "") + " ("]
     if choices:
         lines.append(f"        allowedTokens = {json.dumps(list(choices))}")
     if constant:
         lines.append('        connectability = "interfaceOnly"')
-    lines.append("        sdrMetadata = {")
-    lines += [f"            string {key} = {json.dumps(text)}" for key, text in metadata.items()]
-    lines += ["        }", "    )", ""]
-    return "\n".join(lines)
+    bounds = zip(("hardMin", "hardMax", "softMin", "softMax"), map(repr, ranges), strict=False)
+    metadata = [f"            string {key} = {json.dumps(value)}" for key, value in [("help", text), *bounds]]
+    return "\n".join([*lines, "        sdrMetadata = {", *metadata, "        }", "    )", ""])
 
 
 if __name__ == "__main__":

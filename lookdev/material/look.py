@@ -1,7 +1,6 @@
-"""A look as plain data: layers of a reflectance model, with masks, over named inputs.
+"""A look as plain data: layers of reflectance models, with masks, over named inputs.
 
-This is what `material/usd` reads from a file and what `codegen` turns into shader code. Nothing here knows
-USD, Blender or a renderer.
+`material/usd` reads it from a file, `codegen` turns it into shader code. It depends on neither USD nor a renderer.
 """
 
 from __future__ import annotations
@@ -10,49 +9,53 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
 
+from lookdev.brdf import Mode
 from lookdev.material.expression import Expression, Kind
 
 Wrap = Literal["black", "clamp", "repeat", "mirror"]
+Channel = Literal["r", "g", "b", "a", "rgb"]
+Color = tuple[float, float, float]
+
+Transform = tuple[float, float, float, float, float, float]
+"""A 2 x 3 matrix M, row major, applied to texture coordinates: ``st' = M[:, :2] @ st + M[:, 2]``."""
+
+IDENTITY: Transform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Texture:
-    """A texture look-up, as UsdUVTexture means it.
+    """A texture look-up, as UsdUVTexture defines it: ``value * scale + bias`` per channel.
 
-    `channel` is ``"r" "g" "b" "a"`` for a float or ``"rgb"`` for a colour. Values are linear Rec.709 when
-    `colorspace` is resolved (``"sRGB"`` is decoded before filtering, ``"raw"`` is left alone), then
-    ``value * scale + bias`` per channel. `st` names the UV set; `transform` is UsdTransform2d as a 2x3 matrix
-    (row major) applied to st: ``st' = M[:, :2] @ st + M[:, 2]``. `st` (0, 0) is the lower left corner.
+    `channel` is one of ``"r" "g" "b" "a"`` for a float, ``"rgb"`` for a colour. Values are linear Rec.709 once
+    `colorspace` is resolved: ``"sRGB"`` is decoded before filtering, ``"raw"`` is left as it is. `st` names the UV set,
+    whose (0, 0) is the lower left corner; `transform` is UsdTransform2d.
 
-    ``"auto"`` and ``"useMetadata"`` leave the answer to the image, which is not opened before it is needed. A file
-    whose name holds ``<UDIM>`` is a set of tiles.
+    ``"auto"`` and ``"useMetadata"`` depend on the image, which is opened when it is needed. A file whose name contains
+    ``<UDIM>`` is a set of tiles.
     """
 
     file: Path
-    channel: Literal["r", "g", "b", "a", "rgb"]
+    channel: Channel
     colorspace: Literal["sRGB", "raw", "auto"]
     wrap_s: Wrap | Literal["useMetadata"] = "repeat"
     wrap_t: Wrap | Literal["useMetadata"] = "repeat"
     st: str = "st"
-    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    transform: Transform = IDENTITY
     scale: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     bias: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Primvar:
-    """A value carried by the geometry: a float or a colour, `fallback` where the mesh has none."""
+    """A float or a colour that the geometry carries, `fallback` where the mesh has none."""
 
     name: str
-    fallback: float | tuple[float, float, float]
+    fallback: float | Color
 
 
 @dataclass(frozen=True)
 class Bump:
-    """A height map as the source of a normal.
-
-    `height` has a single channel. A height of 1 stands ``scale`` units of st above the surface.
-    """
+    """A height map, of a single channel, as the source of a normal: a height of 1 is ``scale`` units of st."""
 
     height: Texture
     scale: float = 1.0
@@ -60,22 +63,21 @@ class Bump:
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Texture coordinates as an input of an expression: a colour (s, t, 0). `transform` as a `Texture` has it."""
+    """Texture coordinates as an input of an expression: a colour (s, t, 0)."""
 
     st: str
-    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    transform: Transform = IDENTITY
 
 
 @dataclass(frozen=True)
 class Formula:
-    """A mask expression and where its inputs come from; `kinds` says which are floats and which colours."""
+    """A mask expression, its inputs, and which of them are floats and which colours."""
 
     expression: Expression
     inputs: dict[str, Source]
     kinds: dict[str, Kind]
 
 
-Color = tuple[float, float, float]
 Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | Formula"
 """What an expression reads."""
 
@@ -88,21 +90,21 @@ Input = float | Color | str | Varying
 A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
 """
 
-Mode = Literal["over", "transmit"]
+Mask = float | Texture | Primvar | Formula
 
 
 @dataclass(frozen=True)
 class Layer:
-    """One layer: a model, its inputs (only those that are set; the rest have the model's defaults), its mask.
+    """One layer: a model, the inputs that are set (the rest have the model's defaults), its mask (1 for the base).
 
-    The mask of the base layer is 1. A disabled layer is not in a `Look` at all. `mode` says how a layer lies on those
-    beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets what the layer transmits meet them.
+    `mode` is how the layer lies on those beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets what the
+    layer transmits meet them. Disabled layers are left out of a `Look`.
     """
 
     name: str
     model: str
     inputs: dict[str, Input] = field(default_factory=dict)
-    mask: float | Texture | Primvar | Formula = 1.0
+    mask: Mask = 1.0
     mode: Mode = "over"
 
 

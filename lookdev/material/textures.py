@@ -1,8 +1,8 @@
-"""Image files made ready for shading: linear float EXR in the cache, and the reference look-ups in NumPy.
+"""Image files prepared for shading: linear float EXR in the cache, and the reference look-ups in NumPy.
 
-Channels follow UsdUVTexture: one channel is repeated into r, g and b; two are value and alpha; alpha is 1
-where there is none. Values are never multiplied by alpha. sRGB is decoded by the exact piecewise curve of
-IEC 61966-2-1, before any filtering; alpha is never decoded.
+Channels follow UsdUVTexture: one channel is repeated into r, g and b; two are value and alpha; a missing alpha is 1.
+Values are never multiplied by alpha. sRGB is decoded by the piecewise curve of IEC 61966-2-1 before filtering; alpha
+is not decoded.
 """
 
 from __future__ import annotations
@@ -12,27 +12,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
+from lookdev.brdf import Array
 from lookdev.cache import atomic_path, cache_dir, file_digest
 from lookdev.errors import TextureError
 from lookdev.material.look import Bump, Texture, Wrap
 
-CONVERTER_VERSION = 1
-"""Part of a linear texture's name: raise it when the conversion changes."""
-
-SLOPE_VERSION = 1
-"""The same for what `slope_texture` adds to it."""
-
 UDIM = "<UDIM>"
-"""What stands for a tile's number in the name of a set."""
+"""The place of a tile's number in the name of a set."""
 
+# Parts of the names of cached files: raised when the conversion, or the slopes made from it, change.
+_CONVERTER_VERSION, _SLOPE_VERSION = 1, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
-MOST_PIXELS = 1 << 28
-"""Pixels that an image may have, 16384 x 16384: a small file can claim any number, and all are held in memory."""
+# 16384 x 16384: a small file can claim any number, and all are held in memory.
+_MOST_PIXELS = 1 << 28
 
 _WRAPS: dict[str, Wrap] = {
     "black": "black",
@@ -47,10 +45,7 @@ _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slic
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """What a look has to know of an image: channel names, depth, and the file's own wrap modes.
-
-    An `unsigned` image holds whole numbers that stand for 0 to 1.
-    """
+    """Channel names, depth and the file's own wrap modes; an `unsigned` image holds integers that stand for 0 to 1."""
 
     channels: tuple[str, ...]
     eight_bit: bool
@@ -59,10 +54,10 @@ class ImageHeader:
 
     @property
     def is_srgb(self) -> bool:
-        """What UsdUVTexture's sourceColorSpace ``auto`` means here: 8-bit images of 3 or 4 channels are sRGB.
+        """Whether sourceColorSpace ``auto`` (UsdUVTexture) is sRGB: an 8-bit image of 3 or 4 channels.
 
-        The specification lets metadata of the file overrule this; none is consulted, because OpenImageIO
-        reports a colour space also for files that state none.
+        Metadata of the file, which may overrule this by the specification, is ignored: OpenImageIO reports a colour
+        space for files that state none.
         """
         return self.eight_bit and len(self.channels) in (3, 4)
 
@@ -75,39 +70,29 @@ def image_header(file: Path) -> ImageHeader:
     TextureError
         The file is missing, is no image, or its channels are neither gray, gray and alpha, RGB nor RGBA.
     """
-    return _header(_open(file).spec())
+    spec = _open(file).spec()
+    s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
+    # UsdUVTexture: black outside where the file has no wrap modes.
+    wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
+    eight_bit, unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
+    return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t))
 
 
 def resolved(texture: Texture) -> Texture:
-    """Return the texture with what it left to its image answered by the image's header.
-
-    Raises
-    ------
-    TextureError
-        As `image_header`; or a set of tiles has none.
-    """
+    """Return the texture with colour space and wrap modes of its image where it has none; errors as `image_header`."""
     if texture.colorspace != "auto" and "useMetadata" not in (texture.wrap_s, texture.wrap_t):
         return texture
     tiles = udim_tiles(texture)
     header = image_header(next(iter(tiles.values())).file if tiles else texture.file)
-    wraps = [
-        own if said == "useMetadata" else said
-        for said, own in zip((texture.wrap_s, texture.wrap_t), header.wraps, strict=True)
-    ]
-    colorspace = texture.colorspace
-    if colorspace == "auto":
-        colorspace = "sRGB" if header.is_srgb else "raw"
-    return replace(texture, colorspace=colorspace, wrap_s=wraps[0], wrap_t=wraps[1])
+    given = zip((texture.wrap_s, texture.wrap_t), header.wraps, strict=True)
+    wrap_s, wrap_t = (own if wrap == "useMetadata" else wrap for wrap, own in given)
+    automatic: Literal["sRGB", "raw"] = "sRGB" if header.is_srgb else "raw"
+    colorspace = automatic if texture.colorspace == "auto" else texture.colorspace
+    return replace(texture, colorspace=colorspace, wrap_s=wrap_s, wrap_t=wrap_t)
 
 
 def udim_tiles(texture: Texture) -> dict[int, Texture]:
-    """Return the tiles of a set by their number, 1001 and up, in order; none for a single image.
-
-    Raises
-    ------
-    TextureError
-        The name is one of a set, and there is no tile of it.
-    """
+    """Return the tiles of a set by number, from 1001; none for a single image; TextureError for an empty set."""
     before, mark, after = texture.file.name.partition(UDIM)
     if not mark:
         return {}
@@ -125,8 +110,7 @@ def udim_tiles(texture: Texture) -> dict[int, Texture]:
 def linear_texture(texture: Texture) -> Path:
     """Return the texture's image as a linear float EXR (R, G, B, A), converted once into the cache.
 
-    The name holds the digest of the image's content, the colour space and the version of this conversion, so
-    the path itself identifies the pixels.
+    Its name has the digest of the image, the colour space and the version of the conversion: it identifies the pixels.
 
     Raises
     ------
@@ -136,7 +120,7 @@ def linear_texture(texture: Texture) -> Path:
     if not texture.file.is_file():
         raise TextureError(f"{texture.file}: no such image file")
     texture = resolved(texture)
-    name = f"{file_digest(texture.file)}-{texture.colorspace}-v{CONVERTER_VERSION}.exr"
+    name = f"{file_digest(texture.file)}-{texture.colorspace}-v{_CONVERTER_VERSION}.exr"
     linear = cache_dir("textures") / name
     if not linear.exists():
         rgba = _read_rgba(texture.file)
@@ -149,9 +133,9 @@ def linear_texture(texture: Texture) -> Path:
 def slope_texture(height: Texture) -> Path:
     """Return the slopes of a height map as a float EXR, derived once into the cache: R = dh/ds, G = dh/dt.
 
-    They are central differences of neighbouring texels of the one channel that `height` names, linear and times its
-    scale, per unit of the image's own s and t (rightwards and upwards). At the edges the neighbour is the one of the
-    wrap mode: of the other edge (repeat), the texel itself (mirror, clamp, black).
+    They are central differences of the texels of the channel of `height`, linear and times its scale, per unit of the
+    image's own s and t (rightwards and upwards). Beyond an edge is the texel of the other edge (repeat), or the texel
+    itself (mirror, clamp, black).
 
     Raises
     ------
@@ -164,7 +148,7 @@ def slope_texture(height: Texture) -> Path:
     channel = "rgba".index(height.channel)
     linear = linear_texture(height)
     how = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
-    slopes = linear.with_name(f"{linear.stem}-slope-{how}-v{SLOPE_VERSION}.exr")
+    slopes = linear.with_name(f"{linear.stem}-slope-{how}-v{_SLOPE_VERSION}.exr")
     if not slopes.exists():
         h = _read_rgba(linear)[..., channel] * height.scale[channel]
         rows, columns = h.shape
@@ -184,65 +168,55 @@ def image_file(source: Texture | Bump) -> Path:
 def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
     """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
     value = np.asarray(encoded, np.float64)
-    # The power is taken only where it is used: negative values of a float image have none.
+    # No power of the values below the knee: those of a float image can be negative.
     return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
-def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Look a texture up bilinearly, in float64: the reference that shaders are compared with.
+def texture_value(texture: Texture, texels: Array) -> Array:
+    """Return the value of a texture, (...) or for ``rgb`` (..., 3), from the texels (..., 4) that it looks up."""
+    return (texels * np.array(texture.scale) + np.array(texture.bias))[..., _CHANNELS[texture.channel]]
 
-    Texel (i, j) has its centre at ((i + 0.5) / width, (j + 0.5) / height); `st` (0, 0) is the image's lower
-    left corner. Wrap mode ``black`` filters towards 0 outside; scale and bias come last.
+
+def sample_texture(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    """Return the value of a texture as `texture_value`, at texture coordinates as `image_texels`."""
+    return np.asarray(texture_value(texture, image_texels(texture, st)))
+
+
+def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
+    """Look all channels of a texture up bilinearly, in float64: the reference that shaders are compared with.
+
+    Texel (i, j) has its centre at ((i + 0.5) / width, (j + 0.5) / height). Wrap mode ``black`` filters towards 0
+    outside.
 
     Parameters
     ----------
     st : array_like, shape (..., 2)
-        Texture coordinates as the mesh has them, before `Texture.transform`.
+        Texture coordinates of the mesh, before `Texture.transform`; (0, 0) is the image's lower left corner.
 
     Returns
     -------
-    ndarray, shape (...) for a single channel, (..., 3) for ``rgb``
+    ndarray, shape (..., 4)
 
     Raises
     ------
     TextureError
         As `linear_texture`.
     """
-    scaled: NDArray[np.float64] = image_texels(texture, st) * np.array(texture.scale) + np.array(texture.bias)
-    return scaled[..., _CHANNELS[texture.channel]]
-
-
-def image_texels(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Look all four channels up, (..., 4), as `sample_texture`, without scale and bias."""
     texture = resolved(texture)
     return _look_up(linear_texture, texture, _image_st(texture, st))
 
 
 def sample_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Look the slopes of a height map up bilinearly, in float64: the reference that shaders are compared with.
-
-    Parameters
-    ----------
-    st : array_like, shape (..., 2)
-        Texture coordinates as the mesh has them, before `Texture.transform`.
-
-    Returns
-    -------
-    ndarray, shape (..., 2)
-        The derivatives of the height with respect to those coordinates, by the chain rule through the wrap modes and
-        the transform: mirrored copies lean the other way, and beyond a clamped edge the height stays as it is.
-
-    Raises
-    ------
-    TextureError
-        As `slope_texture`.
-    """
-    chained: NDArray[np.float64] = image_slopes(texture, st) @ _matrix(texture)[:, :2]
-    return chained
+    """Return the derivatives of a height map by `st` itself, (..., 2): `image_slopes` through the transform."""
+    return np.asarray(image_slopes(texture, st) @ _matrix(texture)[:, :2])
 
 
 def image_slopes(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
-    """Look the slopes of a height map up, (..., 2), as `sample_slopes`, by the image's own coordinates."""
+    """Look the slopes of a height map up bilinearly, (..., 2), by the image's coordinates; `st` as `image_texels`.
+
+    The chain rule goes through the wrap modes: mirrored copies lean the other way, and beyond a clamped edge the height
+    is constant. Errors as `slope_texture`.
+    """
     texture = resolved(texture)
     image_st = _image_st(texture, st)
     slopes = _look_up(slope_texture, texture, image_st)[..., :2]
@@ -257,14 +231,13 @@ def _matrix(texture: Texture) -> NDArray[np.float64]:
 
 def _image_st(texture: Texture, st: ArrayLike) -> NDArray[np.float64]:
     matrix = _matrix(texture)
-    transformed: NDArray[np.float64] = np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2]
-    return transformed
+    return np.asarray(np.asarray(st, np.float64) @ matrix[:, :2].T + matrix[:, 2])
 
 
 def _look_up(
     prepare: Callable[[Texture], Path], texture: Texture, image_st: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Look all four channels of the prepared image up, at coordinates of it, wrapped as `texture` says."""
+    """Look all four channels of the prepared image up, at its own coordinates, by the wrap modes of `texture`."""
     value = np.zeros((*image_st.shape[:-1], 4))
     if tiles := udim_tiles(texture):
         s, t = np.floor(image_st[..., 0]), np.floor(image_st[..., 1])
@@ -284,7 +257,7 @@ def _look_up(
 
 
 def _wrap_slope(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float64]:
-    """Return the derivative of the wrapped coordinate by the coordinate: what is black outside needs none."""
+    """Return the derivative of the wrapped coordinate by the coordinate; 1 for black, whose slopes are 0 outside."""
     if wrap == "mirror":
         return np.where(np.mod(np.floor(coordinate), 2.0) == 1.0, -1.0, 1.0)
     if wrap == "clamp":
@@ -293,7 +266,7 @@ def _wrap_slope(coordinate: NDArray[np.float64], wrap: str) -> NDArray[np.float6
 
 
 def _taps(coordinate: NDArray[np.float64], size: int, wrap: str) -> list[tuple[NDArray[np.intp], NDArray[np.float64]]]:
-    """Give the two texels along one axis that a bilinear look-up reads, with their weights."""
+    """Return the two texels along one axis that a bilinear look-up reads, with their weights."""
     position = coordinate * size - 0.5
     lower = np.floor(position)
     fraction = position - lower
@@ -318,7 +291,7 @@ def _linear_pixels(linear: Path) -> NDArray[np.float64]:
 
 
 def _open(file: Path) -> oiio.ImageBuf:
-    """Open an image, header only as yet, whose channels a UsdUVTexture can give a meaning."""
+    """Read the header of an image whose channels are those of a UsdUVTexture."""
     if not file.is_file():
         raise TextureError(f"{file}: no such image file")
     as_stored = oiio.ImageSpec()
@@ -328,20 +301,11 @@ def _open(file: Path) -> oiio.ImageBuf:
     if image.has_error:
         raise TextureError(f"{file}: cannot be read as an image: {image.geterror()}")
     width, height = image.spec().full_width, image.spec().full_height
-    if max(width * height, image.spec().image_pixels()) > MOST_PIXELS:
-        raise TextureError(f"{file}: is {width} x {height} pixels large; at most {MOST_PIXELS} pixels would be right")
+    if max(width * height, image.spec().image_pixels()) > _MOST_PIXELS:
+        raise TextureError(f"{file}: is {width} x {height} pixels large; at most {_MOST_PIXELS} pixels would be right")
     if len(names) > 2 and not {"R", "G", "B"} <= set(names):
         raise TextureError(f"{file}: no channels R, G, B among {', '.join(names)}; gray or RGB(A) is right")
     return image
-
-
-def _header(spec: oiio.ImageSpec) -> ImageHeader:
-    s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
-    # UsdUVTexture: a file that says nothing is black outside.
-    wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
-    return ImageHeader(
-        tuple(spec.channelnames), spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED, (wrap_s, wrap_t)
-    )
 
 
 def _read_rgba(file: Path) -> NDArray[np.float64]:
@@ -355,13 +319,9 @@ def _read_rgba(file: Path) -> NDArray[np.float64]:
     if bad:
         raise TextureError(f"{file}: {bad} values are NaN or infinite; a texture must be finite everywhere")
     rgba = np.ones((*pixels.shape[:2], 4))
-    if len(names) <= 2:
-        rgba[..., :3] = pixels[..., :1]
-        alpha = names[1:]
-    else:
-        rgba[..., :3] = pixels[..., [names.index(name) for name in "RGB"]]
-        alpha = [name for name in names if name == "A"]
-    if alpha:
+    color, alpha = ([0], names[1:]) if len(names) <= 2 else ([names.index(name) for name in "RGB"], ["A"])
+    rgba[..., :3] = pixels[..., color]
+    if alpha and alpha[0] in names:
         rgba[..., 3] = pixels[..., names.index(alpha[0])]
     return rgba
 

@@ -1,7 +1,6 @@
-"""What the sources of a look are worth at points of a surface: numbers in the reference, symbols in generated code.
+"""Values of a look at points of a surface: numbers in the reference and the preview, symbols in generated code.
 
-The rules by which constants, textures, primvars and expressions become values of parameters are written here once, over
-any `Surface`.
+The one place where constants, textures, primvars and expressions become values of parameters, over any `Surface`.
 """
 
 from __future__ import annotations
@@ -11,15 +10,14 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from lookdev.brdf import MASK, Array, Bsdf, Parameter, Real, StackLayer, model_named, stack_bsdf
+from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, model_named, stack_bsdf
 from lookdev.brdf.vectors import same, vector
-from lookdev.material.look import Bump, Coordinates, Formula, Layer, Look, Primvar, Source, Texture, Varying
-
-_CHANNELS: dict[str, int | slice] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(3)}
+from lookdev.material.look import Bump, Coordinates, Formula, Input, Layer, Look, Primvar, Source, Texture, Varying
+from lookdev.material.textures import texture_value
 
 
 class Surface(Protocol):
-    """Points of a surface and what it carries there."""
+    """Points of a surface, and the values that it has there."""
 
     def uv(self, name: str) -> Array:
         """Return the coordinates (..., 2) of a UV set."""
@@ -43,7 +41,7 @@ def look_bsdf(look: Look, surface: Surface) -> Bsdf:
     Raises
     ------
     ModelError
-        A constant is outside its hard range, or the layers do not fit together.
+        A constant is outside its hard range, or the layers cannot be combined.
     TextureError
         An image is missing or unreadable.
     """
@@ -51,13 +49,7 @@ def look_bsdf(look: Look, surface: Surface) -> Bsdf:
 
 
 def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
-    """Return the layers of a look at some points, base first, with all parameters of their models.
-
-    Raises
-    ------
-    ModelError, TextureError
-        As `look_bsdf`.
-    """
+    """Return the layers of a look at some points, base first, with all parameters of their models; errors as above."""
     values = Values(surface)
     return [
         StackLayer(layer.model, _parameters(layer, values), values.of(layer.mask, MASK), layer.mode)
@@ -70,10 +62,8 @@ def _parameters(layer: Layer, values: Values) -> dict[str, Any]:
     varying = {name: source for name, source in layer.inputs.items() if isinstance(source, Varying)}
     constants = {name: source for name, source in layer.inputs.items() if name not in varying}
     parameters = model.complete(constants)
-    for name in constants:
-        if model.parameters[name].kind == "normal":
-            parameters[name] = values.handed(parameters[name])
-    return parameters | {name: values.of(source, model.parameters[name]) for name, source in varying.items()}
+    normals = {name: values.handed(parameters[name]) for name in constants if model.parameters[name].kind == "normal"}
+    return parameters | normals | {name: values.of(source, model.parameters[name]) for name, source in varying.items()}
 
 
 @dataclass(frozen=True)
@@ -82,7 +72,7 @@ class Values:
 
     surface: Surface
 
-    def of(self, source: Varying | float, parameter: Parameter) -> Real:
+    def of(self, source: Source | Bump, parameter: Parameter) -> Real:
         """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
         if isinstance(source, Bump):
             return self.handed(self._bump(source))
@@ -92,7 +82,7 @@ class Values:
         return self.handed(value) if parameter.kind == "normal" else value
 
     def handed(self, normal: Array) -> Array:
-        """Turn normals (..., 3) from the frame of the UVs into the shading frame, whose bitangent is not v's."""
+        """Express normals (..., 3) of the frame of the UVs in the shading frame, whose bitangent may be opposite."""
         if same(normal[..., 1], 0.0):
             return normal
         hand = self.surface.handedness()
@@ -100,12 +90,11 @@ class Values:
         return normal * vector(one, hand, one)
 
     def read(self, source: Source, color: bool) -> Array:
-        """Return a source as it is; a float stands for three equal channels where a colour is wanted."""
+        """Return the value of a source, not clipped; for a `color`, a float becomes three equal channels."""
         value: Array
         match source:
             case Texture():
-                scaled = self.surface.texels(source) * np.array(source.scale) + np.array(source.bias)
-                value, is_color = scaled[..., _CHANNELS[source.channel]], source.channel == "rgb"
+                value, is_color = texture_value(source, self.surface.texels(source)), source.channel == "rgb"
             case Primvar():
                 value, is_color = self.surface.primvar(source), isinstance(source.fallback, tuple)
             case Coordinates():
@@ -128,8 +117,13 @@ class Values:
         return vector(-along_s, -along_t, 1.0 + 0.0 * along_s)
 
 
-def transformed(transform: tuple[float, float, float, float, float, float], uv: Array) -> tuple[Array, Array]:
-    """Apply a 2 x 3 matrix, row major, to coordinates (..., 2)."""
+def presence(layer: Layer) -> Input:
+    """Return the input with the presence of a layer, a constant or varying; 1 for a model without that parameter."""
+    return layer.inputs.get(MODELS[layer.model].preview.same.get("opacity", ""), 1.0)
+
+
+def transformed(transform: tuple[float, ...], uv: Array) -> tuple[Array, Array]:
+    """Apply a transform to coordinates (..., 2); return s and t, (...)."""
     a, b, c, d, e, f = transform
     s, t = uv[..., 0], uv[..., 1]
     return s * a + t * b + c, s * d + t * e + f

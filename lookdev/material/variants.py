@@ -8,13 +8,7 @@ from lookdev.errors import LookdevError
 
 
 def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
-    """Return the variant of each set from pairs ``SET=VARIANT``.
-
-    Raises
-    ------
-    LookdevError
-        A pair lacks its set, its variant or the sign between.
-    """
+    """Return the variant of each set from pairs ``SET=VARIANT``; LookdevError where one is not such a pair."""
     chosen = {}
     for pair in pairs:
         name, _, choice = pair.partition("=")

@@ -1,4 +1,4 @@
-"""Malformed look files, made from good ones: always the same, each with what is known of it by construction.
+"""Malformed look files, made from good ones: always the same, each with its state by construction.
 
 ``python tests/material/malformed.py FOLDER`` writes them, to look at.
 """
@@ -10,28 +10,19 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from look_files import ST, disney, pixar, shader, stack
+from look_files import BASE, LAYER1, STACK, disney, look, pixar, rough, shader, stack, texture
 from malformed_files import BAD_IMAGES, BAD_LAYERS, Case, Expected, write_images, write_layers
 
 MEGABYTE = 1_000_000
 
 
-def look(body: str, terminal: str = "</M/Base.outputs:layer>", material: str = "", before: str = "") -> str:
-    return (
-        f'#usda 1.0\n(\n defaultPrim = "M"\n)\n{before}\ndef Material "M" {material}\n'
-        f"{{\ntoken outputs:lookdev:surface.connect = {terminal}\n{body}\n}}\n"
-    )
-
-
-LAYERS = "token inputs:base.connect = </M/Base.outputs:layer>\ntoken inputs:layer1.connect = </M/Coat.outputs:layer>\n"
-TEXTURE = "asset inputs:file = {file}\nfloat2 inputs:st.connect = </M/St.outputs:result>\n{more}"
+LAYERS = BASE + LAYER1
 
 
 def textured(file: str = "@./gray.png@", more: str = "", parameter: str = "float inputs:roughness") -> str:
     """Return a look with a textured input."""
     output = "rgb" if "3f" in parameter else "r"
-    layer = disney(body=f"{parameter}.connect = </M/Tex.outputs:{output}>")
-    return look(layer + shader("Tex", "UsdUVTexture", TEXTURE.format(file=file, more=more)) + ST)
+    return look(disney(body=f"{parameter}.connect = </M/Tex.outputs:{output}>") + texture(more, file))
 
 
 GOOD = {
@@ -39,14 +30,13 @@ GOOD = {
     "stack": look(
         stack(LAYERS + "float inputs:layer1Mask = 0.5\n", disney(), disney("Coat", "float inputs:roughness = 0.2"))
         + 'variantSet "wear" = {\n"worn" {\nover "Base" {\nfloat inputs:metallic = 1\n}\n}\n"new" { }\n}\n',
-        "</M/Layers.outputs:surface>",
+        STACK,
         '(\nprepend variantSets = "wear"\nvariants = { string wear = "worn" }\n)',
     ),
     "pixar": look(
         pixar(body="normal3f inputs:diffuseNormal.connect = </M/Bump.outputs:normal>\nfloat inputs:clear = 0.5")
         + shader("Bump", "LookdevBump", "float inputs:height.connect = </M/Tex.outputs:r>\nfloat inputs:scale = 0.1")
-        + shader("Tex", "UsdUVTexture", TEXTURE.format(file="@./gray.png@", more=""))
-        + ST
+        + texture()
     ),
 }
 """Looks that are right, of every kind of node."""
@@ -139,10 +129,7 @@ def _wrong_types(_: random.Random) -> Iterator[Given]:
             yield f"{name} as {written}", look(disney(body=f"{written} inputs:{name} = {literal}"))
         yield (
             f"the mask as {written}",
-            look(
-                stack(LAYERS + f"{written} inputs:layer1Mask = {literal}", disney(), disney("Coat")),
-                "</M/Layers.outputs:surface>",
-            ),
+            look(stack(LAYERS + f"{written} inputs:layer1Mask = {literal}", disney(), disney("Coat")), STACK),
         )
     for written, literal in (("int", "1"), ("float2", "(1, 1)"), ("string", '"a.png"')):
         for name in ("file", "st", "wrapS", "scale", "sourceColorSpace"):
@@ -154,13 +141,7 @@ def _wrong_types(_: random.Random) -> Iterator[Given]:
                 "st": "float2 inputs:st.connect = </M/St.outputs:result>\n",
             }
             yield f"{name} of a texture as {written}", text.replace(given.get(name, "\0"), "")
-    yield (
-        "a relationship for an input",
-        look(
-            disney(body="rel inputs:roughness = </M>"),
-        ),
-        "any",
-    )
+    yield ("a relationship for an input", look(disney(body="rel inputs:roughness = </M>")), "any")
     yield "a text for a number", look(disney(body='float inputs:roughness = "a"'))
     yield "a number for a connection", look(disney(body="float inputs:roughness.connect = 1"))
     yield "an id that is a number", look('def Shader "Base" {\nuniform int info:id = 1\n}\n')
@@ -187,10 +168,10 @@ def _cycles(_: random.Random) -> Iterator[Given]:
     graphs = "".join(
         f'def NodeGraph "G{i}" {{\nfloat outputs:o.connect = </M/G{1 - i}.outputs:o>\n}}\n' for i in (0, 1)
     )
-    yield "node graphs", look(graphs + disney(body="float inputs:roughness.connect = </M/G0.outputs:o>"))
+    yield "node graphs", look(graphs + rough("G0.outputs:o"))
     inward = 'def NodeGraph "G" {\nfloat outputs:o.connect = </M/G.outputs:o>\n}\n'
-    yield "a node graph with itself", look(inward + disney(body="float inputs:roughness.connect = </M/G.outputs:o>"))
-    yield "an input with itself", look(disney(body="float inputs:roughness.connect = </M/Base.inputs:roughness>"))
+    yield "a node graph with itself", look(inward + rough("G.outputs:o"))
+    yield "an input with itself", look(rough("Base.inputs:roughness"))
     yield "the terminal with itself", look(disney(), "</M.outputs:lookdev:surface>")
     transforms = "".join(
         shader(f"T{i}", "UsdTransform2d", f"float2 inputs:in.connect = </M/T{(i + 1) % 50}.outputs:result>\n")
@@ -198,18 +179,10 @@ def _cycles(_: random.Random) -> Iterator[Given]:
     )
     yield (
         "50 transforms",
-        look(
-            disney(body="float inputs:roughness.connect = </M/Tex.outputs:r>")
-            + shader(
-                "Tex",
-                "UsdUVTexture",
-                "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/T0.outputs:result>",
-            )
-            + transforms
-        ),
+        look(rough("Tex.outputs:r") + texture("float2 inputs:st.connect = </M/T0.outputs:result>") + transforms),
     )
     nested = stack("token inputs:base.connect = </M/Layers.outputs:surface>\n")
-    yield "a stack with itself", look(nested, "</M/Layers.outputs:surface>")
+    yield "a stack with itself", look(nested, STACK)
     for arc in ("references", "inherits", "specializes", "payload"):
         yield f"{arc} of itself", look(disney(), material=f"(\nprepend {arc} = </M>\n)")
     yield (
@@ -281,39 +254,24 @@ def _long(_: random.Random) -> Iterator[Given]:
         "nothing but space": " " * MEGABYTE,
         "letters of no alphabet": "𝔘" * (MEGABYTE // 4),
     }
-    for what, text in expressions.items():
+    named = {f"an expression of {what}": text for what, text in expressions.items()}
+    short = "1 +", "a b", "f(", "import os", "clamp(1)", "1 ? 2", "[1, 2]", "", "\\0", "a.__class__", "lambda: 1"
+    for what, text in (named | {f"the expression {text}": text for text in short}).items():
         given = f'string inputs:expression = "{text}"\nfloat outputs:result\n'
-        yield (
-            f"an expression of {what}",
-            look(
-                disney(body="float inputs:roughness.connect = </M/X.outputs:result>")
-                + shader("X", "LookdevExpression", given)
-            ),
-        )
-    for text in ("1 +", "a b", "f(", "import os", "clamp(1)", "1 ? 2", "[1, 2]", "", "\\0", "a.__class__", "lambda: 1"):
-        given = f'string inputs:expression = "{text}"\n'
-        yield (
-            f"the expression {text}",
-            look(
-                disney(body="float inputs:roughness.connect = </M/X.outputs:result>")
-                + shader("X", "LookdevExpression", given)
-            ),
-        )
+        yield what, look(rough("X.outputs:result") + shader("X", "LookdevExpression", given))
 
 
 def _many(_: random.Random) -> Iterator[Given]:
     def layers(count: int) -> str:
         return "".join(f"token inputs:layer{i}.connect = </M/Coat.outputs:layer>\n" for i in range(1, count + 1))
 
-    base = "token inputs:base.connect = </M/Base.outputs:layer>\n"
-    surface = "</M/Layers.outputs:surface>"
-    yield "100 layers", look(stack(base + layers(100), disney(), disney("Coat")), surface), "valid"
-    yield "100000 layers", look(stack(base + layers(100_000), disney(), disney("Coat")), surface)
+    yield "100 layers", look(stack(BASE + layers(100), disney(), disney("Coat")), STACK), "valid"
+    yield "100000 layers", look(stack(BASE + layers(100_000), disney(), disney("Coat")), STACK)
     yield (
         "a layer of a large number",
         look(
-            stack(base + f"token inputs:layer{'9' * 5000}.connect = </M/Coat.outputs:layer>", disney(), disney("Coat")),
-            surface,
+            stack(BASE + f"token inputs:layer{'9' * 5000}.connect = </M/Coat.outputs:layer>", disney(), disney("Coat")),
+            STACK,
         ),
     )
     unknown = "".join(f"float inputs:a{i} = 1\n" for i in range(20_000))

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-import OpenImageIO as oiio
+from look_files import write_gray
 from pxr import Sdf
 
 Expected = Literal["faulty", "valid", "any"]
@@ -42,7 +41,7 @@ BAD_LAYERS = (
 
 @dataclass(frozen=True)
 class Case:
-    """A look file; `expected` says what it is by construction: ``any`` where only chance knows."""
+    """A look file; `expected` is its state by construction: ``any`` where it depends on chance."""
 
     name: str
     file: Path
@@ -122,11 +121,8 @@ def _png(width: int, height: int, pixels: bytes) -> bytes:
 
 def write_images(folder: Path) -> None:
     """Write an image that is right, and `BAD_IMAGES`."""
-    for name, kind in (("gray.png", oiio.UINT8), ("gray.exr", oiio.HALF)):
-        output = oiio.ImageOutput.create(str(folder / name))
-        output.open(str(folder / name), oiio.ImageSpec(64, 64, 1, kind))
-        output.write_image(np.full((64, 64, 1), 0.5, np.float32))
-        output.close()
+    write_gray(folder / "gray.png", size=64)
+    write_gray(folder / "gray.exr", kind="half", size=64)
     exr = (folder / "gray.exr").read_bytes()
     (folder / "folder.png").mkdir()
     os.mkfifo(folder / "pipe.png")

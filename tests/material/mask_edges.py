@@ -1,9 +1,9 @@
-"""What a blurred mask shows between two presets: pixels of a sphere under an image-based light, without noise.
+"""A blurred mask between two presets: pixels of a sphere under an image-based light, without noise.
 
-A pixel is the light that one point of a sphere sends to the viewer; behind a surface that transmits is the light
-itself, as behind a card. All the light that reaches the point is gathered once into cells of directions, small about
-the mirror direction and the one that refracts, each with its light and its mean direction. A surface is then a sum over
-cells: the same for every surface, so that a difference between two is theirs and not the estimate's.
+A pixel is the radiance of one point of a sphere towards the viewer; behind a surface that transmits is the light
+itself, as behind a card. The light on the point is gathered once into cells of directions, small about the mirror
+direction and the refracted one, each with its light and its mean direction. A surface is then a sum over the same
+cells, so that a difference of two surfaces has no noise.
 
 `EDGES` records each pair by `KINDS`; ``python tests/material/plot_mask_edges.py`` writes it anew.
 """
@@ -23,7 +23,8 @@ from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.light import Light, load_environment, prepare_light
-from lookdev.material.usd import read_look
+from lookdev.material.library import read_preset
+from lookdev.material.library.edit import preset_look
 from lookdev.reference.shapes import Sphere
 
 Floats = NDArray[np.float64]
@@ -61,24 +62,12 @@ _ANYWHERE = np.zeros(3)
 Preset = tuple[str, dict[str, Any]]
 """A model and all of its parameters."""
 
-_LOOK = """#usda 1.0
-def Material "M"
-{{
-    token outputs:lookdev:surface.connect = </M/Base.outputs:layer>
-    def Shader "Base" (references = @{file}@)
-    {{
-    }}
-}}
-"""
 
-
-def read_presets(folder: Path) -> dict[str, Preset]:
-    """Read every preset as a look has it that takes it by reference; looks are written to `folder`."""
+def read_presets() -> dict[str, Preset]:
+    """Read every preset as the only layer of a look, by reference."""
     read = {}
     for name in PRESETS:
-        look = folder / f"{name}.usda"
-        look.write_text(_LOOK.format(file=ROOT / "materials" / "presets" / look.name))
-        (layer,) = read_look(look).layers
+        (layer,) = preset_look(read_preset(ROOT / "materials" / "presets" / f"{name}.usda"), name).layers
         read[name] = layer.model, complete_parameters(layer.model, layer.inputs)
     return read
 

@@ -1,13 +1,12 @@
-"""MaterialX documents of a material M, made of a disney_principled S, and what an import says of them."""
+"""MaterialX documents of a material M, made of a disney_principled S, and imports of them."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import MaterialX as mx
-import numpy as np
-import OpenImageIO as oiio
 import pytest
+from look_files import write_gray
 
 from lookdev.errors import LookError
 from lookdev.material.look import Layer
@@ -38,15 +37,17 @@ def shader(*inputs: str) -> str:
     return f'<disney_principled name="S" type="surfaceshader">{"".join(inputs)}</disney_principled>'
 
 
+def imported(folder: Path, *inputs: str, **parts: str) -> Imported:
+    """Import a document as `document` writes it."""
+    return import_materialx(document(folder, *inputs, **parts))
+
+
 def document(
     folder: Path, *inputs: str, nodes: str = "", material: str = MATERIAL, attributes: str = 'version="1.39"'
 ) -> Path:
     """Write a document whose shader has the given inputs, beside two images."""
     for name, channels in (("gray.png", 1), ("rgb.png", 3)):
-        output = oiio.ImageOutput.create(str(folder / name))
-        assert output.open(str(folder / name), oiio.ImageSpec(2, 2, channels, oiio.UINT8))
-        assert output.write_image(np.full((2, 2, channels), 0.5, np.float32))
-        assert output.close()
+        write_gray(folder / name, channels)
     file = folder / "m.mtlx"
     file.write_text(f"<materialx {attributes}>\n{nodes}\n{shader(*inputs)}\n{material}\n</materialx>\n")
     return file
@@ -60,7 +61,7 @@ def as_look(imported: Imported) -> Layer:
     return layer
 
 
-def told(imported: Imported) -> list[tuple[str, str, str]]:
+def unmapped(imported: Imported) -> list[tuple[str, str, str]]:
     assert all(fault.file == str(imported.file) for fault in imported.unmapped)
     return [(fault.where, fault.what, fault.hint) for fault in imported.unmapped]
 

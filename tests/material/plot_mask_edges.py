@@ -6,9 +6,7 @@ Run ``python tests/material/plot_mask_edges.py`` (some minutes).
 from __future__ import annotations
 
 import re
-import tempfile
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from mask_edges import (
@@ -77,7 +75,7 @@ def _equal_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
 
 
 def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
-    """Tell the worst pixel of the worst pairs, each preset once."""
+    """Return the worst pixel of the worst pairs, each preset once."""
     shown = {light: edges(light, presets, pairs) for light in LIGHTS}
     worst = {light: excess(values).max(axis=(1, 2, 3)) for light, values in shown.items()}
     rows = [("pair", "light", "mask", "the two", "blend", "excess", "equal highlights", "equal `metallic`", "both")]
@@ -93,13 +91,9 @@ def _worst_table(presets: Mapping[str, Preset], pairs: Sequence[Pair]) -> str:
         step, pixel, channel = np.unravel_index(found.argmax(), found.shape)
         below, blend, above = (f"{values[index, pixel, channel]:.3f}" for index in (0, step, -1))
         left = (overshoot(light, presets, [pair], equal)[0] for equal in list(_EQUAL.values())[1:])
-        told = (_times(value) for value in (found.max(), *left))
-        rows.append((", ".join(pair), light, f"{MASKS[step]:g}", f"{below}, {above}", blend, *told))
+        excesses = (f"{max(value, 0.0):.2g}" for value in (found.max(), *left))
+        rows.append((", ".join(pair), light, f"{MASKS[step]:g}", f"{below}, {above}", blend, *excesses))
     return _markdown(rows)
-
-
-def _times(value: float) -> str:
-    return f"{max(value, 0.0):.2g}"
 
 
 def _markdown(rows: Sequence[tuple[str, ...]]) -> str:
@@ -132,8 +126,7 @@ def _draw(worst: Floats) -> None:
 
 def main() -> None:
     """Write everything."""
-    with tempfile.TemporaryDirectory() as folder:
-        presets = read_presets(Path(folder))
+    presets = read_presets()
     worst = np.max([overshoot(light, presets, PAIRS) for light in LIGHTS], axis=0)
     kinds = {pair: kind_of(value) for pair, value in zip(PAIRS, worst, strict=True)}
     write_edges(kinds)

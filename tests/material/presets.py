@@ -27,8 +27,10 @@ def write_preset(
     file: Path, inputs: str = "", model: str = "LookdevDisney", category: str = "metal", doc: str = ""
 ) -> None:
     """Write a preset whose prim is called as the file is, capitalised."""
-    said = f'doc = """{doc}"""' if doc else ""
-    file.write_text(PRESET.format(prim=file.stem.capitalize(), inputs=inputs, model=model, category=category, doc=said))
+    given = f'doc = """{doc}"""' if doc else ""
+    file.write_text(
+        PRESET.format(prim=file.stem.capitalize(), inputs=inputs, model=model, category=category, doc=given)
+    )
 
 
 def write_library(folder: Path) -> Path:

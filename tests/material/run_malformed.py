@@ -1,7 +1,7 @@
-"""Read every malformed look and tell how it ended, one JSON line each.
+"""Read every malformed look and report the outcome, one JSON line each.
 
 ``python tests/material/run_malformed.py FOLDER`` (a new one). A forked process reads one after the other, bounded as
-`lookdev.material.validate` bounds its own; when a file kills it, the next one goes on behind that file.
+`lookdev.material.validate` bounds its own; when a file kills it, the next one continues after that file.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lookdev.material.validate import bound_process
 from lookdev.material.validate.examine import examine
 
 SECONDS = 20
-"""After which a file has hung its reader."""
+"""The time limit of a file."""
 
 
 def outcome(case: Case) -> dict[str, object]:
@@ -41,14 +41,14 @@ def outcome(case: Case) -> dict[str, object]:
 
 
 def read_all(cases: Sequence[Case], writer: int, log: Path) -> None:
-    """Write the outcome of one case after the other, with what it said on stderr."""
+    """Write the outcome of each case, with its text on stderr."""
     os.dup2(os.open(log, os.O_RDWR | os.O_CREAT | os.O_APPEND), 2)
     for case in cases:
         os.ftruncate(2, 0)
         bound_process(case.file)
         signal.alarm(SECONDS)
-        told = outcome(case)
-        os.write(writer, (json.dumps(told | {"said": log.read_text(errors="replace")}) + "\n").encode())
+        found = outcome(case) | {"stderr": log.read_text(errors="replace")}
+        os.write(writer, (json.dumps(found) + "\n").encode())
 
 
 def run(cases: Sequence[Case], log: Path) -> list[dict[str, object]]:
@@ -59,16 +59,15 @@ def run(cases: Sequence[Case], log: Path) -> list[dict[str, object]]:
         os.close(reader)
         read_all(cases, writer, log)
         sys.stderr.flush()
-        os._exit(0)  # what the files have done to USD must not crash the way out
+        os._exit(0)  # USD, damaged by the files, must not crash at exit
     os.close(writer)
     with os.fdopen(reader) as stream:
-        told = [json.loads(line) for line in stream]
+        found = [json.loads(line) for line in stream]
     status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
-    if len(told) < len(cases):
-        told.append(
-            {"status": status, "read": "", "errors": False, "text": "", "said": log.read_text(errors="replace")}
-        )
-    return told
+    if len(found) < len(cases):
+        stderr = log.read_text(errors="replace")
+        found.append({"status": status, "read": "", "errors": False, "text": "", "stderr": stderr})
+    return found
 
 
 if __name__ == "__main__":
@@ -77,7 +76,7 @@ if __name__ == "__main__":
     remaining = malformed_looks(folder)
     while remaining:
         ended = run(remaining, folder / "stderr.txt")
-        for case, told in zip(remaining, ended, strict=False):
+        for case, found in zip(remaining, ended, strict=False):
             known = {"name": case.name, "file": str(case.file), "expected": case.expected}
-            sys.stdout.write(json.dumps(known | told) + "\n")
+            sys.stdout.write(json.dumps(known | found) + "\n")
         remaining = remaining[len(ended) :]

@@ -1,4 +1,4 @@
-"""The node definitions on disk say of every input what the model says."""
+"""The node definitions on disk agree with the parameters of the models."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def nodes() -> dict[str, Sdr.ShaderNode]:
     return found
 
 
-def test_file_is_what_the_parameters_say() -> None:
+def test_file_is_written_from_the_parameters() -> None:
     assert DEFINITIONS.read_text(encoding="utf-8") == shader_definitions(), "run python -m lookdev.material.definitions"
 
 

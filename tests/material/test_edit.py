@@ -55,7 +55,7 @@ def children(file: Path) -> set[str]:
 
 
 def refused(edit: Callable[[], object], file: Path) -> str:
-    """Return what an edit says that is refused, and see that nothing was written."""
+    """Return the message of an edit that is refused, and check that nothing was written."""
     before = {path: path.read_bytes() for path in file.parent.rglob("*") if path.is_file()}
     with pytest.raises(LookdevError) as caught:
         edit()
@@ -138,8 +138,8 @@ def test_a_layer_that_transmits(tmp_path: Path, take: Take, paint: Path) -> None
     new_look(file, take("wood"))
     add_layer(file, take("lacquer"), mode="transmit")
     assert [layer.mode for layer in read_look(file).layers] == ["over", "transmit"]
-    said = refused(lambda: add_layer(paint, take("lacquer"), mode="transmit"), paint)
-    assert said.startswith(f"{paint}: /Paint/Layers.inputs:layer1Mode: cannot be 'transmit'")
+    message = refused(lambda: add_layer(paint, take("lacquer"), mode="transmit"), paint)
+    assert message.startswith(f"{paint}: /Paint/Layers.inputs:layer1Mode: cannot be 'transmit'")
 
 
 def test_a_layer_is_removed_from_every_variant(car: Path) -> None:
@@ -148,7 +148,7 @@ def test_a_layer_is_removed_from_every_variant(car: Path) -> None:
     assert layers(car, wear="dusty") == ["Base", "Dust"]
     assert layers(car, wear="clean") == ["Base"]
     assert children(car) == {"Layers", "Base", "Dust", "DirtMask", "DirtScale", "St", "Preview"}
-    assert "Car paint in three layers" in car.read_text(), "what else the file says is kept"
+    assert "Car paint in three layers" in car.read_text(), "the rest of the file is kept"
     assert remove_layer(car, "Dust") == (1, "Dust", True)
     assert layers(car, wear="dusty") == ["Base"]
     assert children(car) == {"Layers", "Base", "Preview"}
@@ -241,7 +241,7 @@ def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None
 
 
 @pytest.mark.parametrize(
-    ("mask", "inputs", "said"),
+    ("mask", "inputs", "message"),
     [
         ("2", [], "mask: 2 is out of range (it must be within [0, 1])"),
         ("-1", [], "mask: -1 is out of range"),
@@ -261,9 +261,9 @@ def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None
         ("dirt[0]", ["dirt=dirt.png:r"], "only colors have channels"),
     ],
 )
-def test_what_is_no_mask(paint: Path, take: Take, mask: str, inputs: list[str], said: str) -> None:
+def test_what_is_no_mask(paint: Path, take: Take, mask: str, inputs: list[str], message: str) -> None:
     add_layer(paint, take("rubber"))
-    assert said in refused(lambda: set_mask(paint, "1", parse_mask(mask, inputs)), paint)
+    assert message in refused(lambda: set_mask(paint, "1", parse_mask(mask, inputs)), paint)
 
 
 def test_a_layer_that_is_not_there(paint: Path, take: Take, tmp_path: Path, car: Path) -> None:
@@ -310,9 +310,9 @@ def test_what_is_no_look_to_edit(tmp_path: Path, take: Take) -> None:
 def test_a_look_that_was_faulty_and_stays_so_is_not_written(paint: Path, take: Take) -> None:
     add_layer(paint, take("rubber"), parse_mask("dirt.png"))
     (paint.parent / "dirt.png").unlink()
-    said = refused(lambda: add_layer(paint, take("gold")), paint)
-    assert said.startswith(f"{paint}: /Paint/RubberMask.inputs:file: no such image file: ./dirt.png")
-    remove_layer(paint, "Rubber")  # the edit that mends it
+    message = refused(lambda: add_layer(paint, take("gold")), paint)
+    assert message.startswith(f"{paint}: /Paint/RubberMask.inputs:file: no such image file: ./dirt.png")
+    remove_layer(paint, "Rubber")  # the edit that removes the fault
     assert layers(paint) == ["Base"]
 
 

@@ -1,4 +1,4 @@
-"""Mask expressions: what they mean, what is wrong with them, and that they trace like any other code."""
+"""Mask expressions: their values, their faults, and their traces."""
 
 from __future__ import annotations
 
@@ -142,13 +142,13 @@ def test_arrays_broadcast() -> None:
         ("[tint, 0, 0]", "tint", "a channel of a color needs a float"),
     ],
 )
-def test_faults_are_told_with_their_place(text: str, place: str, what: str) -> None:
+def test_faults_have_their_place(text: str, place: str, what: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text).check(_TYPES)
     error = caught.value
     position = text.index(place) if place else len(text)
-    told, line, caret = str(error).split("\n")
-    assert what in told
+    message, line, caret = str(error).split("\n")
+    assert what in message
     assert (error.text, error.position) == (text, position)
     assert line == f"    {text}"
     assert caret == " " * (4 + position) + "^"

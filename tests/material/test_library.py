@@ -14,7 +14,7 @@ from lookdev.material.library import LIBRARY_VARIABLE, SHIPPED, find_preset, lib
 
 @pytest.fixture(autouse=True)
 def _alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let nothing of this machine's user or checkout in."""
+    """Isolate the test from the user's environment and from the checkout."""
     monkeypatch.delenv(LIBRARY_VARIABLE, raising=False)
     monkeypatch.setattr("lookdev.material.library.shipped_folder", lambda: tmp_path / "checkout")
     monkeypatch.chdir(tmp_path)
@@ -36,7 +36,7 @@ def test_a_library_is_a_table_by_category_and_name(tmp_path: Path) -> None:
     assert [preset.name for preset in read_library([tmp_path], "glass").presets] == ["glass"]
 
 
-def test_a_broken_file_is_told_and_hides_no_preset(tmp_path: Path) -> None:
+def test_a_broken_file_is_reported_and_hides_no_preset(tmp_path: Path) -> None:
     write_preset(tmp_path / "gold.usda")
     (tmp_path / "broken.usda").write_text("#usda 1.0\ndef {")
     (tmp_path / "notes.txt").write_text("not a preset")
@@ -98,7 +98,7 @@ def test_the_first_folder_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert find_preset("a/gold.usda").doc == "a"
 
 
-def test_an_unknown_name_tells_where_it_was_looked_for_and_the_nearest(tmp_path: Path) -> None:
+def test_an_unknown_name_is_reported_with_the_folders_and_the_nearest(tmp_path: Path) -> None:
     write_preset(tmp_path / "gold.usda")
     write_preset(tmp_path / "rust.usda", category="stone")
     with pytest.raises(LookError) as caught:

@@ -40,8 +40,8 @@ _FACTOR = 1.22
 
 
 @pytest.fixture(scope="module")
-def presets(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Preset]:
-    return read_presets(tmp_path_factory.mktemp("looks"))
+def presets() -> dict[str, Preset]:
+    return read_presets()
 
 
 def of_models(presets: dict[str, Preset], *models: str) -> list[Pair]:
@@ -59,7 +59,7 @@ def factor(a: float, b: float) -> float:
 
 
 def unlike(a: dict[str, Any], b: dict[str, Any]) -> set[str]:
-    """Return in what two Disney presets differ that bends the way between them."""
+    """Return the differences of two Disney presets for which their blend leaves the range of both."""
     alpha = [max(0.001, p["roughness"] ** 2) for p in (a, b)]
     coat = [0.1 + (0.001 - 0.1) * p["clearcoatGloss"] for p in (a, b)]
     differs = {
@@ -70,7 +70,7 @@ def unlike(a: dict[str, Any], b: dict[str, Any]) -> set[str]:
         "subsurface": abs(a["subsurface"] - b["subsurface"]) > 0.25,
         "tint": any(p["sheen"] * p["sheenTint"] > 0.1 or p["specularTint"] > 0.1 for p in (a, b)),
     }
-    return {name for name, says in differs.items() if says}
+    return {name for name, is_different in differs.items() if is_different}
 
 
 def alike(presets: dict[str, Preset]) -> list[Pair]:

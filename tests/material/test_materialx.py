@@ -1,4 +1,4 @@
-"""MaterialX documents: what is carried over arrives in the look, and all else is told."""
+"""MaterialX documents: what is carried over arrives in the look, and all else is reported."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from materialx_documents import IMAGE, INPUTS, MATERIAL, as_look, document, setting, told
+from materialx_documents import IMAGE, INPUTS, MATERIAL, as_look, document, imported, setting, unmapped
 from pxr import Sdf, Usd
 
 from lookdev.brdf import MODELS
@@ -18,15 +18,15 @@ NUMBERS = {"float": "0.25", "color3": "0.25, 0.5, 0.75"}
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_every_input_of_the_node_is_carried_over_or_told(tmp_path: Path, name: str) -> None:
+def test_every_input_of_the_node_is_carried_over_or_reported(tmp_path: Path, name: str) -> None:
     value = NUMBERS[INPUTS[name]]
-    imported = import_materialx(document(tmp_path, setting(name, f'value="{value}"')))
+    found = imported(tmp_path, setting(name, f'value="{value}"'))
     if name in MODELS["disney"].parameters:
         numbers = tuple(float(each) for each in value.split(","))
-        assert as_look(imported).inputs[name] == (numbers if len(numbers) == 3 else numbers[0])
-        assert not imported.unmapped
+        assert as_look(found).inputs[name] == (numbers if len(numbers) == 3 else numbers[0])
+        assert not found.unmapped
     else:
-        ((where, what, hint),) = told(imported)
+        ((where, what, hint),) = unmapped(found)
         assert (where, what) == (f"S/{name}", f"'{value}' is not carried over")
         assert hint
 
@@ -37,12 +37,10 @@ def test_defaults_are_those_of_materialx(tmp_path: Path) -> None:
     assert layer.inputs == {"baseColor": pytest.approx((0.16, 0.16, 0.16))}
 
 
-def test_what_is_out_of_range_is_brought_into_it_and_told(tmp_path: Path) -> None:
-    imported = import_materialx(
-        document(tmp_path, setting("metallic", 'value="1.5"'), setting("baseColor", 'value="2, -1, 0.5"'))
-    )
-    assert as_look(imported).inputs == {"metallic": 1.0, "baseColor": (1.0, 0.0, 0.5)}
-    assert told(imported) == [
+def test_what_is_out_of_range_is_clipped_and_reported(tmp_path: Path) -> None:
+    found = imported(tmp_path, setting("metallic", 'value="1.5"'), setting("baseColor", 'value="2, -1, 0.5"'))
+    assert as_look(found).inputs == {"metallic": 1.0, "baseColor": (1.0, 0.0, 0.5)}
+    assert unmapped(found) == [
         ("S/baseColor", "2, -1, 0.5 is outside [0, 1]", "1, 0, 0.5 is taken"),
         ("S/metallic", "1.5 is outside [0, 1]", "1 is taken"),
     ]
@@ -53,9 +51,9 @@ def test_a_constant_comes_through_graphs_interfaces_and_nodes(tmp_path: Path) ->
       <constant name="c" type="float"><input name="value" type="float" interfacename="r"/></constant>
       <constant name="d" type="float"><input name="value" type="float" nodename="c"/></constant>
       <output name="o" type="float" nodename="d"/></nodegraph>"""
-    imported = import_materialx(document(tmp_path, setting("roughness", 'nodegraph="G" output="o"'), nodes=graph))
-    assert as_look(imported).inputs["roughness"] == 0.25
-    assert not imported.unmapped
+    found = imported(tmp_path, setting("roughness", 'nodegraph="G" output="o"'), nodes=graph)
+    assert as_look(found).inputs["roughness"] == 0.25
+    assert not found.unmapped
 
 
 @pytest.mark.parametrize(
@@ -69,19 +67,17 @@ def test_a_constant_comes_through_graphs_interfaces_and_nodes(tmp_path: Path) ->
 )
 def test_colour_spaces(tmp_path: Path, space: str, decoded: float, colorspace: str, hint: str) -> None:
     attributes = f'version="1.39" colorspace="{space}"'
-    constant = import_materialx(
-        document(tmp_path, setting("baseColor", 'value="0.5, 0.5, 0.5"'), attributes=attributes)
-    )
+    constant = imported(tmp_path, setting("baseColor", 'value="0.5, 0.5, 0.5"'), attributes=attributes)
     assert as_look(constant).inputs["baseColor"] == pytest.approx((decoded,) * 3)
     rough = '<image name="rough" type="float"><input name="file" type="filename" value="gray.png"/></image>'
     links = setting("baseColor", 'nodename="image"'), setting("roughness", 'nodename="rough"')
-    imported = import_materialx(document(tmp_path, *links, nodes=IMAGE.format("") + rough, attributes=attributes))
-    color, roughness = (as_look(imported).inputs[name] for name in ("baseColor", "roughness"))
+    found = imported(tmp_path, *links, nodes=IMAGE.format("") + rough, attributes=attributes)
+    color, roughness = (as_look(found).inputs[name] for name in ("baseColor", "roughness"))
     assert isinstance(color, Texture)
     assert isinstance(roughness, Texture)
     assert (color.colorspace, roughness.colorspace) == (colorspace, "raw")
     lost = [(f"the colour space '{space}' is not carried over", hint)] if hint else []
-    assert [each[1:] for each in told(constant)] == [each[1:] for each in told(imported)] == lost
+    assert [each[1:] for each in unmapped(constant)] == [each[1:] for each in unmapped(found)] == lost
 
 
 @pytest.mark.parametrize(
@@ -96,11 +92,11 @@ def test_colour_spaces(tmp_path: Path, space: str, decoded: float, colorspace: s
 )
 def test_a_float_takes_a_channel(tmp_path: Path, node: str, link: str, channel: str) -> None:
     nodes = IMAGE.format("") + node.format('<input name="in" type="color3" nodename="image"/>')
-    imported = import_materialx(document(tmp_path, setting("metallic", f'nodename="{link}"'), nodes=nodes))
-    texture = as_look(imported).inputs["metallic"]
+    found = imported(tmp_path, setting("metallic", f'nodename="{link}"'), nodes=nodes)
+    texture = as_look(found).inputs["metallic"]
     assert isinstance(texture, Texture)
     assert (texture.channel, texture.file.name) == (channel, "rgb.png")
-    assert not imported.unmapped
+    assert not found.unmapped
 
 
 def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
@@ -109,13 +105,13 @@ def test_wrap_modes_uv_sets_and_a_shared_image(tmp_path: Path) -> None:
       <input name="vaddressmode" type="string" value="constant"/>"""
     uv = '<texcoord name="uv" type="vector2"><input name="index" type="integer" value="1"/></texcoord>'
     links = [setting(name, 'nodename="image" channels="g"') for name in ("metallic", "roughness")]
-    imported = import_materialx(document(tmp_path, *links, nodes=IMAGE.format(inside) + uv))
-    layer = as_look(imported)
+    found = imported(tmp_path, *links, nodes=IMAGE.format(inside) + uv)
+    layer = as_look(found)
     texture = layer.inputs["metallic"]
     assert isinstance(texture, Texture)
     assert texture == layer.inputs["roughness"]
     assert (texture.st, texture.wrap_s, texture.wrap_t) == ("st1", "mirror", "black")
-    assert imported.file.with_suffix(".usda").read_text().count("UsdUVTexture") == 1
+    assert found.file.with_suffix(".usda").read_text().count("UsdUVTexture") == 1
 
 
 def placed(st: np.ndarray, p: dict[str, np.ndarray], degrees: float, order: int) -> np.ndarray:
@@ -141,9 +137,9 @@ def test_placement_is_that_of_the_library(tmp_path: Path, order: int) -> None:
         <input name="operationorder" type="integer" value="{order}"/></place2d>
       <tiledimage name="image" type="color3"><input name="file" type="filename" value="rgb.png"/>
         <input name="texcoord" type="vector2" nodename="place"/>{inputs["uvtiling"]}{inputs["uvoffset"]}</tiledimage>"""
-    imported = import_materialx(document(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes))
-    assert not imported.unmapped
-    texture = as_look(imported).inputs["baseColor"]
+    found = imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)
+    assert not found.unmapped
+    texture = as_look(found).inputs["baseColor"]
     assert isinstance(texture, Texture)
     st = rng.uniform(-1.0, 1.0, (8, 2))
     matrix = np.reshape(texture.transform, (2, 3))
@@ -158,9 +154,7 @@ def test_radians_are_turned_into_degrees(tmp_path: Path) -> None:
         '<input name="texcoord" type="vector2" nodename="uv"/>'
         '<input name="rotate" type="float" value="1.5707963267948966" unit="radian" unittype="angle"/></place2d>'
     )
-    texture = as_look(
-        import_materialx(document(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes))
-    ).inputs["baseColor"]
+    texture = as_look(imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)).inputs["baseColor"]
     assert isinstance(texture, Texture)
     assert texture.transform == pytest.approx((0.0, 1.0, 0.0, -1.0, 0.0, 0.0))
 
@@ -171,16 +165,13 @@ def test_primvars(tmp_path: Path) -> None:
       <geompropvalue name="Cd" type="color3"><input name="geomprop" type="string" value="displayColor"/>
       </geompropvalue>"""
     links = setting("roughness", 'nodename="wear"'), setting("baseColor", 'nodename="Cd"')
-    imported = import_materialx(document(tmp_path, *links, nodes=nodes))
-    layer = as_look(imported)
-    assert layer.inputs == {
-        "roughness": Primvar("wear", 0.25),
-        "baseColor": Primvar("displayColor", (0.0, 0.0, 0.0)),
-    }
-    assert not imported.unmapped
+    found = imported(tmp_path, *links, nodes=nodes)
+    layer = as_look(found)
+    assert layer.inputs == {"roughness": Primvar("wear", 0.25), "baseColor": Primvar("displayColor", (0.0, 0.0, 0.0))}
+    assert not found.unmapped
 
 
-def test_what_does_not_map_is_told(tmp_path: Path) -> None:
+def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
     nodes = (
         IMAGE.format(
             '<input name="texcoord" type="vector2" nodename="warp"/><input name="default" type="color3" value="1,0,0"/>'
@@ -203,10 +194,10 @@ def test_what_does_not_map_is_told(tmp_path: Path) -> None:
     file = document(
         tmp_path, *inputs, nodes=nodes, attributes='version="1.39" xmlns:xi="http://www.w3.org/2001/XInclude"'
     )
-    imported = import_materialx(file)
-    assert set(as_look(imported).inputs) == {"baseColor"}
+    found = import_materialx(file)
+    assert set(as_look(found).inputs) == {"baseColor"}
     known = f"known: {', '.join(INPUTS)}"
-    assert sorted(told(imported)) == sorted(
+    assert sorted(unmapped(found)) == sorted(
         [
             (
                 f"line {file.read_text().split('<xi:')[0].count(chr(10)) + 1}, column 7",
@@ -237,10 +228,10 @@ def test_what_does_not_map_is_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "nodes", [IMAGE.format("").replace("rgb.png", ""), IMAGE.format("").replace("rgb", "&lt;UVTILE>")]
 )
-def test_an_image_without_a_usable_path_is_told(tmp_path: Path, nodes: str) -> None:
-    imported = import_materialx(document(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes))
-    assert as_look(imported).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
-    assert [where for where, _, _ in told(imported)] == ["image/file", "S/baseColor", "image"]
+def test_an_image_without_a_usable_path_is_reported(tmp_path: Path, nodes: str) -> None:
+    found = imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)
+    assert as_look(found).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
+    assert [where for where, _, _ in unmapped(found)] == ["image/file", "S/baseColor", "image"]
 
 
 @pytest.mark.parametrize(
@@ -260,12 +251,12 @@ def test_image_paths_become_relative_to_what_is_written(tmp_path: Path, prefix: 
     assert layer.GetAttributeAtPath("/M/image.inputs:file").default.path == expected
 
 
-def test_a_placement_of_nothing_and_swapped_channels_are_told(tmp_path: Path) -> None:
+def test_a_placement_of_nothing_and_swapped_channels_are_reported(tmp_path: Path) -> None:
     nodes = IMAGE.format('<input name="texcoord" type="vector2" nodename="p"/>') + '<place2d name="p" type="vector2"/>'
-    placed = import_materialx(document(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes))
-    assert told(placed) == [("p", "places one point, as it has no texcoord", "the UV set st is taken")]
-    swapped = import_materialx(document(tmp_path, setting("baseColor", 'nodename="image" channels="bgr"'), nodes=nodes))
-    assert told(swapped)[0][0] == "S/baseColor"
+    placed = imported(tmp_path, setting("baseColor", 'nodename="image"'), nodes=nodes)
+    assert unmapped(placed) == [("p", "places one point, as it has no texcoord", "the UV set st is taken")]
+    swapped = imported(tmp_path, setting("baseColor", 'nodename="image" channels="bgr"'), nodes=nodes)
+    assert unmapped(swapped)[0][0] == "S/baseColor"
     assert as_look(swapped).inputs["baseColor"] == pytest.approx((0.16, 0.16, 0.16))
 
 
@@ -277,8 +268,8 @@ def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
 
 def test_materials_of_one_document_are_looks_of_one_file(tmp_path: Path) -> None:
     second = MATERIAL.replace('"M"', '"Alt gold/1"')
-    imported = import_materialx(document(tmp_path, setting("metallic", 'value="1"'), material=MATERIAL + second))
-    write_usda(imported, tmp_path / "m.usda")
+    found = imported(tmp_path, setting("metallic", 'value="1"'), material=MATERIAL + second)
+    write_usda(found, tmp_path / "m.usda")
     for prim in ("/M", "/Alt_gold_1"):
         (layer,) = read_look(tmp_path / "m.usda", prim).layers
         assert layer.inputs["metallic"] == 1.0

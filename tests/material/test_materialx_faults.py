@@ -1,4 +1,4 @@
-"""Broken and hostile MaterialX documents end in errors that say where, and soon."""
+"""Broken and hostile MaterialX documents end in errors with their place, and soon."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_a_broken_document_is_an_error_at_its_place(
     assert expected in [(where, what) for where, what, _ in faults_of(document(tmp_path, inputs, nodes=nodes))]
 
 
-def test_all_faults_are_told_at_once(tmp_path: Path) -> None:
+def test_all_faults_are_reported_at_once(tmp_path: Path) -> None:
     file = document(tmp_path, setting("sheen", 'value="x"'), setting("metallic", 'value="y"'))
     assert [where for where, _, _ in faults_of(file)] == ["S/metallic", "S/sheen"]
 

@@ -12,8 +12,9 @@ from pxr import Usd, UsdShade
 
 from lookdev.brdf import MODELS, layer_shaders
 from lookdev.brdf.conductor import METALS, metal_reflectance
+from lookdev.material.library import read_preset
+from lookdev.material.library.edit import preset_look
 from lookdev.material.look import Layer
-from lookdev.material.usd import read_look
 
 LIBRARY = Path(__file__).parents[2] / "materials" / "presets"
 PRESETS = sorted(LIBRARY.glob("*.usda"))
@@ -34,16 +35,6 @@ CATEGORIES = {
     "weathering": 2,
 }
 """Each category, and the fewest presets it has."""
-
-LOOK = """#usda 1.0
-def Material "M"
-{{
-    token outputs:lookdev:surface.connect = </M/Base.outputs:layer>
-    def Shader "Base" (references = @{file}@</{prim}>)
-    {{
-    }}
-}}
-"""
 
 each_preset = pytest.mark.parametrize("file", PRESETS, ids=lambda file: file.stem)
 
@@ -66,15 +57,9 @@ def category(file: Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def layers(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Layer]:
-    """Every preset as a look reads it that has it as its only layer, by reference."""
-    folder = tmp_path_factory.mktemp("looks")
-    read = {}
-    for file in PRESETS:
-        look = folder / file.name
-        look.write_text(LOOK.format(file=file, prim=prim_name(file)))
-        (read[file],) = read_look(look).layers
-    return read
+def layers() -> dict[Path, Layer]:
+    """Return every preset as the only layer of a look, by reference."""
+    return {file: preset_look(read_preset(file), file.stem).layers[0] for file in PRESETS}
 
 
 @each_preset
@@ -89,7 +74,7 @@ def test_a_preset_is_one_layer_and_nothing_else(file: Path) -> None:
 
 
 @each_preset
-def test_a_preset_says_what_it_is(file: Path) -> None:
+def test_a_preset_is_documented(file: Path) -> None:
     doc = preset(file).GetDocumentation()
     assert doc.endswith(".")
     assert 10 <= len(doc) <= 120
@@ -159,7 +144,7 @@ def test_no_two_presets_are_the_same(layers: dict[Path, Layer]) -> None:
 
 
 def test_categories_show_what_they_are_known_for(layers: dict[Path, Layer]) -> None:
-    """What makes a fabric, skin, car paint, glass or leaf look like one."""
+    """Fabric, skin, car paint, glass and leaves each have a parameter that makes them look like one."""
     marks = {"fabric": "sheen", "skin": "subsurface", "car paint": "clearcoat", "glass": "clear", "leaf": "back"}
     for file, layer in layers.items():
         if mark := marks.get(category(file)):

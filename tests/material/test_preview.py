@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
+from look_files import BASE, LAYER1, STACK, disney, pixar, rough, shader, stack, texture
 from pxr import Sdf, Sdr, Usd
 
 from lookdev.errors import LookError
@@ -22,12 +22,8 @@ from lookdev.material.usd import read_look
 ROOT = Path(__file__).parents[2]
 LOOKS = sorted((ROOT / "materials").glob("*.usda"))
 
-GRAY = shader(
-    "Gray",
-    "UsdUVTexture",
-    "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>\n"
-    'token inputs:sourceColorSpace = "raw"\ntoken inputs:wrapS = "repeat"\ntoken inputs:wrapT = "repeat"',
-)
+WRAPS = 'token inputs:sourceColorSpace = "raw"\ntoken inputs:wrapS = "repeat"\ntoken inputs:wrapT = "repeat"'
+GRAY = texture(WRAPS, name="Gray")
 MEAN = 128 / 255  # of that texture: 0.5 in eight bits
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
@@ -116,8 +112,7 @@ def test_a_layer_that_transmits_is_a_tinted_coat() -> None:
 
 
 def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) -> None:
-    rough = "float inputs:roughness.connect = </M/Gray.outputs:r>"
-    shown = preview_of(write(disney(body=rough) + GRAY + ST))
+    shown = preview_of(write(rough("Gray.outputs:r") + GRAY))
     assert shown["roughness"] == "/M/Gray.outputs:r"
     assert shown["metallic"] == 0.0
 
@@ -135,9 +130,8 @@ def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) 
     ],
 )
 def test_the_layer_with_most_weight_is_connected(write: Callable[..., Path], mask: str, expected: object) -> None:
-    rough = disney(body="float inputs:roughness.connect = </M/Gray.outputs:r>")
     coat = disney("Coat", "float inputs:roughness = 0.25")
-    shown = preview_of(write(stack(BASE + LAYER1 + mask, rough, coat, GRAY, ST), STACK))
+    shown = preview_of(write(stack(BASE + LAYER1 + mask, rough("Gray.outputs:r"), coat, GRAY), STACK))
     assert shown["roughness"] == expected
 
 
@@ -146,7 +140,7 @@ def test_an_interface_input_is_followed_and_a_cut_out_too(write: Callable[..., P
         "color3f inputs:surfaceColor.connect = </M.inputs:tint>\nfloat inputs:clear = 0.5\n"
         "float inputs:presence.connect = </M/Gray.outputs:r>"
     )
-    shown = preview_of(write("color3f inputs:tint = (1, 0, 0)\n" + pixar(body=body) + GRAY + ST))
+    shown = preview_of(write("color3f inputs:tint = (1, 0, 0)\n" + pixar(body=body) + GRAY))
     assert shown["diffuseColor"] == "/M.inputs:tint"
     assert shown["opacity"] == "/M/Gray.outputs:r"
 

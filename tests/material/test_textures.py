@@ -66,13 +66,9 @@ def test_srgb_is_decoded_and_alpha_neither_decoded_nor_multiplied_in(tmp_path: P
 
 @pytest.mark.parametrize(
     ("stored", "expected"),
-    [
-        ([0.25], [0.25, 0.25, 0.25, 1]),
-        ([0.25, 0.5], [0.25, 0.25, 0.25, 0.5]),
-        ([1, 0.5, 0.25], [1, 0.5, 0.25, 1]),
-    ],
+    [([0.25], [0.25, 0.25, 0.25, 1]), ([0.25, 0.5], [0.25, 0.25, 0.25, 0.5]), ([1, 0.5, 0.25], [1, 0.5, 0.25, 1])],
 )
-def test_missing_channels_are_filled_as_usd_says(tmp_path: Path, stored: list[float], expected: list[float]) -> None:
+def test_missing_channels_are_filled_as_in_usd(tmp_path: Path, stored: list[float], expected: list[float]) -> None:
     pixels = np.array([[stored]], np.float32)
     linear = linear_texture(Texture(save(tmp_path / "a.tif", pixels, "float"), "r", "raw"))
     np.testing.assert_array_equal(load(linear), [[expected]])
@@ -114,7 +110,7 @@ def test_header(tmp_path: Path, modes: str | None, expected: tuple[str, str]) ->
     ("name", "kind", "expected"),
     [("a.png", "uint8", (True, True)), ("a.png", "uint16", (False, True)), ("a.tif", "float", (False, False))],
 )
-def test_header_tells_how_values_are_stored(tmp_path: Path, name: str, kind: str, expected: tuple[bool, bool]) -> None:
+def test_header_has_depth_and_sign(tmp_path: Path, name: str, kind: str, expected: tuple[bool, bool]) -> None:
     header = image_header(save(tmp_path / name, np.zeros((1, 1, 3), np.float32), kind))
     assert (header.eight_bit, header.unsigned) == expected
 
@@ -131,13 +127,13 @@ def test_faults_name_the_file(tmp_path: Path, cache: Path) -> None:
     assert output.open(str(velocity), spec)
     assert output.write_image(np.zeros((1, 1, 3), np.float32))
     assert output.close()
-    for file, says in (
+    for file, message in (
         (tmp_path / "gone.png", "no such image file"),
         (broken, "cannot be read as an image"),
         (velocity, "no channels R, G, B among u, v, w"),
         (nan, "2 values are NaN or infinite"),
     ):
-        with pytest.raises(TextureError, match=says) as caught:
+        with pytest.raises(TextureError, match=message) as caught:
             linear_texture(Texture(file, "r", "raw"))
         assert str(file) in str(caught.value)
     assert image_header(five).channels[:3] == ("R", "G", "B")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, faults_of, shader, stack
+from look_files import BASE, LAYER1, STACK, disney, faults_of, shader, stack, texture
 
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.trace.graph import Graph
@@ -13,15 +13,7 @@ from lookdev.material.textures import sample_texture
 from lookdev.material.usd import read_look
 from lookdev.material.values import Values
 
-TEX = shader(
-    "Tex",
-    "UsdUVTexture",
-    """asset inputs:file = @./gray.png@
-       token inputs:sourceColorSpace = "raw"
-       float2 inputs:st.connect = </M/St.outputs:result>
-       float outputs:r
-       float3 outputs:rgb""",
-)
+TEX = texture('token inputs:sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:rgb')
 EDGE = shader("Edge", "UsdPrimvarReader_float", 'string inputs:varname = "edge"\nfloat inputs:fallback = 0.25')
 
 
@@ -47,7 +39,7 @@ def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) 
         color3f inputs:tint = (1, 0, 0)
         float2 inputs:st.connect = </M/St.outputs:result>"""
     text = "clamp(dirt * (1 - edge) * amount + tint[0] + st[1], 0, 1)"
-    mask = mask_of(write, expression(text, inputs), TEX, EDGE, ST)
+    mask = mask_of(write, expression(text, inputs), TEX, EDGE)
     assert mask.kinds == {"dirt": "float", "edge": "float", "amount": "float", "tint": "color", "st": "color"}
     assert isinstance(mask.inputs["dirt"], Texture)
     assert mask.inputs["edge"] == Primvar("edge", 0.25)
@@ -97,11 +89,11 @@ FAULTS = {
 }
 
 
-@pytest.mark.parametrize(("shaders", "where", "says"), FAULTS.values(), ids=FAULTS)
-def test_fault(write, shaders: str, where: str, says: str) -> None:
+@pytest.mark.parametrize(("shaders", "where", "message"), FAULTS.values(), ids=FAULTS)
+def test_fault(write, shaders: str, where: str, message: str) -> None:
     [(place, what, hint)] = faults_of(write(masked(shaders), STACK))
     assert place == where
-    assert says in f"{what} ({hint})"
+    assert message in f"{what} ({hint})"
 
 
 def test_expressions_do_not_nest_without_end(write) -> None:
@@ -115,9 +107,9 @@ def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:
     for tile in ("1001", "1002", "1011"):
         (tmp_path / f"dirt.{tile}.png").write_bytes((tmp_path / "gray.png").read_bytes())
     mask = "float inputs:layer1Mask.connect = </M/Tex.outputs:r>\n"
-    body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"), ST)
-    texture = read_look(write(body, STACK)).layers[1].mask
-    assert isinstance(texture, Texture)
-    assert texture.file.name == "dirt.<UDIM>.png"
+    body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"))
+    found = read_look(write(body, STACK)).layers[1].mask
+    assert isinstance(found, Texture)
+    assert found.file.name == "dirt.<UDIM>.png"
     st = [[0.5, 0.5], [1.5, 0.5], [0.5, 1.5], [1.5, 1.5], [2.5, 0.5], [-0.5, 0.5]]
-    np.testing.assert_allclose(sample_texture(texture, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)
+    np.testing.assert_allclose(sample_texture(found, st), np.array([128, 128, 128, 0, 0, 0]) / 255.0, atol=1e-6)

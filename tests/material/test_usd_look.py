@@ -6,7 +6,7 @@ from math import cos, radians, sin
 from pathlib import Path
 
 import pytest
-from look_files import BASE, LAYER1, ST, STACK, disney, faults_of, pixar, shader, stack
+from look_files import BASE, LAYER1, STACK, disney, faults_of, pixar, rough, shader, stack, texture
 
 from lookdev.material.look import Bump, Layer, Look, Primvar, Texture
 from lookdev.material.usd import has_look, read_look
@@ -46,7 +46,6 @@ def test_interface_inputs_and_node_graphs_are_followed(write) -> None:
 
 
 def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
-    tex = "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
     file = write(
         "bool inputs:dusty = 0\n"
         + stack(
@@ -64,13 +63,8 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
             disney(),
             disney("Coat", "float inputs:clearcoat = 1"),
             disney("Dust"),
-            shader("Tex", "UsdUVTexture", tex),
-            shader(
-                "Worn",
-                "UsdPrimvarReader_float",
-                'string inputs:varname = "worn"\nfloat inputs:fallback = 0.5',
-            ),
-            ST,
+            texture(),
+            shader("Worn", "UsdPrimvarReader_float", 'string inputs:varname = "worn"\nfloat inputs:fallback = 0.5'),
         ),
         STACK,
     )
@@ -84,7 +78,7 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
     assert layers[3].mask == Primvar("worn", 0.5)
 
 
-def test_texture_node_means_what_usd_says(write, tmp_path: Path) -> None:
+def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
     file = write(
         disney(body="color3f inputs:baseColor.connect = </M/Tex.outputs:rgb>")
         + shader(
@@ -111,19 +105,19 @@ def test_texture_node_means_what_usd_says(write, tmp_path: Path) -> None:
         )
         + shader("St", "UsdPrimvarReader_float2", 'token inputs:varname = "map1"')
     )
-    texture = read_look(file).layers[0].inputs["baseColor"]
-    assert isinstance(texture, Texture)
-    assert (texture.file, texture.channel, texture.st) == (tmp_path / "rgb.png", "rgb", "map1")
-    assert (texture.wrap_s, texture.wrap_t) == ("mirror", "black")  # useMetadata, and the file says nothing
-    assert (texture.scale, texture.bias) == ((2.0, 2.0, 2.0, 1.0), (0.5, 0.0, 0.0, 0.0))
+    found = read_look(file).layers[0].inputs["baseColor"]
+    assert isinstance(found, Texture)
+    assert (found.file, found.channel, found.st) == (tmp_path / "rgb.png", "rgb", "map1")
+    assert (found.wrap_s, found.wrap_t) == ("mirror", "black")  # useMetadata, and the file has none
+    assert (found.scale, found.bias) == ((2.0, 2.0, 2.0, 1.0), (0.5, 0.0, 0.0, 0.0))
     # UsdTransform2d: in * scale * rotate + translation; the inner one is applied first.
     c, s = cos(radians(30)), sin(radians(30))
     expected = [4 * 2 * c, -4 * 3 * s, 4 * 0.25, 8 * 2 * s, 8 * 3 * c, 8 * 0.5]
-    assert texture.transform == pytest.approx(expected, rel=1e-12)
+    assert found.transform == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize(
-    ("image", "said", "expected"),
+    ("image", "space", "expected"),
     [
         ("rgb.png", "", "sRGB"),
         ("gray.png", "", "raw"),
@@ -132,15 +126,11 @@ def test_texture_node_means_what_usd_says(write, tmp_path: Path) -> None:
         ("rgb.exr", "sRGB", "sRGB"),
     ],
 )
-def test_source_color_space(write, image: str, said: str, expected: str) -> None:
-    said = f'token inputs:sourceColorSpace = "{said}"' if said else ""
-    body = f"asset inputs:file = @./{image}@\nfloat2 inputs:st.connect = </M/St.outputs:result>\n{said}"
-    file = write(
-        disney(body="float inputs:roughness.connect = </M/Tex.outputs:a>") + shader("Tex", "UsdUVTexture", body) + ST
-    )
-    texture = read_look(file).layers[0].inputs["roughness"]
-    assert isinstance(texture, Texture)
-    assert (texture.colorspace, texture.channel) == (expected, "a")
+def test_source_color_space(write, image: str, space: str, expected: str) -> None:
+    given = f'token inputs:sourceColorSpace = "{space}"' if space else ""
+    found = read_look(write(rough("Tex.outputs:a") + texture(given, f"@./{image}@"))).layers[0].inputs["roughness"]
+    assert isinstance(found, Texture)
+    assert (found.colorspace, found.channel) == (expected, "a")
 
 
 def test_primvar_color(write) -> None:
@@ -169,20 +159,12 @@ def test_constant_normal_need_not_be_unit(write, usd_type: str) -> None:
     ],
 )
 def test_normal_map(write, tmp_path: Path, image: str, scale: tuple[float, ...], bias: tuple[float, ...]) -> None:
-    node = f"""asset inputs:file = @./{image}@
-        token inputs:sourceColorSpace = "raw"
-        float4 inputs:scale = {scale}
-        float4 inputs:bias = {bias}
-        float2 inputs:st.connect = </M/St.outputs:result>"""
-    file = write(
-        pixar(body="normal3f inputs:highlightNormal.connect = </M/Tex.outputs:rgb>")
-        + shader("Tex", "UsdUVTexture", node)
-        + ST
-    )
-    texture = read_look(file).layers[0].inputs["highlightNormal"]
-    assert isinstance(texture, Texture)
-    assert (texture.file, texture.channel, texture.colorspace) == (tmp_path / image, "rgb", "raw")
-    assert texture.scale + texture.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
+    node = f'token inputs:sourceColorSpace = "raw"\nfloat4 inputs:scale = {scale}\nfloat4 inputs:bias = {bias}'
+    layer = pixar(body="normal3f inputs:highlightNormal.connect = </M/Tex.outputs:rgb>")
+    found = read_look(write(layer + texture(node, f"@./{image}@"))).layers[0].inputs["highlightNormal"]
+    assert isinstance(found, Texture)
+    assert (found.file, found.channel, found.colorspace) == (tmp_path / image, "rgb", "raw")
+    assert found.scale + found.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
 
 
 @pytest.mark.parametrize(("inputs", "scale"), [("", 1.0), ("float inputs:scale = -0.25", -0.25)])
@@ -191,12 +173,7 @@ def test_bump_is_a_height_and_its_scale(write, tmp_path: Path, inputs: str, scal
         "float inputs:h.connect = </M/Tex.outputs:b>\n"
         + pixar(body="normal3f inputs:diffuseNormal.connect = </M/Bump.outputs:normal>")
         + shader("Bump", "LookdevBump", "float inputs:height.connect = </M.inputs:h>\n" + inputs)
-        + shader(
-            "Tex",
-            "UsdUVTexture",
-            "asset inputs:file = @./gray.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>",
-        )
-        + ST
+        + texture()
     )
     height = Texture(tmp_path / "gray.png", "b", "raw", "black", "black")
     assert read_look(file).layers[0].inputs == {"diffuseNormal": Bump(height, scale)}
@@ -292,12 +269,7 @@ def test_variant_sets_above_the_material_count(tmp_path: Path) -> None:
 
 def test_has_look(write) -> None:
     file = write(disney(), before='def Material "Plain" { }\ndef Scope "Scope" { }\n')
-    assert [has_look(file, path) for path in ("/M", "/Plain", "/Scope", "/Nothing")] == [
-        True,
-        False,
-        False,
-        False,
-    ]
+    assert [has_look(file, path) for path in ("/M", "/Plain", "/Scope", "/Nothing")] == [True, False, False, False]
 
 
 def test_unsupported_material_names_its_terminal(write) -> None:
@@ -307,7 +279,7 @@ def test_unsupported_material_names_its_terminal(write) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "where", "says"),
+    ("options", "where", "message"),
     [
         ({"prim": "/N"}, "/N", "no such prim"),
         ({"prim": "/M/Base"}, "/M/Base", "is not a material"),
@@ -316,15 +288,14 @@ def test_unsupported_material_names_its_terminal(write) -> None:
         ({"variants": {"wear": "x"}}, "/M", "has no variant set 'wear'"),
     ],
 )
-def test_wrong_request(write, options: dict[str, object], where: str, says: str) -> None:
+def test_wrong_request(write, options: dict[str, object], where: str, message: str) -> None:
     [(place, what, _)] = faults_of(write(disney()), **options)
-    assert (place, says) == (where, what)
+    assert (place, what) == (where, message)
 
 
 def test_wrong_variant_names_the_nearest(write) -> None:
     file = write(
-        disney() + 'variantSet "wear" = { "clean" { }\n "dusty" { } }',
-        material='(prepend variantSets = "wear")',
+        disney() + 'variantSet "wear" = { "clean" { }\n "dusty" { } }', material='(prepend variantSets = "wear")'
     )
     assert faults_of(file, variants={"wear": "dust"}) == [
         ("/M", "variant set 'wear' has no variant 'dust'", "did you mean 'dusty'?")
@@ -340,9 +311,7 @@ def test_broken_reference_is_a_fault(write) -> None:
 def test_several_materials_and_no_default(tmp_path: Path) -> None:
     file = tmp_path / "two.usda"
     file.write_text('#usda 1.0\ndef Material "A" { }\ndef Material "B" { }\n')
-    assert faults_of(file) == [
-        ("", "holds 2 materials and none is the default prim", "name one with prim: /A, /B"),
-    ]
+    assert faults_of(file) == [("", "holds 2 materials and none is the default prim", "name one with prim: /A, /B")]
 
 
 def test_a_preset_is_no_look(tmp_path: Path) -> None:

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
-from typer.testing import CliRunner
 
-from lookdev.cli import app
+from lookdev.cli import main
 from lookdev.material import validate as validation
 from lookdev.material.validate import validate
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
@@ -43,11 +42,7 @@ NOTES = {
         "the layer never shows: its mask is 0",
     ),
     "presence 0": (
-        stack(
-            BASE + LAYER1 + "float inputs:layer1Mask = 0.5",
-            pixar(),
-            pixar("Coat", "float inputs:presence = 0"),
-        ),
+        stack(BASE + LAYER1 + "float inputs:layer1Mask = 0.5", pixar(), pixar("Coat", "float inputs:presence = 0")),
         "/M/Layers.inputs:layer1",
         "the layer never shows: the presence of Coat is 0",
     ),
@@ -119,7 +114,7 @@ def test_every_variant_is_examined(write) -> None:
     assert (place, what) == ("/M", "has no variant set 'ware'")
 
 
-def test_what_every_variant_shares_is_told_once_and_what_one_leaves_unused_not(write) -> None:
+def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_not(write) -> None:
     switched = '\nover "Layers" {\nbool inputs:layer1Enabled = %d\n}\n'
     body = layered("float inputs:layer1Mask = 0.5", base="float inputs:sheen = 7")
     file = write(body + VARIANTS % (switched % 0, switched % 1), STACK, WITH_VARIANTS)
@@ -182,7 +177,7 @@ def test_usd_finds(write, body: str, expected: tuple[str, str, str]) -> None:
     assert expected[2] in what
 
 
-def test_what_usd_finds_too_is_told_once(write) -> None:
+def test_what_usd_finds_too_is_reported_once(write) -> None:
     textured = disney(body="float inputs:roughness.connect = </M/Tex.outputs:r>\ndouble inputs:sheen = 1") + ST
     image = "asset inputs:file = @./gone.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
     gone = 'def "Gone" (\nreferences = @./gone.usda@\n) {\n}\n'
@@ -215,11 +210,11 @@ def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureF
 
 
 def test_the_text_shows_an_expression_with_its_caret() -> None:
-    told = "an operator should stand here, not 'b'\n    a b\n      ^"
+    what = "an operator should stand here, not 'b'\n    a b\n      ^"
     report = Report(
         "look.usda",
         (
-            Finding("error", "/M/X", "inputs:expression", told, "see the manual", tuple(f"s=v{i}" for i in range(6))),
+            Finding("error", "/M/X", "inputs:expression", what, "see the manual", tuple(f"s=v{i}" for i in range(6))),
             Finding("note", "/M", "", "odd"),
         ),
         1,
@@ -264,19 +259,20 @@ def test_validate_examines_in_a_process_of_its_own(write) -> None:
     assert validate(file, "/M", {"wear": "new"}) == examine(file, "/M", {"wear": "new"})
 
 
-def test_the_verb(write) -> None:
-    run = CliRunner().invoke
-    good = run(app, ["validate", str(write(disney()))])
-    assert (good.exit_code, good.output) == (
-        0,
-        f"{write(disney())}: nothing wrong (1 material, 1 combination of variants)\n",
-    )
+def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def run(*options: str) -> tuple[object, str]:
+        monkeypatch.setattr(sys, "argv", ["lookdev", "validate", str(file), *options])
+        with pytest.raises(SystemExit) as left:
+            main()
+        return left.value.code, capsys.readouterr().out
+
+    file = write(disney())
+    assert run() == (0, f"{file}: nothing wrong (1 material, 1 combination of variants)\n")
     file = write(disney() + VARIANTS % (rough(2), ""), material=WITH_VARIANTS)
-    bad = run(app, ["validate", str(file), "--prim", "/M", "--variants", "wear=dusty", "--json"])
-    assert bad.exit_code == 1
-    assert Report.from_data(json.loads(bad.output)) == examine(file, "/M", {"wear": "dusty"})
-    assert run(app, ["validate", str(file), "--variants", "wear=new"]).exit_code == 0
-    assert run(app, ["validate", str(file), "--variants", "wear"]).exit_code == 2
+    code, output = run("--prim", "/M", "--variants", "wear=dusty", "--json")
+    assert code == 1
+    assert Report.from_data(json.loads(output)) == examine(file, "/M", {"wear": "dusty"})
+    assert [run("--variants", wear)[0] for wear in ("wear=new", "wear")] == [0, 2]
 
 
 @pytest.fixture(scope="module")
@@ -291,8 +287,8 @@ def malformed(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
 def test_malformed_looks_end_in_an_error_that_names_the_file(malformed: list[dict]) -> None:
     faulty = [case for case in malformed if case["expected"] == "faulty"]
     assert len(faulty) >= 200
-    told = [case for case in faulty if case["status"] == 0 and case["file"] in case["read"] and case["errors"]]
-    assert [case["name"] for case in faulty if case not in told] == []
+    reported = [case for case in faulty if case["status"] == 0 and case["file"] in case["read"] and case["errors"]]
+    assert [case["name"] for case in faulty if case not in reported] == []
     assert [case["name"] for case in faulty if max(map(len, case["text"].splitlines())) > 2000] == []
 
 
@@ -303,9 +299,9 @@ def test_odd_looks_that_are_right_are_read(malformed: list[dict]) -> None:
 
 
 def test_no_look_ends_in_a_traceback(malformed: list[dict]) -> None:
-    """Where a damaged binary file did kill its reader, `validate` still tells so."""
+    """`validate` reports a damaged binary file that kills its reader."""
     killed = [case for case in malformed if case["status"]]
     assert {case["expected"] for case in killed} <= {"any"}
     assert [case["name"] for case in killed if not validate(Path(case["file"])).has_errors] == []
-    said = {case["name"]: case["said"] for case in malformed}
-    assert [name for name, text in said.items() if "Traceback" in text or "Warning: in" in text] == []
+    stderr = {case["name"]: case["stderr"] for case in malformed}
+    assert [name for name, text in stderr.items() if "Traceback" in text or "Warning: in" in text] == []

@@ -1,6 +1,6 @@
-"""Mask expressions: parsed, checked, and evaluated with numbers or with symbolic arrays alike.
+"""Mask expressions: parsed, checked, and evaluated over numbers or symbolic arrays.
 
-`syntax` reads the text, `shaping` has the functions; the language is told in ``docs/expressions.md``.
+`syntax` parses the text, `shaping` has the functions; ``docs/expressions.md`` describes the language.
 """
 
 from __future__ import annotations
@@ -58,37 +58,25 @@ class Expression:
         values
             Floats (...) and linear colours (..., 3) by name: float64 arrays or symbolic ones.
         types
-            Which they are: three floats and one colour have the same shape.
+            The type of each: three floats and one colour have the same shape.
 
         Returns
         -------
         (...) or (..., 3)
-            A float or a colour, as `check` says, finite and within ±1e18.
-
-        Raises
-        ------
-        ExpressionError
-            As from `check`.
+            A float or a colour, by `check`, which may raise; finite and within ±1e18.
         """
         kind = self.check(types)
-        # What overflows on the way is bounded after every operation on numbers, and told by no warning.
+        # Overflow is bounded after every operation on numbers, so its warnings have no meaning.
         with np.errstate(all="ignore"):
             channels = [bounded(channel) for channel in _Evaluation(values, types).value(self.root)]
             if kind == "float":
                 return channels[0]
-            # Nothing of the values, but all of their shape.
-            nothing = sum(channel * 0.0 for channel in channels)
-            return np.stack([channel + nothing for channel in channels], axis=-1)
+            zero = sum(channel * 0.0 for channel in channels)  # of the shape that they broadcast to
+            return np.stack([channel + zero for channel in channels], axis=-1)
 
 
 def parse(text: str) -> Expression:
-    """Parse an expression.
-
-    Raises
-    ------
-    ExpressionError
-        It is none, names an unknown function, gives a wrong number of arguments, is too long or nested too deep.
-    """
+    """Parse an expression; errors as `parse_tree`."""
     return Expression(text, *parse_tree(text))
 
 
@@ -100,8 +88,9 @@ class _Checker:
         """Return the type of a node."""
         match node:
             case Name(position=position, name=name) if name not in self.types:
-                signature = f"a function: {FUNCTIONS[name].signature(name)}" if name in FUNCTIONS else ""
-                hint = signature or nearest_hint(name, [*self.types, *CONSTANTS])
+                hint = nearest_hint(name, [*self.types, *CONSTANTS])
+                if name in FUNCTIONS:
+                    hint = f"a function: {FUNCTIONS[name].signature(name)}"
                 raise ExpressionError(self.text, position, f"unknown name '{clipped(name)}'", hint)
             case Name(name=name):
                 return self.types[name]
@@ -156,10 +145,12 @@ class _Evaluation:
                 truth = self.truth(condition)
                 return _each(lambda a, b: np.where(truth, a, b), self.value(yes), self.value(no))
             case Apply(function=function, arguments=arguments):
-                return tuple(_bounded_number(channel) for channel in self._applied(node, function, arguments))
+                applied = self._applied(node, function, arguments)
+                # A symbol is bounded once, at the end. Constants must be float32 literals wherever they are.
+                return tuple(bounded(x) if isinstance(x, np.ndarray | np.floating) else x for x in applied)
 
     def truth(self, node: Node) -> Any:
-        """Return a node as truth values: a number is true where it is not 0."""
+        """Return the truth values of a node: a number is true where it is not 0."""
         if isinstance(node, Apply) and node.function.gives == "truth":
             operand = self.truth if node.function.domain == "truth" else self._float
             return node.function.evaluate(*(operand(argument) for argument in node.arguments))
@@ -183,8 +174,3 @@ def _each(function: Callable[..., Any], *values: tuple[Real, ...]) -> tuple[Arra
     """Call a function for every channel; a float stands for three equal ones."""
     count = max(len(value) for value in values)
     return tuple(function(*(value[i % len(value)] for value in values)) for i in range(count))
-
-
-def _bounded_number(value: Array) -> Array:
-    # What is known only at run time is bounded once, at the end. Constants must be float32 literals wherever they are.
-    return bounded(value) if isinstance(value, np.ndarray | np.floating) else value

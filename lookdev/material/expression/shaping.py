@@ -1,8 +1,8 @@
-"""What mask expressions compute: arithmetic, and the shaping functions that artists know from SeExpr.
+"""The functions of mask expressions: arithmetic, and the shaping functions of SeExpr.
 
 Plain functions over broadcasting arrays, in the vocabulary of `lookdev.brdf`, so that symbolic arrays run through the
-same code. Every result of finite numbers that stay within `LARGEST` is finite: what SeExpr leaves undefined has a
-value here, which the docstrings tell. A colour is a tuple of three arrays; all else works on one channel at a time.
+same code. Every result of finite numbers within `LARGEST` is finite: docstrings state the value of what SeExpr leaves
+undefined. A colour is a tuple of three arrays; other functions work on one channel at a time.
 
 - SeExpr 2, Disney Enterprises: user documentation, and the formulas of its built-in functions.
 - Perlin, K. 2002. Improving Noise. SIGGRAPH.
@@ -21,7 +21,7 @@ import numpy as np
 from lookdev.brdf.vectors import TINY, Array, Real
 
 LARGEST = 1e18
-"""Numbers end here, on either side: the product of two of them is still a float32."""
+"""The bound of all numbers, on either side: the product of two is still a float32."""
 
 _LUMINANCE = (0.2126, 0.7152, 0.0722)  # Rec.709, as SeExpr
 _PERIOD = 289.0
@@ -31,9 +31,9 @@ _PERIOD = 289.0
 class Function:
     """A function or operator of the language.
 
-    `parameters` are their names in the signature; the last `optional` of them may be left out. `domain` says what it
-    takes: ``"each"`` floats and colours, channel by channel; ``"float"`` floats alone; ``"color"`` a colour, as a tuple
-    of three arrays, then floats; ``"truth"`` truth values. `gives` what comes out, None: as `domain` says.
+    The last `optional` of the `parameters` may be omitted. `domain` is their type: ``"each"`` floats and colours, by
+    channel; ``"float"`` floats alone; ``"color"`` a colour, as a tuple of three arrays, then floats; ``"truth"`` truth
+    values. `gives` is the type of the result, None for that of `domain`.
     """
 
     evaluate: Callable[..., Any]
@@ -43,19 +43,19 @@ class Function:
     gives: Literal["float", "color", "truth"] | None = None
 
     def signature(self, name: str) -> str:
-        """Write the call, optional parameters in brackets."""
+        """Return the call, optional parameters in brackets."""
         required = len(self.parameters) - self.optional
         rest = "".join(f"[, {parameter}]" for parameter in self.parameters[required:])
         return f"{name}({', '.join(self.parameters[:required])}{rest})"
 
 
 def bounded(x: Array) -> Array:
-    """Keep a number within `LARGEST`; what is no number is 0."""
+    """Clip a number to `LARGEST`; NaN becomes 0."""
     return np.where(x > 0.0, np.minimum(x, LARGEST), np.where(x < 0.0, np.maximum(x, -LARGEST), 0.0))
 
 
 def divide(x: Real, y: Array) -> Array:
-    """Return x / y; 0 where y is 0, or as good as."""
+    """Return x / y; 0 where the magnitude of y is below TINY."""
     zero = np.absolute(y) < TINY
     return np.where(zero, 0.0, x / np.where(zero, 1.0, y))
 
@@ -105,7 +105,7 @@ def nearest_whole(x: Array) -> Array:
 
 
 def mix(a: Array, b: Array, alpha: Array) -> Array:
-    """Blend: at alpha 0 or 1 one of the two is not even looked at."""
+    """Blend linearly; at a constant alpha of 0 or 1 one of the two is not read."""
     return a * (1.0 - alpha) + b * alpha
 
 
@@ -126,17 +126,17 @@ def _smooth(t: Array) -> Array:
 
 
 def _gaussian(t: Array) -> Array:
-    # SeExpr's bell: 2^-8 where it begins, and nothing before.
+    # SeExpr's bell: 2^-8 where it begins, and 0 before.
     return np.where(t > 0.0, np.exp((-8.0 / log2(e)) * (1.0 - t) * (1.0 - t)), 0.0)
 
 
 def smoothstep(x: Array, a: Array, b: Array) -> Array:
-    """Do as linearstep, along a cubic curve."""
+    """Rise as linearstep, along a cubic curve."""
     return _smooth(linearstep(x, a, b))
 
 
 def gaussstep(x: Array, a: Array, b: Array) -> Array:
-    """Do as linearstep, along half a Gaussian bell; 0 at x = a."""
+    """Rise as linearstep, along half a Gaussian bell; 0 at x = a."""
     return _gaussian(linearstep(x, a, b))
 
 
@@ -165,10 +165,9 @@ def bias(x: Array, b: Array) -> Array:
 
 
 def contrast(x: Array, c: Array) -> Array:
-    """Raise the contrast for c > 0.5, lower it for c < 0.5; x beyond [0, 1] comes out as 0 or 1 (Perlin's gain).
+    """Raise the contrast for c > 0.5, lower it for c < 0.5; x beyond [0, 1] becomes 0 or 1 (Perlin's gain).
 
-    SeExpr writes bias(1 - c, 2 x), which is the same: a^log(b) = b^log(a). This way around, only a constant c meets
-    the floor of the logarithm.
+    SeExpr has bias(1 - c, 2 x), which is equal: a^log(b) = b^log(a). In this form only c meets the logarithm's floor.
     """
     low = x < 0.5
     half = 0.5 * bias(np.where(low, 2.0 * x, 2.0 - 2.0 * x), 1.0 - c)
@@ -182,14 +181,14 @@ def luminance(color: tuple[Array, ...]) -> Array:
 
 
 def saturate(color: tuple[Array, ...], amount: Array) -> tuple[Array, ...]:
-    """Scale the saturation around the luminance; negative channels come out as 0."""
+    """Scale the saturation around the luminance; negative channels become 0."""
     gray = luminance(color)
     return tuple(np.maximum(mix(gray, channel, amount), 0.0) for channel in color)
 
 
 def _wrapped(i: Array, period: float = _PERIOD) -> Array:
-    # Modulo of whole numbers. Half a unit keeps the quotient clear of the next integer: rounded to float32 it is off
-    # by 1/900 at most below 3e6, which half a unit over 289 outweighs.
+    # Modulo of whole numbers. Half a unit separates the quotient from the next integer: below 3e6 its float32 error
+    # is at most 1/900, less than half a unit over 289.
     return i - period * np.floor((i + 0.5) * (1.0 / period))
 
 
@@ -205,7 +204,7 @@ def _hash(i: Array, j: Array, k: Array) -> Array:
 
 
 def _slope(number: Array, x: Array, y: Array, z: Array) -> Array:
-    # Perlin 2002: the gradients are the twelve edges of a cube. He doubles four of them, which favours one axis.
+    # Perlin 2002: the gradients are the twelve edges of a cube. Four of them are doubled there, which favours one axis.
     edge = _wrapped(number, 12.0)
     u, v = np.where(edge < 8.0, x, y), np.where(edge < 4.0, y, z)
     half = np.floor(0.5 * edge)
@@ -213,7 +212,7 @@ def _slope(number: Array, x: Array, y: Array, z: Array) -> Array:
 
 
 def _lattice(x: Real) -> tuple[Array, Array, Array]:
-    """Return the lattice point below, the way from there, and the weight of the next."""
+    """Return the lattice point below, the distance from it, and the weight of the next."""
     floor = np.floor(x)
     t = x - floor
     return _wrapped(floor), t, t * t * t * (t * (6.0 * t - 15.0) + 10.0)
@@ -222,8 +221,8 @@ def _lattice(x: Real) -> tuple[Array, Array, Array]:
 def noise(x: Array, y: Real = 0.0, z: Real = 0.0) -> Array:
     """Return gradient noise in [0, 1], mean 0.5, 0.5 at lattice points, of period 289.
 
-    The same in float32 as in float64: all hashing is by whole numbers below 2^24. Of a constant coordinate on the
-    lattice, the far side folds away.
+    The hashes are equal in float32 and float64: whole numbers below 2^24. For a constant coordinate on the lattice, the
+    terms of the next lattice point fold to 0.
     """
     (i, x, u), (j, y, v), (k, z, w) = (_lattice(value) for value in (np.asarray(0.0) + x, y, z))
 

@@ -1,7 +1,6 @@
-"""The syntax of mask expressions: from text to a tree.
+"""The syntax of mask expressions: from text to a tree, by a tokenizer and an operator-precedence parser.
 
-The language is that of SeExpr's expressions (Disney), without variables of its own: see ``docs/expressions.md``. Text
-is read by the tokenizer and the operator-precedence parser below and by nothing else.
+The language is that of SeExpr's expressions (Disney), without variables: see ``docs/expressions.md``.
 
 - Pratt, V. 1973. Top Down Operator Precedence. POPL.
 """
@@ -17,13 +16,10 @@ from lookdev.errors import LookdevError, nearest_hint
 from lookdev.material.expression.shaping import CONSTANTS, FUNCTIONS, LARGEST, OPERATORS, Function
 
 LONGEST = 64 * 1024
-"""Characters that an expression may have."""
+"""The greatest length of an expression, in characters."""
 
-DEEPEST = 64
-"""Operations that may stand one inside the other."""
-
-SHOWN = 40
-"""Characters of a name that a message shows; of the line at fault, twice as many."""
+_DEEPEST = 64  # operations one inside the other
+_SHOWN = 40  # characters of a name in a message; of the line at fault, twice as many
 
 
 class ExpressionError(LookdevError):
@@ -34,18 +30,18 @@ class ExpressionError(LookdevError):
         start = text.rfind("\n", 0, position) + 1
         end = text.find("\n", position)
         end = len(text) if end < 0 else end
-        first = max(start, min(position - SHOWN, end - 2 * SHOWN))
-        last = min(end, first + 2 * SHOWN)
+        first = max(start, min(position - _SHOWN, end - 2 * _SHOWN))
+        last = min(end, first + 2 * _SHOWN)
         before, after = "…" * (first > start), "…" * (last < end)
         line = "".join(c if c.isprintable() else " " for c in text[first:last])
         caret = " " * (len(before) + position - first) + "^"
-        told = what + (f" ({hint})" if hint else "")
-        super().__init__(f"{told}\n    {before}{line}{after}\n    {caret}")
+        message = what + (f" ({hint})" if hint else "")
+        super().__init__(f"{message}\n    {before}{line}{after}\n    {caret}")
 
 
 @dataclass(frozen=True)
 class _Part:
-    """A part of an expression, told by the `position` of its operator or first character."""
+    """A part of an expression; `position` is that of its operator or first character."""
 
     position: int
     depth: int
@@ -114,7 +110,7 @@ _TOKEN = re.compile(
     r"|(?P<sign>[<>=!]=|&&|\|\||[-+*/%^!<>?:(),\[\]])"
 )
 
-# How tightly an operator binds what stands on its left; only ``^`` and ``?`` group from the right.
+# The binding power of each operator on its left operand; only ``^`` and ``?`` group from the right.
 _BINDING = {"?": 1, "||": 2, "&&": 3, "==": 4, "!=": 4, "<": 5, "<=": 5, ">": 5, ">=": 5}
 _BINDING |= {"+": 6, "-": 6, "*": 7, "/": 7, "%": 7, "^": 9, "[": 10}
 _PREFIX = {"-": "negative", "!": "!"}
@@ -135,8 +131,8 @@ def parse_tree(text: str) -> tuple[Node, tuple[str, ...]]:
     Raises
     ------
     ExpressionError
-        It is none, names an unknown function, gives a wrong number of arguments, is longer than `LONGEST` or nested
-        deeper than `DEEPEST`.
+        The syntax is wrong, a function is unknown or has a wrong number of arguments, or the text is too long or nested
+        too deep.
     """
     if len(text) > LONGEST:
         raise ExpressionError(text, LONGEST, f"an expression of {len(text)} characters; at most {LONGEST} are read")
@@ -146,7 +142,7 @@ def parse_tree(text: str) -> tuple[Node, tuple[str, ...]]:
 
 def clipped(text: str) -> str:
     """Shorten a name for a message."""
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}…"
+    return text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…"
 
 
 def _tokens(text: str) -> Iterator[_Token]:
@@ -179,10 +175,10 @@ class _Parser:
         token, self._token = self._token, next(self._tokens)
         return token
 
-    def _unexpected(self, wanted: str) -> ExpressionError:
+    def _unexpected(self, expected: str) -> ExpressionError:
         token = self._token
         found = "the end" if token.kind == "end" else f"'{clipped(token.text)}'"
-        return ExpressionError(self.text, token.position, f"{wanted} should stand here, not {found}")
+        return ExpressionError(self.text, token.position, f"{expected} should stand here, not {found}")
 
     def _expect(self, sign: str) -> None:
         if self._token.text != sign:
@@ -191,18 +187,18 @@ class _Parser:
 
     def _depth(self, position: int, *parts: Node) -> int:
         depth = 1 + max((part.depth for part in parts), default=0)
-        if depth > DEEPEST:
+        if depth > _DEEPEST:
             raise self._too_deep(position)
         return depth
 
     def _too_deep(self, position: int) -> ExpressionError:
-        return ExpressionError(self.text, position, f"more than {DEEPEST} operations one inside the other")
+        return ExpressionError(self.text, position, f"more than {_DEEPEST} operations one inside the other")
 
     def _parse(self, binding: int) -> Node:
         """Parse what binds tighter than `binding`."""
-        # Parentheses make no node. Each costs a call, and between two there may be one for its operator.
+        # Parentheses make no node. Each costs a call, and between two there may be one for an operator.
         self._nesting += 1
-        if self._nesting > 2 * DEEPEST:
+        if self._nesting > 2 * _DEEPEST:
             raise self._too_deep(self._token.position)
         left = self._operand()
         while _BINDING.get(self._token.text, 0) > binding:
@@ -262,19 +258,16 @@ class _Parser:
         raise self._unexpected("a number, a name or '('")
 
     def _list(self, closing: str) -> tuple[Node, ...]:
-        items = []
-        if self._token.text != closing:
+        items = [] if self._token.text == closing else [self._parse(0)]
+        while items and self._token.text == ",":
+            self._next()
             items.append(self._parse(0))
-            while self._token.text == ",":
-                self._next()
-                items.append(self._parse(0))
         self._expect(closing)
         return tuple(items)
 
     def _call(self, token: _Token) -> Node:
         name = token.text
-        function = FUNCTIONS.get(name)
-        if function is None:
+        if (function := FUNCTIONS.get(name)) is None:
             hint = nearest_hint(name, list(FUNCTIONS))
             raise ExpressionError(self.text, token.position, f"unknown function '{clipped(name)}'", hint)
         self._next()

@@ -1,6 +1,6 @@
 """Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim.
 
-The name of a preset is that of its file. Looks reference it, so that a change of the preset changes them.
+The name of a preset is that of its file. Looks reference it: a change of the preset changes them.
 """
 
 from __future__ import annotations
@@ -21,18 +21,14 @@ LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
 
 SHIPPED = Path("materials", "presets")
-"""Where presets are, below the current folder and below `lookdev.shipped.shipped_folder`."""
+"""The folder of presets below the current folder and below `lookdev.shipped.shipped_folder`."""
 
-_SUFFIXES = (".usda", ".usd", ".usdc")
+SUFFIXES = (".usda", ".usd", ".usdc")
 
 
 @dataclass(frozen=True)
 class Preset:
-    """One layer of the library.
-
-    `file` is absolute, `prim` the path of the shader in it, `model` one of `lookdev.brdf.MODELS`; `category` and `doc`
-    are read from the file, or empty.
-    """
+    """One layer of the library: an absolute file, the path of the shader in it, and one of `lookdev.brdf.MODELS`."""
 
     name: str
     file: Path
@@ -44,22 +40,17 @@ class Preset:
 
 @dataclass(frozen=True)
 class Library:
-    """The presets of some folders, by category and name, and the faults of files that are not presets."""
+    """The presets of some folders, in order of category and name, and the faults of files that are not presets."""
 
     presets: tuple[Preset, ...]
     faults: tuple[Fault, ...]
 
 
 def library_folders(given: Path | None = None) -> tuple[Path, ...]:
-    """Return the folders that presets are looked for in, absolute; of two presets of one name, the first folder's wins.
+    """Return the folders of presets, absolute, by precedence; LookError where a named one or all are missing.
 
-    That is `given`, else those of ``$LOOKDEV_LIBRARY``, else ``materials/presets`` below the current folder and below
-    the folder of the shipped files, as far as they exist.
-
-    Raises
-    ------
-    LookError
-        A folder that was asked for does not exist, or none does.
+    These are `given`, else those of ``$LOOKDEV_LIBRARY``, else `SHIPPED` below the current folder and below the folder
+    of the shipped files, as far as they exist.
     """
     named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     wanted = [given] if given else named
@@ -75,13 +66,7 @@ def library_folders(given: Path | None = None) -> tuple[Path, ...]:
 
 
 def read_library(folders: Iterable[Path], category: str | None = None) -> Library:
-    """Read every preset of some folders, or those of one category.
-
-    Raises
-    ------
-    LookError
-        No preset has that category, or the folders have none at all.
-    """
+    """Read every preset of some folders, or those of one category; LookError where there is none."""
     folders = tuple(folders)
     presets: list[Preset] = []
     faults: list[Fault] = []
@@ -101,14 +86,8 @@ def read_library(folders: Iterable[Path], category: str | None = None) -> Librar
 
 
 def find_preset(name: str, library: Path | None = None) -> Preset:
-    """Return a preset by the path of its file, or by its name, in whatever case, from `library_folders`.
-
-    Raises
-    ------
-    LookError
-        There is no such preset, or its file is not one.
-    """
-    if Path(name).suffix in _SUFFIXES:
+    """Return a preset by its file, or by its name, in whatever case, from `library_folders`; LookError for none."""
+    if Path(name).suffix in SUFFIXES:
         return read_preset(Path(name).absolute())
     folders = library_folders(library)
     files = _files(folders)
@@ -119,12 +98,12 @@ def find_preset(name: str, library: Path | None = None) -> Preset:
 
 
 def read_preset(file: Path) -> Preset:
-    """Read the preset that a file holds.
+    """Read the preset of a file.
 
     Raises
     ------
     LookError
-        The file is missing, is not USD, or its default prim is no shader of a layer.
+        The file is missing, is not USD, or its default prim is not the shader of a layer.
     """
     stage = open_stage(file)
     prim = stage.GetDefaultPrim()
@@ -145,7 +124,7 @@ def read_preset(file: Path) -> Preset:
 
 
 def library_text(library: Library) -> str:
-    """Return a library as an aligned table: name, category, model, and the first sentence of its documentation."""
+    """Return a library as an aligned table: name, category, model, and the first sentence of the documentation."""
     rows = [("name", "category", "model", "")]
     rows += [(p.name, p.category, p.model, p.doc.partition(". ")[0].rstrip(".")) for p in library.presets]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
@@ -155,11 +134,11 @@ def library_text(library: Library) -> str:
 
 
 def _files(folders: Iterable[Path]) -> dict[str, Path]:
-    """Return the files of presets by their names without case, of which the first folder's wins."""
+    """Return the files of presets by their names without case; the first folder with a name has precedence."""
     files: dict[str, Path] = {}
     for folder in folders:
         for file in sorted(folder.iterdir()):
-            if file.suffix in _SUFFIXES and not file.name.startswith("."):
+            if file.suffix in SUFFIXES and not file.name.startswith("."):
                 files.setdefault(file.stem.casefold(), file)
     return files
 

@@ -1,7 +1,9 @@
 """Editing looks: layer stacks of references to presets, written in USD.
 
-An edit is made on a copy beside the file, which takes the file's place only if `read_look` finds no fault in it, in
-any variant of the material. It is written to the file itself: a stack that comes from another file gets overrides.
+An edit is made on a copy beside the file, which replaces the file only if `read_look` finds no fault in it, in any
+variant of the material. It is written to the file itself: a stack that comes from another file gets overrides. Each
+function raises LookError where the file is not a look, or would not be one after the edit; layers are named by number
+or, in whatever case, by name.
 """
 
 from __future__ import annotations
@@ -15,38 +17,25 @@ from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import layer_shaders
+from lookdev.brdf import Mode, layer_shaders
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.library import Preset
+from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
 from lookdev.material.library.preview import author_preview
-from lookdev.material.look import Look, Mode
+from lookdev.material.look import Look
 from lookdev.material.usd import find_material, read_look, read_material
 from lookdev.material.usd.file import open_stage, reading
-from lookdev.material.usd.network import Network, Source, shader_id
+from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
 
-_SUFFIXES = (".usda", ".usd", ".usdc")
-_SURFACE = "outputs:lookdev:surface"
-_LAYER_INPUT = re.compile(r"inputs:layer([1-9]\d*)(Mask|Enabled|Mode)?")
 _TYPES = Sdf.ValueTypeNames
 
 
 def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
     """Write a new look whose base is a preset, by reference, and return the path of its material.
 
-    Parameters
-    ----------
-    file
-        Must not exist.
-    name
-        Of the material; by default that of the file, ``worn_paint.usda`` giving ``WornPaint``.
-
-    Raises
-    ------
-    LookError
-        The file exists, the name cannot be a prim's, or the preset does not read as a look.
+    The material is called `name`, by default as the file: ``WornPaint`` for ``worn_paint.usda``, which must not exist.
     """
     _check_suffix(file)
     if file.exists() or file.is_symlink():
@@ -68,13 +57,7 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
 
 
 def preset_look(preset: Preset, name: str) -> Look:
-    """Return the look whose only layer is a preset, made in memory.
-
-    Raises
-    ------
-    LookError
-        The preset does not read as a look.
-    """
+    """Return the look whose only layer is a preset, made in memory."""
     stage = Usd.Stage.CreateInMemory()
     material = UsdShade.Material.Define(stage, "/Preset")
     base = stage.DefinePrim("/Preset/Base", "Shader")
@@ -89,35 +72,27 @@ def add_layer(
     """Lay a preset, by reference, over the layers of a look, and return the new layer's number and name.
 
     A look of a single layer gets a stack first.
-
-    Raises
-    ------
-    LookError
-        The file is no look, or would not be one after.
     """
     with _edited(file, prim) as material:
-        stack = _find_stack(material) or _make_stack(material)
+        if _find_stack(material) is None:
+            _author_stack(material, _surface(material)[1].path)
+        stack = _stack_of(material)
         number = max(stack.layers, default=0) + 1
         path = _reference(stack.stage, free_path(stack.stage, stack.scope, Sdf.Path(preset.prim).name), preset)
         stack.input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
         if mode != "over":
             stack.input(number, "Mode", _TYPES.Token).Set(mode)
         if mask != 1.0:
-            writer = MaskWriter(stack.stage, stack.scope, {})
-            writer.write(stack.input(number, "Mask", _TYPES.Float), f"{path.name}Mask", mask)
+            attribute = stack.input(number, "Mask", _TYPES.Float)
+            MaskWriter(stack.stage, stack.scope, {}).write(attribute, f"{path.name}Mask", mask)
     return number, path.name
 
 
 def remove_layer(file: Path, layer: str, prim: str | None = None) -> tuple[int, str, bool]:
-    """Remove a layer, by number or name, from a stack; return its number, its name, and whether it is removed.
+    """Remove a layer from a stack; return its number, its name, and whether it is removed.
 
     Layers above it are renumbered, and nodes that only it used are removed. A layer that another file defines cannot be
     removed and is disabled.
-
-    Raises
-    ------
-    LookError
-        There is no such layer, or the file would not be a look without it.
     """
     with _edited(file, prim) as material:
         stack = _stack_of(material)
@@ -134,15 +109,10 @@ def remove_layer(file: Path, layer: str, prim: str | None = None) -> tuple[int, 
 
 
 def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None) -> tuple[int, str]:
-    """Give a layer, by number or name, another mask; return its number and name.
+    """Replace the mask of a layer; return its number and name.
 
-    Nodes that only the old mask used are removed. Names of an expression that are given no source keep the one they
-    had in the expression before.
-
-    Raises
-    ------
-    LookError
-        There is no such layer, or the mask cannot be one.
+    Nodes that only the old mask used are removed. Names of an expression without a new source keep the one that they
+    have in the old expression.
     """
     with _edited(file, prim) as material:
         stack = _stack_of(material)
@@ -157,13 +127,7 @@ def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None) -> tup
 
 
 def write_preview(file: Path, prim: str | None = None) -> str:
-    """Write or refresh the UsdPreviewSurface of a look, and return the path of its shader.
-
-    Raises
-    ------
-    LookError
-        The file is no look, or its outputs:surface is connected to something else.
-    """
+    """Write or refresh the UsdPreviewSurface of a look, and return the path of its shader."""
     with _edited(file, prim) as material:
         return _author_preview(material)
 
@@ -183,11 +147,11 @@ class _Stack:
 
     @property
     def scope(self) -> Sdf.Path:
-        """Where the nodes beside the stack are."""
+        """The parent of the nodes beside the stack."""
         return self.prim.GetPath().GetParentPath()
 
     def find(self, layer: str) -> tuple[int, str]:
-        """Return number and name of the layer that has this number or, in whatever case, this name."""
+        """Return number and name of a layer."""
         if layer == "0" or layer.casefold() == self.base.casefold():
             raise self._fault(f"'{layer}' is the base", "every stack has one, without a mask; choose another layer")
         numbers = [n for n, name in self.layers.items() if layer == str(n) or layer.casefold() == name.casefold()]
@@ -209,7 +173,7 @@ class _Stack:
         return UsdShade.Shader(self.prim).CreateInput(f"layer{number}{part}", type_name).GetAttr()
 
     def is_own(self, attribute: Usd.Attribute) -> bool:
-        """Return whether all opinions about an input are on the stack itself, in the file that is edited."""
+        """Return whether all opinions on an input are on the stack itself, in the file that is edited."""
         root = self.stage.GetRootLayer()
         return all(
             spec.layer == root and spec.path.StripAllVariantSelections() == attribute.GetPath()
@@ -217,11 +181,12 @@ class _Stack:
         )
 
     def drop(self, number: int) -> None:
-        """Remove a layer's inputs, and number those of the layers over it anew, in every variant."""
+        """Remove a layer's inputs, and renumber those of the layers over it, in every variant."""
         root = self.stage.GetRootLayer()
         for site in sites(root, self.prim.GetPath()):
             prim = root.GetPrimAtPath(site)
-            found = [(int(match[1]), match[2] or "", spec) for spec in prim.properties if (match := _input(spec))]
+            matches = ((LAYER_INPUT.fullmatch(spec.name.removeprefix("inputs:")), spec) for spec in prim.properties)
+            found = [(int(match[1]), match[2] or "", spec) for match, spec in matches if match]
             for each, part, spec in sorted(found, key=lambda entry: entry[0]):
                 if each == number:
                     prim.RemoveProperty(spec)
@@ -231,18 +196,13 @@ class _Stack:
                 delete(root, [site])
 
 
-def _input(spec: Sdf.PropertySpec) -> re.Match[str] | None:
-    return _LAYER_INPUT.fullmatch(spec.name)
-
-
 def _surface(material: UsdShade.Material) -> tuple[Network, Source]:
     """Return the stack or the only layer of a look."""
     network = Network(Path(material.GetPrim().GetStage().GetRootLayer().realPath))
-    attribute = material.GetPrim().GetAttribute(_SURFACE)
-    source = network.follow(attribute) if attribute else None
-    if not isinstance(source, Source) or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
-        hint = "'lookdev materials new' makes a look"
-        network.fault(material.GetPath().AppendProperty(_SURFACE), "is not connected to layers", hint)
+    source = network.surface(material)
+    if source is None or shader_id(source.shader) not in ("LookdevLayers", *layer_shaders()):
+        place = material.GetPath().AppendProperty(TERMINAL)
+        network.fault(place, "is not connected to layers", "'lookdev materials new' makes a look")
         raise LookError(network.faults)
     return network, source
 
@@ -255,7 +215,7 @@ def _find_stack(material: UsdShade.Material) -> _Stack | None:
     names: dict[int, str] = {}
     for each in surface.shader.GetInputs():
         attribute = each.GetAttr()
-        match = _LAYER_INPUT.fullmatch(attribute.GetName())
+        match = LAYER_INPUT.fullmatch(each.GetBaseName())
         if each.GetBaseName() == "base" or (match and not match[2] and attribute.HasAuthoredConnections()):
             layer = network.follow(attribute)
             names[int(match[1]) if match else 0] = layer.path.name if isinstance(layer, Source) else ""
@@ -269,13 +229,6 @@ def _stack_of(material: UsdShade.Material) -> _Stack:
         network.fault(material, "has a single layer, no stack", "'lookdev materials add' lays another over it")
         raise LookError(network.faults)
     return stack
-
-
-def _make_stack(material: UsdShade.Material) -> _Stack:
-    """Put a stack between a material and its only layer."""
-    _, layer = _surface(material)
-    _author_stack(material, layer.path)
-    return _stack_of(material)
 
 
 def _author_stack(material: UsdShade.Material, base: Sdf.Path) -> None:
@@ -312,16 +265,20 @@ def _author_preview(material: UsdShade.Material) -> str:
 
 
 def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
-    """Return the named inputs of an expression as they stand; none of any other node."""
+    """Return the present state of an expression's named inputs; none for any other node."""
     if not isinstance(source, Source) or shader_id(source.shader) != "LookdevExpression":
         return {}
     inputs = {each.GetBaseName(): each.GetAttr() for each in source.shader.GetInputs()}
-    return {name: Held.of(attribute) for name, attribute in inputs.items() if name != "expression"}
+    return {
+        name: Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
+        for name, attribute in inputs.items()
+        if name != "expression"
+    }
 
 
 @contextmanager
 def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
-    """Give the material of a copy of a file, which takes the file's place if it is a look in the end."""
+    """Yield the material of a copy of a file, which replaces the file if it is a look in the end."""
     _check_suffix(file)
     if file.is_symlink():
         raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
@@ -339,8 +296,8 @@ def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
 
 
 def _check_suffix(file: Path) -> None:
-    if file.suffix not in _SUFFIXES:
-        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(_SUFFIXES)}")])
+    if file.suffix not in SUFFIXES:
+        raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
 
 
 @contextmanager
@@ -359,13 +316,14 @@ def _reported_for(file: Path, temporary: Path) -> Iterator[None]:
 
 
 def _read_saved(material: UsdShade.Material, **variants: str) -> Look:
+    """Save and read a look."""
     layer = material.GetPrim().GetStage().GetRootLayer()
     layer.Save()
     return read_look(Path(layer.realPath), str(material.GetPath()), variants)
 
 
 def _check(material: UsdShade.Material) -> None:
-    """Read the look as it is now, in each variant of the material."""
+    """Read the look in each variant of the material."""
     _read_saved(material)
     variants = material.GetPrim().GetVariantSets()
     for name in variants.GetNames():

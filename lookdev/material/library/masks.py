@@ -1,7 +1,4 @@
-"""Masks as users type them, and the USD nodes that they become.
-
-A mask is a number, an image, a primvar, or an expression over such.
-"""
+"""Masks as users type them, and their USD nodes: a number, an image, a primvar, or an expression over such."""
 
 from __future__ import annotations
 
@@ -9,7 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 from pxr import Sdf, Usd, UsdShade
 
@@ -21,6 +18,7 @@ IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif
 """File name endings that distinguish an image from an expression."""
 
 _IMAGE = re.compile(rf"(?P<file>.+({'|'.join(re.escape(suffix) for suffix in IMAGES)}))(:(?P<channel>\w*))?", re.I)
+_TYPES = Sdf.ValueTypeNames
 _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or an expression"
 
 
@@ -34,7 +32,7 @@ class Image:
 
 @dataclass(frozen=True)
 class PrimvarName:
-    """A float that the geometry carries; 0 where it has none."""
+    """A float of the geometry; 0 where it has none."""
 
     name: str
 
@@ -51,7 +49,7 @@ Source: TypeAlias = float | Image | PrimvarName | UvName
 
 @dataclass(frozen=True)
 class Computed:
-    """An expression, and where its names come from."""
+    """An expression, and the sources of its names."""
 
     expression: Expression
     inputs: Mapping[str, Source] = field(default_factory=dict)
@@ -61,7 +59,7 @@ Mask: TypeAlias = Source | Computed
 
 
 def parse_mask(text: str, inputs: Iterable[str] = ()) -> Mask:
-    """Read a mask as it is typed.
+    """Parse a mask.
 
     Parameters
     ----------
@@ -69,13 +67,12 @@ def parse_mask(text: str, inputs: Iterable[str] = ()) -> Mask:
         ``"0.5"``, ``"dirt.png"`` or ``"dirt.png:g"`` (relative to the current folder), ``"primvar:wear"``, or an
         expression.
     inputs
-        What the names of an expression mean: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for
-        coordinates.
+        Names of an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
 
     Raises
     ------
     LookError
-        It is none of these, or an input is not one of the expression's.
+        `text` is none of these, or an input is not a name of the expression.
     """
     source = _parse_source(text, "mask", ("r", "g", "b", "a"))
     if source is not None:
@@ -103,7 +100,7 @@ def _parse_inputs(inputs: Iterable[str], expression: Expression) -> Iterator[tup
 
 
 def _parse_source(text: str, what: str, channels: tuple[str, ...]) -> Source | None:
-    """Read a number, an image or a primvar; None where it is something else."""
+    """Parse a number, an image or a primvar; None where it is something else."""
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
         if what == "mask" and not 0.0 <= value <= 1.0:
@@ -127,34 +124,24 @@ def _parse_source(text: str, what: str, channels: tuple[str, ...]) -> Source | N
 
 @dataclass(frozen=True)
 class Held:
-    """An input as it stands: its type, and its connections or its value."""
+    """The present state of an input: its type, and its connections or its value."""
 
     type_name: Sdf.ValueTypeName
     connections: tuple[Sdf.Path, ...]
     value: object
 
-    @staticmethod
-    def of(attribute: Usd.Attribute) -> Held:
-        """Take the state of an input."""
-        return Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
-
 
 class MaskWriter:
-    """Writes the nodes of a mask beside the others of a stack.
+    """Writes the nodes of a mask as children of `scope`.
 
-    Parameters
-    ----------
-    stage, scope
-        Where: the nodes become children of `scope`.
-    held
-        Inputs of an expression that was here before: a name that is given no source keeps its old one.
+    `held` are inputs of the expression that is replaced: a name without a new source keeps the old one.
     """
 
     def __init__(self, stage: Usd.Stage, scope: Sdf.Path, held: Mapping[str, Held]) -> None:
         self._stage, self._scope, self._held = stage, scope, held
 
     def write(self, attribute: Usd.Attribute, name: str, mask: Mask) -> None:
-        """Make `mask` the source of an input; the node is called `name`, or nearly so where that is taken.
+        """Make `mask` the source of an input; the node has the name `name`, with a number where that is in use.
 
         Raises
         ------
@@ -168,7 +155,7 @@ class MaskWriter:
             case Image():
                 attribute.SetConnections([self._image(name, mask)])
             case PrimvarName():
-                attribute.SetConnections([self._primvar(name, mask)])
+                attribute.SetConnections([self._reader(name, "float", mask.name)])
             case UvName():
                 attribute.SetConnections([self._coordinates(mask.name)])
             case Computed():
@@ -177,39 +164,34 @@ class MaskWriter:
                 attribute.Set(mask)
 
     def _image(self, name: str, image: Image) -> Sdf.Path:
-        types = Sdf.ValueTypeNames
         node = self._node(name, "UsdUVTexture")
-        path = relative_asset(image.file, self._stage)
-        node.CreateInput("file", types.Asset).Set(Sdf.AssetPath(path))
+        node.CreateInput("file", _TYPES.Asset).Set(Sdf.AssetPath(relative_asset(image.file, self._stage)))
         color = image.channel == "rgb"
         if not color:  # a mask is data
-            node.CreateInput("sourceColorSpace", types.Token).Set("raw")
+            node.CreateInput("sourceColorSpace", _TYPES.Token).Set("raw")
         for wrap in ("wrapS", "wrapT"):
-            node.CreateInput(wrap, types.Token).Set("repeat")
-        node.CreateInput("st", types.Float2).GetAttr().SetConnections([self._coordinates("st")])
-        return node.CreateOutput(image.channel, types.Float3 if color else types.Float).GetAttr().GetPath()
+            node.CreateInput(wrap, _TYPES.Token).Set("repeat")
+        node.CreateInput("st", _TYPES.Float2).GetAttr().SetConnections([self._coordinates("st")])
+        return _output(node, image.channel, _TYPES.Float3 if color else _TYPES.Float)
 
     def _coordinates(self, name: str) -> Sdf.Path:
-        """Return the reader of a UV set that is here, or a new one."""
+        """Return the output of the reader of a UV set: the existing one of the scope, or a new one."""
         for prim in self._stage.GetPrimAtPath(self._scope).GetChildren():
             shader = UsdShade.Shader(prim)
             if shader and shader.GetShaderId() == "UsdPrimvarReader_float2":
                 varname = prim.GetAttribute("inputs:varname")
                 if varname and varname.Get() == name and not varname.HasAuthoredConnections():
                     return prim.GetPath().AppendProperty("outputs:result")
-        node = self._node(name[:1].upper() + name[1:].replace(":", "_"), "UsdPrimvarReader_float2")
-        node.CreateInput("varname", Sdf.ValueTypeNames.String).Set(name)
-        return node.CreateOutput("result", Sdf.ValueTypeNames.Float2).GetAttr().GetPath()
+        return self._reader(name[:1].upper() + name[1:].replace(":", "_"), "float2", name)
 
-    def _primvar(self, name: str, primvar: PrimvarName) -> Sdf.Path:
-        node = self._node(name, "UsdPrimvarReader_float")
-        node.CreateInput("varname", Sdf.ValueTypeNames.String).Set(primvar.name)
-        return node.CreateOutput("result", Sdf.ValueTypeNames.Float).GetAttr().GetPath()
+    def _reader(self, name: str, kind: Literal["float", "float2"], primvar: str) -> Sdf.Path:
+        node = self._node(name, f"UsdPrimvarReader_{kind}")
+        node.CreateInput("varname", _TYPES.String).Set(primvar)
+        return _output(node, "result", _TYPES.Float if kind == "float" else _TYPES.Float2)
 
     def _expression(self, name: str, mask: Computed) -> Sdf.Path:
-        types = Sdf.ValueTypeNames
         node = self._node(name, "LookdevExpression")
-        node.CreateInput("expression", types.String).Set(mask.expression.text)
+        node.CreateInput("expression", _TYPES.String).Set(mask.expression.text)
         kinds: dict[str, Kind] = {}
         for each in mask.expression.names:
             source, held = mask.inputs.get(each), self._held.get(each)
@@ -217,8 +199,8 @@ class MaskWriter:
                 what = f"'{each}' in the expression has no source"
                 hint = f"add --input {each}=IMAGE, --input {each}=primvar:{each} or a value"
                 raise LookError([Fault("mask", "", what, hint)])
-            type_name = _type_name(source) if source is not None or held is None else held.type_name
-            kinds[each] = "float" if type_name == types.Float else "color"
+            type_name = _type_name(source) if held is None or source is not None else held.type_name
+            kinds[each] = "float" if type_name == _TYPES.Float else "color"
             attribute = node.CreateInput(each, type_name).GetAttr()
             if source is not None:
                 self.write(attribute, f"{name}_{each}", source)
@@ -227,10 +209,9 @@ class MaskWriter:
             elif held is not None:
                 attribute.Set(held.value)
         if mask.expression.check(kinds) == "color":
-            raise ExpressionError(
-                mask.expression.text, 0, "the result is a color", "a mask is a float: use luminance()"
-            )
-        return node.CreateOutput("result", types.Float).GetAttr().GetPath()
+            hint = "a mask is a float: use luminance()"
+            raise ExpressionError(mask.expression.text, 0, "the result is a color", hint)
+        return _output(node, "result", _TYPES.Float)
 
     def _node(self, name: str, shader_id: str) -> UsdShade.Shader:
         shader = UsdShade.Shader.Define(self._stage, free_path(self._stage, self._scope, name))
@@ -238,9 +219,12 @@ class MaskWriter:
         return shader
 
 
+def _output(node: UsdShade.Shader, name: str, type_name: Sdf.ValueTypeName) -> Sdf.Path:
+    return node.CreateOutput(name, type_name).GetAttr().GetPath()
+
+
 def _type_name(source: Source | None) -> Sdf.ValueTypeName:
     """Return the type of an expression's input."""
     if isinstance(source, UvName):
-        return Sdf.ValueTypeNames.Float2
-    color = isinstance(source, Image) and source.channel == "rgb"
-    return Sdf.ValueTypeNames.Color3f if color else Sdf.ValueTypeNames.Float
+        return _TYPES.Float2
+    return _TYPES.Color3f if isinstance(source, Image) and source.channel == "rgb" else _TYPES.Float

@@ -1,6 +1,6 @@
-"""Shader nodes in a file: where they are, what is connected to what, and how they come and go.
+"""Shader nodes in a file: their places and connections, and how they are removed.
 
-A prim may be spoken of at its own path and inside variants, selected or not: those places are its sites.
+The sites of a prim are the paths of its specs in a layer: its own path, and paths inside variants, selected or not.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from pxr import Sdf, Usd, UsdShade
 
 
 def clear_input(attribute: Usd.Attribute) -> None:
-    """Take away value and connections of an input; those of other layers are overruled by none."""
+    """Remove value and connections of an input; connections of other layers are overridden by none."""
     attribute.Clear()
     attribute.ClearConnections()
     if attribute.HasAuthoredConnections():
@@ -21,7 +21,7 @@ def clear_input(attribute: Usd.Attribute) -> None:
 
 
 def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
-    """Return a child path of `scope` that no prim has, in no variant of the root layer either."""
+    """Return an unused child path of `scope`, unused in every variant of the root layer too."""
     taken = {path.StripAllVariantSelections() for path in layer_paths(stage.GetRootLayer())}
     path, number = scope.AppendChild(name), 2
     while path in taken or stage.GetPrimAtPath(path):
@@ -30,14 +30,18 @@ def free_path(stage: Usd.Stage, scope: Sdf.Path, name: str) -> Sdf.Path:
 
 
 def relative_asset(file: Path, stage: Usd.Stage) -> str:
-    """Return the path of a file as the root layer names it, with forward slashes."""
-    relative = os.path.relpath(file, Path(stage.GetRootLayer().realPath).parent)
-    path = Path(relative).as_posix()
+    """Return the path of a file relative to the root layer, with forward slashes."""
+    return relative_path(file, Path(stage.GetRootLayer().realPath).parent)
+
+
+def relative_path(file: Path, folder: Path) -> str:
+    """Return the path of a file relative to a folder; ``./`` keeps USD from its search path."""
+    path = Path(os.path.relpath(file, folder)).as_posix()
     return path if path.startswith("../") else f"./{path}"
 
 
 def layer_paths(layer: Sdf.Layer) -> list[Sdf.Path]:
-    """Return the path of every spec in a layer, those in variants too."""
+    """Return the path of every spec in a layer, inside variants too."""
     paths: list[Sdf.Path] = []
     layer.Traverse(Sdf.Path.absoluteRootPath, paths.append)
     return paths
@@ -58,7 +62,7 @@ def upstream(material: UsdShade.Material, attributes: Iterable[Usd.Attribute]) -
 
 
 def prune(material: UsdShade.Material, candidates: Iterable[Sdf.Path], held: Sequence[Sdf.Path] = ()) -> None:
-    """Remove those of some nodes, defined in the edited file, that nothing is connected to any more but `held`."""
+    """Remove those of some nodes, defined in the edited file, that are connected to nothing but `held`."""
     stage = material.GetPrim().GetStage()
     root = stage.GetRootLayer()
     remaining = set(candidates)
@@ -77,7 +81,7 @@ def prune(material: UsdShade.Material, candidates: Iterable[Sdf.Path], held: Seq
 
 
 def _connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
-    """Give every connection, from a property to another, those in variants that are not selected too."""
+    """Yield every connection, from a property to another, in variants that are not selected too."""
     for prim in stage.TraverseAll():
         for attribute in prim.GetAttributes():
             for target in attribute.GetConnections():
@@ -91,14 +95,14 @@ def _connections(stage: Usd.Stage) -> Iterator[tuple[Sdf.Path, Sdf.Path]]:
 
 
 def sites(layer: Sdf.Layer, prim: Sdf.Path) -> list[Sdf.Path]:
-    """Return where a layer speaks of a prim: at its own path, and inside variants."""
-    paths = layer_paths(layer)
-    return [path for path in paths if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
+    """Return the sites of a prim in a layer."""
+    return [path for path in layer_paths(layer) if path.IsPrimPath() and path.StripAllVariantSelections() == prim]
 
 
 def delete(layer: Sdf.Layer, prims: Iterable[Sdf.Path]) -> None:
+    """Remove prims from a layer."""
     for path in prims:
-        if layer.GetPrimAtPath(path):  # it may have gone with its parent
+        if layer.GetPrimAtPath(path):  # it may be removed with its parent
             edit = Sdf.BatchNamespaceEdit()
             edit.Add(path, Sdf.Path.emptyPath)
             layer.Apply(edit)

@@ -1,20 +1,9 @@
-"""UsdPreviewSurface: what other USD viewers show of a look. It is a likeness, not the look.
+"""UsdPreviewSurface: the approximation of a look that other USD viewers show.
 
-Each layer is first mapped on its own.
-
-| UsdPreviewSurface | Disney | Pixar |
-|---|---|---|
-| diffuseColor | baseColor | surfaceColor |
-| metallic | metallic | metallic |
-| roughness | roughness | roughness |
-| clearcoat | clearcoat / 4, the strength that the model gives it | 0 |
-| clearcoatRoughness | the root of its alpha, mix(.1, .001, clearcoatGloss) | 0.01, unused |
-| ior | the one of F0 = .08 specular | the one of F0 = .05 normalScale |
-| opacity | 1 | 1 - clear (1 - metallic); that of the base times its presence |
-
-Then layers are blended by mask and presence, with the mean over [0, 1]² of st for what varies. A layer in mode
-"transmit" is a clear coat that tints what is beneath. Instead, what a layer with more than half of the weight takes
-from a texture, a primvar or an interface input is connected to that, so that it follows it, variants included.
+Each layer is mapped by `Model.preview` of its model. Then layers are blended by mask and presence, with the mean over
+[0, 1]² of st for what varies. A layer in mode "transmit" is a clear coat that tints what is beneath. An input that a
+layer with more than half of the weight reads from a texture, a primvar or an interface input is connected to that
+source instead, so that it follows the source, variants included.
 
 - UsdPreviewSurface Specification, Pixar. https://openusd.org/release/spec_usdpreviewsurface.html
 """
@@ -23,46 +12,54 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import sqrt
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Sdf, UsdShade
 
-from lookdev.brdf import MODELS, Real
+from lookdev.brdf import MASK, MODELS, Parameter, Real
 from lookdev.errors import Fault, LookError
 from lookdev.material.library.nodes import clear_input, free_path
-from lookdev.material.look import Coordinates, Formula, Input, Layer, Primvar, Texture
-from lookdev.material.textures import sample_texture
+from lookdev.material.look import Layer, Primvar, Texture
+from lookdev.material.textures import image_slopes, image_texels
 from lookdev.material.usd.network import shader_id
+from lookdev.material.values import Values, presence
 
-Value: TypeAlias = NDArray[np.float64]
+Value = NDArray[np.float64]
 
-_TYPES = {
-    "diffuseColor": Sdf.ValueTypeNames.Color3f,
-    "metallic": Sdf.ValueTypeNames.Float,
-    "roughness": Sdf.ValueTypeNames.Float,
-    "clearcoat": Sdf.ValueTypeNames.Float,
-    "clearcoatRoughness": Sdf.ValueTypeNames.Float,
-    "ior": Sdf.ValueTypeNames.Float,
-    "opacity": Sdf.ValueTypeNames.Float,
-}
+_FLOATS = ("metallic", "roughness", "clearcoat", "clearcoatRoughness", "ior", "opacity")
+_TYPES = {"diffuseColor": Sdf.ValueTypeNames.Color3f} | dict.fromkeys(_FLOATS, Sdf.ValueTypeNames.Float)
 _DERIVED: dict[str, Real] = {"clearcoat": 0.0, "clearcoatRoughness": 0.01, "f0": 0.04, "opacity": 1.0}
 _PLAIN = {"diffuseColor": np.full(3, 0.18), "metallic": np.asarray(0.0), "roughness": np.asarray(0.5)}
 """UsdPreviewSurface's own defaults: what a model's likeness does not set."""
 
-_GRID = 32  # look-ups along each axis, for a mean
 _LARGEST_F0 = 0.9  # an index of refraction of 38
 
 
-def preview_values(layers: Sequence[Layer]) -> dict[str, Value]:
-    """Return the inputs of the UsdPreviewSurface that is like a stack, base first: floats () and colours (3,).
+class _Grid:
+    """The unit square of st as a `lookdev.material.values.Surface`, (32, 32) points; primvars are their fallbacks."""
 
-    Raises
-    ------
-    TextureError
-        A texture cannot be read.
-    """
+    st: Value = np.stack(np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2), axis=-1)
+
+    def uv(self, name: str) -> Value:
+        return self.st
+
+    def texels(self, texture: Texture) -> Value:
+        return image_texels(texture, self.st)
+
+    def slopes(self, height: Texture) -> Value:
+        return image_slopes(height, self.st)
+
+    def primvar(self, primvar: Primvar) -> Value:
+        return np.asarray(primvar.fallback, np.float64)
+
+    def handedness(self) -> Value:
+        return np.ones(())
+
+
+def preview_values(layers: Sequence[Layer]) -> dict[str, Value]:
+    """Return the inputs of the UsdPreviewSurface that approximates a stack, base first: floats () and colours (3,)."""
     values = _values(layers[0])
     values["opacity"] = values["opacity"] * _cover(layers[0])
     for layer in layers[1:]:
@@ -75,14 +72,8 @@ def preview_values(layers: Sequence[Layer]) -> dict[str, Value]:
 def author_preview(material: UsdShade.Material, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> str:
     """Write or refresh the UsdPreviewSurface of a material, and return the path of its shader.
 
-    Inputs that have no counterpart in the models, such as displacement, stay as they are.
-
-    Parameters
-    ----------
-    material
-        On a stage whose edit target takes what is written.
-    layers
-        Of its look, base first, each with the shader that it was read from.
+    Inputs that have no counterpart in the models, such as displacement, stay as they are. `layers` are those of its
+    look, base first, each with the shader that it was read from.
 
     Raises
     ------
@@ -99,7 +90,7 @@ def author_preview(material: UsdShade.Material, layers: Sequence[tuple[Layer, Us
         if connections := _connections(name, layers):
             attribute.SetConnections(connections)
         else:
-            # A digit less than float32 has, so that a number that was typed comes out as it was typed.
+            # A digit less than float32 has, so that a number that was typed is written as it was typed.
             rounded = np.round(values[name], 6).tolist()
             attribute.Set(tuple(rounded) if isinstance(rounded, list) else rounded)
     return str(shader.GetPath())
@@ -123,7 +114,7 @@ def _preview_shader(material: UsdShade.Material) -> UsdShade.Shader:
 
 
 def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> list[Sdf.Path]:
-    """Return what an input of the preview is connected to: the source of the layer that decides it, if that varies."""
+    """Return the connection of an input of the preview: the source of the layer with most weight, if that varies."""
     covers = np.array([1.0, *(_cover(layer) * (layer.mode == "over") for layer, _ in layers[1:])])
     weights = covers * np.append(np.cumprod(1.0 - covers[:0:-1])[::-1], 1.0)
     decisive = int(np.argmax(weights))
@@ -139,47 +130,28 @@ def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> 
 
 
 def _cover(layer: Layer) -> float:
-    """Return how much a layer covers of what is beneath it."""
-    return float(_mean(layer.mask, (0.0, 1.0)) * _mean(layer.inputs.get("presence", 1.0), (0.0, 1.0)))
+    """Return the fraction of what is beneath a layer that it covers."""
+    return float(_mean(layer.mask, MASK) * _mean(presence(layer), MASK))
 
 
 def _values(layer: Layer) -> dict[str, Value]:
-    """Map one layer, of which all numbers and colours are taken by their mean."""
+    """Map one layer, by the means of all its numbers and colours."""
+    model = MODELS[layer.model]
     given = {
-        name: _mean(layer.inputs.get(name, parameter.default), parameter.hard)
-        for name, parameter in MODELS[layer.model].parameters.items()
+        name: _mean(layer.inputs.get(name, parameter.default), parameter)
+        for name, parameter in model.parameters.items()
         if parameter.kind in ("float", "color")
     }
-    preview = MODELS[layer.model].preview
+    preview = model.preview
     same = {name: given[own] for name, own in preview.same.items()}
     derived = {name: np.asarray(value) for name, value in (_DERIVED | preview.derived(given)).items()}
     derived["ior"] = _ior(derived.pop("f0"))
     return _PLAIN | same | derived
 
 
-def _mean(value: Input, bounds: tuple[float, float]) -> Value:
-    steps = (np.arange(_GRID) + 0.5) / _GRID
-    sampled = np.clip(_sampled(value, np.stack(np.meshgrid(steps, steps), axis=-1)), *bounds)
-    mean: Value = sampled.mean(axis=(0, 1)) if sampled.ndim >= 2 else sampled
-    return mean
-
-
-def _sampled(value: Any, st: Value) -> Value:
-    """Return what varies at coordinates (..., 2); a constant, and a primvar's fallback, as it is."""
-    match value:
-        case Texture():
-            return sample_texture(value, st)
-        case Coordinates():
-            matrix = np.array(value.transform).reshape(2, 3)
-            moved = st @ matrix[:, :2].T + matrix[:, 2]
-            return np.append(moved, np.zeros_like(moved[..., :1]), axis=-1)
-        case Formula():
-            inputs = {name: _sampled(source, st) for name, source in value.inputs.items()}
-            return np.asarray(value.expression.evaluate(inputs, value.kinds))
-        case Primvar():
-            return np.asarray(value.fallback, dtype=np.float64)
-        case _:
-            return np.asarray(value, dtype=np.float64)
+def _mean(value: Any, parameter: Parameter) -> Value:
+    found = np.asarray(Values(_Grid()).of(value, parameter))
+    return np.asarray(found.mean(axis=(0, 1)) if found.ndim >= 2 else found)
 
 
 def _ior(f0: Value) -> Value:

@@ -1,12 +1,11 @@
-"""MaterialX documents as Disney layers: what maps is carried over by name, and all that does not is listed.
+"""MaterialX documents as Disney layers: inputs are carried over by name, and all that are not is listed.
 
 The node `disney_principled` has the parameters of Burley's BRDF. Its node graph in the MaterialX library approximates
-that from stock lobes; here the parameters mean what Burley's paper says. docs/materialx.md has the differences.
+it by stock lobes; here the parameters have the meaning of Burley's paper. docs/materialx.md has the differences.
 """
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from functools import cache
 from itertools import count
@@ -19,17 +18,10 @@ from pxr import Sdf, Sdr, Tf, Usd, UsdShade
 from lookdev.brdf.disney import DISNEY
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, OutputError, nearest_hint
+from lookdev.material.definitions import USD_TYPES
+from lookdev.material.library.nodes import relative_path
 from lookdev.material.look import Primvar
-from lookdev.material.materialx.inputs import (
-    TYPES,
-    Image,
-    Sampled,
-    Transform2d,
-    Value,
-    constant,
-    numbers_of,
-    read_value,
-)
+from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
 from lookdev.material.materialx.network import Network
 
 NODE = "disney_principled"
@@ -42,12 +34,11 @@ _WHY = {
     "subsurfaceDistance": "subsurface is a shape of the diffuse lobe: light leaves where it entered",
 }
 _IDENTITY = Transform2d()
-_USD_TYPES = {"float": Sdf.ValueTypeNames.Float, "color": Sdf.ValueTypeNames.Color3f}
 
 
 @dataclass(frozen=True)
 class ImportedMaterial:
-    """A surfacematerial as one Disney layer; `inputs` leaves out what has the layer's own default."""
+    """A surfacematerial as one Disney layer; `inputs` omits the layer's own defaults."""
 
     name: str
     inputs: dict[str, Value]
@@ -55,7 +46,7 @@ class ImportedMaterial:
 
 @dataclass(frozen=True)
 class Imported:
-    """What a document holds, and each input, node and connection of it that is not carried over."""
+    """The materials of a document, and each input, node and connection that is not carried over."""
 
     file: Path
     materials: tuple[ImportedMaterial, ...]
@@ -68,8 +59,8 @@ def import_materialx(file: Path) -> Imported:
     Raises
     ------
     LookError
-        The file is missing, is no MaterialX, or is broken: connections to what is not there or in a cycle, wrong
-        types, values that are no numbers. Or none of its materials has such a shader. Carries every fault found.
+        The file is missing, is not MaterialX, or has faults: connections that are missing or in a cycle, wrong types,
+        values that are not numbers; or none of its materials has such a shader.
     """
     network = Network(file)
     found = network.document.getMaterialNodes()
@@ -90,17 +81,10 @@ def import_materialx(file: Path) -> Imported:
 def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
     """Write imported materials as looks, each a layer LookdevDisney; a sole one is the default prim.
 
-    Image paths relative to the document become relative to `path`.
-
-    Raises
-    ------
-    OutputError
-        `path` exists, and `replace` is false.
-    OSError
-        `path` cannot be written.
+    Image paths relative to the document become relative to `path`. OutputError where that exists, unless `replace`.
     """
     if path.exists() and not replace:
-        raise OutputError(f"{path} exists; give a name that does not")
+        raise OutputError(f"{path} exists; another name would be right")
     stage = Usd.Stage.CreateInMemory()
     stage.GetRootLayer().documentation = f"Imported from {imported.file.name} (MaterialX, {NODE})."
     names: set[str] = set()
@@ -114,7 +98,7 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
 
 @cache
 def _definition() -> dict[str, tuple[str, str]]:
-    """Return type and default, as text, of every input of the node, as the MaterialX library defines it."""
+    """Return type and default, as text, of every input of the node in the MaterialX library."""
     library = mx.createDocument()
     mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{NODE}.mtlx"))
     inputs = library.getNodeDef(f"ND_{NODE}").getInputs()
@@ -122,7 +106,7 @@ def _definition() -> dict[str, tuple[str, str]]:
 
 
 def _read_material(network: Network, material: Any, layers: dict[str, dict[str, Value]]) -> ImportedMaterial | None:
-    """Read a material; None, and a note, where its surface shader is not ours. `layers` are those read so far."""
+    """Read a material; None, and a note, where it has another surface shader. `layers` are those read so far."""
     port = material.getInput("surfaceshader")
     source = network.source(port) if port else None
     category = source.element.getCategory() if source and source.computed else ""
@@ -159,7 +143,7 @@ def _read_layer(network: Network, shader: Any) -> dict[str, Value]:
             if value is None:
                 network.lose_value(port, f"{text} is taken")
         if value is None:
-            default = constant(numbers_of(text))
+            default = parse_constant(text)
             value = None if default == parameter.default else default
         if value is not None:
             inputs[name] = value
@@ -167,7 +151,7 @@ def _read_layer(network: Network, shader: Any) -> dict[str, Value]:
 
 
 def _unique(name: str, taken: set[str]) -> str:
-    """Make a prim name of a MaterialX name, unlike those already taken."""
+    """Return an unused prim name for a MaterialX name."""
     valid = Tf.MakeValidIdentifier(name)
     choice = next(each for n in count(1) if (each := valid if n == 1 else f"{valid}_{n}") not in taken)
     taken.add(choice)
@@ -191,7 +175,7 @@ class _Writer:
         self._material.CreateOutput("lookdev:surface", Sdf.ValueTypeNames.Token).ConnectToSource(output)
         for name, value in material.inputs.items():
             kind = _PARAMETERS[name].kind
-            given = layer.CreateInput(name, _USD_TYPES[kind])
+            given = layer.CreateInput(name, Sdf.ValueTypeNames.Find(USD_TYPES[kind]))
             if isinstance(value, Sampled):
                 given.ConnectToSource(self._image(value))
             elif isinstance(value, Primvar):
@@ -200,7 +184,7 @@ class _Writer:
                 given.Set(value)
 
     def _shader(self, name: str, shader_id: str, **inputs: Any) -> UsdShade.Shader:
-        """Define a node; its inputs have the types that USD's own definition of it says."""
+        """Define a node, whose inputs have the types of USD's own definition."""
         path = self._material.GetPath().AppendChild(_unique(name, self._names))
         shader = UsdShade.Shader.Define(self._material.GetPrim().GetStage(), path)
         shader.CreateIdAttr(shader_id)
@@ -217,15 +201,9 @@ class _Writer:
     def _image(self, sampled: Sampled) -> UsdShade.Output:
         image = sampled.image
         if image not in self._written:
-            self._written[image] = self._shader(
-                image.name,
-                "UsdUVTexture",
-                file=self._relative(image.file),
-                sourceColorSpace=image.colorspace,
-                wrapS=image.wrap_s,
-                wrapT=image.wrap_t,
-                st=self._coordinates(image),
-            )
+            inputs = {"file": self._relative(image.file), "sourceColorSpace": image.colorspace}
+            inputs |= {"wrapS": image.wrap_s, "wrapT": image.wrap_t, "st": self._coordinates(image)}
+            self._written[image] = self._shader(image.name, "UsdUVTexture", **inputs)
         kind = Sdf.ValueTypeNames.Float3 if sampled.channel == "rgb" else Sdf.ValueTypeNames.Float
         return self._written[image].CreateOutput(sampled.channel, kind)
 
@@ -247,9 +225,7 @@ class _Writer:
         return self._written[primvar].CreateOutput("result", result)
 
     def _relative(self, file: str) -> Sdf.AssetPath:
-        """Return the path of an image as seen from the file that is written."""
+        """Return the path of an image, relative to the file that is written where it is relative to the document."""
         if PurePosixPath(file).is_absolute():
             return Sdf.AssetPath(file)
-        path = Path(os.path.relpath(self._source.parent / file, self._target.parent)).as_posix()
-        # Without a dot in front, USD would look for it in its search path too.
-        return Sdf.AssetPath(path if path.startswith("../") else f"./{path}")
+        return Sdf.AssetPath(relative_path(self._source.parent / file, self._target.parent))

@@ -1,4 +1,4 @@
-"""One input of an imported layer: a constant, or what MaterialX's image and primvar nodes make of it."""
+"""One input of an imported layer: a constant, or the value of an image or primvar node of MaterialX."""
 
 from __future__ import annotations
 
@@ -10,11 +10,10 @@ from typing import Any, Literal
 import MaterialX as mx
 
 from lookdev.brdf import Parameter
-from lookdev.material.look import Color, Primvar, Wrap
+from lookdev.material.look import Channel, Color, Primvar, Wrap
 from lookdev.material.materialx.network import Network, Source
 from lookdev.material.textures import srgb_to_linear
 
-Channel = Literal["r", "g", "b", "a", "rgb"]
 Colorspace = Literal["sRGB", "raw"]
 Pair = tuple[float, float]
 
@@ -22,25 +21,15 @@ TYPES = {"float": "float", "color": "color3"}
 """MaterialX's type of a parameter, by its kind."""
 
 _WRAPS: dict[str, Wrap] = {"constant": "black", "clamp": "clamp", "periodic": "repeat", "mirror": "mirror"}
-_COLORSPACES: dict[str, Colorspace] = {
-    "srgb_texture": "sRGB",
-    "lin_rec709": "raw",
-    "raw": "raw",
-    "none": "raw",
-    "": "raw",
-}
 _SPLITTERS = ("extract", "swizzle", "separate3", "separate4")
 _SPLIT_TYPES = ("color3", "color4", "vector3", "vector4")
 _RGBA: tuple[Channel, ...] = ("r", "g", "b", "a")
 _CHANNELS = {name: channel for names in ("0123", "rgba", "xyzw") for name, channel in zip(names, _RGBA, strict=True)}
 
+# Control characters, and tokens for other parts of a path than a UDIM tile.
 _NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
-"""Control characters, and tokens that stand for other parts of a path than a UDIM tile."""
-
 _INDEX = re.compile(r"0|[1-9][0-9]?")
-
-_LARGEST = 1e18
-"""What is larger is no meant value; products of such values would not fit into float32."""
+_LARGEST = 1e18  # the product of two larger numbers is not a float32
 
 
 @dataclass(frozen=True)
@@ -54,7 +43,7 @@ class Transform2d:
 
 @dataclass(frozen=True)
 class Image:
-    """An image node. `file` is as the document has it, relative to the document; `transforms` apply in their order."""
+    """An image node. `file` is relative to the document; `transforms` apply in their order."""
 
     name: str
     file: str
@@ -67,7 +56,7 @@ class Image:
 
 @dataclass(frozen=True)
 class Sampled:
-    """What an input takes of an image."""
+    """The channel or the colour of an image that an input reads."""
 
     image: Image
     channel: Channel
@@ -76,8 +65,8 @@ class Sampled:
 Value = float | Color | Sampled | Primvar
 
 
-def numbers_of(text: str) -> tuple[float, ...]:
-    """Parse a MaterialX value; empty where it is not all finite numbers of a sensible size."""
+def _numbers(text: str) -> tuple[float, ...]:
+    """Parse a MaterialX value; empty where it is not numbers of at most `_LARGEST`."""
     try:
         numbers = tuple(float(part) for part in text.split(","))
     except ValueError:
@@ -85,17 +74,21 @@ def numbers_of(text: str) -> tuple[float, ...]:
     return numbers if all(abs(number) <= _LARGEST for number in numbers) else ()
 
 
-def constant(numbers: tuple[float, ...]) -> float | Color | None:
-    """Return one number as a float, three as a color, and None for none."""
+def parse_constant(text: str) -> float | Color | None:
+    """Parse a float or a colour; None for another value."""
+    return _constant(_numbers(text))
+
+
+def _constant(numbers: tuple[float, ...]) -> float | Color | None:
     if len(numbers) == 3:
         return numbers[0], numbers[1], numbers[2]
     return numbers[0] if numbers else None
 
 
 def read_value(network: Network, port: Any, parameter: Parameter) -> Value | None:
-    """Read one input of a layer; None where nothing of ours gives its value, or where it is wrong and noted."""
+    """Read one input of a layer; None where its source cannot be carried over, or where it is wrong and noted."""
     source, kind = network.source(port), TYPES[parameter.kind]
-    # Constants may be nodes too, one behind the other.
+    # Constants may be nodes too, in a chain.
     while source.computed and not source.channels and source.element.getType() == kind:
         node = source.element
         if node.getCategory() == "geompropvalue":
@@ -111,7 +104,7 @@ def read_value(network: Network, port: Any, parameter: Parameter) -> Value | Non
 
 
 def _read_constant(network: Network, holder: Any, parameter: Parameter) -> float | Color | None:
-    """Read a constant, decoded and brought into the parameter's range."""
+    """Read a constant, decoded and clipped to the parameter's range."""
     numbers = _floats(network, holder, 1 if parameter.kind == "float" else 3)
     if parameter.kind == "color" and numbers and _colorspace(network, holder) == "sRGB":
         numbers = tuple(float(number) for number in srgb_to_linear(numbers))
@@ -120,7 +113,7 @@ def _read_constant(network: Network, holder: Any, parameter: Parameter) -> float
     if clipped != numbers:
         taken = ", ".join(f"{number:g}" for number in clipped)
         network.lose(holder, f"{holder.getValueString()} is outside [{low:g}, {high:g}]", f"{taken} is taken")
-    return constant(clipped)
+    return _constant(clipped)
 
 
 def _read_primvar(network: Network, node: Any, parameter: Parameter) -> Primvar | None:
@@ -178,7 +171,7 @@ def _read_image(network: Network, node: Any) -> Image | None:
     if port is None or not _is_held(network, port, "the image is not taken"):
         return None
     holder = network.source(port).element
-    # Documents come from every system: either slash parts folders.
+    # Documents come from every system: either slash separates folders.
     file = mx.FilePath(holder.getActiveFilePrefix() + holder.getValueString()).asString(mx.FormatPosix)
     if not holder.getValueString() or _NO_PATH.search(file):
         network.lose(port, f"'{file}' is not carried over", "the path of one image or of a <UDIM> set is")
@@ -194,20 +187,14 @@ def _read_image(network: Network, node: Any) -> Image | None:
         transforms = (*transforms, Transform2d(tiling, 0.0, (0.0 - x, 0.0 - y)))
     else:
         wraps = [_wrap(network, node, name) for name in placing]
-    return Image(
-        name=node.getName(),
-        file=file,
-        # MaterialX manages the colour of colours only.
-        colorspace=_colorspace(network, holder) if node.getType().startswith("color") else "raw",
-        wrap_s=wraps[0],
-        wrap_t=wraps[1],
-        st=st,
-        transforms=tuple(each for each in transforms if each != Transform2d()),
-    )
+    # MaterialX manages the colour of colours only.
+    colorspace = _colorspace(network, holder) if node.getType().startswith("color") else "raw"
+    placed = tuple(each for each in transforms if each != Transform2d())
+    return Image(node.getName(), file, colorspace, wraps[0], wraps[1], st, placed)
 
 
 def _read_coordinates(network: Network, image: Any) -> tuple[str, tuple[Transform2d, ...]]:
-    """Walk from an image to the node that names the UV set, gathering the transforms between."""
+    """Return the UV set of an image, and the transforms between the image and the UV set's node."""
     transforms: tuple[Transform2d, ...] = ()
     node = image
     while port := node.getInput("texcoord"):
@@ -235,7 +222,7 @@ def _read_coordinates(network: Network, image: Any) -> tuple[str, tuple[Transfor
 
 
 def _place2d(network: Network, node: Any) -> tuple[Transform2d, ...]:
-    """Give a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d turns clockwise."""
+    """Return a place2d as transforms: NG_place2d_vector2 of the MaterialX library, whose rotate2d is clockwise."""
     pivot, offset = (_pair(network, node, name, 0.0) for name in ("pivot", "offset"))
     scale = _pair(network, node, "scale", 1.0)
     rotate = node.getInput("rotate")
@@ -257,13 +244,13 @@ def _place2d(network: Network, node: Any) -> tuple[Transform2d, ...]:
 
 
 def _turned(point: Pair, degrees: float) -> Pair:
-    """Turn a point counter-clockwise about the origin."""
+    """Rotate a point counter-clockwise about the origin."""
     c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
 def _is_held(network: Network, port: Any, instead: str) -> bool:
-    """Say whether a node's setting is a constant; note where it is computed."""
+    """Return whether a node's setting is a constant; note where it is computed."""
     if network.source(port).computed:
         network.lose_value(port, instead)
         return False
@@ -287,12 +274,12 @@ def _pair(network: Network, node: Any, name: str, default: float) -> Pair:
 
 def _floats(network: Network, holder: Any, count: int) -> tuple[float, ...]:
     """Parse the value of a port; empty, and a fault, where it is not `count` numbers."""
-    numbers = numbers_of(holder.getValueString())
+    numbers = _numbers(holder.getValueString())
     if len(numbers) == count:
         return numbers
-    # A megabyte of garbage is as well recognised by its beginning.
+    # The beginning is enough of a megabyte of garbage.
     what = f"'{holder.getValueString():.40}' is not a value"
-    network.fault(holder.getNamePath(), what, f"{count} finite numbers, parted by commas, within {_LARGEST:g}")
+    network.fault(holder.getNamePath(), what, f"{count} finite numbers, separated by commas, within {_LARGEST:g}")
     return ()
 
 
@@ -305,9 +292,8 @@ def _wrap(network: Network, node: Any, name: str) -> Wrap:
 
 def _colorspace(network: Network, holder: Any) -> Colorspace:
     name = holder.getActiveColorSpace()
-    if name in _COLORSPACES:
-        return _COLORSPACES[name]
-    near: Colorspace = "raw" if name.startswith(("lin_", "acescg")) else "sRGB"
-    meant = "linear Rec.709" if near == "raw" else "sRGB"
-    network.lose(holder, f"the colour space '{name:.40}' is not carried over", f"{meant} is taken")
-    return near
+    raw = name in ("raw", "none", "") or name.startswith(("lin_", "acescg"))
+    if name not in ("srgb_texture", "lin_rec709", "raw", "none", ""):
+        what = f"the colour space '{name:.40}' is not carried over"
+        network.lose(holder, what, f"{'linear Rec.709' if raw else 'sRGB'} is taken")
+    return "raw" if raw else "sRGB"

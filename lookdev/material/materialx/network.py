@@ -1,8 +1,8 @@
-"""A MaterialX document: read from XML that is not to be trusted, and its connections followed to where they begin.
+"""A MaterialX document: read from untrusted XML, and its connections followed to their sources.
 
-XML is checked before the MaterialX package sees it: the package drops siblings of one name and includes without a
-word. Documents are taken as they are, not upgraded to the package's version: that takes minutes for a megabyte of
-nodes, and what `disney_principled` needs has not changed since 1.38.
+XML is checked before the MaterialX package reads it: the package silently drops siblings of one name and includes.
+Documents are not upgraded to the package's version: that takes minutes for a megabyte of nodes, and what
+`disney_principled` needs has not changed since 1.38.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ _VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
 
 @dataclass(frozen=True)
 class Source:
-    """Where a value comes from: a node that computes it, or the port that holds it.
+    """The source of a value: a node that computes it, or the port that holds it.
 
-    `output` and `channels` are what is taken of a node's result; both may be empty.
+    `output` and `channels` are the part of a node's result; both may be empty.
     """
 
     element: Any
@@ -43,12 +43,12 @@ class Source:
 
 
 class Network:
-    """A document, its connections, and what an import makes of it: carried over, not carried over, or wrong.
+    """A document, its connections, and what of it is carried over, not carried over, or wrong.
 
     Raises
     ------
     LookError
-        The file is missing or is no MaterialX document of a known version.
+        The file is missing or is not a MaterialX document of a known version.
     """
 
     def __init__(self, file: Path) -> None:
@@ -62,7 +62,7 @@ class Network:
 
     @property
     def unmapped(self) -> tuple[Fault, ...]:
-        """What is not carried over, in the order in which it was met."""
+        """What is not carried over, in the order of reading."""
         return tuple(self._lost)
 
     def fault(self, where: str, what: str, hint: str = "") -> None:
@@ -70,23 +70,17 @@ class Network:
         self._faults[Fault(str(self.file), where, what, hint)] = None
 
     def check(self) -> None:
-        """Raise every fault noted so far.
-
-        Raises
-        ------
-        LookError
-            The document is wrong.
-        """
+        """Raise every fault noted so far as a LookError."""
         if self._faults:
             raise LookError(self._faults)
 
     def lose(self, element: Any, what: str, hint: str = "") -> None:
-        """Note what of an element, or of a place in the file, is not carried over."""
+        """Note something of an element, or of a place in the file, that is not carried over."""
         where = element if isinstance(element, str) else element.getNamePath()
         self._lost[Fault(str(self.file), where, what, hint)] = None
 
     def lose_value(self, port: Any, hint: str = "") -> None:
-        """Note that what an input is set to is not carried over."""
+        """Note that the value of an input is not carried over."""
         source = self.source(port)
         if source.computed:
             what = f"the connection to <{source.element.getCategory()}> '{source.element.getNamePath()}'"
@@ -95,15 +89,14 @@ class Network:
         self.lose(port, f"{what} is not carried over", hint)
 
     def carry(self, node: Any, *names: str) -> None:
-        """Note that of a node all is carried over, or told of, but inputs other than `names`."""
+        """Note that a node is carried over, but none of its inputs except `names`."""
         self._carried.add(node.getNamePath())
-        known = set(names)
         for port in node.getInputs():
-            if port.getName() not in known:
+            if port.getName() not in names:
                 self.lose_value(port)
 
     def lose_the_rest(self) -> None:
-        """Note every node that was not carried, and all else that the document holds."""
+        """Note every node that is not carried over, and all else in the document."""
         for path, node in self._nodes.items():
             if path not in self._carried:
                 self.lose(node, f"<{node.getCategory()}> is not carried over")
@@ -113,7 +106,7 @@ class Network:
                     self.lose(each, f"<{each.getCategory()}> is not carried over", "no imported material uses it")
 
     def source(self, port: Any) -> Source:
-        """Return where the value of an input begins; its node went through `connect`."""
+        """Return the source of an input of a node that `connect` has reached."""
         return self._sources[port.getNamePath()]
 
     def connect(self, roots: Sequence[Any]) -> None:
@@ -146,7 +139,7 @@ class Network:
         seen: set[str] = set()
         while (path := port.getNamePath()) not in seen:
             seen.add(path)
-            # An output connects to its siblings, an input to those of its node or node graph.
+            # An output connects to its siblings, an input to siblings of its node or node graph.
             scope = port.getParent() if isinstance(port, mx.Output) else port.getParent().getParent()
             links = ("interfacename", "nodegraph", "nodename", "output")
             interface, graph, node, output = (port.getAttribute(name) for name in links)
@@ -199,9 +192,8 @@ class Network:
         return LookError([Fault(str(self.file), where, what, hint)])
 
     def _check_xml(self, data: bytes) -> None:
-        """Refuse what is no well-formed MaterialX, and what a parser could be made to choke on; note includes."""
-        # Names of the children of each open element.
-        names: list[set[str]] = []
+        """Refuse malformed documents and those that exhaust a parser; note includes."""
+        names: list[set[str]] = []  # of the children of each open element
         parser = expat.ParserCreate("utf-8")
 
         def place() -> str:
@@ -229,13 +221,10 @@ class Network:
                 names[-1].add(name)
             names.append(set())
 
-        def end(tag: str) -> None:
-            names.pop()
-
         def doctype(*_: object) -> None:
             raise self._refused(place(), "has a document type definition", "remove <!DOCTYPE>")
 
-        parser.StartElementHandler, parser.EndElementHandler = start, end
+        parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: names.pop()
         parser.StartDoctypeDeclHandler = doctype
         try:
             parser.Parse(data, True)

@@ -1,31 +1,25 @@
 """Looks from USD: a UsdShade.Material whose outputs:lookdev:surface is a stack of layers.
 
-Composition (references, variants, sublayers, inherits) is USD's own; the composed network is read here.
-A lookdev shader has one result, so the name of the output that is connected does not matter.
+USD composes (references, variants, sublayers, inherits); the composed network is read here. A lookdev shader has one
+result, so the name of the output that is connected does not matter.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
-from lookdev.brdf import MASK, MODELS, layer_shaders, stranger
+from lookdev.brdf import MASK, MODELS, Mode, layer_shaders, stranger
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.look import Formula, Input, Layer, Look, Mode, Primvar, Texture
+from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.usd.file import open_stage, reading, usd_words
 from lookdev.material.usd.inputs import read_input
-from lookdev.material.usd.network import Network, Source, authored_properties, shader_id
+from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
 
-MOST_PROPERTIES = 4096
-"""Properties that a LookdevLayers may have: a thousand layers. More are no work of a person."""
-
-Mask = float | Texture | Primvar | Formula
-
-_TERMINAL = "outputs:lookdev:surface"
-_LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
+_MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
+_MOST_COMBINATIONS = 1000  # of variants, that "*" may stand for
 _MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
@@ -48,14 +42,14 @@ def read_look(
     variants
         Variant set to variant, for sets on the material or above it; otherwise the file's own selections.
     name
-        What the look is called; the material's name by default.
+        The name of the look; the material's by default.
     open_images
-        Read the header of every image. Otherwise one that cannot be read is found when it is needed.
+        Whether the header of every image is read. Otherwise an unreadable one is an error when it is needed.
 
     Raises
     ------
     LookError
-        Carries every fault of the look, each with its place.
+        Every fault of the look, each with its place.
     """
     stage = open_stage(file)
     network = Network(file, open_images)
@@ -65,19 +59,13 @@ def read_look(
 
 
 def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
-    """Read the look of a material of an open stage, as it is composed there; `file` is what faults name.
-
-    Raises
-    ------
-    LookError
-        Carries every fault of the look, each with its place.
-    """
+    """Read the look of a material of an open stage, as it is composed there; errors as `read_look`, of `file`."""
     with reading(file):
         return _read(Network(file), stage, path, None)
 
 
 def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
-    """Return what is wrong with a layer of its own, as a preset is; `file` is what faults name."""
+    """Return the faults of a layer without a look, such as a preset, as faults of `file`."""
     network = Network(file)
     with reading(file):
         _read_layer(network, layer.GetIdAttr(), Source(layer, "layer"), 1.0, "over", tuple(layer_shaders()))
@@ -89,70 +77,53 @@ def materials(stage: Usd.Stage) -> list[Sdf.Path]:
     return [prim.GetPath() for prim in stage.Traverse() if prim.IsA(UsdShade.Material)]
 
 
-MOST_COMBINATIONS = 1000
-"""Looks that ``"*"`` may stand for."""
-
-
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
-    """Replace each ``"*"`` by every variant of its set, by name: all combinations.
-
-    Raises
-    ------
-    LookError
-        As `read_look`, for the file, the material and the variant sets.
-    """
+    """Replace each ``"*"`` by every variant of its set, by name: all combinations; errors as `read_look`."""
     combinations: list[dict[str, str]] = [dict(variants)]
     while (wanted := next((name for name, choice in combinations[0].items() if choice == "*"), None)) is not None:
-        if len(combinations) > MOST_COMBINATIONS:
-            what = f"'*' stands for more than {MOST_COMBINATIONS} combinations of variants"
+        if len(combinations) > _MOST_COMBINATIONS:
+            what = f"'*' stands for more than {_MOST_COMBINATIONS} combinations of variants"
             raise LookError([Fault(str(file), prim or "", what, "name a variant of some of the sets")])
-        # A set may stand inside a variant of another: what that one selects decides what there is.
+        # A set may be inside a variant of another: its choices depend on the selections made so far.
         combinations = [
-            {**chosen, wanted: choice}
-            for chosen in combinations
-            for choice in _choices(
-                file, prim, {name: choice for name, choice in chosen.items() if choice != "*"}, wanted
-            )
+            {**chosen, wanted: choice} for chosen in combinations for choice in _choices(file, prim, chosen, wanted)
         ]
     return tuple(combinations)
 
 
 def _choices(file: Path, prim: str | None, chosen: Mapping[str, str], wanted: str) -> list[str]:
-    network = Network(file)
-    stage = open_stage(file)
-    path = find_material(network, stage, prim, chosen)
-    choices: list[str] = []
-    if path is not None:
-        sets = [stage.GetPrimAtPath(prefix).GetVariantSets() for prefix in path.GetPrefixes()]
-        owners = [each for each in sets if each.HasVariantSet(wanted)]
-        known = sorted({name for each in sets for name in each.GetNames()})
-        if owners:
-            choices = owners[-1].GetVariantSet(wanted).GetVariantNames()
-        else:
-            hint = nearest_hint(wanted, known) if known else "it has none"
-            network.fault(path, f"has no variant set '{wanted}'", hint)
+    network, stage = Network(file), open_stage(file)
+    path = find_material(network, stage, prim, {name: choice for name, choice in chosen.items() if choice != "*"})
+    known = {} if path is None else variant_sets(stage, path)
+    if path is not None and wanted not in known:
+        _fault_of_set(network, path, wanted, known)
     if network.faults:
         raise LookError(network.faults)
-    return list(choices)
+    return list(known[wanted].GetVariantNames())
+
+
+def variant_sets(stage: Usd.Stage, path: Sdf.Path) -> dict[str, Usd.VariantSet]:
+    """Return the variant sets, by name, of the prims at and above a path; of one name the nearest prim's."""
+    prims = [prim for prefix in path.GetPrefixes() if (prim := stage.GetPrimAtPath(prefix))]
+    return {name: prim.GetVariantSet(name) for prim in prims for name in prim.GetVariantSets().GetNames()}
+
+
+def _fault_of_set(network: Network, path: Sdf.Path, name: str, known: Collection[str]) -> None:
+    hint = nearest_hint(name, sorted(known)) if known else "it has none"
+    network.fault(path, f"has no variant set '{name}'", hint)
 
 
 def has_look(file: Path, prim: str) -> bool:
-    """Say whether `prim` is a material with a connected outputs:lookdev:surface.
-
-    Raises
-    ------
-    LookError
-        The file is missing or is not USD.
-    """
+    """Return whether `prim` is a material with a connected outputs:lookdev:surface; errors as `open_stage`."""
     stage = open_stage(file)
     material = UsdShade.Material(stage.GetPrimAtPath(prim))
-    return bool(material) and bool(material.GetPrim().GetAttribute(_TERMINAL).HasAuthoredConnections())
+    return bool(material) and bool(material.GetPrim().GetAttribute(TERMINAL).HasAuthoredConnections())
 
 
 def _read(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
     for error in stage.GetCompositionErrors():
         site = error.rootSite.path
-        # USD names no site for a path that is an expression it cannot evaluate.
+        # The site is empty for a path that is an expression which USD cannot evaluate.
         if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
             network.fault(site, usd_words(str(error)))
     layers = () if path is None else _read_surface(network, UsdShade.Material(stage.GetPrimAtPath(path)))
@@ -199,19 +170,9 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
 
 
 def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variants: Mapping[str, str]) -> None:
-    """Select variants on the session layer, for the nearest prim at or above `path` that has the set.
-
-    A variant may bring further sets into being, so what is not there yet is tried again after each selection.
-    """
+    """Select variants on the session layer; a variant may add sets, which are selected after it."""
     pending = dict(variants)
-    known: dict[str, Usd.VariantSet] = {}
-    while pending:
-        known = {}
-        for prefix in path.GetPrefixes():  # outermost first: the nearest prim's set wins
-            if prim := stage.GetPrimAtPath(prefix):
-                known.update({name: prim.GetVariantSet(name) for name in prim.GetVariantSets().GetNames()})
-        if not (ready := pending.keys() & known.keys()):
-            break
+    while ready := pending.keys() & (known := variant_sets(stage, path)).keys():
         name = min(ready)
         choice, choices = pending.pop(name), known[name].GetVariantNames()
         if choice not in choices:
@@ -220,8 +181,7 @@ def _select_variants(network: Network, stage: Usd.Stage, path: Sdf.Path, variant
         with Usd.EditContext(stage, stage.GetSessionLayer()):
             known[name].SetVariantSelection(choice)
     for name in pending:
-        hint = nearest_hint(name, sorted(known)) if known else "it has none"
-        network.fault(path, f"has no variant set '{name}'", hint)
+        _fault_of_set(network, path, name, known)
 
 
 def _layers() -> str:
@@ -229,8 +189,8 @@ def _layers() -> str:
 
 
 def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer, ...]:
-    place = material.GetPath().AppendProperty(_TERMINAL)
-    attribute = material.GetPrim().GetAttribute(_TERMINAL)
+    place = material.GetPath().AppendProperty(TERMINAL)
+    attribute = material.GetPrim().GetAttribute(TERMINAL)
     source = network.follow(attribute) if attribute else None
     if isinstance(source, Source):
         if shader_id(source.shader) == "LookdevLayers":
@@ -245,20 +205,17 @@ def _read_surface(network: Network, material: UsdShade.Material) -> tuple[Layer,
 def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
     """Read the layers of a LookdevLayers shader, base first, without those that are not enabled."""
     given: dict[str, Usd.Attribute] = {}
-    if (count := authored_properties(stack.GetPrim())) > MOST_PROPERTIES:
-        network.fault(stack.GetPath(), f"has {count} properties", f"at most {MOST_PROPERTIES} would be right")
+    if (count := authored_properties(stack.GetPrim())) > _MOST_PROPERTIES:
+        network.fault(stack.GetPath(), f"has {count} properties", f"at most {_MOST_PROPERTIES} would be right")
         return ()
     for each in stack.GetInputs():
         name, attribute = each.GetBaseName(), each.GetAttr()
-        if name != "base" and not _LAYER_INPUT.fullmatch(name):
-            network.fault(
-                attribute,
-                "unknown input",
-                nearest_hint(name, ["base", "layer1", "layer1Mask", "layer1Enabled", "layer1Mode"]),
-            )
-        elif attribute.HasAuthoredConnections() or attribute.HasAuthoredValue():
+        if name != "base" and not LAYER_INPUT.fullmatch(name):
+            known = ["base", "layer1", "layer1Mask", "layer1Enabled", "layer1Mode"]
+            network.fault(attribute, "unknown input", nearest_hint(name, known))
+        elif is_set(attribute):
             given[name] = attribute
-    # Each layer beside the input it is connected to, which is the place to tell of it.
+    # Each layer beside the input it is connected to, the place of its faults.
     layers: list[tuple[Usd.Attribute, Layer]] = []
 
     def add(attribute: Usd.Attribute, mask: Mask, mode: Mode) -> None:
@@ -269,24 +226,21 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
         add(given["base"], 1.0, "over")
     else:
         network.fault(f"{stack.GetPath()}.inputs:base", "the stack has no base", "connect it to a layer")
-    numbers = sorted({int(match[1]) for name in given if (match := _LAYER_INPUT.fullmatch(name))})
+    numbers = sorted({int(match[1]) for name in given if (match := LAYER_INPUT.fullmatch(name))})
     for number in numbers:
         layer = f"layer{number}"
         if layer not in given:
-            network.fault(f"{stack.GetPath()}.inputs:{layer}", "is not connected, but more is said of it")
+            network.fault(f"{stack.GetPath()}.inputs:{layer}", "is not connected, but has a mask, a mode or a switch")
         elif number > 1 and number - 1 not in numbers:
             network.fault(given[layer], f"there is no layer{number - 1}", "number the layers without gaps")
-        if _is_enabled(network, given.get(f"{layer}Enabled")):
+        enabled = given.get(f"{layer}Enabled")
+        if enabled is None or network.constant(enabled, Sdf.ValueTypeNames.Bool) is not False:
             mode = _read_mode(network, given.get(f"{layer}Mode"))
             mask = _read_mask(network, given.get(f"{layer}Mask"))
             if layer in given:
                 add(given[layer], mask, mode)
     _check_stack(network, layers)
     return tuple(layer for _, layer in layers)
-
-
-def _is_enabled(network: Network, attribute: Usd.Attribute | None) -> bool:
-    return attribute is None or network.constant(attribute, Sdf.ValueTypeNames.Bool) is not False
 
 
 def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
@@ -297,21 +251,15 @@ def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
 
 
 def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) -> None:
-    """Note layers that cannot lie on those beneath.
-
-    Layers fold into one model as long as all are of the base's; from the first that differs on, each stands alone.
-    """
+    """Note layers that cannot lie on those beneath; tokens must agree as far as one model combines the layers."""
     for number, (place, layer) in enumerate(layers):
         beneath = [each for _, each in layers[:number]]
         wrong = stranger(layer.mode, [each.model for each in (*beneath, layer)])
         if wrong is not None:
             takers = " or ".join(model.identifier for model in MODELS.values() if layer.mode in model.modes)
-            other = layers[wrong][1]
-            network.fault(
-                f"{place.GetPath()}Mode",
-                f"cannot be '{layer.mode}': {other.name} is a {other.model} layer",
-                f"only a {takers} layer over nothing but {takers} layers can {layer.mode}; use 'over'",
-            )
+            what = f"cannot be '{layer.mode}': {layers[wrong][1].name} is a {layers[wrong][1].model} layer"
+            hint = f"only a {takers} layer over nothing but {takers} layers can {layer.mode}; use 'over'"
+            network.fault(f"{place.GetPath()}Mode", what, hint)
         if number and all(each.model == layer.model for each in beneath):
             _check_tokens(network, place, layer, beneath[0])
 
@@ -320,11 +268,8 @@ def _check_tokens(network: Network, place: Usd.Attribute, layer: Layer, base: La
     for name, parameter in MODELS[layer.model].parameters.items():
         own, others = (each.inputs.get(name, parameter.default) for each in (layer, base))
         if parameter.kind == "token" and own != others:
-            network.fault(
-                place,
-                f"{name} of {layer.name} is '{own}', but that of {base.name} beneath is '{others}'",
-                "layers of one model on each other must agree",
-            )
+            what = f"{name} of {layer.name} is '{own}', but that of {base.name} beneath is '{others}'"
+            network.fault(place, what, "layers of one model on each other must agree")
 
 
 def _read_mask(network: Network, attribute: Usd.Attribute | None) -> Mask:
@@ -342,12 +287,7 @@ def _read_connected_layer(network: Network, attribute: Usd.Attribute, mask: Mask
 
 
 def _read_layer(
-    network: Network,
-    place: Usd.Attribute,
-    source: Source,
-    mask: Mask,
-    mode: Mode,
-    known: tuple[str, ...],
+    network: Network, place: Usd.Attribute, source: Source, mask: Mask, mode: Mode, known: tuple[str, ...]
 ) -> Layer | None:
     model = layer_shaders().get(given := shader_id(source.shader))
     if model is None:

@@ -1,8 +1,8 @@
-"""Opening USD files that may hold anything: what USD says goes into a `LookError`, nothing to stderr.
+"""Opening USD files of any content: USD's messages become a `LookError`, nothing goes to stderr.
 
 USD's reader of text recurses, so that a deeply nested file overflows its stack, and it waits for ever for a named pipe.
-`open_stage` looks at every layer before USD does. Binary layers (.usdc) are opened as they are: what a damaged one can
-do to the process, only another process can hold off (`lookdev.material.validate`).
+`open_stage` checks every layer before USD reads it. Binary layers (.usdc) are not checked: a damaged one can crash the
+process, and `lookdev.material.validate` reads it in another one.
 """
 
 from __future__ import annotations
@@ -17,15 +17,11 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from lookdev.errors import Fault, LookError
 
-DEEPEST = 256
-"""Brackets of any kind that may stand one inside the other in a text layer; USD's stack ends at some ten thousand."""
-
-LONGEST = 400
-"""Characters of USD's own words that a message shows."""
-
+_DEEPEST = 256  # brackets inside each other in a text layer; USD's stack ends at some ten thousand
+_LONGEST = 400  # characters of USD's own message that ours contains
 _NOT_UTF8 = "holds text that is not UTF-8"
 
-# What a bracket has no meaning in. An unterminated string goes as far as it can: no text takes quadratic time.
+# Text in which a bracket has no meaning. An unterminated string is as long as possible: no text takes quadratic time.
 _QUOTED = re.compile(
     rb'"""(?:[^"\\]++|\\.|"(?!""))*+(?:""")?+'
     rb"|'''(?:[^'\\]++|\\.|'(?!''))*+(?:''')?+"
@@ -44,12 +40,12 @@ _OTHERS = bytes(np.flatnonzero(_STEPS == 0).astype(np.uint8))
 
 @contextmanager
 def reading(file: Path) -> Iterator[None]:
-    """Turn what USD raises while `file` is read into a `LookError`, and keep its warnings off stderr."""
+    """Turn exceptions of USD while `file` is read into a `LookError`, and keep its warnings off stderr."""
     held = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
     except Tf.ErrorException as error:
-        raise LookError([Fault(str(file), "", f"USD cannot open it: {_said(error)}")]) from error
+        raise LookError([Fault(str(file), "", f"USD cannot open it: {_message(error)}")]) from error
     except UnicodeDecodeError as error:
         raise LookError([Fault(str(file), "", _NOT_UTF8)]) from error
     finally:
@@ -57,12 +53,12 @@ def reading(file: Path) -> Iterator[None]:
 
 
 def open_stage(file: Path) -> Usd.Stage:
-    """Open a USD file and all that it is composed of.
+    """Open a USD file and all of its layers.
 
     Raises
     ------
     LookError
-        The file is missing or is not USD; or a layer of it is no regular file or nested too deep.
+        The file is missing or is not USD; or a layer of it is not a regular file or nested too deep.
     """
     if not file.is_file():
         raise LookError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
@@ -80,7 +76,7 @@ def dependencies(file: Path) -> set[Path]:
     return {Path(layer.realPath) for layer in layers} | {Path(image) for image in images}
 
 
-def _said(error: Tf.ErrorException) -> str:
+def _message(error: Tf.ErrorException) -> str:
     try:
         return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
     except UnicodeDecodeError:  # USD quotes the file
@@ -88,18 +84,18 @@ def _said(error: Tf.ErrorException) -> str:
 
 
 def usd_words(text: str) -> str:
-    """Return what USD says without the names of its own code and of layers in memory, cut to what a message shows."""
+    """Return a message of USD without names of its own code and of layers in memory, `shortened`."""
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
     return shortened(re.sub(r",@anon:[^@]*@", "", text).strip())
 
 
 def shortened(text: str) -> str:
-    """Return a text cut to what a message shows."""
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}… ({len(text)} characters)"
+    """Return the beginning of a text, for a message."""
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text)} characters)"
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
-    """Open a file and every layer that it may be composed of, those of unselected variants too, each after a look."""
+    """Check and open a file and every layer that it may be composed of, those of unselected variants too."""
     root = str(file)
     layers: list[Sdf.Layer] = []
     faults: list[Fault] = []
@@ -114,9 +110,9 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
         except Tf.ErrorException:
             if path == root:
                 raise
-            continue  # composition tells it, with the prim that asks for it
+            continue  # composition reports it, with the prim that names it
         if layer is None:
-            continue  # the same, where USD knows no format for it
+            continue  # the same for an unknown format
         layers.append(layer)
         found = {_resolved(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - seen
         seen |= found
@@ -127,7 +123,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
 
 
 def _resolved(layer: Sdf.Layer, asset: str) -> str:
-    """Return the file that a layer names; '' where there is none, which composition tells."""
+    """Return the file that a layer names; '' where it is missing, which composition reports."""
     try:
         identifier, _ = Sdf.Layer.SplitIdentifier(layer.ComputeAbsolutePath(asset))
         path = str(Ar.GetResolver().Resolve(identifier))
@@ -137,7 +133,7 @@ def _resolved(layer: Sdf.Layer, asset: str) -> str:
 
 
 def _problem(layer: Path) -> str:
-    """Say why USD must not read a file; '' where it may."""
+    """Return why USD must not read a file; '' where it may."""
     if not layer.is_file():
         return "is not a file"
     try:
@@ -147,7 +143,6 @@ def _problem(layer: Path) -> str:
             text = stream.read()
     except OSError as error:
         return f"cannot be read: {error.strerror}"
-    depth = int(
-        _STEPS[np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)].cumsum().max(initial=0)
-    )
-    return f"is nested {depth} brackets deep; at most {DEEPEST} would be right" if depth > DEEPEST else ""
+    brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)
+    depth = int(_STEPS[brackets].cumsum().max(initial=0))
+    return f"is nested {depth} brackets deep; at most {_DEEPEST} would be right" if depth > _DEEPEST else ""

@@ -1,39 +1,30 @@
-"""One input of a layer: a constant, or what texture, primvar and expression nodes make of it."""
+"""One input of a layer: a constant, or the value of a texture, primvar or expression node."""
 
 from __future__ import annotations
 
 from math import cos, inf, radians, sin
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
-from pxr import Ar, Sdf, Usd, UsdShade
+from numpy.typing import NDArray
+from pxr import Ar, Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import TextureError, nearest_hint
-from lookdev.material.expression import Expression, ExpressionError, Kind, parse
-from lookdev.material.look import Bump, Color, Coordinates, Formula, Input, Primvar, Texture
+from lookdev.material.definitions import USD_TYPES
+from lookdev.material.expression import ExpressionError, Kind, parse
+from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Input, Primvar, Texture, Transform
 from lookdev.material.look import Source as FormulaInput
 from lookdev.material.textures import UDIM, image_header, resolved, udim_tiles
 from lookdev.material.usd.network import Network, Source, shader_id
 
-Constant = float | Color | str
-Channel = Literal["r", "g", "b", "a", "rgb"]
-
-_TYPES = {
-    "float": Sdf.ValueTypeNames.Float,
-    "color": Sdf.ValueTypeNames.Color3f,
-    "normal": Sdf.ValueTypeNames.Normal3f,
-    "token": Sdf.ValueTypeNames.Token,
-}
+_TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
+# The source of each kind of value, beside UsdUVTexture and LookdevExpression.
 _NODES = {"float": "UsdPrimvarReader_float", "color": "UsdPrimvarReader_float3", "normal": "LookdevBump"}
-"""The node that a value of each kind can come from, beside UsdUVTexture."""
-_DEEPEST = 32
-"""Expressions that may read one another in a row."""
-
+_DEEPEST = 32  # expressions that read one another in a row
 _IMAGE_HINT = "a path to an image, relative to the file that names it"
-_ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform2d behind which there is one"
+_ST_HINT = "connect inputs:st to a UsdPrimvarReader_float2, or to a UsdTransform2d that is connected to one"
 
 
 def read_input(
@@ -41,7 +32,7 @@ def read_input(
 ) -> Input | None:
     """Read one input of a layer; None where it is not set or, with a fault noted, where it is wrong.
 
-    `within` are the expressions for which it is read, the outermost first.
+    `within` are the expressions that read it, the outermost first.
     """
     expected = _TYPES[parameter.kind]
     if not network.has_type(attribute, attribute, expected):
@@ -53,8 +44,10 @@ def read_input(
     return None if value is None else _in_range(network, attribute, parameter, value)
 
 
-def _in_range(network: Network, place: object, parameter: Parameter, value: Constant) -> Constant | None:
-    """Return a constant as plain Python if the model has a meaning for it."""
+def _in_range(
+    network: Network, place: object, parameter: Parameter, value: float | Color | str
+) -> float | Color | str | None:
+    """Return a constant as plain Python; None, and a fault, where it is outside the parameter's range."""
     if isinstance(value, str):
         if value not in parameter.choices:
             network.fault(place, f"unknown value '{value}'", nearest_hint(value, parameter.choices))
@@ -86,9 +79,7 @@ def _read_varying(
             _check_normal_map(network, source, texture)
         return texture
     if given == _NODES[kind]:
-        if kind == "normal":
-            return _read_bump(network, source)
-        return _read_primvar(network, place, parameter, source)
+        return _read_bump(network, source) if kind == "normal" else _read_primvar(network, place, parameter, source)
     if given == "LookdevExpression":
         return _read_formula(network, place, kind, source, within)
     what = f"a {kind} cannot come from <{source.path}>, whose info:id is '{given}'"
@@ -129,21 +120,16 @@ def _read_formula(
             kinds[name], inputs[name] = read
     if len(inputs) < len(expression.names):
         return None
-    return Formula(expression, inputs, kinds) if _gives(network, where, expression, kinds, kind) else None
-
-
-def _gives(network: Network, where: str, expression: Expression, kinds: dict[str, Kind], wanted: str) -> bool:
-    """Say whether an expression gives what its reader wants; a float stands for a grey."""
     try:
         result = expression.check(kinds)
-        if wanted == "float" and result == "color":
-            raise ExpressionError(expression.text, 0, "the result is a color", "a float is needed: luminance(...)")
-        if wanted == "normal" and result == "float":
-            raise ExpressionError(expression.text, 0, "the result is a float", "a normal is needed: [x, y, z]")
+        if kind == "float" and result == "color":
+            raise ExpressionError(text, 0, "the result is a color", "a float is needed: luminance(...)")
+        if kind == "normal" and result == "float":
+            raise ExpressionError(text, 0, "the result is a float", "a normal is needed: [x, y, z]")
     except ExpressionError as error:
         network.fault(where, str(error))
-        return False
-    return True
+        return None
+    return Formula(expression, inputs, kinds)
 
 
 def _read_formula_input(
@@ -152,9 +138,8 @@ def _read_formula_input(
     attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
     place = f"{node.path}.inputs:{name}"
     if not attribute:
-        network.fault(
-            place, f"the expression reads '{name}', which is no input of its node", f"add float inputs:{name}"
-        )
+        what = f"the expression reads '{name}', which is no input of its node"
+        network.fault(place, what, f"add float inputs:{name}")
         return None
     given = attribute.GetTypeName().type
     if given == Sdf.ValueTypeNames.Float2.type:
@@ -162,9 +147,8 @@ def _read_formula_input(
         return ("color", Coordinates(*coordinates)) if coordinates else None
     kind: Kind | None = {_TYPES["float"].type: "float", _TYPES["color"].type: "color"}.get(given)  # type: ignore[assignment]
     if kind is None:
-        network.fault(
-            place, f"has type {attribute.GetTypeName()}", "it must be float, color3f or, for coordinates, float2"
-        )
+        hint = "it must be float, color3f or, for coordinates, float2"
+        network.fault(place, f"has type {attribute.GetTypeName()}", hint)
         return None
     noted = len(network.faults)
     value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), within)
@@ -177,11 +161,11 @@ def _check_normal_map(network: Network, source: Source, texture: Texture) -> Non
     if texture.colorspace == "sRGB":
         what = f"{texture.file} would be decoded as sRGB, but a normal map is data"
         network.fault(f"{source.path}.inputs:sourceColorSpace", what, "set it to 'raw'")
-    # Flipped or weakened axes are centred too; half a step of 8 bits may go into where the centre is.
+    # Flipped or weakened axes are centred too, up to half a step of 8 bits.
     centred = all(abs(texture.bias[axis] + 0.5 * texture.scale[axis]) < 0.01 for axis in (0, 1))
     file = next(iter(udim_tiles(texture).values()), texture).file
     if not centred and image_header(file).unsigned:
-        what = "the image holds 0 to 1, so it cannot lean either way"
+        what = "the image holds 0 to 1, so no normal has a negative component"
         network.fault(f"{source.path}.inputs:bias", what, "set scale to (2, 2, 2, 1) and bias to (-1, -1, -1, 0)")
 
 
@@ -235,9 +219,7 @@ def _read_texture(
         network.node_value(shader, name) for name in ("sourceColorSpace", "wrapS", "wrapT", "scale", "bias")
     )
     channel = next((each for each in channels if each == source.output), None)
-    if channel is None or file is None or coordinates is None:
-        return None
-    if None in (colorspace, wrap_s, wrap_t, scale, bias):
+    if channel is None or file is None or coordinates is None or None in (colorspace, wrap_s, wrap_t, scale, bias):
         return None
     st, transform = coordinates
     texture = Texture(file, channel, colorspace, wrap_s, wrap_t, st, transform, tuple(scale), tuple(bias))
@@ -253,16 +235,14 @@ def _read_texture(
 
 
 def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
-    """Find a texture's image, which is not opened yet."""
-    place = f"{shader.GetPath()}.inputs:file"
+    """Return a texture's image, which is not opened here."""
     asset = network.node_value(shader, "file")
     if asset is None:
         return None
     found = asset.resolvedPath
     if UDIM in asset.path:
-        found = UsdShade.UdimUtils.ResolveUdimPath(
-            asset.path, _layer_of(network, shader.GetPrim().GetAttribute("inputs:file"))
-        )
+        layer = _layer_of(network, shader.GetPrim().GetAttribute("inputs:file"))
+        found = UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer)
     if not asset.path:
         what = "names no image file"
     elif not found:
@@ -271,21 +251,19 @@ def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
         what = f"{asset.path} lies inside a usdz package, which is not supported in this version"
     else:
         return Path(found)
-    network.fault(place, what, _IMAGE_HINT)
+    network.fault(f"{shader.GetPath()}.inputs:file", what, _IMAGE_HINT)
     return None
 
 
 def _layer_of(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
-    """Return the layer that holds an attribute's value: what a relative path is relative to."""
+    """Return the layer that holds an attribute's value: a relative path is relative to it."""
     holder = network.follow(attribute)
     stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
     return next((spec.layer for spec in stack if spec.default is not None), None)
 
 
-def _read_coordinates(
-    network: Network, shader: UsdShade.Shader, name: str
-) -> tuple[str, tuple[float, float, float, float, float, float]] | None:
-    """Walk from an input to the reader that names the UV set, gathering the transforms between."""
+def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> tuple[str, Transform] | None:
+    """Return the UV set of an input, and the product of the transforms between it and the UV set's reader."""
     matrix = np.eye(3)
     place, seen = f"{shader.GetPath()}.inputs:{name}", set()
     while True:
@@ -315,15 +293,7 @@ def _read_coordinates(
         place = f"{source.path}.inputs:in"
 
 
-def _transform2d(
-    scale: tuple[float, float], rotation: float, translation: tuple[float, float]
-) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Give UsdTransform2d as a matrix: ``in * scale * rotate + translation``, counter-clockwise degrees."""
-    c, s = cos(radians(rotation)), sin(radians(rotation))
-    return np.array(
-        [
-            [c * scale[0], -s * scale[1], translation[0]],
-            [s * scale[0], c * scale[1], translation[1]],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+def _transform2d(scale: Gf.Vec2f, rotation: float, translation: Gf.Vec2f) -> NDArray[np.float64]:
+    """Return UsdTransform2d as a matrix: ``in * scale * rotate + translation``, counter-clockwise degrees."""
+    (x, y), (dx, dy), c, s = scale, translation, cos(radians(rotation)), sin(radians(rotation))
+    return np.array([[c * x, -s * y, dx], [s * x, c * y, dy], [0.0, 0.0, 1.0]])

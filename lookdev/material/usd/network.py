@@ -1,8 +1,9 @@
-"""Walking a UsdShade network: connections, typed constants, and every fault met on the way."""
+"""Reading a UsdShade network: connections, typed constants, and all faults."""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,18 +14,20 @@ from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 from lookdev.errors import Fault, nearest_hint
 from lookdev.material.usd.file import shortened
 
-MOST_FAULTS = 1000
-"""Faults of a look that are told."""
+TERMINAL = "outputs:lookdev:surface"
+"""The output of a material that is connected to its layers."""
 
-MOST_UNKNOWN = 100
-"""Unknown inputs of a shader that are told one by one."""
+LAYER_INPUT = re.compile(r"layer([1-9][0-9]{0,8})(Mask|Enabled|Mode)?")
+"""The inputs of a LookdevLayers but its base."""
 
+_MOST_FAULTS = 1000
+_MOST_UNKNOWN = 100  # inputs of a shader, reported one by one
 _VECTORS = (Gf.Vec2f, Gf.Vec3f, Gf.Vec4f)
 
 
 @dataclass(frozen=True)
 class Source:
-    """The shader output that an input gets its value from."""
+    """The shader output that computes the value of an input."""
 
     shader: UsdShade.Shader
     output: str
@@ -36,9 +39,9 @@ class Source:
 
 
 class Network:
-    """One look's network. Reading goes on after a fault, so that `faults` holds all of them in the end.
+    """The network of a look. Reading continues after a fault: `faults` holds all of them in the end.
 
-    One that `opens_images` reads the header of every image, so that an unreadable one is a fault too.
+    Where it `opens_images`, the header of every image is read, and an unreadable one is a fault.
     """
 
     def __init__(self, file: Path, opens_images: bool = True) -> None:
@@ -48,10 +51,10 @@ class Network:
 
     @property
     def faults(self) -> tuple[Fault, ...]:
-        """Every fault met so far, in order; those of a node that several inputs share only once."""
+        """Every fault so far, in order; those of a node that several inputs share only once."""
         unique = list(dict.fromkeys(self._faults))
-        if more := len(unique[MOST_FAULTS:]):
-            unique[MOST_FAULTS:] = [Fault(str(self.file), "", f"{more} more faults", "mend those above first")]
+        if more := len(unique[_MOST_FAULTS:]):
+            unique[_MOST_FAULTS:] = [Fault(str(self.file), "", f"{more} more faults", "mend those above first")]
         return tuple(unique)
 
     def fault(self, where: object, what: str, hint: str = "") -> None:
@@ -59,11 +62,16 @@ class Network:
         place = where.GetPath() if isinstance(where, Usd.Object) else where
         self._faults.append(Fault(str(self.file), shortened(str(place)), shortened(what), hint))
 
-    def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | Source | None:
-        """Follow connections through interface inputs and node graphs.
+    def surface(self, material: UsdShade.Material) -> Source | None:
+        """Return the stack or the single layer of a material; None where its terminal is not connected to a shader."""
+        attribute = material.GetPrim().GetAttribute(TERMINAL)
+        source = self.follow(attribute) if attribute else None
+        return source if isinstance(source, Source) else None
 
-        Returns the attribute that holds the value, or the shader output that computes it; None, and a fault,
-        where the way is broken.
+    def follow(self, attribute: Usd.Attribute) -> Usd.Attribute | Source | None:
+        """Return the attribute that holds the value of an input, or the shader output that computes it.
+
+        Connections are followed through interface inputs and node graphs; None, and a fault, where one is broken.
         """
         seen: set[Sdf.Path] = set()
         while paths := attribute.GetConnections():
@@ -86,7 +94,7 @@ class Network:
         return attribute
 
     def has_type(self, place: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> bool:
-        """Say whether `holder`, whose value goes into `place`, has the expected type, whatever its role."""
+        """Return whether `holder`, whose value goes into `place`, has the expected type, whatever its role."""
         actual = holder.GetTypeName()
         texts = (Sdf.ValueTypeNames.String, Sdf.ValueTypeNames.Token)  # varname has been either
         if actual.type == expected.type or (expected == Sdf.ValueTypeNames.String and actual in texts):
@@ -96,11 +104,11 @@ class Network:
         return False
 
     def value(self, place: Usd.Attribute, holder: Usd.Attribute, expected: Sdf.ValueTypeName) -> Any:
-        """Return the constant that `holder` gives to `place`; None where unset, or wrong and noted."""
+        """Return the constant of `holder` for `place`; None where unset, or wrong and noted."""
         if not self.has_type(place, holder, expected):
             return None
         if holder.GetNumTimeSamples():
-            self.fault(place, "is animated", "a look holds still; author one default value")
+            self.fault(place, "is animated", "a look is not animated; author one default value")
             return None
         value = holder.Get()
         if value is not None and not isinstance(value, type(expected.defaultValue)):  # as damaged binary files have it
@@ -123,16 +131,11 @@ class Network:
         return None if holder is None else self.value(attribute, holder, expected)
 
     def node_value(self, shader: UsdShade.Shader, name: str) -> Any:
-        """Return a constant input of one of USD's own nodes; None where it is wrong and noted.
-
-        USD's own definition of the node gives the type, the default and the options.
-        """
+        """Return a constant input of one of USD's nodes, by USD's definition of it; None where wrong and noted."""
         definition = _definition(shader).GetShaderInput(name)
         attribute = shader.GetPrim().GetAttribute(f"inputs:{name}")
         noted = len(self._faults)
-        value = None
-        if attribute:
-            value = self.constant(attribute, definition.GetTypeAsSdfType().GetSdfType())
+        value = self.constant(attribute, definition.GetTypeAsSdfType().GetSdfType()) if attribute else None
         if value is None:
             return definition.GetDefaultValueAsSdfType() if len(self._faults) == noted else None
         options = [option for option, _ in definition.GetOptions()]
@@ -142,7 +145,7 @@ class Network:
         return value
 
     def check_node(self, place: object, source: Source, outputs: Sequence[str] = ("result",)) -> None:
-        """Note inputs that one of USD's own nodes does not have, and an output that `place` cannot use."""
+        """Note inputs that one of USD's nodes does not have, and an output that `place` cannot use."""
         self.check_inputs(source.shader, _definition(source.shader).GetShaderInputNames())
         if source.output not in outputs:
             what = f"cannot use <{source.path}.outputs:{source.output}>"
@@ -151,9 +154,9 @@ class Network:
     def check_inputs(self, shader: UsdShade.Shader, known: Sequence[str]) -> None:
         """Note every input of a shader that is not among `known`."""
         unknown = [given for given in shader.GetInputs() if given.GetBaseName() not in known]
-        for given in unknown[:MOST_UNKNOWN]:
+        for given in unknown[:_MOST_UNKNOWN]:
             self.fault(given.GetAttr(), "unknown input", nearest_hint(given.GetBaseName(), known))
-        if more := len(unknown[MOST_UNKNOWN:]):
+        if more := len(unknown[_MOST_UNKNOWN:]):
             self.fault(shader.GetPath(), f"{more} more unknown inputs", f"known: {', '.join(known)}")
 
 
@@ -162,8 +165,13 @@ def shader_id(shader: UsdShade.Shader) -> str:
     return shader.GetShaderId() or ""
 
 
+def is_set(attribute: Usd.Attribute) -> bool:
+    """Return whether an input has a connection or a value."""
+    return bool(attribute.HasAuthoredConnections() or attribute.HasAuthoredValue())
+
+
 def authored_properties(prim: Usd.Prim) -> int:
-    """Return how often a property is spoken of in the layers of a prim; composing their names would take long."""
+    """Count the properties of a prim in its layers, each layer's: composing their names would take long."""
     return sum(len(spec.properties) for spec in prim.GetPrimStack())
 
 

@@ -1,7 +1,7 @@
-"""Validation of looks, safe from the file: it is examined in a process of its own, with bounds on memory and time.
+"""Validation of looks: a file is examined in a process of its own, with bounds on memory and time.
 
 USD's readers trust their input: a damaged or hostile file can crash the process, or make it wait or allocate without
-end. That too ends in a finding.
+end. That is a finding too.
 """
 
 from __future__ import annotations
@@ -17,35 +17,16 @@ from pathlib import Path
 from lookdev.material.validate.report import Finding, Report
 
 SECONDS = 60.0
-"""How long a file may take."""
+"""The time limit of a file."""
 
-MEMORY = 8 << 30
-"""Bytes of address space that the process may have, beside twice what the file has."""
-
+_MEMORY = 8 << 30  # bytes of address space of the process, beside twice the size of the file
 _PROGRAM = (sys.executable, "-m", "lookdev.material.validate")
 
 
 def validate(
     file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None, *, seconds: float = SECONDS
 ) -> Report:
-    """Find everything wrong with the looks of a file.
-
-    Parameters
-    ----------
-    file
-        Any file USD opens.
-    prim
-        Path of the only material to examine; all of the file by default.
-    variants
-        Variant sets and the one variant to try of each; all variants of the others are tried.
-    seconds
-        How long the file may take.
-
-    Returns
-    -------
-    Report
-        Whatever the file is: that it cannot be read is a finding.
-    """
+    """Find all faults of the looks of a file, whatever it is, as `examine` does, within a time limit in seconds."""
     request = json.dumps({"file": str(file), "prim": prim, "variants": dict(variants or {})})
     try:
         done = subprocess.run(
@@ -67,7 +48,7 @@ def _unreadable(file: Path, what: str, hint: str) -> Report:
 
 
 def bound_process(file: Path) -> None:
-    """Bound what this process may take, for the sake of `file`."""
+    """Bound the memory of this process, which reads `file`."""
     size = file.stat().st_size if file.is_file() else 0
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY + 2 * size, resource.getrlimit(resource.RLIMIT_AS)[1]))
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY + 2 * size, resource.getrlimit(resource.RLIMIT_AS)[1]))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))

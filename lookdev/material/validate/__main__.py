@@ -10,17 +10,11 @@ from pathlib import Path
 from lookdev.material.validate import bound_process
 from lookdev.material.validate.examine import examine
 
-
-def main() -> None:
-    """Answer the request."""
+if __name__ == "__main__":
     request = json.loads(sys.stdin.read())
     file = Path(request["file"])
     bound_process(file)
     report = examine(file, request["prim"], request["variants"])
     sys.stdout.write("\n" + json.dumps(report.data()))
     sys.stdout.flush()
-    os._exit(0)  # what a damaged file has done to USD must not crash the way out
-
-
-if __name__ == "__main__":
-    main()
+    os._exit(0)  # USD, damaged by a file, must not crash at exit

@@ -1,13 +1,12 @@
-"""Everything wrong with the looks of a file, in every combination of variants.
+"""All faults of the looks of a file, in every combination of variants.
 
-What `read_look` refuses, what USD's own validators find, and notes on what is legal but does nothing. A hostile file
-can hang or kill the process that reads it: `lookdev.material.validate` runs this in a process of its own.
+These are the faults of `read_look`, the findings of USD's own validators, and notes on what is legal without effect. A
+hostile file can hang or kill the process that reads it: `lookdev.material.validate` runs this in a process of its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from itertools import islice
@@ -20,7 +19,7 @@ from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.look import Layer
-from lookdev.material.usd import find_material, layer_faults, materials, read_material
+from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
 from lookdev.material.usd.file import open_stage, reading, shortened, usd_words
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
@@ -29,20 +28,17 @@ from lookdev.material.validate.unused import Stack, unread
 MOST_COMBINATIONS = 64
 """Where a material's variants combine to more, each variant is tried once, with the other sets as the file has them."""
 
-MOST_VARIANTS = 256
-"""Variants that are tried once at most."""
-
-MOST_PROPERTIES = 10_000
-"""Prims and properties of a material that is examined for more than faults."""
-
 MOST_FINDINGS = 1000
-"""Findings that a report holds at most."""
+"""Findings of a report."""
 
-# Of USD's validators those of what a look is made of: it has no geometry, thus neither axis nor unit.
+_MOST_VARIANTS = 256  # that are tried once
+_MOST_PROPERTIES = 10_000  # and prims, of a material that is examined for more than faults
+
+# USD's validators for a look: it has no geometry, thus neither axis nor unit.
 _KEYWORDS = {"UsdCoreValidators", "UsdShadeValidators"}
 _DEPENDENCIES = "usdUtilsValidators:MissingReferenceValidator"
 _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
-# USD's error for a shader that it does not know: nodes of other renderers may stand beside ours.
+# USD's error for an unknown shader: nodes of other renderers may be beside ours.
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED = "UnresolvableDependency"
@@ -51,10 +47,8 @@ _UNRESOLVED = "UnresolvableDependency"
 def examine(file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None) -> Report:
     """Examine every material of a file, or the one at `prim`, in every combination of variants.
 
-    In a file without materials, as a preset is, layers stand for themselves.
-
-    `variants` holds a variant for each set that shall have no other. Nothing is raised: that a file cannot be read is
-    a finding too.
+    `variants` has a variant for each set that is not varied. In a file without materials, such as a preset, layers are
+    examined alone. Nothing is raised: a file that cannot be read is a finding too.
     """
     found: list[Finding] = []
     looks: list[int] = []
@@ -88,7 +82,7 @@ def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[st
     found: list[Finding] = []
     combinations = _combinations(stage, path, fixed)
     if sum(1 for _ in islice(_combinations(stage, path, fixed), MOST_COMBINATIONS + 1)) > MOST_COMBINATIONS:
-        combinations = islice(_one_by_one(stage, path, fixed), MOST_VARIANTS)
+        combinations = islice(_one_by_one(stage, path, fixed), _MOST_VARIANTS)
         what = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
         found.append(Finding("note", prim, "", what, "each variant was, with the other sets as the file has them"))
     looks = {_label(chosen): tuple(dict.fromkeys(_examine_look(file, stage, path))) for chosen in combinations}
@@ -109,9 +103,9 @@ def _label(chosen: Mapping[str, str]) -> str:
 
 
 def _merged(looks: Mapping[str, tuple[Finding, ...]]) -> Iterator[Finding]:
-    """Yield what holds in every combination, and errors and warnings of some with their names.
+    """Yield the findings of every combination, and errors and warnings of some combinations with their names.
 
-    Notes of some are left out: what one variant does not use is there for another.
+    Notes on some are left out: another variant may use what one does not.
     """
     labelled: dict[Finding, list[str]] = {}
     for label, findings in looks.items():
@@ -125,45 +119,32 @@ def _merged(looks: Mapping[str, tuple[Finding, ...]]) -> Iterator[Finding]:
 
 
 def _combinations(stage: Usd.Stage, path: Sdf.Path, chosen: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
-    """Yield every combination of the variants that are not chosen yet; a variant may bring further sets into being."""
-    free = {name: each for name, each in _variant_sets(stage, path).items() if name not in chosen}
+    """Yield every combination of the variants that are not chosen yet; a variant may add further sets."""
+    free = variant_sets(stage, path).keys() - chosen.keys()
     if not free:
         yield chosen
         return
-    name, variant_set = min(free.items(), key=lambda item: item[0])
-    for choice in _choices(variant_set):
-        with _selected(stage, variant_set, choice):
-            yield from _combinations(stage, path, {**chosen, name: choice})
+    for each in _selections(stage, path, min(free), chosen):
+        yield from _combinations(stage, path, each)
 
 
 def _one_by_one(stage: Usd.Stage, path: Sdf.Path, chosen: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
-    for name, variant_set in sorted(_variant_sets(stage, path).items(), key=lambda item: item[0]):
-        if name not in chosen:
-            for choice in _choices(variant_set):
-                with _selected(stage, variant_set, choice):
-                    yield {**chosen, name: choice}
+    for name in sorted(variant_sets(stage, path).keys() - chosen.keys()):
+        yield from _selections(stage, path, name, chosen)
 
 
-@contextmanager
-def _selected(stage: Usd.Stage, variant_set: Usd.VariantSet, choice: str) -> Iterator[None]:
-    with Usd.EditContext(stage, stage.GetSessionLayer()):
-        variant_set.SetVariantSelection(choice)
-    try:
-        yield
-    finally:
-        with Usd.EditContext(stage, stage.GetSessionLayer()):
-            variant_set.ClearVariantSelection()
-
-
-def _choices(variant_set: Usd.VariantSet) -> list[str]:
+def _selections(stage: Usd.Stage, path: Sdf.Path, name: str, chosen: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+    """Select each variant of a set in turn, and yield it with those chosen; "" where the file selects none."""
+    variant_set, session = variant_sets(stage, path)[name], stage.GetSessionLayer()
     names: list[str] = variant_set.GetVariantNames()
-    return names if variant_set.GetVariantSelection() in names else ["", *names]
-
-
-def _variant_sets(stage: Usd.Stage, path: Sdf.Path) -> dict[str, Usd.VariantSet]:
-    """Return the variant sets on a prim or above it; of one name the nearest."""
-    prims = (stage.GetPrimAtPath(prefix) for prefix in path.GetPrefixes())
-    return {name: prim.GetVariantSet(name) for prim in prims for name in prim.GetVariantSets().GetNames()}
+    for choice in names if variant_set.GetVariantSelection() in names else ["", *names]:
+        with Usd.EditContext(stage, session):
+            variant_set.SetVariantSelection(choice)
+        try:
+            yield {**chosen, name: choice}
+        finally:
+            with Usd.EditContext(stage, session):
+                variant_set.ClearVariantSelection()
 
 
 def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Finding]:
@@ -172,14 +153,14 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
     own, layers = _read(file, stage, path)
     yield from own
     if _is_huge(prim):
-        yield Finding("note", str(path), "", _TOO_LARGE, f"at most {MOST_PROPERTIES} prims and properties would be")
+        yield Finding("note", str(path), "", _TOO_LARGE, f"at most {_MOST_PROPERTIES} prims and properties would be")
         return
     yield from _usd_findings(list(Usd.PrimRange(prim)), own)
     stack = Stack(file, UsdShade.Material(prim))
     for place, what, hint in (*stack.notes(layers), *unread(prim)):
         yield Finding("note", *_split(place), what, hint)
     if stack.disabled:
-        # What is wrong in a layer that nobody sees now is wrong the day it is switched on.
+        # Faults of a disabled layer are reported as warnings, before it is enabled.
         session = stage.GetSessionLayer()
         before = session.ExportToString()
         with Usd.EditContext(stage, session):
@@ -196,7 +177,7 @@ def _is_huge(prim: Usd.Prim) -> bool:
     count = 0
     for each in Usd.PrimRange(prim):
         count += 1 + authored_properties(each)
-        if count > MOST_PROPERTIES:
+        if count > _MOST_PROPERTIES:
             return True
     return False
 
@@ -219,13 +200,13 @@ def _split(where: str) -> tuple[str, str]:
 
 
 def _usd_findings(place: Usd.Stage | list[Usd.Prim], own: Iterable[Finding]) -> Iterator[Finding]:
-    """Yield what USD's validators find, without what is known already."""
+    """Yield the findings of USD's validators that are not among `own`."""
     known = tuple(own)
     for error in UsdValidation.ValidationContext(_validators()).Validate(place)[:MOST_FINDINGS]:
         what = usd_words(error.GetMessage())
         where = (site.GetProperty() if site.IsProperty() else site.GetPrim() for site in error.GetSites())
         prim, name = next((_split(str(each.GetPath())) for each in where if each), ("", ""))
-        # A file that is not there has been told with the input or the reference that names it.
+        # A missing file is already reported with the input or the reference that names it.
         named = Path(what.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in what else what
         if any((name and (each.prim, each.input) == (prim, name)) or named in each.what for each in known):
             continue
@@ -235,7 +216,7 @@ def _usd_findings(place: Usd.Stage | list[Usd.Prim], own: Iterable[Finding]) -> 
 
 @cache
 def _validators() -> tuple[Any, ...]:
-    """Return USD's validators of what a look is made of, after they were told of our nodes."""
+    """Return USD's validators for a look, after our nodes are registered."""
     definitions = Usd.Stage.Open(str(DEFINITIONS))
     for prim in definitions.Traverse():
         for node in UsdShade.ShaderDefUtils.GetDiscoveryResults(UsdShade.Shader(prim), str(DEFINITIONS)):

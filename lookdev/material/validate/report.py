@@ -1,4 +1,4 @@
-"""What was found in the looks of a file, as data, as text and as JSON."""
+"""Findings in the looks of a file, as data and as text."""
 
 from __future__ import annotations
 
@@ -9,16 +9,15 @@ from typing import Any, Literal
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
-SHOWN_VARIANTS = 4
-"""Combinations of variants that the text names of one finding; the data has all."""
+_SHOWN_VARIANTS = 4  # combinations of variants that the text names of one finding; the data has all
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing to know of a look.
+    """A fault of a look, or a note on it.
 
-    `prim` and `input` are where; both may be empty. `hint` says what would be right. `variants` has the combinations in
-    which it is so: none where it always is.
+    `prim` and `input` are its place; both may be empty. `hint` is what would be right. `variants` has the combinations
+    of variants with the finding; it is empty for all of them.
     """
 
     severity: Severity
@@ -31,7 +30,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """What was found in a file."""
+    """The findings in a file."""
 
     file: str
     findings: tuple[Finding, ...]
@@ -40,11 +39,11 @@ class Report:
 
     @property
     def has_errors(self) -> bool:
-        """Whether a look is wrong, not only odd."""
+        """Whether a look is wrong."""
         return any(finding.severity == "error" for finding in self.findings)
 
     def data(self) -> dict[str, Any]:
-        """Return the report as what JSON holds."""
+        """Return the report as data for JSON."""
         return asdict(self)
 
     @classmethod
@@ -54,7 +53,7 @@ class Report:
         return cls(**{**data, "findings": tuple(findings)})
 
     def text(self) -> str:
-        """Return the report for people: a summary, then the findings, each prim's together."""
+        """Return a summary, then the findings by prim."""
         counts = [(severity, sum(each.severity == severity for each in self.findings)) for severity in SEVERITIES]
         found = ", ".join(_number(count, severity) for severity, count in counts if count) or "nothing wrong"
         looks = f"{_number(self.materials, 'material')}, {_number(self.combinations, 'combination')} of variants"
@@ -75,8 +74,8 @@ def _lines(finding: Finding) -> list[str]:
     if finding.hint:
         lines.append(f"{margin}hint: {finding.hint}")
     if finding.variants:
-        shown = " | ".join(finding.variants[:SHOWN_VARIANTS])
-        rest = len(finding.variants[SHOWN_VARIANTS:])
+        shown = " | ".join(finding.variants[:_SHOWN_VARIANTS])
+        rest = len(finding.variants[_SHOWN_VARIANTS:])
         lines.append(f"{margin}in: {shown}" + (f" and {rest} more" if rest else ""))
     return lines
 

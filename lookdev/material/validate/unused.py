@@ -1,8 +1,7 @@
-"""What stands in a look and does nothing: layers that are off, hidden or all over, nodes that nobody reads."""
+"""What has no effect in a look: layers that are disabled or hidden, nodes that are not read."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -11,13 +10,12 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.material.library.nodes import upstream
 from lookdev.material.look import Layer
-from lookdev.material.usd.network import Network, Source, shader_id
-
-_LAYER = re.compile(r"layer[0-9]{1,9}")
+from lookdev.material.usd.network import LAYER_INPUT, Network, is_set, shader_id
+from lookdev.material.values import presence
 
 
 class Unused(NamedTuple):
-    """A prim or property, what it does not do, and what would make it."""
+    """A prim or property without effect."""
 
     where: str
     what: str
@@ -27,18 +25,18 @@ class Unused(NamedTuple):
 class Stack:
     """The inputs of a material's LookdevLayers that connect layers; none where it has no such shader.
 
-    `disabled` holds the inputs that switch layers off.
+    `disabled` are the inputs that disable layers.
     """
 
     def __init__(self, file: Path, material: UsdShade.Material) -> None:
-        network = Network(file)  # its faults are told by whoever reads the look
-        attribute = material.GetPrim().GetAttribute("outputs:lookdev:surface")
-        source = network.follow(attribute) if attribute else None
+        network = Network(file)  # its faults are reported by the reader of the look
+        source = network.surface(material)
         self._inputs: dict[str, Usd.Attribute] = {}
-        if isinstance(source, Source) and shader_id(source.shader) == "LookdevLayers":
+        if source and shader_id(source.shader) == "LookdevLayers":
             given = (each.GetAttr() for each in source.shader.GetInputs())
-            self._inputs = {each.GetBaseName(): each for each in given if _is_set(each)}
-        names = sorted(filter(_LAYER.fullmatch, self._inputs), key=lambda name: int(name[5:]))
+            self._inputs = {each.GetBaseName(): each for each in given if is_set(each)}
+        matches = filter(None, map(LAYER_INPUT.fullmatch, self._inputs))
+        names = [f"layer{number}" for number in sorted(int(match[1]) for match in matches if not match[2])]
         off = [name for name in names if self._is_off(network, f"{name}Enabled")]
         self.disabled = [self._inputs[f"{name}Enabled"] for name in off]
         self._enabled = [name for name in ("base", *names) if name in self._inputs and name not in off]
@@ -47,17 +45,17 @@ class Stack:
         return name in self._inputs and network.constant(self._inputs[name], Sdf.ValueTypeNames.Bool) is False
 
     def notes(self, layers: Sequence[Layer]) -> Iterator[Unused]:
-        """Yield the layers that can never show, given the layers that are enabled, and those that hide all beneath."""
+        """Yield the layers that never show, given the layers that are enabled, and those that hide all beneath."""
         for attribute in self.disabled:
             yield Unused(str(attribute.GetPath()), "the layer is not enabled")
         covers = [number for number, layer in enumerate(layers) if number and _is_everywhere(layer)]
-        if len(layers) != len(self._enabled):  # of a single layer, or of a stack at fault, there is nothing to say
+        if len(layers) != len(self._enabled):  # a single layer, or a stack with faults
             return
         for number, (name, layer) in enumerate(zip(self._enabled, layers, strict=True)):
             place = str(self._inputs[name].GetPath())
             if layer.mask == 0.0:
                 yield Unused(f"{place}Mask", "the layer never shows: its mask is 0")
-            elif layer.inputs.get("presence") == 0.0:
+            elif presence(layer) == 0.0:
                 yield Unused(place, f"the layer never shows: the presence of {layer.name} is 0")
             elif covers and covers[-1] > number:
                 what = f"the layer never shows: {layers[covers[-1]].name} covers it wholly"
@@ -73,12 +71,8 @@ def unread(material: Usd.Prim) -> Iterator[Unused]:
     for prim in Usd.PrimRange(material):
         if prim.IsA(UsdShade.Shader) and prim.GetPath() not in read:
             node = shader_id(UsdShade.Shader(prim)) or "a shader"
-            yield Unused(str(prim.GetPath()), f"{node} that nothing reads", "connect it, or take it away")
-
-
-def _is_set(attribute: Usd.Attribute) -> bool:
-    return bool(attribute.HasAuthoredConnections() or attribute.HasAuthoredValue())
+            yield Unused(str(prim.GetPath()), f"{node} that nothing reads", "connect it, or remove it")
 
 
 def _is_everywhere(layer: Layer) -> bool:
-    return layer.mode == "over" and layer.mask == 1.0 and layer.inputs.get("presence", 1.0) == 1.0
+    return layer.mode == "over" and layer.mask == 1.0 and presence(layer) == 1.0
