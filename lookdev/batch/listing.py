@@ -80,7 +80,7 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
             for file in frame.files
         ],
         "links": [{"source": name(copy.source), "target": name(copy.target)} for copy in plan.copies()],
-        "pictures": [name(path.with_suffix(".png")) for path in plan.pictures],
+        "pictures": [name(path) for path in plan.pictures],
         "skipped": [asdict(skip) for skip in plan.skips],
         "render": len(plan.pending()),
     }

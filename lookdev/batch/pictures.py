@@ -1,7 +1,7 @@
-"""Display pictures and contact sheets, made from frames, and made again only when they would differ.
+"""The outputs of a plan: files made of finished frames, and made again only when they would differ.
 
-A ledger in the output's state folder records what each picture was made from: the frame digests and the view.
-So a new view, or another number of frames, is noticed although no frame was rendered.
+A ledger in the output's state folder records what each file was made of: the frame digests and the options. So a new
+view, or another number of frames, is noticed although no frame was rendered.
 """
 
 from __future__ import annotations
@@ -18,44 +18,35 @@ from numpy.typing import NDArray
 from lookdev.batch.lock import STATE_FOLDER
 from lookdev.cache import atomic_path, share
 from lookdev.job import JobOutputs
-from lookdev.output.display import composite, to_display, write_pixels
-from lookdev.output.exr import read_frame
-from lookdev.output.sheet import write_sheet
+from lookdev.output import Frames, Output, composite, read_frame
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
 
 Floats = NDArray[np.float32]
 Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
-"""Gives the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
-
-SHEET_SOURCE_SIZE = 512
-"""Pixels. Larger frames are averaged down on reading, so that a sheet of many never fills the memory."""
-
-OVERVIEW_CELLS = (128, 256)
-"""Pixels, smallest and largest: small frames are not blown up more than the names under them need."""
+"""Returns the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
 
 
 @dataclass(frozen=True)
-class _Sheet:
-    """A sheet to come: its frames in order, the labels under them, and how they are laid out."""
+class _File:
+    """A file to come, under each of its paths; its frames in order, and a label of each."""
 
-    path: Path
+    output: Output
+    paths: tuple[Path, ...]
     title: str
     frames: dict[Path, FrameTask]
     labels: tuple[str, ...]
-    cell: int = 256
-    columns: int | None = None
 
 
 class Pictures:
-    """The PNGs and sheets of frames.
+    """The files that outputs make of frames.
 
     Parameters
     ----------
     plan, outputs
-        Of which frames, and which pictures of them are wanted, in which view.
+        The frames, and what is made of them.
     background, light
-        What is behind the frames, as the ledger records it, and the light that it gives.
+        What is behind the frames, as the ledger records it, and the light that it has.
     """
 
     def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background) -> None:
@@ -66,72 +57,70 @@ class Pictures:
         self._ledger_file = plan.output / STATE_FOLDER / "pictures.json"
         self._ledger = _read_ledger(self._ledger_file)
         self._overdue = set(plan.pictures)
-        self._sheets = tuple(_sheets(plan, outputs))
+        files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
+        self._sheets = [file for output, file in files if output.of != "frame"]
+        self._singles: dict[Path, list[_File]] = {}
+        for output, file in files:
+            if output.of == "frame":
+                self._singles.setdefault(next(iter(file.frames)), []).append(file)
 
     def refresh(self, task: FrameTask) -> None:
-        """Make the PNGs of a frame on disk that are missing or out of date.
+        """Make what is missing or out of date of a single frame on disk.
 
         Raises
         ------
         OutputError
-            The frame cannot be read, or a picture not be written.
+            The frame cannot be read, or a file not be written.
         """
-        key = self._picture_key(task)
-        due = [
-            path.with_suffix(".png")
-            for path in task.files
-            if path in self._overdue or not self._is_current(path.with_suffix(".png"), key)
-        ]
-        if self._outputs.png and due:
-            self._write(task, due, *read_frame(task.files[0]))
+        for file in self._singles.get(task.files[0], ()):
+            key = self._key(file)
+            due = [path for path in file.paths if path in self._overdue or not self._is_current(path, key)]
+            if due:
+                self._write(file, due)
 
     def write(self, task: FrameTask, beauty: Floats, alpha: Floats) -> None:
-        """Make the PNGs of a frame just rendered, if pictures are wanted."""
-        if self._outputs.png:
-            self._write(task, [path.with_suffix(".png") for path in task.files], beauty, alpha)
+        """Make what is made of a single frame, which was just rendered."""
+        for file in self._singles.get(task.files[0], ()):
+            self._write(file, file.paths, (beauty, alpha))
 
     def refresh_sheets(self, done: set[Path], task: FrameTask | None = None) -> list[Path]:
-        """Make the sheets that are out of date and whose frames are all done; return their paths.
+        """Make what is out of date of several frames, if they are all done; return the paths.
 
-        With `task`, of the sheets alone that show it, and in any case: its frame is new.
+        With `task`, only what shows it, and in any case: its frame is new.
         """
-        written = []
-        for sheet in self._sheets:
-            if task is not None and sheet.frames.keys().isdisjoint(task.files):
+        written: list[Path] = []
+        for file in self._sheets:
+            if task is not None and file.frames.keys().isdisjoint(task.files):
                 continue
-            key = self._sheet_key(sheet)
-            if sheet.frames.keys() <= done and (task is not None or not self._is_current(sheet.path, key)):
-                self._write_sheet(sheet)
-                self._record([sheet.path], key)
-                written.append(sheet.path)
+            if not file.frames.keys() <= done:
+                continue
+            if task is not None or not self._is_current(file.paths[0], self._key(file)):
+                self._write(file, file.paths)
+                written += file.paths
         return written
 
-    def _write(self, task: FrameTask, paths: Sequence[Path], beauty: Floats, alpha: Floats) -> None:
-        pixels = to_display(composite(beauty, alpha, self._background(task)), self._outputs.view)
-        write_shared(paths, lambda path: write_pixels(path, pixels))
-        self._record(paths, self._picture_key(task))
+    def _write(self, file: _File, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
+        """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
-    def _write_sheet(self, sheet: _Sheet) -> None:
-        shown = []
-        for path, task in sheet.frames.items():
-            rgb = composite(*read_frame(path), self._background(task))
-            shown.append(to_display(_shrunk(rgb), self._outputs.view))
-        write_sheet(sheet.path, shown, sheet.labels, sheet.title, sheet.columns, sheet.cell)
+        def light(frame: Path) -> Floats:
+            return composite(*(pixels or read_frame(frame)), self._background(file.frames[frame]))
 
-    def _picture_key(self, task: FrameTask) -> str:
-        return f"{task.digest} {self._behind} {self._outputs.view}"
+        frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light)
+        write_shared(paths, lambda path: file.output.write(path, frames))
+        self._ledger |= dict.fromkeys(map(self._name, paths), self._key(file))
+        with atomic_path(self._ledger_file) as temporary:
+            temporary.write_text(json.dumps(self._ledger, indent=0))
 
-    def _sheet_key(self, sheet: _Sheet) -> str:
-        keys = [*(self._picture_key(task) for task in sheet.frames.values()), *sheet.labels, str(sheet.columns)]
-        return hashlib.sha256("\n".join(keys).encode()).hexdigest()
+    def _key(self, file: _File) -> str:
+        digests = [task.digest for task in file.frames.values()]
+        made_of = [digests, file.labels, self._behind, self._options(file.output)]
+        return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
+
+    def _options(self, output: Output) -> dict[str, object]:
+        return {name: getattr(self._outputs, name) for name in ("view", *output.options)}
 
     def _is_current(self, path: Path, key: str) -> bool:
         return self._ledger.get(self._name(path)) == key and path.exists()
-
-    def _record(self, paths: Iterable[Path], key: str) -> None:
-        self._ledger |= {self._name(path): key for path in paths}
-        with atomic_path(self._ledger_file) as temporary:
-            temporary.write_text(json.dumps(self._ledger, indent=0))
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._root).as_posix()
@@ -144,43 +133,32 @@ def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
         share(paths[0], path)
 
 
-def _sheets(plan: Plan, outputs: JobOutputs) -> Iterator[_Sheet]:
-    """Yield the sheets that are wanted: one for each turntable of a look under a light, then the overviews."""
+def _files(plan: Plan, output: Output) -> Iterator[_File]:
+    """Yield the files of an output."""
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
-    for reel in plan.reels if outputs.sheet else ():
-        yield _Sheet(
-            reel.files[0].with_name(f"{reel.turntable}.sheet.png"),
-            f"{reel.look} / {reel.ibl} / {reel.turntable}",
-            {path: tasks[path] for path in reel.files},
-            tuple(path.stem.rpartition(".")[2] for path in reel.files),
-        )
-    least, most = OVERVIEW_CELLS
-    sides: dict[tuple[str, str], list[Reel]] = {}
-    for reel in plan.reels if outputs.overview else ():
-        sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
-    for (ibl, turntable), reels in sides.items():
-        firsts = {reel.files[0]: tasks[reel.files[0]] for reel in reels}
-        size = max(side for task in firsts.values() for side in task.scene.resolution)
-        yield _Sheet(
-            plan.output / ibl / f"{turntable}.looks.png",
-            f"{ibl} / {turntable}",
-            firsts,
-            tuple(reel.look for reel in reels),
-            min(max(least, size), most),
-            outputs.overview_columns,
-        )
+
+    def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> _File:
+        return _File(output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels))
+
+    if output.of == "frame":
+        for files in (planned.task.files for planned in plan.frames):
+            name = files[0].relative_to(plan.output).with_suffix("")
+            yield file((path.with_suffix(output.suffix) for path in files), name.parts, files[:1], [_number(files[0])])
+    elif output.of == "turntable":
+        for reel in plan.reels:
+            path = reel.files[0].with_name(reel.turntable + output.suffix)
+            yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_number, reel.files))
+    else:
+        sides: dict[tuple[str, str], list[Reel]] = {}
+        for reel in plan.reels:
+            sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
+        for (ibl, turntable), reels in sides.items():
+            path = plan.output / ibl / (turntable + output.suffix)
+            yield file([path], (ibl, turntable), (reel.files[0] for reel in reels), (reel.look for reel in reels))
 
 
-def _shrunk(rgb: Floats) -> Floats:
-    """Average whole blocks of pixels so that the longer side comes near `SHEET_SOURCE_SIZE`."""
-    height, width = rgb.shape[:2]
-    block = min(max(height, width) // SHEET_SOURCE_SIZE, height, width)
-    if block < 2:
-        return rgb
-    rows, columns = height // block, width // block
-    blocks = rgb[: rows * block, : columns * block].reshape(rows, block, columns, block, 3)
-    averages: Floats = blocks.mean(axis=(1, 3), dtype=np.float32)
-    return averages
+def _number(frame: Path) -> str:
+    return frame.stem.rpartition(".")[2]
 
 
 def _read_ledger(path: Path) -> dict[str, str]:

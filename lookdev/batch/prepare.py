@@ -79,4 +79,4 @@ def plan_job(made: JobSetups) -> Plan:
     """Plan the frames of a job, those on disk included."""
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
-    return build_plan(made.setups, made.turns, read_header, labels=labels, pictures=job.outputs.png)
+    return build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)

@@ -130,7 +130,7 @@ def render_setups(
         Another run holds the output, or as for `run_plan`.
     """
     with output_lock(turns.output):
-        plan = build_plan(setups, turns, read_header, pictures=outputs.png)
+        plan = build_plan(setups, turns, read_header, beside=outputs.beside)
         return plan, run_plan(plan, outputs, report=report)
 
 

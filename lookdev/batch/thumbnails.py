@@ -17,6 +17,7 @@ from lookdev.job import JobOutputs, JobTurntable
 from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import Preset
 from lookdev.material.library.edit import preset_look
+from lookdev.output import OUTPUTS
 from lookdev.output.display import composite, to_display
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_sheet
@@ -30,7 +31,7 @@ _BEHIND = 0.05  # linear: dark enough for metals to shine, light enough for what
 _LIGHT = "studio"
 _SAMPLING = Sampling(samples=128, error=0.01)
 _TURNTABLES = (JobTurntable(kind="element", frames=1),)
-_OUTPUTS = JobOutputs(png=False, sheet=False)
+_OUTPUTS = JobOutputs.model_validate(dict.fromkeys(OUTPUTS, False))
 
 
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:

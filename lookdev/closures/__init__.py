@@ -1,33 +1,22 @@
 """Stand-ins: which of Cycles' own closures stand for a lobe where no other can be had, by model and lobe.
 
-Adding stand-ins for a lobe is one entry of `STAND_INS`. What depends on the light is fitted: ``python -m
-lookdev.closures.fitting`` makes the table of fits.
+Stand-ins for a lobe are one function and its entry in the table of the model's file. What depends on the light is
+fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 from lookdev.brdf import Array, Lobe
 from lookdev.brdf.vectors import scale
 from lookdev.closures import disney, pixar
-from lookdev.closures.closure import Closure, Kind, closure_cosine
+from lookdev.closures.closure import Closure, Kind, StandIn, closure_cosine
 from lookdev.errors import CodegenError
 
-StandIn = Callable[[Lobe, Array], tuple[Closure, ...]]
-"""From a lobe and the view it was made for, (..., 3), to closures in the shading frame."""
-
 STAND_INS: dict[tuple[str, str], StandIn] = {
-    ("disney", "diffuse"): disney.diffuse,
-    ("disney", "specular"): disney.specular,
-    ("disney", "clearcoat"): disney.clearcoat,
-    ("pixar", "diffuse"): pixar.diffuse,
-    ("pixar", "specular"): pixar.highlight,
-    ("pixar", "reflection"): pixar.highlight,
-    ("pixar", "diffuseTransmission"): pixar.diffuse,
-    ("pixar", "specularTransmission"): pixar.highlight,
-    ("pixar", "refraction"): pixar.highlight,
+    **disney.STAND_INS,
+    **pixar.STAND_INS,
 }
 """By the names of a model and of a lobe."""
 

@@ -12,6 +12,7 @@ so that the distance can be computed:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 
 from lookdev.brdf.frames import ZENITH, Frame, Upright
 from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.microfacet import gtr2_aniso
 from lookdev.brdf.vectors import TINY, Array, Real, dot, mix_color, normalize, scale
 
@@ -77,6 +79,10 @@ class Closure:
     def transmits(self) -> bool:
         """Whether light comes from the other side."""
         return self.kind in ("translucent", "ggx_refraction", "beckmann_refraction")
+
+
+StandIn = Callable[[Lobe, Array], tuple[Closure, ...]]
+"""From a lobe and the view it was made for, (..., 3), to closures in the shading frame."""
 
 
 def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:

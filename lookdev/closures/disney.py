@@ -17,7 +17,7 @@ from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.microfacet import smith_ggx
 from lookdev.brdf.vectors import TINY, Array, Real, mix, mix_color, same, scale
-from lookdev.closures.closure import Closure, rough_diffuse_albedo
+from lookdev.closures.closure import Closure, StandIn, rough_diffuse_albedo
 from lookdev.closures.fits import fit, shape
 
 
@@ -199,3 +199,11 @@ def shadowing_2012(cos_theta: Array, roughness: Array) -> Array:
 
 def _square(x: Array) -> Array:
     return x * x
+
+
+STAND_INS: dict[tuple[str, str], StandIn] = {
+    ("disney", "diffuse"): diffuse,
+    ("disney", "specular"): specular,
+    ("disney", "clearcoat"): clearcoat,
+}
+"""By the names of the model and of a lobe."""

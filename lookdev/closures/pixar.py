@@ -18,7 +18,7 @@ from lookdev.brdf.frames import Frame, Leaning
 from lookdev.brdf.fresnel import fresnel_blend
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.vectors import Array, dot, same, scale
-from lookdev.closures.closure import Closure, Kind
+from lookdev.closures.closure import Closure, Kind, StandIn
 from lookdev.closures.fits import fit, shape
 
 IOR = 1000.0
@@ -89,3 +89,14 @@ def ggx_share(alpha: Array, shape: Mapping[str, float]) -> Array:
 def relative_cosine(cos_theta: Array, alpha: Array) -> Array:
     """Return the cosine of the view relative to the lobe's width, in [0, 1], in which fits are smooth, (...)."""
     return cos_theta / np.sqrt(cos_theta * cos_theta + alpha * alpha)
+
+
+STAND_INS: dict[tuple[str, str], StandIn] = {
+    ("pixar", "diffuse"): diffuse,
+    ("pixar", "specular"): highlight,
+    ("pixar", "reflection"): highlight,
+    ("pixar", "diffuseTransmission"): diffuse,
+    ("pixar", "specularTransmission"): highlight,
+    ("pixar", "refraction"): highlight,
+}
+"""By the names of the model and of a lobe."""

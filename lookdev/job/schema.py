@@ -12,7 +12,7 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -26,6 +26,7 @@ from pydantic import (
     PrivateAttr,
     Tag,
     ValidationInfo,
+    create_model,
     field_validator,
 )
 from pydantic_core import CoreSchema, PydanticCustomError, core_schema
@@ -33,6 +34,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
 from lookdev.light import BUILTIN_LIGHTS
+from lookdev.output import OUTPUTS, Output
 from lookdev.output.display import VIEWS
 from lookdev.render.backends import BACKENDS, job_backends
 from lookdev.scene import SAMPLE_CAP, Sampling
@@ -170,8 +172,7 @@ class JobLook(Table):
     name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
     material: UsdFile = Field(description="A USD file with the look, a UsdShade material.")
     prim: PrimPath | None = Field(
-        default=None,
-        description="The material's prim; default: the file's default prim, or its only material.",
+        default=None, description="The material's prim; default: the file's default prim, or its only material."
     )
     variants: dict[Text, Text] = Field(
         default_factory=dict,
@@ -298,8 +299,7 @@ class JobRender(Table):
         default=Sampling.seed, description="Seed of all random choices."
     )
     background: Background = Field(
-        default="black",
-        description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b].",
+        default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
     )
 
     @field_validator("device")
@@ -329,19 +329,10 @@ class JobRender(Table):
         return Sampling(**{field.name: getattr(self, field.name) for field in fields(Sampling)})
 
 
-class JobOutputs(Table):
-    """What is written."""
+class OutputsTable(Table):
+    """What is written; `JobOutputs` adds the keys of `OUTPUTS`."""
 
     exr: bool = Field(default=True, description="Float EXR frames; always on, a run resumes by their headers.")
-    png: bool = Field(default=True, description="A display picture beside each EXR.")
-    sheet: bool = Field(default=True, description="A contact sheet for each turntable.")
-    overview: bool = Field(
-        default=False,
-        description="A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
-    )
-    overview_columns: Annotated[int, Field(ge=1, le=1000)] | None = Field(
-        default=None, description="Looks in a row of an overview; default: what fills a page of 16:10."
-    )
     view: View = Field(default=VIEWS[0], description="The OCIO view of pictures and sheets.")
 
     @field_validator("exr")
@@ -351,12 +342,31 @@ class JobOutputs(Table):
             raise _wrong("the EXR cannot be left out: its header records which frames are done", "exr = true")
         return value
 
-    @field_validator("overview_columns")
+    @field_validator("*")
     @classmethod
-    def _columns_of_an_overview(cls, value: int, info: ValidationInfo) -> int:
-        if info.data.get("overview") is False:
-            raise _wrong("has no meaning without 'overview'", "overview = true")
+    def _option_of_an_output(cls, value: object, info: ValidationInfo) -> object:
+        for name, output in OUTPUTS.items():
+            if info.field_name in output.options and info.data.get(name) is False:
+                raise _wrong(f"has no meaning without '{name}'", f"{name} = true")
         return value
+
+    @property
+    def wanted(self) -> tuple[Output, ...]:
+        """The outputs that are on."""
+        return tuple(output for name, output in OUTPUTS.items() if getattr(self, name))
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """The suffixes of the files that are made of each frame."""
+        return tuple(output.suffix for output in self.wanted if output.of == "frame")
+
+
+if TYPE_CHECKING:  # a type checker does not see keys that come from a registry
+    JobOutputs = OutputsTable
+else:
+    _keys = {name: (bool, Field(default=each.default, description=each.help)) for name, each in OUTPUTS.items()}
+    _keys |= {name: key for each in OUTPUTS.values() for name, key in each.options.items()}
+    JobOutputs = create_model("JobOutputs", __base__=OutputsTable, __doc__="What is written.", **_keys)
 
 
 class Job(Table):

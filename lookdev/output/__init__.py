@@ -1,10 +1,51 @@
-"""What a user gets: float EXR frames, display PNGs and contact sheets."""
+"""What a user gets: float EXR frames, and the files that are made of them, a record each in one registry."""
 
-from lookdev.output.display import composite, to_display, write_png
+from typing import Annotated
+
+from pydantic import Field
+
+from lookdev.output.display import composite, to_display, write_pixels, write_png
 from lookdev.output.exr import read_frame, read_header, write_frame
-from lookdev.output.sheet import write_sheet
+from lookdev.output.record import Frames, Output
+from lookdev.output.sheet import write_overview, write_sheet, write_turntable
+
+_COLUMNS = Field(default=None, description="Looks in a row of an overview; default: what fills a page of 16:10.")
+
+OUTPUTS: dict[str, Output] = {
+    output.name: output
+    for output in (
+        Output(
+            "png",
+            "A display picture beside each EXR.",
+            "frame",
+            ".png",
+            lambda path, frames: write_pixels(path, next(frames.pictures())),
+            default=True,
+        ),
+        Output(
+            "sheet",
+            "A contact sheet for each turntable.",
+            "turntable",
+            ".sheet.png",
+            write_turntable,
+            default=True,
+        ),
+        Output(
+            "overview",
+            "A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
+            "looks",
+            ".looks.png",
+            write_overview,
+            options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
+        ),
+    )
+}
+"""Every output but the EXR frames, by its name."""
 
 __all__ = [
+    "OUTPUTS",
+    "Frames",
+    "Output",
     "composite",
     "read_frame",
     "read_header",

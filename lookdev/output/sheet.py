@@ -11,6 +11,7 @@ import OpenImageIO as oiio
 
 from lookdev.errors import OutputError
 from lookdev.output.display import Pixels, write_pixels
+from lookdev.output.record import Frames
 
 PAGE = 46  # sRGB code values: a dark neutral grey that neither flatters nor dims the frames
 INK = 190
@@ -18,6 +19,24 @@ TITLE_INK = 235
 FONT = "DroidSans"  # ships with OpenImageIO
 PAGE_ASPECT = 1.6
 SRGB_GAMMA = 2.2  # near enough to sRGB for averaging pixels
+
+SOURCE_SIZE = 512
+"""Pixels. Larger frames are averaged down before a sheet shows them."""
+
+OVERVIEW_CELLS = (128, 256)
+"""Pixels, smallest and largest: small frames are not blown up more than the names under them need."""
+
+
+def write_turntable(path: Path, frames: Frames) -> None:
+    """Write the contact sheet of a turntable; errors are those of `write_sheet`."""
+    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title)
+
+
+def write_overview(path: Path, frames: Frames) -> None:
+    """Write the sheet of looks side by side; errors are those of `write_sheet`."""
+    shown, (least, most) = list(frames.pictures(SOURCE_SIZE)), OVERVIEW_CELLS
+    cell = min(max(least, *(side for each in shown for side in each.shape[:2])), most)
+    write_sheet(path, shown, frames.labels, frames.title, frames.options["overview_columns"], cell)
 
 
 def write_sheet(

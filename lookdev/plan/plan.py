@@ -61,9 +61,9 @@ class Reel:
 class Plan:
     """Every frame of some setups, in their order.
 
-    `reels` are the turntables of each setup, and `output` is the folder of all files. `pictures` are the EXRs that need
-    no rendering but whose PNG is missing or older; an EXR that `copies` will make is among them. `skips` state what the
-    frames leave out.
+    `reels` are the turntables of each setup, and `output` is the folder of all files. `pictures` are the files to make
+    of single frames that need no rendering: those that are missing or older than the EXR, or whose EXR `copies` will
+    make. `skips` state what the frames leave out.
     """
 
     frames: tuple[PlannedFrame, ...]
@@ -105,7 +105,7 @@ def build_plan(
     read_header: HeaderReader,
     *,
     labels: Mapping[str, str] | None = None,
-    pictures: bool = True,
+    beside: Sequence[str] = (),
 ) -> Plan:
     """Plan the frames of setups.
 
@@ -119,8 +119,8 @@ def build_plan(
         Reads the header of a frame that exists.
     labels
         Entries of the header of every frame.
-    pictures
-        Whether every frame is to have a PNG.
+    beside
+        The suffixes of the files that every frame is to have beside its EXR.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def build_plan(
         for setup in setups
         for each in turns.turntables
     )
-    due = tuple(_pictures(frames)) if pictures else ()
+    due = tuple(_pictures(frames, beside))
     return Plan(frames, reels, turns.output, due, tuple(find_skips(setups, turns)))
 
 
@@ -203,13 +203,14 @@ def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:
     return next((file.path for file in files if file.state == "done"), None)
 
 
-def _pictures(frames: tuple[PlannedFrame, ...]) -> Iterator[Path]:
+def _pictures(frames: tuple[PlannedFrame, ...], beside: Sequence[str]) -> Iterator[Path]:
     for frame in frames:
         if _done_path(frame.files) is not None:
-            yield from (file.path for file in frame.files if file.state != "done" or _picture_is_due(file.path))
+            for file in frame.files:
+                pictures = (file.path.with_suffix(suffix) for suffix in beside)
+                yield from (each for each in pictures if file.state != "done" or _is_due(each, file.path))
 
 
-def _picture_is_due(frame: Path) -> bool:
+def _is_due(picture: Path, frame: Path) -> bool:
     # The EXR is written first: a picture older than it is of the frame that it replaced.
-    picture = frame.with_suffix(".png")
     return not picture.exists() or picture.stat().st_mtime_ns < frame.stat().st_mtime_ns

@@ -69,7 +69,7 @@ def make_plan(job: Job) -> Plan:
         task = SceneTask(Content("a55e7", ".npz"), "exact", (source,), (light,), size, sampling, camera)
         setups += [Setup(look.name, ibl.name, shown, task, sampling, exposure=ibl.exposure) for ibl in job.ibl]
     turns = Turns(job.turntable, job.output, job.camera.azimuth)
-    plan = build_plan(setups, turns, read_header, labels={"job": str(job.file)}, pictures=job.outputs.png)
+    plan = build_plan(setups, turns, read_header, labels={"job": str(job.file)}, beside=job.outputs.beside)
     return replace(plan, skips=())
 
 

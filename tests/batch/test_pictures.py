@@ -46,8 +46,8 @@ def test_a_spoilt_ledger_makes_every_picture_again(tmp_path: Path, spoilt: str) 
 
 def test_large_frames_are_averaged_for_the_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[np.ndarray] = []
-    monkeypatch.setattr("lookdev.batch.pictures.SHEET_SOURCE_SIZE", 4)
-    monkeypatch.setattr("lookdev.batch.pictures.write_sheet", lambda path, frames, *rest: seen.extend(frames))
+    monkeypatch.setattr("lookdev.output.sheet.SOURCE_SIZE", 4)
+    monkeypatch.setattr("lookdev.output.sheet.write_sheet", lambda path, frames, *rest: seen.extend(frames))
     job = case.make_job(tmp_path)
     behind = np.zeros((case.HEIGHT, case.WIDTH, 3))
     behind[:, ::2] = 1.0
@@ -67,12 +67,12 @@ def sheets(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, list[str], list[l
     written: list[tuple[str, list[str], list[list[int]], int | None]] = []
 
     def note(
-        path: Path, frames: list[np.ndarray], labels: list[str], title: str, columns: int | None, cell: int
+        path: Path, frames: list[np.ndarray], labels: list[str], title: str, columns: int | None = None, cell: int = 256
     ) -> None:
         write_sheet(path, frames, labels, title, columns, cell)
         written.append(("/".join(path.parts[-2:]), list(labels), [frame[0, 0].tolist() for frame in frames], columns))
 
-    monkeypatch.setattr("lookdev.batch.pictures.write_sheet", note)
+    monkeypatch.setattr("lookdev.output.sheet.write_sheet", note)
     return written
 
 

@@ -62,7 +62,7 @@ def plan_of(disk: Disk, scenes: Scenes, make_job: MakeJob, make_setups: Callable
         job = make_job(given) if isinstance(given, str) else given
         setups = make_setups(job, scenes, around)
         turns = Turns(job.turntable, job.output, job.camera.azimuth)
-        return build_plan(setups, turns, disk.read_header, labels={"job": "a job"}, pictures=job.outputs.png)
+        return build_plan(setups, turns, disk.read_header, labels={"job": "a job"}, beside=job.outputs.beside)
 
     return plan
 
@@ -244,7 +244,7 @@ def test_a_frame_done_under_another_name_is_copied(disk: Disk, plan_of: PlanOf) 
     plan = plan_of()
     assert task not in plan.pending()
     assert plan.copies() == (Copy(first, second),)
-    assert plan.pictures == (second,)
+    assert plan.pictures == (second.with_suffix(".png"),)
 
 
 def test_missing_and_older_pictures_are_due(disk: Disk, plan_of: PlanOf) -> None:
@@ -256,7 +256,7 @@ def test_missing_and_older_pictures_are_due(disk: Disk, plan_of: PlanOf) -> None
     os.utime(older.with_suffix(".png"), (0, 0))
     plan = plan_of()
     assert plan.counts["done"] == 3
-    assert plan.pictures == (*second.files, older)
+    assert plan.pictures == tuple(path.with_suffix(".png") for path in (*second.files, older))
     assert plan_of("[outputs]\npng = false\n").pictures == ()
 
 

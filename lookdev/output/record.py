@@ -1,0 +1,87 @@
+"""What an output is: which finished frames one of its files is made of, and the function that writes it.
+
+An output is an `Output` in `lookdev.output.OUTPUTS`: job files, plans and runs follow that registry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from lookdev.output.display import Floats, Pixels, to_display
+
+
+@dataclass(frozen=True)
+class Frames:
+    """The finished frames that one file is made of, in their order, at least one.
+
+    files, labels
+        Their EXRs, and a short label of each.
+    title
+        What they show.
+    options
+        The ``view``, and the values of the output's own keys.
+    light
+        From one of the files to linear light over the background, (H, W, 3).
+    """
+
+    files: tuple[Path, ...]
+    labels: tuple[str, ...]
+    title: str
+    options: Mapping[str, Any]
+    light: Callable[[Path], Floats]
+
+    def pictures(self, largest: int | None = None) -> Iterator[Pixels]:
+        """Yield each frame as display pixels in the view, (H, W, 3) uint8.
+
+        Frames larger than `largest` pixels are averaged down on reading, to a longer side below twice that: a page
+        of many never fills the memory.
+        """
+        for file in self.files:
+            rgb = self.light(file)
+            yield to_display(rgb if largest is None else _shrunk(rgb, largest), self.options["view"])
+
+
+@dataclass(frozen=True)
+class Output:
+    """A kind of file that is written of finished frames.
+
+    Parameters
+    ----------
+    name, help
+        The key of ``[outputs]`` that turns it on, and what it writes.
+    of
+        What one file is made of: a frame; the frames of a turntable; or a light's looks, the first frame of each.
+    suffix
+        What follows the name of the frame, or of the turntable, in the name of the file.
+    write
+        Writes the file, whole or not at all; an OutputError if it cannot be written.
+    default
+        Whether a job has it without naming it.
+    options
+        Further keys of ``[outputs]``, each with its type and its pydantic field.
+    """
+
+    name: str
+    help: str
+    of: Literal["frame", "turntable", "looks"]
+    suffix: str
+    write: Callable[[Path, Frames], None]
+    default: bool = False
+    options: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+
+
+def _shrunk(rgb: Floats, largest: int) -> Floats:
+    """Average whole blocks of pixels."""
+    height, width = rgb.shape[:2]
+    block = min(max(height, width) // largest, height, width)
+    if block < 2:
+        return rgb
+    rows, columns = height // block, width // block
+    blocks = rgb[: rows * block, : columns * block].reshape(rows, block, columns, block, 3)
+    averages: Floats = blocks.mean(axis=(1, 3), dtype=np.float32)
+    return averages
