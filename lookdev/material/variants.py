@@ -1,4 +1,4 @@
-"""Variants of a look as the command line gives them."""
+"""Variants of a look in the form of the command line."""
 
 from __future__ import annotations
 

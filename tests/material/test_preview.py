@@ -95,6 +95,11 @@ def test_layers_are_blended_by_their_masks(mask: Any, amount: float) -> None:
     assert values["roughness"] == pytest.approx(0.5 * (1.0 - amount))
 
 
+def test_a_float_expression_of_a_colour_is_grey() -> None:
+    values = preview_values([Layer("Base", "disney", {"baseColor": formula("st[0]", st=Coordinates("st"))})])
+    assert values["diffuseColor"] == pytest.approx([0.5] * 3)
+
+
 def test_presence_counts_as_a_mask() -> None:
     below = Layer("Base", "pixar", {"surfaceColor": RED})
     values = preview_values([below, Layer("Top", "pixar", {"surfaceColor": GREEN, "presence": 0.25}, 0.5)])

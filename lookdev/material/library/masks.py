@@ -24,7 +24,7 @@ _FORMS = f"a number from 0 to 1, an image ({' '.join(IMAGES)}), primvar:NAME, or
 
 @dataclass(frozen=True)
 class Image:
-    """An image file, absolute, and its channel: ``"r" "g" "b" "a"``, or ``"rgb"`` where a colour is wanted."""
+    """An image file, absolute, and its channel: ``"r" "g" "b" "a"``, or ``"rgb"`` for a colour."""
 
     file: Path
     channel: str = "r"
