@@ -1,7 +1,7 @@
 """Display pictures and contact sheets, made from frames, and made again only when they would differ.
 
-A ledger in the output's state folder records what each picture was made from: the frame digests and the view.
-So a new view, or another number of frames, is noticed although no frame was rendered.
+A ledger in the output's state folder records the frame digests and the view of each picture, so that a new view or
+another number of frames makes it again without rendering.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ from lookdev.render.task import FrameTask
 
 Floats = NDArray[np.float32]
 Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
-"""Gives the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
+"""Returns the linear light behind a frame, exposure applied: (H, W, 3), or (3,) for one colour."""
 
 SHEET_SOURCE_SIZE = 512
-"""Pixels. Larger frames are averaged down on reading, so that a sheet of many never fills the memory."""
+"""Pixels. Larger frames are averaged down on reading, which bounds the memory of a sheet."""
 
 OVERVIEW_CELLS = (128, 256)
-"""Pixels, smallest and largest: small frames are not blown up more than the names under them need."""
+"""Pixels, smallest and largest; the smallest leaves space for the names below."""
 
 
 @dataclass(frozen=True)
 class _Sheet:
-    """A sheet to come: its frames in order, the labels under them, and how they are laid out."""
+    """A sheet: its frames in order, the labels below them, and their layout."""
 
     path: Path
     title: str
@@ -48,15 +48,7 @@ class _Sheet:
 
 
 class Pictures:
-    """The PNGs and sheets of frames.
-
-    Parameters
-    ----------
-    plan, outputs
-        Of which frames, and which pictures of them are wanted, in which view.
-    background, light
-        What is behind the frames, as the ledger records it, and the light that it gives.
-    """
+    """The PNGs and sheets of a plan; `light` is that of `background`, which the ledger records."""
 
     def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background) -> None:
         self._outputs = outputs
@@ -69,13 +61,7 @@ class Pictures:
         self._sheets = tuple(_sheets(plan, outputs))
 
     def refresh(self, task: FrameTask) -> None:
-        """Make the PNGs of a frame on disk that are missing or out of date.
-
-        Raises
-        ------
-        OutputError
-            The frame cannot be read, or a picture not be written.
-        """
+        """Make the PNGs of a frame on disk that are missing or out of date; OutputError where that fails."""
         key = self._picture_key(task)
         due = [
             path.with_suffix(".png")
@@ -86,14 +72,14 @@ class Pictures:
             self._write(task, due, *read_frame(task.files[0]))
 
     def write(self, task: FrameTask, beauty: Floats, alpha: Floats) -> None:
-        """Make the PNGs of a frame just rendered, if pictures are wanted."""
+        """Make the PNGs of a new frame, unless the job has none."""
         if self._outputs.png:
             self._write(task, [path.with_suffix(".png") for path in task.files], beauty, alpha)
 
     def refresh_sheets(self, done: set[Path], task: FrameTask | None = None) -> list[Path]:
         """Make the sheets that are out of date and whose frames are all done; return their paths.
 
-        With `task`, of the sheets alone that show it, and in any case: its frame is new.
+        With `task`, a new frame, make those that show it, and no others.
         """
         written = []
         for sheet in self._sheets:
@@ -138,14 +124,14 @@ class Pictures:
 
 
 def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
-    """Write the first path, and give the same content to the others."""
+    """Write the first path, and share its content with the others."""
     write(paths[0])
     for path in paths[1:]:
         share(paths[0], path)
 
 
 def _sheets(plan: Plan, outputs: JobOutputs) -> Iterator[_Sheet]:
-    """Yield the sheets that are wanted: one for each turntable of a look under a light, then the overviews."""
+    """Yield a sheet for each turntable of a look under a light, then the overviews, as `outputs` selects."""
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
     for reel in plan.reels if outputs.sheet else ():
         yield _Sheet(
@@ -179,13 +165,12 @@ def _shrunk(rgb: Floats) -> Floats:
         return rgb
     rows, columns = height // block, width // block
     blocks = rgb[: rows * block, : columns * block].reshape(rows, block, columns, block, 3)
-    averages: Floats = blocks.mean(axis=(1, 3), dtype=np.float32)
-    return averages
+    return np.asarray(blocks.mean(axis=(1, 3), dtype=np.float32))
 
 
 def _read_ledger(path: Path) -> dict[str, str]:
     try:
         ledger = json.loads(path.read_text())
-    except (FileNotFoundError, ValueError):  # lost or spoilt: every picture is made again
+    except (FileNotFoundError, ValueError):  # every picture is made again
         return {}
     return ledger if isinstance(ledger, dict) else {}

@@ -187,8 +187,7 @@ def test_a_hung_frame_is_retried(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("what", "tries", "reason"),
-    [("exit", 3, "exit code 3"), ("failed", 2, "no such attribute 'st2'")],
+    ("what", "tries", "reason"), [("exit", 3, "exit code 3"), ("failed", 2, "no such attribute 'st2'")]
 )
 def test_a_frame_that_always_fails_is_listed_and_the_rest_goes_on(
     tmp_path: Path, what: str, tries: int, reason: str

@@ -50,11 +50,7 @@ def test_a_run_prints_and_writes(
     shown = capsys.readouterr()
     assert "principled" in shown.out
     assert "sphere, city, plastic: exact: 4 samples" in shown.err
-    assert {file.name for file in (tmp_path / "out").iterdir()} == {
-        "results.csv",
-        "results.json",
-        "curves_plastic.svg",
-    }
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {"results.csv", "results.json", "curves_plastic.svg"}
 
 
 def test_ctrl_c_leaves_with_130_and_results(

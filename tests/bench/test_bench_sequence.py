@@ -62,10 +62,7 @@ def test_a_curve_beyond_its_points() -> None:
     assert choose_samples([curve(0.5)], [curve(0.5)], 1e-3) == (512, 512)
 
 
-@pytest.mark.parametrize(
-    ("exact", "said"),
-    [([curve(0.02)[:1]], "two points"), ([curve(1.0, 0.01)], "out of reach")],
-)
+@pytest.mark.parametrize(("exact", "said"), [([curve(0.02)[:1]], "two points"), ([curve(1.0, 0.01)], "out of reach")])
 def test_curves_that_say_nothing_are_refused(exact: list[list[CurvePoint]], said: str) -> None:
     with pytest.raises(LookdevError, match=said):
         choose_samples(exact, [curve(0.1)], 1e-3)

@@ -61,12 +61,7 @@ def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
     assert (render.samples, render.error, render.bounces, render.seed) == (64, None, 2, 0)
     assert (render.brdf_samples, render.ibl_samples, render.background) == (None, None, "black")
     outputs = job.outputs
-    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (
-        True,
-        True,
-        True,
-        "ACES 1.0 - SDR Video",
-    )
+    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (True, True, True, "ACES 1.0 - SDR Video")
     assert (outputs.overview, outputs.overview_columns) == (False, None)
 
 
@@ -162,10 +157,7 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         "asset.usd": (f"no readable file {folder / 'nope.usda'}", "paths are relative to the job file"),
         "look[0].prin": ("unknown key", "did you mean 'prim'?"),
         "look[1].name": ("'gold' is already the name of look[0]", "give each its own name"),
-        "look[1].material": (
-            f"no readable file {folder / 'gone.usda'}",
-            "paths are relative to the job file",
-        ),
+        "look[1].material": (f"no readable file {folder / 'gone.usda'}", "paths are relative to the job file"),
         "ibl[0].builtin": ("unknown value 'citty'", "did you mean 'city'?"),
         "ibl[0].exposure": ("should be a finite number, not nan", ""),
         "ibl[1].name": ("'c' is already the name of ibl[0]", "give each its own name"),
@@ -252,11 +244,7 @@ def test_a_turntable_without_name_has_that_of_its_kind(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "where"),
-    [
-        (b'output = "a"\nlook =\n', "line 2, column 7"),
-        (b"look = [", "end of document"),
-        (b"# a\n\xff", "line 2"),
-    ],
+    [(b'output = "a"\nlook =\n', "line 2, column 7"), (b"look = [", "end of document"), (b"# a\n\xff", "line 2")],
 )
 def test_text_that_is_no_toml_is_told_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
     (tmp_path / "job.toml").write_bytes(content)
