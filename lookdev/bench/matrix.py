@@ -156,9 +156,9 @@ def listing() -> str:
 
 def _known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
     if not names:
-        raise LookdevError(f"no {kind} is asked for; known: {', '.join(known)}")
+        raise LookdevError(f"no {kind} is given; known: {', '.join(known)}")
     for name in names:
         if name not in known:
             raise LookdevError(f"there is no {kind} '{name}' ({nearest_hint(name, known)})")
     if len(set(names)) < len(names):
-        raise LookdevError(f"a {kind} is asked for twice: {', '.join(names)}")
+        raise LookdevError(f"a {kind} is given twice: {', '.join(names)}")

@@ -87,7 +87,7 @@ def test_a_missing_dependency_names_its_distribution(monkeypatch: pytest.MonkeyP
     assert found["lookdev"].good
 
 
-def test_another_python_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_another_python_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor, "BLENDER_PYTHONS", {(2, 7): "2.79"})
     found = look()
     assert not found["Python"].good

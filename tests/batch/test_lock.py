@@ -19,7 +19,7 @@ with output_lock(Path(sys.argv[1])):
 """
 
 
-def test_a_second_run_says_who_holds_the_output_and_a_killed_one_holds_nothing(tmp_path: Path) -> None:
+def test_a_second_run_names_the_holder_of_the_output_and_a_killed_one_holds_nothing(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "out"
     with subprocess.Popen(
         (sys.executable, "-c", HOLD, str(out)), stdin=subprocess.PIPE, stdout=subprocess.PIPE

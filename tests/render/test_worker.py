@@ -14,6 +14,7 @@ from lookdev.render.task import FrameTask
 from lookdev.render.worker import Worker, last_line
 
 FRAME = "element_0001"
+FAILED = 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'
 
 
 @pytest.fixture
@@ -29,16 +30,16 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
 
 
 def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
-    told = []
+    reported = []
     worker.start()
-    rendered = worker.render(task, told.append)
+    rendered = worker.render(task, reported.append)
     assert (rendered.a == 0.25).all()
     assert (rendered.b == 0.75).all()
     assert rendered.alpha.shape == (6, 8)
     assert rendered.a.dtype == np.float32
     assert (rendered.samples, rendered.seconds, rendered.relmse) == (8, 0.125, 0.01)
     assert rendered.blender == "4.5.0 fake"
-    assert [(progress.samples, progress.of, progress.relmse) for progress in told] == [(4, 8, None), (8, 8, 0.01)]
+    assert [(progress.samples, progress.of, progress.relmse) for progress in reported] == [(4, 8, None), (8, 8, 0.01)]
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
@@ -123,10 +124,7 @@ def test_a_worker_must_be_started(worker: Worker, task: FrameTask) -> None:
     [
         (("/nowhere/blender",), "/nowhere/blender cannot be started"),
         ((sys.executable, "-c", "import sys; sys.exit('libXi.so.6: cannot open')"), "exit code 1"),
-        (
-            (sys.executable, "-c", 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'),
-            "answered 'failed' before it was ready",
-        ),
+        ((sys.executable, "-c", FAILED), "answered 'failed' before it was ready"),
     ],
 )
 def test_a_worker_that_does_not_get_ready(tmp_path: Path, program: tuple[str, ...], message: str) -> None:
