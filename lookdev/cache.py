@@ -19,17 +19,12 @@ from lookdev.errors import ContentError, OutputError
 def cache_dir(*parts: str) -> Path:
     """Return (and make) a folder of the cache: ``$LOOKDEV_CACHE``, else ``$XDG_CACHE_HOME/lookdev``.
 
-    Raises
-    ------
-    OutputError
-        Its path has a quotation mark, which compiled shaders cannot carry.
+    Raises OutputError where its path has a quotation mark.
     """
-    root = os.environ.get("LOOKDEV_CACHE")
-    if not root:
-        base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-        root = str(Path(base) / "lookdev")
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    root = os.environ.get("LOOKDEV_CACHE") or str(Path(base) / "lookdev")
     if '"' in root:
-        # Compiled shaders hold their own path, unescaped: Cycles would not load them and render black, without a word.
+        # Compiled shaders hold their own path, unescaped: Cycles would render black without an error.
         raise OutputError(f"the cache folder {root} has a quotation mark in its path; set LOOKDEV_CACHE to another")
     folder = Path(root).joinpath(*parts)
     folder.mkdir(parents=True, exist_ok=True)
@@ -38,10 +33,10 @@ def cache_dir(*parts: str) -> Path:
 
 @contextmanager
 def atomic_path(final: Path) -> Iterator[Path]:
-    """Give a temporary path beside `final`; on success it is renamed to `final`, on failure it is removed.
+    """Yield a temporary path beside `final`; on success it is renamed to `final`, on failure it is removed.
 
-    The temporary name keeps the suffix (writers choose a format by it) and starts with a dot, so that a file
-    left by ``kill -9`` is never taken for a frame.
+    The temporary name keeps the suffix, by which writers choose a format, and starts with a dot, so that a file left
+    by ``kill -9`` never counts as a frame.
     """
     final.parent.mkdir(parents=True, exist_ok=True)
     temporary = final.with_name(f".{final.stem}.{os.getpid()}-{secrets.token_hex(4)}{final.suffix}")
@@ -71,8 +66,8 @@ def share(source: Path, target: Path) -> None:
 class Content:
     """A file named by its content: the SHA-256 of its bytes in hexadecimal, and its suffix.
 
-    It names the same file on every machine. The bytes are in the folder ``content`` of the cache; to run a task
-    elsewhere, these files are copied to that folder there.
+    It names the same file on every machine. The bytes are in the folder ``content`` of the cache; to run a task on
+    another machine, copy its files to that folder there.
     """
 
     digest: str
@@ -80,35 +75,26 @@ class Content:
 
     @classmethod
     def of(cls, file: Path) -> Self:
-        """Put a file into the store, unless it is there, and return its name.
+        """Put a file into the store, unless it is there, and return its name; raises OSError where that fails.
 
         Files of the cache are never edited in place, so the store links to them; of others it keeps a copy.
-
-        Raises
-        ------
-        OSError
-            The file cannot be read, or the store not be written.
         """
-        cached = file.is_relative_to(cache_dir())
-        data = None if cached else file.read_bytes()
-        content = cls(_cached_digest(file) if data is None else hashlib.sha256(data).hexdigest(), file.suffix)
-        if not content._place.exists():
-            if data is None:
+        if file.is_relative_to(cache_dir()):
+            status = file.stat()
+            content = cls(_digest_of_version(file, status.st_ino, status.st_size, status.st_mtime_ns), file.suffix)
+            if not content._place.exists():
                 share(file, content._place)
-            else:
-                with atomic_path(content._place) as temporary:
-                    temporary.write_bytes(data)
+            return content
+        data = file.read_bytes()
+        content = cls(hashlib.sha256(data).hexdigest(), file.suffix)
+        if not content._place.exists():
+            with atomic_path(content._place) as temporary:
+                temporary.write_bytes(data)
         return content
 
     @property
     def path(self) -> Path:
-        """Where the file is on this machine.
-
-        Raises
-        ------
-        ContentError
-            The store lacks it.
-        """
+        """Where the file is on this machine; raises ContentError where the store lacks it."""
         if not self._place.is_file():
             raise ContentError(f"{self._place.parent} lacks the file {self._place.name}, which a task names")
         return self._place
@@ -116,11 +102,6 @@ class Content:
     @property
     def _place(self) -> Path:
         return cache_dir("content") / f"{self.digest}{self.suffix}"
-
-
-def _cached_digest(file: Path) -> str:
-    status = file.stat()
-    return _digest_of_version(file, status.st_ino, status.st_size, status.st_mtime_ns)
 
 
 @lru_cache(maxsize=4096)

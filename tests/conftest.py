@@ -1,4 +1,4 @@
-"""A small scene and a job around it, without geometry, shaders or light on disk."""
+"""A small scene and a job of it, without geometry, shaders or light on disk."""
 
 from __future__ import annotations
 
@@ -28,21 +28,9 @@ from lookdev.scene import Camera, Sampling, Scene
 
 JOB = """
 output = "out"
-[asset]
-builtin = "sphere"
-[[look]]
-name = "gold"
-material = "gold.usda"
-[[look]]
-name = "paint"
-material = "gold.usda"
-[[ibl]]
-name = "city"
-builtin = "city"
-exposure = 0.5
-[[ibl]]
-name = "studio"
-builtin = "studio"
+asset = { builtin = "sphere" }
+look = [{ name = "gold", material = "gold.usda" }, { name = "paint", material = "gold.usda" }]
+ibl = [{ name = "city", builtin = "city", exposure = 0.5 }, { name = "studio", builtin = "studio" }]
 [[turntable]]
 kind = "element"
 frames = 4
@@ -54,18 +42,12 @@ frames = 3
 
 @pytest.fixture
 def scene() -> SceneTask:
+    osl = 'shader gold() {\n\t"quoted \u03b1"\r\n}\n'
+    texture, attribute = TextureBinding("base_file", Content("7e87", ".exr")), AttributeBinding("st", "st", "uv")
     return SceneTask(
         asset=Content("a55e7", ".npz"),
         backend="exact",
-        shaders=(
-            ShaderSource(
-                name="gold",
-                osl='shader gold() {\n\t"quoted \u03b1"\r\n}\n',
-                textures=(TextureBinding("base_file", Content("7e87", ".exr")),),
-                attributes=(AttributeBinding("st", "st", "uv"),),
-                digest="500d",
-            ),
-        ),
+        shaders=(ShaderSource("gold", osl, (texture,), (attribute,), "500d"),),
         lights=(Dome(*(Content(part, ".exr") for part in "rpsb"), 1024, 512, "119147"),),
         resolution=(64, 48),
         sampling=Sampling(brdf_samples=2, ibl_samples=4),
@@ -78,24 +60,17 @@ Tasks = Mapping[tuple[str, str], SceneTask]
 
 @pytest.fixture
 def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
-    """Return a function that makes the setups of a job of tasks by look and light; all looks are one."""
+    """Return a function that makes the setups of a job from tasks by look and light; all have the same look."""
     asset = load_asset(builtin="plane")
 
     def make(job: Job, tasks: Tasks, around: Collection[tuple[str, str]] = (), look: Look | None = None) -> list[Setup]:
         shown = Scene.of_look(asset, look or Look("gold", (Layer("Base", "disney"),)), scene.light, (64, 48))
+        sampling = job.render.sampling
         return [
-            Setup(
-                each.name,
-                ibl.name,
-                shown,
-                tasks[each.name, ibl.name],
-                job.render.sampling,
-                (each.name, ibl.name) in around,
-                ibl.exposure,
-                ibl.rotation,
-            )
+            Setup(*key, shown, tasks[key], sampling, key in around, ibl.exposure, ibl.rotation)
             for each in job.look
             for ibl in job.ibl
+            if (key := (each.name, ibl.name))
         ]
 
     return make
@@ -103,7 +78,7 @@ def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
 
 @pytest.fixture
 def node_source() -> NodeSource:
-    """Return native nodes with every kind of value in them."""
+    """Return native nodes with every kind of value."""
     group = NodeTree(
         "Lookdev Disney",
         (

@@ -1,4 +1,4 @@
-"""`lookdev check`: every check of a job or of a single look, one finding after another."""
+"""`lookdev check`: every check of a job or of a look."""
 
 from __future__ import annotations
 
@@ -42,21 +42,16 @@ DepthName = Literal["quick", "default", "full"]
 
 @dataclass(frozen=True)
 class Depth:
-    """How much is compared.
+    """How much is compared."""
 
-    `cases` of the points; `places` where a varying look is taken for its albedo, at `angles`; `pixels` of a frame of at
-    most `side` squared pixels, `samples` of each of its renders, `reference` samples of each of the reference's sets;
-    `converged` samples for FLIP, or 0.
-    """
-
-    cases: int
-    places: int
-    angles: tuple[float, ...]
-    pixels: int
-    side: int
-    samples: int
-    reference: int
-    converged: int
+    cases: int  # of the check of points
+    places: int  # where the albedo of a varying look is taken
+    angles: tuple[float, ...]  # of the albedo
+    pixels: int  # of a frame, compared with the reference
+    side: int  # the most pixels of a frame's longer side
+    samples: int  # of each render of a frame
+    reference: int  # of each of the reference's sets
+    converged: int  # samples for FLIP, or 0
 
 
 DEPTHS: dict[DepthName, Depth] = {
@@ -65,10 +60,9 @@ DEPTHS: dict[DepthName, Depth] = {
     "full": Depth(100_000, 8, tuple(np.linspace(0.0, 85.0, 18).tolist()), 400, 512, 64, 1024, 1024),
 }
 
-# Each is two halves.
-_RENDERS = 4
+_RENDERS = 4  # of a frame, two halves each
 _LOOK_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
-# Of a look alone.
+# For a look without a job.
 _ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
 _TURNTABLE = JobTurntable(kind="element", frames=8)
 
@@ -89,26 +83,21 @@ def check_file(
     Parameters
     ----------
     file
-        A job (.toml), or a USD file with a look, which is then seen on the shaderball under ``city``. None, for
-        ``"stability"`` alone, means every model.
-    only
-        Names of `CHECKS`; none means `USUAL`.
-    depth
-        A name of `DEPTHS`.
+        A job (.toml), or a USD file with a look, to be checked on the shaderball under ``city``. None means every
+        model, for ``"stability"`` only.
+    only, depth
+        Names of `CHECKS`, none means `USUAL`; and of `DEPTHS`.
     seed
         Chooses cases, places, pixels and samples.
-    prim, variants
-        Of a look's file: its material, and the variant of each set.
-    backend
-        Of a look's file: what renders it, ``"exact"`` where it is None. A job names its own.
+    prim, variants, backend
+        Of a look's file: its material, the variant of each set, and its backend, ``"exact"`` where it is None.
     alter
         Alters the text of every shader.
 
     Raises
     ------
     LookdevError
-        A check or a backend of that name does not exist, there is no file where there must be one, or a backend
-        beside a job.
+        There is no such check or backend, the file is missing, or a backend is given for a job.
     FaultsError
         The job, or the look, is wrong.
     RenderError, WorkerError
@@ -128,14 +117,14 @@ def check_file(
 
 
 def parse_only(text: str) -> tuple[str, ...]:
-    """Return the names of checks in a text with commas between."""
+    """Return the names in a text, separated by commas."""
     return tuple(name for part in text.split(",") if (name := part.strip()))
 
 
 def _read(
     file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None
 ) -> tuple[tuple[Setup, ...], Turns]:
-    """Return what is to be checked of a job or a look, and how it is turned."""
+    """Return the setups of a job or a look, and their turntables."""
     if file.suffix.lower() not in _LOOK_SUFFIXES:
         if backend is not None:
             raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
@@ -155,7 +144,7 @@ def _read(
 
 @dataclass(frozen=True)
 class _Subject:
-    """What is checked, and how much."""
+    """What is checked, how, and how much."""
 
     setups: tuple[Setup, ...]
     turns: Turns
@@ -169,7 +158,7 @@ class _Subject:
         return BACKENDS[self.setups[0].task.backend]
 
     def looks(self) -> list[Look]:
-        """Return each look that the asset wears once."""
+        """Return each look of the scenes once."""
         seen: list[Look] = []
         for look in chain.from_iterable(setup.scene.looks for setup in self.setups):
             if look not in seen:
@@ -215,7 +204,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
     small = replace(altered(task, subject.alter), resolution=(width, height))
 
     def render(number: int, samples: int, small: SceneTask = small) -> Halves:
-        # Seeds far from those of the job's own frames and of each other; the shader takes less than 2^18.
+        # Seeds differ from those of the job's frames and of each other; a shader takes less than 2^18.
         seed = (subject.seed * 8 + number) % (1 << 18)
         return subject.render(one_frame(small, pose, f"{name} {number}", samples=samples, error=None, seed=seed))
 
@@ -223,8 +212,8 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
     alpha = np.mean([frame.alpha for frame in frames], axis=0)
     if not subject.backend.exact:
         exact = scene_task(replace(setup.scene, film=Film((width, height))), task.sampling)
-        wanted = [render(_RENDERS + number, depth.samples, exact) for number in range(_RENDERS)]
-        return check_gap(name, _halves(wanted), _halves(frames), alpha)
+        expected = [render(_RENDERS + number, depth.samples, exact) for number in range(_RENDERS)]
+        return check_gap(name, _halves(expected), _halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
         setup.scene.asset,
@@ -251,8 +240,7 @@ def _halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
 
 
 def _check_stability(subject: _Subject) -> Iterator[Finding]:
-    subjects: list[str | Look] = list(subject.looks()) or list(MODELS)
-    yield from stress(subjects, subject.render, seed=subject.seed, depth=subject.depth)
+    yield from stress(subject.looks() or list(MODELS), subject.render, seed=subject.seed, depth=subject.depth)
 
 
 CHECKS: dict[str, Callable[[_Subject], Iterator[Finding]]] = {
@@ -261,7 +249,7 @@ CHECKS: dict[str, Callable[[_Subject], Iterator[Finding]]] = {
     "image": _check_images,
     "stability": _check_stability,
 }
-"""Every check by its name, in the order in which they run."""
+"""Every check by its name, in order of execution."""
 
 USUAL = ("points", "albedo", "image")
-"""Those that run unless others are asked for: stability takes minutes, and is mostly a matter of the models."""
+"""The checks that run by default; stability takes minutes, and depends mostly on the models."""

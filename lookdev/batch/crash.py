@@ -22,17 +22,10 @@ DISTRIBUTIONS = ("lookdev", "bpy", "numpy", "usd-core")
 
 
 def record_crash(error: Exception, command: Sequence[str]) -> str:
-    """Write a report file on an exception and return the line that names it.
+    """Write a report file on an exception of a command line and return the line that names the file.
 
-    The file lies in the cache folder, or where that cannot be written in the folder of temporary files. Where no file
-    can be written at all, the report follows the line.
-
-    Parameters
-    ----------
-    error
-        The exception, with its traceback.
-    command
-        The command line. A job file that it names goes into the report.
+    The file is in the cache folder, or where that cannot be written in the folder of temporary files. Where no file can
+    be written at all, the report follows the line. It contains the job files that the command line names.
     """
     now = datetime.now(UTC)
     report = "\n".join(_report(error, command, now)) + "\n"
@@ -53,15 +46,11 @@ def _report(error: Exception, command: Sequence[str], now: datetime) -> Iterator
     yield f"system: {platform.platform()}"
     yield f"python: {platform.python_version()}"
     for distribution in DISTRIBUTIONS:
-        yield f"{distribution}: {_version(distribution)}"
+        try:
+            yield f"{distribution}: {metadata.version(distribution)}"
+        except metadata.PackageNotFoundError:
+            yield f"{distribution}: not installed"
     yield f"\n{''.join(traceback.format_exception(error))}"
     for job in (Path(argument) for argument in command if argument.endswith(".toml")):
         with suppress(OSError):
             yield f"{job}:\n\n{job.read_text(encoding='utf-8', errors='backslashreplace')}"
-
-
-def _version(distribution: str) -> str:
-    try:
-        return metadata.version(distribution)
-    except metadata.PackageNotFoundError:
-        return "not installed"

@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module, metadata
 
@@ -18,14 +19,8 @@ BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""
 
 MODULES = {
-    "numpy": "numpy",
+    **{name: name for name in ("numpy", "OpenEXR", "OpenImageIO", "pydantic", "rich", "scipy", "typer")},
     "OpenColorIO": "PyOpenColorIO",
-    "OpenEXR": "OpenEXR",
-    "OpenImageIO": "OpenImageIO",
-    "pydantic": "pydantic",
-    "rich": "rich",
-    "scipy": "scipy",
-    "typer": "typer",
     "usd-core": "pxr.Usd",
 }
 """For each distribution, the module whose import shows that it is complete. bpy is imported in a separate process."""
@@ -90,14 +85,10 @@ def describe(findings: Sequence[Finding]) -> str:
 
 
 def _python() -> Finding:
-    version = sys.version_info[:2]
+    version, good = sys.version_info[:2], sys.version_info[:2] in BLENDER_PYTHONS
     known = ", ".join(f"{major}.{minor}" for major, minor in BLENDER_PYTHONS)
-    return Finding(
-        "Python",
-        f"{version[0]}.{version[1]}",
-        version in BLENDER_PYTHONS,
-        "" if version in BLENDER_PYTHONS else f"Blender's wheels exist for Python {known}: make a venv with one",
-    )
+    remedy = "" if good else f"Blender's wheels exist for Python {known}: make a venv with one"
+    return Finding("Python", f"{version[0]}.{version[1]}", good, remedy)
 
 
 def _module(distribution: str, module: str) -> Finding:
@@ -112,13 +103,8 @@ def _system_libraries(libraries: Mapping[str, str]) -> Finding:
     missing = [name for name in libraries if not _loads(name)]
     if not missing:
         return Finding("system libraries", f"{len(libraries)} of {len(libraries)}", good=True)
-    packages = " ".join(sorted({libraries[name] for name in missing}))
-    return Finding(
-        "system libraries",
-        f"lacks {', '.join(missing)}",
-        good=False,
-        remedy=f"sudo apt-get install {packages}",
-    )
+    remedy = f"sudo apt-get install {' '.join(sorted({libraries[name] for name in missing}))}"
+    return Finding("system libraries", f"lacks {', '.join(missing)}", good=False, remedy=remedy)
 
 
 def _loads(library: str) -> bool:
@@ -130,13 +116,13 @@ def _loads(library: str) -> bool:
 
 
 def _blender(command: Sequence[str]) -> Finding:
-    """Import bpy in a separate process: it may crash, and this process must not load it."""
-    wanted = BLENDER_PYTHONS.get(sys.version_info[:2])
-    install = f"python -m pip install 'bpy=={wanted}.*'" if wanted else "another Python, see above"
+    """Import bpy in a separate process, because it may crash."""
+    blender = BLENDER_PYTHONS.get(sys.version_info[:2])
+    install = f"python -m pip install 'bpy=={blender}.*'" if blender else "another Python, see above"
     code, output, errors = _run(command)
     if code == 0:
         version = _last_line(output)
-        good = wanted is not None and version.startswith(wanted)
+        good = blender is not None and version.startswith(blender)
         return Finding("bpy (Blender)", version, good, "" if good else install)
     packages = [package for library, package in SYSTEM_LIBRARIES.items() if library in errors]
     remedy = f"sudo apt-get install {' '.join(packages)}" if packages else install
@@ -146,19 +132,13 @@ def _blender(command: Sequence[str]) -> Finding:
 def _osl(command: Sequence[str]) -> Finding:
     code, output, errors = _run(command)
     line = _last_line(output)
-    if code == 0 and _is_json(line):
-        return Finding("OSL in Cycles", "renders", good=True)
+    if code == 0:
+        with suppress(json.JSONDecodeError):
+            json.loads(line)
+            return Finding("OSL in Cycles", "renders", good=True)
     found = f"answered {line!r}" if code == 0 else _last_line(errors) or f"exit code {code}"
     remedy = "reinstall bpy, or see: python -m lookdev.cycles --self-test"
     return Finding("OSL in Cycles", found, good=False, remedy=remedy)
-
-
-def _is_json(line: str) -> bool:
-    try:
-        json.loads(line)
-    except json.JSONDecodeError:
-        return False
-    return True
 
 
 def _cache() -> Finding:

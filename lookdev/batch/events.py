@@ -9,14 +9,14 @@ from pathlib import Path
 
 @dataclass(frozen=True)
 class Noted:
-    """Something about the input that the user should know, such as repaired texels of a light."""
+    """A note on the input for the user, such as repaired texels of a light."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class RunStarted:
-    """`total` frames are asked for, of which `pending` have to be rendered."""
+    """A run of `total` frames starts; `pending` of them are to be rendered."""
 
     total: int
     pending: int
@@ -31,7 +31,7 @@ class FrameStarted:
 
 @dataclass(frozen=True)
 class FrameProgressed:
-    """`samples` of at most `of` per pixel are rendered; `relmse` is known once both halves have some."""
+    """`samples` of at most `of` per pixel are rendered; `relmse` is None until both halves have some."""
 
     name: str
     samples: int
@@ -51,7 +51,7 @@ class FrameDone:
 
 @dataclass(frozen=True)
 class FrameRetried:
-    """A try of a frame came to nothing; try number `attempt` (from 2) of at most `attempts` begins."""
+    """A try of a frame failed; try number `attempt` (from 2) of at most `attempts` begins."""
 
     name: str
     reason: str

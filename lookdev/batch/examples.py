@@ -1,4 +1,4 @@
-"""The example jobs that come with the program: listed, and copied together with the files that they need."""
+"""The shipped example jobs: a list, and copies with the files that they need."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SECONDS = {"s": 1, "min": 60}
 
 @dataclass(frozen=True)
 class Example:
-    """A shipped job: its file, its first comment, and the seconds that it takes on two cores; 0 if it states none."""
+    """A shipped job: its file, its first comment, and its seconds on two cores, 0 if it states none."""
 
     file: Path
     title: str
@@ -36,7 +36,7 @@ class Example:
 
 @dataclass(frozen=True)
 class Copied:
-    """The copy of a job, and how many files were written for it, itself included."""
+    """The copy of a job, and the number of files written for it, itself included."""
 
     job: Path
     written: int
@@ -59,48 +59,36 @@ def list_examples() -> tuple[Example, ...]:
 
 
 def examples_text(examples: Sequence[Example]) -> str:
-    """Write examples as an aligned table: name, time on two cores, title; and the command that copies one."""
+    """Return an aligned table of examples: name, time on two cores, title; and the command that copies one."""
     width = max(len(example.name) for example in examples)
-    lines = [f"{example.name:<{width}}  {_duration(example.seconds):>6}  {example.title}" for example in examples]
+    lines = []
+    for example in examples:
+        seconds = example.seconds
+        time = f"{round(seconds / 60)} min" if seconds >= 60 else f"{seconds} s" if seconds else ""
+        lines.append(f"{example.name:<{width}}  {time:>6}  {example.title}")
     return "\n".join([*lines, "", "Times are for two cores. To copy one into this folder: lookdev example first"])
 
 
-def _duration(seconds: int) -> str:
-    if seconds >= 60:
-        return f"{round(seconds / 60)} min"
-    return f"{seconds} s" if seconds else ""
-
-
 def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
-    """Copy a shipped job with its looks, presets and textures; paths between them stay as they are.
-
-    Parameters
-    ----------
-    name
-        Of one of `list_examples`.
-    to
-        The folder that gets ``jobs/<name>.toml`` and ``materials/...``; it is made if it does not exist.
-    force
-        Replace files that differ.
+    """Copy a shipped job with its looks, presets and textures, as ``jobs/<name>.toml`` and ``materials/...`` in `to`.
 
     Raises
     ------
     LookdevError
         No shipped job has that name.
     OutputError
-        A file exists and differs, so that nothing is written; or a file cannot be written.
+        A file exists and differs, without `force`: nothing is written. Or a file cannot be written.
     """
     examples = {example.name: example for example in list_examples()}
     if name not in examples:
         raise LookdevError(f"there is no example '{name}' ({nearest_hint(name, list(examples))})")
     root, source = shipped_folder(), examples[name].file
     targets = {file: to / file.relative_to(root) for file in _needed(source)}
-    there = {file: target for file, target in targets.items() if target.exists()}
-    differing = [str(target) for file, target in there.items() if not _equal(file, target)]
+    stale = [file for file, target in targets.items() if not (target.is_file() and filecmp.cmp(file, target, False))]
+    differing = [str(targets[file]) for file in stale if targets[file].exists()]
     if differing and not force:
         hint = "--force replaces what differs, --to names another folder"
         raise OutputError(f"these files exist and differ from the example's: {', '.join(differing)} ({hint})")
-    stale = [file for file, target in targets.items() if file not in there or str(target) in differing]
     try:
         for file in stale:
             with atomic_path(targets[file]) as temporary:
@@ -111,12 +99,8 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
 
 
 def _needed(source: Path) -> list[Path]:
-    """Return a job file and all that it names, directly or through its looks."""
+    """Return a job file, and its files and those of its looks."""
     job = load_job(source)
     composed = [file for file in (job.asset.usd, *(look.material for look in job.look)) if file]
     needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*map(dependencies, composed))
     return [source, *sorted(needed)]
-
-
-def _equal(file: Path, target: Path) -> bool:
-    return target.is_file() and filecmp.cmp(file, target, shallow=False)

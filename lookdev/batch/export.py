@@ -24,7 +24,7 @@ from lookdev.material import Bump, Formula, Look, Texture
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask, BlendTurntable, BlendWorld
-from lookdev.render.worker import PATIENCE, last_words
+from lookdev.render.worker import PATIENCE, last_line
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
 
@@ -38,7 +38,7 @@ class Answer(BaseModel):
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written: the .blend, its images (none if they are packed), and what the user should know."""
+    """The written .blend, its images (none if they are packed), scenes, worlds, and notes for the user."""
 
     file: Path
     images: tuple[Path, ...]
@@ -47,7 +47,7 @@ class Exported:
     notes: tuple[str, ...]
 
     def summary(self) -> str:
-        """Say what was written and how big it is."""
+        """Return the files and their sizes as text."""
         text = (
             f"{self.file}: {_size([self.file])}, scenes {', '.join(self.scenes)}, worlds {', '.join(self.worlds)}; "
             "looks are Cycles' own closures, as backend 'nodes' renders them"
@@ -60,29 +60,25 @@ class Exported:
 def export_blend(
     job: Path, out: Path, *, pack: bool = False, command: Sequence[str] = EXPORT_COMMAND, patience: float = PATIENCE
 ) -> Exported:
-    """Write the scenes of a job, whatever backend it names, as a .blend with looks as Cycles' own closures.
+    """Write the scenes of a job as a .blend with looks as Cycles' own closures; the job's backend is ignored.
 
     Parameters
     ----------
-    job
-        The job file.
-    out
-        The .blend, replaced only when the new one is whole. Its folder is made if need be.
+    job, out
+        The job file; the .blend, which is replaced only by a whole one. Its folder is made if it does not exist.
     pack
-        Whether images go into the .blend; otherwise they are copied to the folder ``<stem>_files`` beside it.
+        Put images into the .blend; otherwise they are copied to the folder ``<stem>_files`` beside it.
     command, patience
-        What writes the .blend, given a file with the task, and the seconds a look after which it counts as hung.
+        The exporter, which takes a file with the task, and its patience in seconds for each look.
 
     Raises
     ------
     LookdevError
-        `out` is no name of a .blend.
-    JobError, FaultsError
-        What the user gave is wrong.
+        `out` is not the name of a .blend, or the job is wrong.
     OutputError
         A file cannot be written.
     RenderError, WorkerError
-        Blender could not write it.
+        Blender cannot write it.
     """
     out = out.absolute()
     if out.suffix != ".blend":
@@ -95,7 +91,7 @@ def export_blend(
         out.parent.mkdir(parents=True, exist_ok=True)
         with (
             _placed(() if pack else images, out.parent) as placed,
-            # A folder, because Blender itself first writes a file of another name.
+            # A folder, because Blender first writes a file of another name.
             tempfile.TemporaryDirectory(prefix=f".{out.stem}-", dir=out.parent) as beside,
         ):
             temporary = Path(beside, out.name)
@@ -108,24 +104,19 @@ def export_blend(
 
 
 def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
-    """Return what is to be written to `file` of a job with backend ``"nodes"``.
+    """Return the task of a job with backend ``"nodes"``.
 
-    The poses are those of the job under its first light; the worlds of other lights are turned by what is beyond it.
+    Its poses are those under the job's first light; worlds of other lights are turned by their difference in rotation.
     """
     job = made.job
     scenes = {(each.look, each.ibl): each.task for each in made.setups}
-    first = job.ibl[0]
+    first, looks = job.ibl[0], [look.name for look in job.look]
     return BlendTask(
         file=file,
-        scenes={look.name: scenes[look.name, first.name] for look in job.look},
+        scenes={look: scenes[look, first.name] for look in looks},
         worlds=tuple(
-            BlendWorld(
-                name=ibl.name,
-                light=scenes[job.look[0].name, ibl.name].light,
-                strength=2.0**ibl.exposure,
-                turn=ibl.rotation - first.rotation,
-            )
-            for ibl in job.ibl
+            BlendWorld(each.name, scenes[looks[0], each.name].light, 2.0**each.exposure, each.rotation - first.rotation)
+            for each in job.ibl
         ),
         turntables=tuple(
             BlendTurntable(each.name, turntable_poses(each, first.rotation, job.camera.azimuth))
@@ -139,16 +130,16 @@ def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pac
 
 
 def image_names(made: JobSetups) -> dict[Content, str]:
-    """Return every image that looks and lights read, and a unique file name, made of its original's.
+    """Return every image that looks and lights read, and a unique file name, from its original and its digest.
 
-    The name ends in part of the image's digest, so that a .blend written before keeps its images.
+    So an export does not replace images of an earlier .blend.
     """
     called: dict[Content, str] = {}
     for setup in made.setups:
         called.setdefault(world_image(setup.task.light), setup.ibl)
     originals: dict[Content, str] = {}
     for texture in {each: None for setup in made.setups for each in _textures(setup.scene.looks)}:
-        with suppress(TextureError):  # of an image that reaches no pixel: that of any other is a fault before
+        with suppress(TextureError):  # of an image that reaches no pixel: others are faults of `read_setups`
             for tile in _tiles(texture):
                 originals[Content.of(image_file(tile))] = _stem(tile)
     for setup in made.setups:
@@ -157,10 +148,9 @@ def image_names(made: JobSetups) -> dict[Content, str]:
 
 
 def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
-    """Yield each look-up of an image that looks may make."""
-    pending: list[object] = [
-        source for look in looks for layer in look.layers for source in (*layer.inputs.values(), layer.mask)
-    ]
+    """Yield each look-up of an image in looks."""
+    layers = [layer for look in looks for layer in look.layers]
+    pending: list[object] = [source for layer in layers for source in (*layer.inputs.values(), layer.mask)]
     while pending:
         source = pending.pop()
         if isinstance(source, Formula):
@@ -182,7 +172,7 @@ def _stem(source: Texture | Bump) -> str:
 
 @contextmanager
 def _placed(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, ...]]:
-    """Copy images to their paths relative to a folder, each whole; new copies are removed if the block fails."""
+    """Copy images to their paths relative to a folder; new copies are removed if the block fails."""
     copies = {folder / each.path: each.content for each in images}
     made: list[Path] = []
     try:
@@ -202,14 +192,14 @@ def _placed(images: Sequence[BlendImage], folder: Path) -> Iterator[tuple[Path, 
 
 
 def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str, ...]:
-    """Write a .blend in a process of its own, which ends with this call however that ends; return its notes."""
+    """Write a .blend in a separate process, which is killed if this call fails; return its notes."""
     seconds = patience * len(task.scenes)
     with tempfile.TemporaryDirectory(prefix="lookdev-export-") as scratch:
         request, log = Path(scratch, "task.json"), Path(scratch, "log")
         request.write_bytes(BLEND_TASK.dump_json(task))
         with log.open("wb") as stream:
             try:
-                # A session of its own: Ctrl-C in the terminal reaches this process alone, which then decides.
+                # In a session of its own, Ctrl-C in the terminal interrupts this process only.
                 process = subprocess.Popen(
                     (*command, str(request)),
                     stdin=subprocess.DEVNULL,
@@ -222,7 +212,7 @@ def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str,
                 raise WorkerError(f"the exporter {command[0]} cannot be started: {error}") from error
         with process:
             try:
-                said, _ = process.communicate(timeout=seconds)
+                output, _ = process.communicate(timeout=seconds)
             except BaseException as error:
                 with suppress(ProcessLookupError):
                     os.killpg(process.pid, signal.SIGKILL)
@@ -230,10 +220,10 @@ def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str,
                     raise WorkerError(f"the exporter was silent for {seconds:g} s and was killed") from None
                 raise
         try:
-            answer = Answer.model_validate_json(said)
+            answer = Answer.model_validate_json(output)
         except ValidationError:
-            words = last_words(log)
-            raise WorkerError(f"the exporter ended with exit code {process.returncode}: {words}") from None
+            line = last_line(log)
+            raise WorkerError(f"the exporter ended with exit code {process.returncode}: {line}") from None
     if answer.error:
         raise RenderError(answer.error)
     if not task.file.is_file():

@@ -43,7 +43,7 @@ def plan_ranges(plan: Plan, output: Path) -> Iterator[Range]:
 
 
 def plan_text(plan: Plan, output: Path) -> str:
-    """Write a plan as an aligned table; below, a line for each scene that leaves something out, and one of sums."""
+    """Return a plan as an aligned table, a line for each scene with skips, and a line of sums."""
     rows = [("turntable", "frames", "state", "reason")]
     for part in plan_ranges(plan, output):
         numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
@@ -60,7 +60,7 @@ def plan_text(plan: Plan, output: Path) -> str:
 
 
 def plan_data(plan: Plan, output: Path) -> dict[str, object]:
-    """Return a plan as plain data for JSON: a record a file and one a skip, paths relative to `output`, the sums."""
+    """Return a plan as plain data for JSON: a record for each file and skip; paths are relative to `output`."""
 
     def name(path: Path) -> str:
         return path.relative_to(output).as_posix()
@@ -68,14 +68,8 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
     return {
         "output": str(output),
         "files": [
-            {
-                "path": name(file.path),
-                "state": file.state,
-                "reason": file.reason,
-                "digest": frame.task.digest,
-                "element": frame.task.pose.element,
-                "lighting": frame.task.pose.lighting,
-            }
+            {"path": name(file.path), "state": file.state, "reason": file.reason, "digest": frame.task.digest}
+            | asdict(frame.task.pose)
             for frame in plan.frames
             for file in frame.files
         ],

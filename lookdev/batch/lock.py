@@ -1,4 +1,4 @@
-"""One run at a time in an output folder, and nothing left of a run that was killed."""
+"""One run at a time in an output folder, and removal of the temporary files of a killed run."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 from lookdev.errors import OutputError
 
 STATE_FOLDER = ".lookdev"
-"""Folder inside the output for what a run needs and a user does not: lock, log, ledger, scratch."""
+"""Folder inside the output for lock, log, ledger and scratch files."""
 
 SCRATCH_PREFIX = "scratch-"
 
@@ -25,14 +25,10 @@ _TEMPORARY = re.compile(r"\..+\.\d+-[0-9a-f]{8}\.(exr|png|json)")
 
 @contextmanager
 def output_lock(output: Path) -> Iterator[Path]:
-    """Hold an output folder, made if need be, and give its state folder.
+    """Lock an output folder, which is made if it does not exist, and yield its state folder.
 
-    The lock is the kernel's: it goes with the process, however that ends.
-
-    Raises
-    ------
-    OutputError
-        Another run holds it (the message names it), or the folder cannot be written.
+    The kernel releases the lock when the process ends. Raises OutputError where another run holds it (the message names
+    the run), or the folder cannot be written.
     """
     folder = output / STATE_FOLDER
     try:
@@ -64,5 +60,5 @@ def remove_leftovers(state_folder: Path, folders: Iterable[Path]) -> None:
                 if _TEMPORARY.fullmatch(path.name):
                     path.unlink(missing_ok=True)
     for scratch in state_folder.glob(SCRATCH_PREFIX + "*"):
-        # The killed run's worker may still be dying in it; what it leaves goes next time.
+        # The worker of the killed run may still write to it; the next run removes what remains.
         shutil.rmtree(scratch, ignore_errors=True)

@@ -1,4 +1,4 @@
-"""From a job file to its plan, by values: a job, its scenes, what the worker gets of each, and the frames of all."""
+"""From a job file to its plan: job, scenes, setups, frames. Each stage is a value of the one before."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.plan import Plan, Setup, Turns, build_plan, make_setup
 
 @dataclass(frozen=True)
 class JobSetups:
-    """A job, each of its looks under each of its lights, and what the user should know of its files."""
+    """A job, each of its looks under each of its lights, and notes on its files."""
 
     job: Job
     setups: tuple[Setup, ...]
@@ -34,21 +34,19 @@ class Prepared(JobSetups):
 
 
 def prepare_job(path: Path, backend: str | None = None) -> Prepared:
-    """Read everything a job names and plan its frames, for another backend than the job's if one is given.
+    """Read a job and its files and plan its frames, those on disk included; `backend` replaces the job's.
 
-    Raises
-    ------
-    JobError
-        The job file itself is wrong.
-    FaultsError
-        All faults of all that it names.
+    Raises JobError with the faults of the job file, or FaultsError with those of the files that it names.
     """
     made = read_setups(path, backend)
-    return Prepared(made.job, made.setups, made.notes, plan_job(made))
+    job = made.job
+    labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
+    plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)
+    return Prepared(job, made.setups, made.notes, plan)
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read everything a job names; backend and errors as `prepare_job`."""
+    """Read a job and its files; backend and errors as `prepare_job`."""
     job = load_job(path)
     if backend is not None:
         job = job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
@@ -56,13 +54,7 @@ def read_setups(path: Path, backend: str | None = None) -> JobSetups:
 
 
 def make_setups(shown: JobScenes) -> JobSetups:
-    """Generate the sources of a job's scenes.
-
-    Raises
-    ------
-    FaultsError
-        What the backend cannot show of all looks, and what the asset lacks that they read.
-    """
+    """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
     job, faults = shown.job, list[Fault]()
     ibls = {ibl.name: ibl for ibl in job.ibl}
     setups = []
@@ -73,10 +65,3 @@ def make_setups(shown: JobScenes) -> JobSetups:
             setups.append(replace(setup, exposure=ibl.exposure, rotation=ibl.rotation))
     raise_all(faults)
     return JobSetups(job, tuple(setups), shown.notes)
-
-
-def plan_job(made: JobSetups) -> Plan:
-    """Plan the frames of a job, those on disk included."""
-    job = made.job
-    labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
-    return build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)

@@ -1,4 +1,4 @@
-"""How a person sees a run: one live display in a terminal, plain lines in a log file."""
+"""Progress of a run: one live display in a terminal, plain lines in a log file."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from lookdev.batch.events import (
 
 @contextmanager
 def show_progress(stream: TextIO) -> Iterator[Report]:
-    """Give a report that writes to `stream`: live in a terminal, else a line for each thing done."""
+    """Yield a report that writes to `stream`: live in a terminal, otherwise a line for each event."""
     if stream.isatty():
         with _columns(Console(file=stream)) as display:
             yield _LiveReport(display)
@@ -35,7 +35,7 @@ def show_progress(stream: TextIO) -> Iterator[Report]:
 
 
 class Tally:
-    """What has been told so far, in numbers and as text."""
+    """The events so far, as numbers and text."""
 
     def __init__(self) -> None:
         self.total = 0
@@ -45,7 +45,7 @@ class Tally:
         self._rendered = 0
 
     def take(self, event: Event) -> str | None:
-        """Count an event; return the line that tells it, or None for what only a live display shows."""
+        """Count an event; return its line, or None for events of the live display only."""
         match event:
             case Noted():
                 return f"note: {event.text}"
@@ -56,13 +56,9 @@ class Tally:
                 self.settled += 1
                 self._rendered += 1
                 self._seconds += event.seconds
-                told = [
-                    f"{self._place()} {event.name}",
-                    f"{event.seconds:.1f} s",
-                    f"{event.samples} samples",
-                    f"relMSE {event.relmse:.1e}",
-                ]
-                return "  ".join([*told, f"left {left}"] if (left := self.time_left()) else told)
+                left = f"  left {left}" if (left := self.time_left()) else ""
+                figures = f"{event.seconds:.1f} s  {event.samples} samples  relMSE {event.relmse:.1e}"
+                return f"{self._place()} {event.name}  {figures}{left}"
             case FrameRetried():
                 return f"retry {event.attempt}/{event.attempts} {event.name}: {event.reason}"
             case FrameFailed():
@@ -74,7 +70,7 @@ class Tally:
                 return None
 
     def time_left(self) -> str:
-        """Guess from the mean of the frames rendered; empty before the first and after the last."""
+        """Return the time left, by the mean of the rendered frames; empty before the first and after the last."""
         waiting = self.pending - self.settled
         if not (self._rendered and waiting):
             return ""
@@ -96,7 +92,7 @@ class _PlainReport:
 
 
 class _LiveReport:
-    """A bar over all frames, one over the current frame's samples, below the lines of what is done."""
+    """A bar over all frames and one over the current frame's samples, below the lines of events."""
 
     def __init__(self, display: Progress) -> None:
         self._display = display

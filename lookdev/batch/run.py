@@ -35,7 +35,7 @@ from lookdev.output.exr import read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_words
+from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_line
 
 if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared
@@ -43,15 +43,15 @@ if TYPE_CHECKING:
 Backdrop = str | tuple[float, float, float]
 
 CRASH_TRIES = 3
-"""Tries of a frame whose worker dies, hangs or sends no valid answer: another frame's leftovers may be the cause."""
+"""Tries of a frame whose worker dies, hangs or sends no valid answer: the frame before may be the cause."""
 
 CLEAN_TRIES = 2
-"""Tries of a frame that the worker itself gives up: most such errors come again."""
+"""Tries of a frame that the worker reports as failed: most such errors recur."""
 
 
 @dataclass(frozen=True)
 class Failure:
-    """A frame that was given up, the reason of the last try, and the log with the details."""
+    """A failed frame, the reason of its last try, and the log with the details."""
 
     name: str
     reason: str
@@ -60,7 +60,7 @@ class Failure:
 
 @dataclass(frozen=True)
 class RunResult:
-    """How a run ended: of `total` frames, `done` are on disk, `rendered` of them by this run."""
+    """The result of a run: of `total` frames, `done` are on disk, `rendered` of them by this run."""
 
     total: int
     done: int
@@ -76,7 +76,7 @@ class RunResult:
         return 1 if self.failures else 0
 
     def summary(self) -> str:
-        """Say how the run ended, each failed frame on a line of its own."""
+        """Return the result as text, with a line for each failed frame."""
         lines = [f"{failure.name}: {failure.reason} (log: {failure.log})" for failure in self.failures]
         if lines:
             lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
@@ -87,29 +87,12 @@ class RunResult:
 
 
 def render_job(
-    path: Path,
-    prepare: Callable[[Path], Prepared],
-    *,
-    force: bool = False,
-    report: Report = lambda event: None,
+    path: Path, prepare: Callable[[Path], Prepared], *, force: bool = False, report: Report = lambda event: None
 ) -> RunResult:
-    """Render a job file: hold its output, prepare it, run its plan.
+    """Render a job file: lock its output, prepare it, run its plan, with `force` and `report` as for `run_plan`.
 
-    The plan is made under the lock, so that it cannot be of frames which another run is just finishing.
-
-    Parameters
-    ----------
-    path
-        The job file.
-    prepare
-        `lookdev.batch.prepare.prepare_job`.
-    force, report
-        As for `run_plan`.
-
-    Raises
-    ------
-    LookdevError
-        What the user gave is wrong, another run holds the output, or as for `run_plan`.
+    `prepare` is `lookdev.batch.prepare.prepare_job`, called under the lock, so that no other run changes the frames
+    that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
     with output_lock(load_job(path).output):
         prepared = prepare(path)
@@ -122,13 +105,7 @@ def render_job(
 def render_setups(
     setups: Sequence[Setup], turns: Turns, outputs: JobOutputs, *, report: Report = lambda event: None
 ) -> tuple[Plan, RunResult]:
-    """Render scenes made in memory: hold the output, plan, run the plan; return both.
-
-    Raises
-    ------
-    LookdevError
-        Another run holds the output, or as for `run_plan`.
-    """
+    """Render scenes made in memory: lock the output, plan, run the plan; errors as `render_job`."""
     with output_lock(turns.output):
         plan = build_plan(setups, turns, read_header, beside=outputs.beside)
         return plan, run_plan(plan, outputs, report=report)
@@ -145,38 +122,31 @@ def run_plan(
     patience: float = PATIENCE,
     report: Report = lambda event: None,
 ) -> RunResult:
-    """Render what is pending, and make the pictures and sheets that are missing or out of date.
+    """Render pending frames, and make the pictures and sheets that are missing or out of date.
 
-    Call with the output's lock held, and `plan` made under it: `render_job` does.
+    The caller holds the output's lock, and has made `plan` under it. Ctrl-C ends the run; finished frames are kept.
 
     Parameters
     ----------
-    plan
-        The frames.
-    outputs
-        Which pictures and sheets are made, in which view.
+    plan, outputs
+        The frames; which pictures and sheets are made, in which view.
     background
         Behind the asset in pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour.
     force
         Render every frame, done or not.
     behind
-        Gives the light behind each frame instead, for the same `background`.
+        Returns the light behind each frame, instead of `background_light`.
     worker_command, patience
-        The render worker, by default the backend's, and the seconds of silence after which it counts as hung.
+        The render worker, by default the backend's, and its patience.
     report
         Is called with every event.
-
-    Returns
-    -------
-    RunResult
-        With failed frames, and whether Ctrl-C ended the run. Frames finished before are kept in any case.
 
     Raises
     ------
     OutputError
         A file cannot be written.
     WorkerError
-        The worker does not even start.
+        The worker does not start.
     """
     pictures = Pictures(plan, outputs, background, behind or background_light(background))
     run = _Run(plan, pictures, report)
@@ -185,14 +155,14 @@ def run_plan(
     except KeyboardInterrupt:
         return run.result(interrupted=True)
     except BrokenPipeError:
-        raise  # of the report's reader: no frame goes through a pipe
+        raise  # of the report: frames are not written to pipes
     except OSError as error:
         raise OutputError(f"{plan.output}: the output cannot be written: {error}") from error
     return run.result(interrupted=False)
 
 
 def background_light(background: Backdrop) -> Background:
-    """Return what gives the light behind a frame."""
+    """Return the light behind each frame."""
     if background == "ibl":
         from lookdev.output.background import environment_background
 
@@ -218,13 +188,13 @@ class _Run:
         return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted)
 
     def bring_up_to_date(self, force: bool) -> list[FrameTask]:
-        """Make all that needs no rendering; return the frames that do."""
+        """Make copies, pictures and sheets that need no rendering; return the frames to render."""
         tasks = [frame.task for frame in self._plan.frames]
         folders = {path.parent for task in tasks for path in task.files}
-        # Beside the looks' folders are those of the sheets that show them side by side.
+        # Overviews are in folders named by lights, beside those of the looks.
         remove_leftovers(self._folder, folders | {self._folder / folder.name for folder in folders})
         pending = tasks if force else list(self._plan.pending())
-        # By file: two looks that are equal have one digest.
+        # By file: equal looks have one digest.
         waiting = {task.files for task in pending}
         for copy in () if force else self._plan.copies():
             share(copy.source, copy.target)
@@ -233,7 +203,7 @@ class _Run:
                 continue
             try:
                 self._pictures.refresh(task)
-            except OutputError:  # its header is fine, its pixels are not: a machine went down while writing
+            except OutputError:  # the header is valid, the pixels are not, after a power failure
                 pending.append(task)
             else:
                 self._done.update(task.files)
@@ -242,7 +212,7 @@ class _Run:
         return pending
 
     def render(self, tasks: Sequence[FrameTask], command: Sequence[str] | None, patience: float) -> None:
-        """Render frames; none of them can end the batch but by a worker that never starts."""
+        """Render frames; only a worker that never starts ends the batch."""
         if not tasks:
             return
         command = command or BACKENDS[tasks[0].scene.backend].command
@@ -307,17 +277,17 @@ class _Run:
 
 
 def _start(worker: Worker) -> None:
-    """Start the worker, or raise why no frame can be rendered here at all."""
+    """Start the worker, with `CRASH_TRIES` tries."""
     for attempt in range(CRASH_TRIES):
         try:
             worker.start()
         except WorkerError as error:
             if attempt == CRASH_TRIES - 1:
-                words = last_words(worker.log)
-                said = f"; its last words: {words}" if words and words not in str(error) else ""
+                line = last_line(worker.log)
+                logged = f"; its last line: {line}" if line and line not in str(error) else ""
                 raise WorkerError(
-                    f"{error}{said}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
-                    "'lookdev doctor' says what this machine lacks"
+                    f"{error}{logged}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
+                    "'lookdev doctor' lists what this machine lacks"
                 ) from error
         else:
             return

@@ -1,4 +1,4 @@
-"""A contact sheet of a library: each preset on a sphere in a studio, rendered as the frames of any job are."""
+"""A contact sheet of a library: each preset on a sphere in a studio."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lookdev.scene import Sampling, Scene
 SIZE = 128
 """Pixels of a thumbnail's side."""
 
-_BEHIND = 0.05  # linear: dark enough for metals to shine, light enough for what is black to show
+_BEHIND = 0.05  # linear: metals are brighter, black looks darker
 _LIGHT = "studio"
 _SAMPLING = Sampling(samples=128, error=0.01)
 _TURNTABLES = (JobTurntable(kind="element", frames=1),)
@@ -35,28 +35,16 @@ _OUTPUTS = JobOutputs.model_validate(dict.fromkeys(OUTPUTS, False))
 
 
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:
-    """Write a contact sheet of presets as PNG, unless a frame fails.
+    """Write a contact sheet of presets, at least one, as PNG, unless a frame fails; frames are kept in the cache.
 
-    Frames are kept in the cache: only what is new or has changed is rendered.
-
-    Parameters
-    ----------
-    presets
-        At least one, in the order of the sheet.
-    report
-        Is called with every event.
-
-    Raises
-    ------
-    LookdevError
-        A preset is wrong, the sheet cannot be written, or as for `render_setups`.
+    Raises LookdevError where a preset is wrong, the sheet cannot be written, or as `render_setups`.
     """
     folders = "\n".join(sorted({str(preset.file.parent) for preset in presets}))
     output = cache_dir("library", hashlib.sha256(folders.encode()).hexdigest()[:16])
     asset, light = load_asset(builtin="sphere"), prepare_light(load_environment(builtin=_LIGHT))
     setups = []
     for preset in presets:
-        # Presets may be called anything; looks become folders.
+        # Looks are names of folders, presets may have any name.
         look = preset_look(preset, re.sub(r"[^A-Za-z0-9._-]", "_", preset.name))
         scene = Scene.of_look(asset, look, light, (SIZE, SIZE))
         setups.append(make_setup(look.name, _LIGHT, scene, _SAMPLING))

@@ -1,10 +1,10 @@
-"""`lookdev bench`: time against error, measured so that nobody can argue with it.
+"""`lookdev bench`: time against error, beside other renderers.
 
-- `matrix`: scenes, lights, looks and backends, and what of them is asked for; `looks`, `assets` make them
-- `backends`: what renders a cell of the matrix, each in a warm process of its own; `mitsuba_worker` is one of those
-- `reference`: the converged picture of a backend, with its own error known, and the error of renders against it
-- `measure`: which backend renders when, and what is measured of a render
-- `curves`: time to an error, read off a measured curve
-- `sequence`: turntables through the batch runner against a plain Blender script; `growth`: how cost grows
-- `results`, `report`: all that was measured, as files, a table and plots; `run` does everything in order
+- `matrix`: scenes, lights, looks and backends, and a choice of them; `looks`, `assets` make them
+- `backends`: the renderers of a cell of the matrix, each a warm process; `mitsuba_worker` is one of them
+- `reference`: the converged picture of a backend, with its own error, and the error of renders against it
+- `measure`: the schedule of renders, and the measurements of each
+- `curves`: time to an error, by a measured curve
+- `sequence`: turntables by the batch runner against a plain Blender script; `growth`: cost over size
+- `results`, `report`: all measurements as files, a table and plots; `run` does everything in order
 """

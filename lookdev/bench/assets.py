@@ -16,9 +16,9 @@ _OCTAVES = 5
 
 
 def make_boulder(triangles: int) -> Asset:
-    """Return a sphere, radius about 1 m, with waves on it that shade each other, of about so many triangles.
+    """Return a sphere, radius about 1 m, with waves that occlude each other, of about so many triangles.
 
-    The surface is the same whatever its number of triangles.
+    The surface does not depend on the number of triangles.
     """
     # A mesh of s segments and r = s / 2 rings has s (r - 2) quads and 2 s triangles: s (s - 2) triangles in all.
     segments = 2 * max(4, round(0.5 * (1.0 + np.sqrt(1.0 + triangles))))
@@ -34,7 +34,7 @@ def make_boulder(triangles: int) -> Asset:
 
 
 def triangle_count(asset: Asset) -> int:
-    """Return how many triangles the polygons of an asset make, every instance counted."""
+    """Return the number of triangles of an asset, over all instances."""
     return sum(int((asset.meshes[each.mesh].face_sizes - 2).sum()) for each in asset.instances)
 
 

@@ -1,4 +1,4 @@
-"""What renders a cell: each backend in a warm process of its own, so that its memory is its own too."""
+"""The renderers of a cell: each backend in a separate warm process, whose memory is measured."""
 
 from __future__ import annotations
 
@@ -26,33 +26,33 @@ from lookdev.render.worker import Rendered, renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 PATIENCE = 3600.0
-"""Seconds. A part of a reference is one long frame, of which some backends report no progress."""
+"""Seconds. A part of a reference is one long frame, for which some backends report no progress."""
 
 POSE = Pose(0.0, 0.0)
 
 
 @cache
 def bench_asset(scene: str) -> Asset:
-    """Return the asset of a scene, made once."""
+    """Return the asset of a scene."""
     return SCENES[scene].make()
 
 
 @cache
 def bench_environment(ibl: str) -> EnvironmentMap:
-    """Return a built-in map, read once."""
+    """Return a built-in map."""
     return load_environment(builtin=ibl)
 
 
 @cache
 def bench_light(ibl: str) -> Dome:
-    """Return a built-in light, prepared once."""
+    """Return a built-in light."""
     return prepare_light(bench_environment(ibl))
 
 
 def bench_scene(
     asset: Asset, look: Look, light: Dome, resolution: int, bounces: int, backend: str = "exact"
 ) -> SceneTask:
-    """Return a scene that wears a look all over, sampled as usual."""
+    """Return a scene of one look, with the default sampling."""
     scene = Scene.of_look(asset, look, light, (resolution, resolution))
     return scene_task(scene, Sampling(bounces=bounces), backend)
 
@@ -68,10 +68,7 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
             render = stack.enter_context(renderer(PATIENCE))
 
             def shoot(
-                samples: int,
-                seed: int,
-                scene: SceneTask = scene,
-                render: Callable[[FrameTask], Rendered] = render,
+                samples: int, seed: int, scene: SceneTask = scene, render: Callable[[FrameTask], Rendered] = render
             ) -> Shot:
                 name = f"{samples}.{seed}"
                 return shot_of(render(one_frame(scene, POSE, name, samples=samples, error=None, seed=seed)))
@@ -82,7 +79,7 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
 
 
 def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
-    """Return what a scene of a backend of jobs leaves out because no pixel would show it, and why."""
+    """Return the skips of a scene, and why; none for backends that no job may name."""
     if not BACKENDS[scene.backend].in_jobs:
         return ()
     looks = [LOOKS[cell.look].make()] * len(scene.shaders)
@@ -91,17 +88,15 @@ def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
 
 
 def shot_of(rendered: Rendered) -> Shot:
-    """Return what is measured of a frame: the mean of its halves."""
-    return Shot(
-        (rendered.a + rendered.b) * np.float32(0.5), rendered.alpha, rendered.seconds, rendered.memory, rendered.blender
-    )
+    """Return the mean of a frame's halves, with its figures."""
+    image = (rendered.a + rendered.b) * np.float32(0.5)
+    return Shot(image, rendered.alpha, rendered.seconds, rendered.memory, rendered.blender)
 
 
 def picture_key(scene: SceneTask, look: Look, light: EnvironmentMap) -> str:
-    """Name all that a picture depends on, and nothing of how it is sampled or how the shader is written.
+    """Return a text of all that a picture depends on, without its sampling and the code of its shader.
 
-    So a change of the sampling, or of the code, is measured against the reference from before it: a picture that
-    changed with it has a bias.
+    So a change of sampling or code is measured against the reference from before it, and a changed picture is a bias.
     """
     parts = {
         "asset": scene.asset.digest,

@@ -1,4 +1,4 @@
-"""Time to an error: a measured curve of error over time, read off on the log-log plot."""
+"""Time to an error, interpolated on a measured curve of error over time, linear in logarithms."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from itertools import pairwise
 from typing import Literal
 
 REACH = 4.0
-"""How far beyond the last measured point a curve is continued, as a factor of its time (or samples)."""
+"""The limit of extrapolation, as a factor of the last effort."""
 
 Mark = Literal["", "~", "<", ">"]
 
 
 @dataclass(frozen=True)
 class Reached:
-    """Where a curve meets an error, or a ratio of two such places.
+    """The effort at which a curve reaches an error, or a ratio of two such efforts.
 
-    `mark` is "" within the measured range, "~" where the curve was continued, "<" or ">" where the value is only a
-    bound: the curve's first point is good enough already.
+    `mark` is "" within the measured range, "~" where the curve was extrapolated, "<" or ">" where the value is a bound,
+    because the first point of a curve is below the error.
     """
 
     value: float
@@ -30,20 +30,10 @@ class Reached:
 
 
 def reach(effort: Sequence[float], error: Sequence[float], target: float) -> Reached | None:
-    """Return the effort (seconds, or samples) at which a curve first meets `target`.
+    """Return the effort (seconds, or samples) at which a curve first reaches an error `target`.
 
-    Parameters
-    ----------
-    effort, error
-        Points of the curve by growing samples, positive; piecewise linear on the log-log plot.
-    target
-        The error to reach.
-
-    Returns
-    -------
-    Reached or None
-        None where the curve does not get there within `REACH` times its last point, continued by the slope of its
-        last two.
+    `effort` and `error` are its points by increasing samples, positive. None where the curve, extrapolated by the slope
+    of its last two points, does not reach the target within `REACH` times its last effort.
     """
     if not error:
         return None
@@ -60,7 +50,7 @@ def reach(effort: Sequence[float], error: Sequence[float], target: float) -> Rea
 
 
 def ratio(one: Reached | None, other: Reached | None) -> Reached | None:
-    """Divide where one curve meets an error by where the other does; None where there is no such ratio."""
+    """Return one effort over another; None where one is missing or both are bounds."""
     if one is None or other is None:
         return None
     value = one.value / other.value
@@ -72,10 +62,7 @@ def ratio(one: Reached | None, other: Reached | None) -> Reached | None:
 
 
 def at(effort: Sequence[float], error: Sequence[float], where: float) -> float:
-    """Return the error at an effort: between points, or beyond them by the slope of the nearest two.
-
-    There must be two points or more.
-    """
+    """Return the error at an effort, interpolated between points, of which there are at least two, or extrapolated."""
     points = list(zip(effort, error, strict=True))
     for start, end in pairwise(points):
         if where <= end[0] or end == points[-1]:
@@ -85,6 +72,6 @@ def at(effort: Sequence[float], error: Sequence[float], where: float) -> float:
 
 
 def _along(start: tuple[float, float], end: tuple[float, float], target: float) -> float:
-    """Return the effort at which the straight line through two points, on the log-log plot, meets `target`."""
+    """Return the effort at which the line through two points, in logarithms, has the error `target`."""
     share = math.log(start[1] / target) / math.log(start[1] / end[1])
     return start[0] * math.exp(share * math.log(end[0] / start[0]))

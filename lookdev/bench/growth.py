@@ -1,4 +1,4 @@
-"""How the cost of a frame grows: with the frames before it, with pixels, layers and triangles. Of ``exact``."""
+"""The cost of a frame of ``exact`` over the frames before it, pixels, layers and triangles."""
 
 from __future__ import annotations
 
@@ -45,26 +45,16 @@ class GrowthRow:
 
 @dataclass(frozen=True)
 class Growth:
-    """How cost grows with one thing; of frames, a row has the number of the last frame of a quarter of the sequence."""
+    """Cost over one quantity; for frames, the size is the number of the last frame of a quarter of the sequence."""
 
     of: str
     rows: tuple[GrowthRow, ...]
 
 
 def measure_growth(frames: int, report: Callable[[str], None], opened: OpenRenderer = _open_exact) -> Iterator[Growth]:
-    """Measure all four, one after another.
+    """Measure all four, one after another; `opened` makes a renderer in a new process.
 
-    Parameters
-    ----------
-    frames
-        Of the sequence, at least four.
-    opened
-        Gives a renderer in a new process.
-
-    Raises
-    ------
-    LookdevError
-        There are fewer than four frames.
+    Raises LookdevError where the sequence has fewer than four frames.
     """
     if frames < _QUARTERS:
         raise LookdevError(f"{frames} frames: their first quarter needs at least {_QUARTERS}")
@@ -89,7 +79,7 @@ def _frame_rows(scene: SceneTask, frames: int, opened: OpenRenderer) -> tuple[Gr
     with opened() as render:
         render(_task(scene, POSE, 0))  # warms up
         for number in range(frames):
-            # A whole turn each quarter: sides of the asset differ in cost, so all quarters see the same poses.
+            # Each quarter is a whole turn, so that all quarters have the same poses.
             turn = 360.0 * _QUARTERS * number / frames
             rendered = render(_task(scene, Pose(turn % 360.0, 0.0), number))
             seconds.append(rendered.seconds)
@@ -101,7 +91,7 @@ def _frame_rows(scene: SceneTask, frames: int, opened: OpenRenderer) -> tuple[Gr
 
 
 def _rows(scenes: Mapping[int, SceneTask], opened: OpenRenderer) -> tuple[GrowthRow, ...]:
-    """Measure scenes of growing size; they take turns, each in a process of its own."""
+    """Measure scenes of increasing size, interleaved, each in a separate process."""
     shots: dict[int, list[Rendered]] = {size: [] for size in scenes}
     with ExitStack() as stack:
         renders = {size: stack.enter_context(opened()) for size in scenes}

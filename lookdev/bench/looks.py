@@ -15,20 +15,20 @@ from lookdev.output.exr import write_frame
 MOST_LAYERS = 8
 
 _MASK_SIZE = 256
-# Their content is part of no digest but the file name: raise it with any change.
+# The name of the file is its only digest: increase it with any change.
 _MASK_VERSION = 1
 
 
 @dataclass(frozen=True)
 class BenchLook:
-    """A look to render, and what it is."""
+    """A look to render, and its description."""
 
     help: str
     make: Callable[[], Look]
 
 
 def layered(layers: int) -> Look:
-    """Return a stack of so many Disney layers; each but the base has a texture as its mask, so that none folds away."""
+    """Return a stack of Disney layers; masks above the base are textures, so that no layer folds away."""
     stack = [Layer("layer0", "disney", {"baseColor": (0.35, 0.06, 0.04), "roughness": 0.35, "clearcoat": 0.5})]
     for number in range(1, layers):
         share = number / MOST_LAYERS
@@ -48,13 +48,8 @@ def _plastic() -> Look:
 
 
 def _car_paint() -> Look:
-    inputs: dict[str, Input] = {
-        "baseColor": (0.46, 0.02, 0.02),
-        "roughness": 0.4,
-        "clearcoat": 1.0,
-        "clearcoatGloss": 0.9,
-    }
-    return Look("car_paint", (Layer("Paint", "disney", inputs),))
+    paint: dict[str, Input] = {"baseColor": (0.46, 0.02, 0.02), "roughness": 0.4}
+    return Look("car_paint", (Layer("Paint", "disney", paint | {"clearcoat": 1.0, "clearcoatGloss": 0.9}),))
 
 
 def _metal() -> Look:
@@ -78,7 +73,7 @@ LOOKS: dict[str, BenchLook] = {
 
 
 def _mask(number: int) -> Texture:
-    """Return a cloudy texture; the file is made unless it is there."""
+    """Return a cloudy texture; the file is made if it does not exist."""
     file = cache_dir("bench", "textures") / f"mask{number}.{_MASK_VERSION}.exr"
     if not file.exists():
         clouds = gaussian_filter(np.random.default_rng(number).random((_MASK_SIZE, _MASK_SIZE)), 8.0, mode="wrap")

@@ -1,10 +1,11 @@
-"""What can be measured, and what of it is asked for."""
+"""What can be measured, and a choice of it."""
 
 from __future__ import annotations
 
 import importlib.util
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product, starmap
 from typing import Any
 
 from lookdev.asset import BUILTINS, Asset
@@ -19,7 +20,7 @@ MILLION = 1_000_000
 
 @dataclass(frozen=True)
 class BenchScene:
-    """An asset, and how often light may be reflected by it; where it is convex, none is."""
+    """An asset, and the bounces of its indirect light; a convex asset has none."""
 
     help: str
     make: Callable[[], Asset]
@@ -40,14 +41,14 @@ IBLS: dict[str, str] = {
 LARGEST_SAMPLES = 1 << 14
 MOST_REPEATS = 64
 SEEDS = 128
-"""Each has `MOST_REPEATS` times 16 of those that a renderer takes, for itself."""
+"""Each stands for `MOST_REPEATS` times 16 of a renderer's seeds."""
 
 RESOLUTIONS = (16, 4096)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """One scene, one light, one look: what the backends are compared on."""
+    """One scene, one light, one look."""
 
     scene: str
     ibl: str
@@ -59,27 +60,21 @@ class Cell:
 
 @dataclass(frozen=True)
 class Options:
-    """What is asked for. The defaults take about ten minutes on two cores.
+    """A choice of what is measured; the defaults take about ten minutes on two cores.
 
-    `samples` per pixel, rising powers of two; `resolution` is the side of the frame; each count is rendered `repeats`
-    times; a reference has at least `reference` times the largest count. `fresh` renders references anew.
-
-    Raises
-    ------
-    LookdevError
-        There is no such name, or a number is out of its range.
+    Raises LookdevError for unknown names, and numbers out of their ranges.
     """
 
     scenes: tuple[str, ...] = ("sphere", "shaderball", "suzanne")
     ibls: tuple[str, ...] = tuple(IBLS)
     looks: tuple[str, ...] = ("plastic",)
     backends: tuple[str, ...] = ("exact", "principled")
-    samples: tuple[int, ...] = (4, 16, 64)
-    resolution: int = 256
-    repeats: int = 3
+    samples: tuple[int, ...] = (4, 16, 64)  # per pixel, increasing powers of two
+    resolution: int = 256  # the side of the frame
+    repeats: int = 3  # renders of each number of samples
     seed: int = 0
-    reference: int = 8
-    fresh: bool = field(default=False, compare=False)
+    reference: int = 8  # samples of a reference, at least, over the largest count
+    fresh: bool = field(default=False, compare=False)  # references are rendered again
 
     def __post_init__(self) -> None:
         _known("scene", self.scenes, list(SCENES))
@@ -104,11 +99,8 @@ class Options:
             raise LookdevError(f"a reference of {self.reference} times the largest count: from 4 to 1024")
 
     def cells(self) -> Iterator[Cell]:
-        """Give the cells in order."""
-        for scene in self.scenes:
-            for ibl in self.ibls:
-                for look in self.looks:
-                    yield Cell(scene, ibl, look)
+        """Yield the cells in order."""
+        return starmap(Cell, product(self.scenes, self.ibls, self.looks))
 
     def backends_of(self, cell: Cell) -> tuple[str, ...]:
         """Return the backends that can show the look of a cell."""
@@ -117,31 +109,26 @@ class Options:
 
 
 def has_mitsuba() -> bool:
-    """Tell whether the package mitsuba is installed, without loading it."""
+    """Return whether the package mitsuba is installed, without importing it."""
     return importlib.util.find_spec("mitsuba") is not None
 
 
 def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool, **numbers: int | None) -> Options:
-    """Return the options of a command line.
+    """Return the options of a command line; errors as `Options`.
 
     Parameters
     ----------
     lists
-        Of ``scenes``, ``ibls``, ``looks``, ``backends`` and ``samples``: with commas between, or empty for the default.
-    everything
-        The default is all there is.
-    sequence
-        The default is what a sequence is measured on, once.
+        Of ``scenes``, ``ibls``, ``looks``, ``backends`` and ``samples``, separated by commas; empty for the default.
+    everything, sequence
+        Make the default all names, or one scene, once.
     numbers
         Other fields of `Options`; None for the default.
-
-    Raises
-    ------
-    LookdevError
-        As `Options`, or a number of samples is none.
     """
     chosen: dict[str, Any] = {"scenes": ("shaderball",), "repeats": 1} if sequence else {}
-    chosen |= _all_names() if everything else {}
+    if everything:
+        backends = tuple(name for name in BACKENDS if name != "mitsuba" or has_mitsuba())
+        chosen |= {"scenes": tuple(SCENES), "ibls": tuple(IBLS), "looks": tuple(LOOKS), "backends": backends}
     given = {kind: tuple(part.strip() for part in text.split(",")) for kind, text in lists.items() if text.strip()}
     for count in given.get("samples", ()):
         if not count.isdecimal():
@@ -152,13 +139,8 @@ def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool,
     return Options(**chosen)
 
 
-def _all_names() -> dict[str, tuple[str, ...]]:
-    backends = [name for name in BACKENDS if name != "mitsuba" or has_mitsuba()]
-    return {"scenes": tuple(SCENES), "ibls": tuple(IBLS), "looks": tuple(LOOKS), "backends": tuple(backends)}
-
-
 def listing() -> str:
-    """Say what there is."""
+    """Return all names with their descriptions."""
     kinds: dict[str, dict[str, str]] = {
         "scenes": {name: scene.help for name, scene in SCENES.items()},
         "ibls": IBLS,
@@ -174,9 +156,9 @@ def listing() -> str:
 
 def _known(kind: str, names: Sequence[str], known: Sequence[str]) -> None:
     if not names:
-        raise LookdevError(f"no {kind} is asked for; known: {', '.join(known)}")
+        raise LookdevError(f"no {kind} is given; known: {', '.join(known)}")
     for name in names:
         if name not in known:
             raise LookdevError(f"there is no {kind} '{name}' ({nearest_hint(name, known)})")
     if len(set(names)) < len(names):
-        raise LookdevError(f"a {kind} is asked for twice: {', '.join(names)}")
+        raise LookdevError(f"a {kind} is given twice: {', '.join(names)}")

@@ -1,10 +1,11 @@
-"""Which backend renders when, and what is measured of each render."""
+"""The schedule of renders of a cell, and the measurements of each."""
 
 from __future__ import annotations
 
 import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 from lookdev.bench.curves import Reached, ratio, reach
 from lookdev.bench.matrix import MOST_REPEATS, SEEDS, Cell, Options
@@ -18,14 +19,12 @@ _SEEDS_PER_REPEAT = FIRST_SEED // (SEEDS * MOST_REPEATS)
 
 @dataclass(frozen=True)
 class Candidate:
-    """A backend that is ready to render a cell; `key` names the picture, however it is sampled, and `skips` are what is
-    left out because no pixel would show it, and why.
-    """
+    """A backend that is ready to render a cell."""
 
     backend: str
-    key: str
+    key: str  # of the picture, whatever its sampling
     render: Render
-    skips: tuple[str, ...] = ()
+    skips: tuple[str, ...] = ()  # work that is left out because no pixel differs, and why
 
 
 @dataclass(frozen=True)
@@ -70,21 +69,18 @@ class CurvePoint:
 
 @dataclass(frozen=True)
 class Ratio:
-    """How much longer ``exact`` takes than another backend to the same relMSE.
-
-    `value` of the curves; `low` and `high` are the extremes over the repeats, each by its own curve, or None.
-    """
+    """The time of ``exact`` over that of another backend to the same relMSE."""
 
     backend: str
     target: float
-    value: Reached | None
-    low: float | None
+    value: Reached | None  # of the curves
+    low: float | None  # the least over the repeats, each with its own curve
     high: float | None
 
 
 @dataclass(frozen=True)
 class CellResult:
-    """A cell as far as it was measured: curves, times to a relMSE, references and skips, by backend."""
+    """The measurements of a cell so far: curves, times to a relMSE, references and skips, by backend."""
 
     cell: Cell
     measurements: tuple[Measurement, ...]
@@ -96,17 +92,17 @@ class CellResult:
 
 
 def schedule(options: Options, backends: Sequence[str]) -> Iterator[Turn]:
-    """Give every render in its order: the backends take turns, so that a machine that slows down slows all of them."""
+    """Yield every render in order; backends are interleaved, so that a slower machine affects all of them."""
     for repeat in range(options.repeats):
         for place, samples in enumerate(options.samples):
-            # Every render has a seed of its own, below the references'.
+            # Every render has another seed, below those of references.
             seed = (options.seed * MOST_REPEATS + repeat) * _SEEDS_PER_REPEAT + place
             for backend in backends:
                 yield Turn(repeat, samples, backend, seed)
 
 
 class CellRun:
-    """A cell while it is measured; `result` is right at any time."""
+    """A cell while it is measured; `result` may be called at any time."""
 
     def __init__(self, cell: Cell, candidates: Sequence[Candidate], options: Options) -> None:
         self._cell = cell
@@ -139,7 +135,7 @@ class CellRun:
             report(f"{self._cell}: {turn.backend}: {turn.samples} samples, {shot.seconds:.2f} s, {error}")
 
     def result(self) -> CellResult:
-        """Sum up what has been measured so far."""
+        """Return the measurements so far."""
         curves = {backend: self._curve(backend) for backend in self._candidates}
         reached = {backend: {target: _reach(curve, target) for target in TARGETS} for backend, curve in curves.items()}
         others = [backend for backend in curves if backend != "exact"] if "exact" in curves else []
@@ -159,13 +155,10 @@ class CellRun:
     def _ratio(self, other: str, target: float, reached: Mapping[str, Mapping[float, Reached | None]]) -> Ratio:
         spread = []
         for repeat in range(self._options.repeats):
-            mine, theirs = (
-                _reach(
-                    [each for each in self._measurements if (each.backend, each.repeat) == (backend, repeat)], target
-                )
-                for backend in ("exact", other)
+            rows = [each for each in self._measurements if each.repeat == repeat]
+            value = ratio(
+                *(_reach([row for row in rows if row.backend == backend], target) for backend in ("exact", other))
             )
-            value = ratio(mine, theirs)
             if value is not None and value.mark in ("", "~"):
                 spread.append(value.value)
         value = ratio(reached["exact"][target], reached[other][target])
@@ -173,24 +166,11 @@ class CellRun:
 
 
 def _measurement(cell: Cell, turn: Turn, shot: Shot, verdict: Verdict) -> Measurement:
-    return Measurement(
-        scene=cell.scene,
-        ibl=cell.ibl,
-        look=cell.look,
-        backend=turn.backend,
-        samples=turn.samples,
-        repeat=turn.repeat,
-        seed=turn.seed,
-        seconds=shot.seconds,
-        relmse=verdict.relmse,
-        bias=verdict.bias,
-        bias_error=verdict.bias_error,
-        memory=shot.memory,
-        renderer=shot.renderer,
-    )
+    figures: dict[str, Any] = {"seconds": shot.seconds, "memory": shot.memory, "renderer": shot.renderer}
+    return Measurement(**asdict(cell), **asdict(turn), **asdict(verdict), **figures)
 
 
 def _reach(points: Sequence[CurvePoint] | Sequence[Measurement], target: float) -> Reached | None:
-    """Read the seconds to a relMSE off a curve; points that the reference could not judge are none."""
+    """Return the seconds to a relMSE on the curve of points whose relMSE is known."""
     known = [(point.seconds, point.relmse) for point in points if point.relmse is not None]
     return reach([seconds for seconds, _ in known], [relmse for _, relmse in known], target)

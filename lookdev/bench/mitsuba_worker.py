@@ -1,8 +1,8 @@
 """A render worker of the same protocol that renders with Mitsuba 3: ``python -m lookdev.bench.mitsuba_worker``.
 
-Frame tasks in on standard input, results out on standard output, one JSON object a line, as `lookdev.cycles` does. Of a
-scene it takes `PrincipledSource`, and translates Blender's sockets to Mitsuba's ``principled``; the models differ, so
-the picture is alike and no more. `samples`, `seed` and `bounces` mean what they mean to Cycles.
+The protocol is that of `lookdev.cycles`: frame tasks on standard input, answers on standard output. Blender's sockets
+of a `PrincipledSource` are translated to Mitsuba's ``principled``; the models differ, so pictures are similar only.
+`samples`, `seed` and `bounces` are those of Cycles.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import camera_rays
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
-"""Fastest first: the first needs LLVM's library on the machine."""
+"""Fastest first; the first needs LLVM's library."""
 
 # Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
 _UPRIGHT = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
@@ -64,15 +64,9 @@ def main() -> None:
 
 
 def load_mitsuba() -> tuple[Any, str]:
-    """Load Mitsuba and set the fastest variant that renders here; return the module and the variant's name.
-
-    Raises
-    ------
-    RenderError
-        None does.
-    """
+    """Import Mitsuba and set the fastest variant that renders here; return both, or raise RenderError."""
     for variant in VARIANTS:
-        # In a process of its own: an LLVM that does not fit the processor ends the process it is in.
+        # In a separate process, because an LLVM that does not fit the processor crashes.
         trial = subprocess.run((sys.executable, "-m", _MODULE, "--try", variant), check=False, stdout=2)
         if trial.returncode == 0:
             mi: Any = importlib.import_module("mitsuba")
@@ -88,13 +82,7 @@ def _try(variant: str) -> None:
 
 
 def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any]:
-    """Return Mitsuba's ``principled`` for Blender's sockets.
-
-    Raises
-    ------
-    RenderError
-        There is a socket that has nothing like it there.
-    """
+    """Return Mitsuba's ``principled`` for Blender's sockets; raises RenderError for one without a counterpart."""
     bsdf: dict[str, Any] = {"type": "principled"}
     for name, value in inputs.items():
         match name, value:
@@ -104,17 +92,17 @@ def principled(inputs: Mapping[str, float | tuple[float, ...]]) -> dict[str, Any
                 # alpha is roughness squared in Blender, 0.1 - 0.099 gloss in Mitsuba (Burley 2012, 5.5).
                 bsdf["clearcoat_gloss"] = min(1.0, max(0.0, (0.1 - value**2) / 0.099))
             case "Coat Weight", float():
-                # Mitsuba's is a quarter as strong, as Burley's.
+                # Mitsuba's has a quarter of the strength, as Burley's.
                 bsdf["clearcoat"] = min(1.0, 4.0 * value)
             case (("Metallic" | "Roughness" | "Anisotropic"), float()):
                 bsdf[name.lower()] = value
             case _:
-                raise RenderError(f"nothing in Mitsuba's principled is like '{name}' = {value!r}")
+                raise RenderError(f"Mitsuba's principled has no counterpart of '{name}' = {value!r}")
     return bsdf
 
 
 def build_scene(mi: Any, task: FrameTask) -> Any:
-    """Build a scene about the origin, seen and lit at the task's pose."""
+    """Build a scene about the origin at the task's pose."""
     scene, pose = task.scene, task.pose
     source = scene.shaders[0]
     if not isinstance(source, PrincipledSource):
@@ -122,22 +110,19 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     asset = read_asset(scene.asset.path)
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
-    # Whatever else is beside the radiance in that file is left out.
+    # Only the radiance: the file has other channels.
     radiance = mi.Bitmap(str(world_image(scene.light).path)).convert(
         mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
     )
     target = np.array(scene.camera.target) - asset.center
     origin = camera_rays(scene.camera, pose, scene.resolution, 0.0, 0.0)[0] - asset.center
     width, height = scene.resolution
+    # Depth 1 is light seen directly, 2 is light reflected once.
+    depths = {"max_depth": scene.sampling.bounces + 2, "rr_depth": 1000}
+    film = {"type": "hdrfilm", "width": width, "height": height, "pixel_format": "rgba", "rfilter": {"type": "box"}}
     description: dict[str, Any] = {
         "type": "scene",
-        "integrator": {
-            "type": "path",
-            # Depth 1 is the light seen directly, 2 is light reflected once.
-            "max_depth": scene.sampling.bounces + 2,
-            "rr_depth": 1000,
-            "hide_emitters": True,
-        },
+        "integrator": {"type": "path", "hide_emitters": True} | depths,
         "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_UPRIGHT)},
         "sensor": {
             "type": "perspective",
@@ -146,13 +131,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
             "near_clip": scene.camera.distance * 1e-3,
             "far_clip": scene.camera.distance * 1e3,
             "to_world": transform().look_at(origin=origin.tolist(), target=target.tolist(), up=[0, 0, 1]),
-            "film": {
-                "type": "hdrfilm",
-                "width": width,
-                "height": height,
-                "pixel_format": "rgba",
-                "rfilter": {"type": "box"},
-            },
+            "film": film,
             "sampler": {"type": "independent"},
         },
         "bsdf": principled(source.inputs) | {"id": "bsdf"},
@@ -161,11 +140,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         for number, (positions, normals, uvs) in enumerate(corner_meshes(about_origin(asset))):
             file = Path(folder, f"{number}.ply")
             _write_mesh(mi, file, positions, normals, uvs)
-            description[f"mesh{number}"] = {
-                "type": "ply",
-                "filename": str(file),
-                "bsdf": {"type": "ref", "id": "bsdf"},
-            }
+            description[f"mesh{number}"] = {"type": "ply", "filename": str(file), "bsdf": {"type": "ref", "id": "bsdf"}}
         return mi.load_dict(description)
 
 
@@ -209,16 +184,16 @@ def _write_mesh(mi: Any, file: Path, positions: Corners, normals: Corners, uvs: 
 def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     sampling = task.scene.sampling
     started = time.perf_counter()
-    # Reading the pixels waits for them.
+    # The copy waits for the render.
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
     seconds = time.perf_counter() - started
     arrays = save_arrays(pixels[..., :3], pixels[..., :3], pixels[..., 3])
     answers.done(task.digest, arrays, samples=sampling.samples, seconds=seconds, relmse=math.nan)
 
 
-def _same(built: SceneTask, asked: SceneTask) -> bool:
-    """Tell whether a scene serves another task: the samples and their seed may differ."""
-    return replace(built, sampling=replace(asked.sampling, bounces=built.sampling.bounces)) == asked
+def _same(built: SceneTask, other: SceneTask) -> bool:
+    """Return whether scenes are equal except for samples and seed."""
+    return replace(built, sampling=replace(other.sampling, bounces=built.sampling.bounces)) == other
 
 
 if __name__ == "__main__":

@@ -1,9 +1,8 @@
 """The converged picture of a backend, with its own error, and the error of renders against it.
 
-A reference is the mean of independent parts. Their spread is an unbiased estimate of what is left of its own variance,
-pixel by pixel. That variance is in the squared difference of every render from it, and is taken away again: so a
-reference of a few times the samples serves as well as one of many thousand times as many. What is smaller than the
-reference's own error is not reported.
+A reference is the mean of independent parts, whose spread is an unbiased estimate of its own variance, pixel by pixel.
+The squared difference of a render from it contains that variance, which is subtracted: so a reference of a few times
+the samples is sufficient. Errors below the reference's own are not reported.
 """
 
 from __future__ import annotations
@@ -30,42 +29,30 @@ FIRST_SEED = 1 << 17
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One render: image (H, W, 3) premultiplied, alpha (H, W); seconds in a warm process, its peak memory in bytes, and
-    what it calls itself.
-    """
+    """One render in a warm process."""
 
-    image: NDArray[np.float32]
-    alpha: NDArray[np.float32]
+    image: NDArray[np.float32]  # (H, W, 3), premultiplied
+    alpha: NDArray[np.float32]  # (H, W)
     seconds: float
-    memory: int
+    memory: int  # peak of the process, bytes
     renderer: str
 
 
 Render = Callable[[int, int], Shot]
-"""Renders with so many samples a pixel and a seed."""
+"""Renders with samples per pixel and a seed."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """The error of a render against a reference.
+    """The error of a render against a reference."""
 
-    `relmse` without the reference's own error, or None where it is below that; `bias` is the mean relative difference
-    of the mean over the asset, `bias_error` its standard error.
-    """
-
-    relmse: float | None
-    bias: float
-    bias_error: float
+    relmse: float | None  # without the reference's own error; None where it is below that
+    bias: float  # relative difference of the mean over the asset
+    bias_error: float  # its standard error
 
 
 class Reference:
-    """The mean of independent renders ("parts") of equally many samples.
-
-    Parameters
-    ----------
-    samples
-        Of each part.
-    """
+    """The mean of independent renders ("parts") of equally many samples."""
 
     def __init__(self, samples: int) -> None:
         self.part_samples = samples
@@ -75,7 +62,7 @@ class Reference:
         self._squares: Floats = np.zeros(())
 
     def add(self, shot: Shot) -> None:
-        """Take a part in (Welford 1962: no sum of squares that could cancel)."""
+        """Add a part (Welford 1962, without cancellation)."""
         image = shot.image.astype(np.float64)
         self.parts += 1
         delta = image - self.mean
@@ -85,19 +72,19 @@ class Reference:
 
     @property
     def samples(self) -> int:
-        """How many it has in all."""
+        """Samples of all parts."""
         return self.parts * self.part_samples
 
     @property
     def own_relmse(self) -> float:
-        """What is left of its own error, as relMSE: renders below that cannot be judged by it."""
+        """Its own error as relMSE; renders below it cannot be judged."""
         return self._relative(self._variance())
 
     def judge(self, *shots: Shot) -> Verdict:
-        """Judge renders of equally many samples: their mean relMSE, and the bias of their mean.
+        """Return the mean relMSE of renders of equally many samples, and the bias of their mean.
 
-        The difference of means is exact in what it averages; its standard error comes from the spread of the
-        difference over pixels, which has the noise of the renders and of the reference in it.
+        The standard error of the bias is from the spread of the difference over pixels, which contains the noise of
+        the renders and of the reference.
         """
         images = [shot.image.astype(np.float64) for shot in shots]
         relmse = float(np.mean([self._relative((image - self.mean) ** 2) for image in images])) - self.own_relmse
@@ -121,14 +108,14 @@ class Reference:
         return float((squares / (self.mean**2 + EPSILON))[covered].mean())
 
     def save(self, file: Path) -> None:
-        """Write it, whole or not at all."""
+        """Write the reference, whole or not at all."""
         numbers = np.array([_VERSION, self.part_samples, self.parts])
         with atomic_path(file) as path:
             np.savez(path, numbers=numbers, mean=self.mean, alpha=self.alpha, squares=self._squares)
 
     @classmethod
     def load(cls, file: Path) -> Reference | None:
-        """Read what `save` wrote; None where there is none that can be read."""
+        """Read a saved reference; None where it cannot be read."""
         try:
             with file.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
                 version, samples, parts = stored["numbers"].tolist()
@@ -146,25 +133,21 @@ class Reference:
 def obtain(
     key: str, samples: int, parts: int, render: Render, *, fresh: bool = False, report: Callable[[str], None]
 ) -> Reference:
-    """Return the reference of a picture from the cache, or render what it lacks.
+    """Return the reference of a picture from the cache, and render what it lacks.
 
     Parameters
     ----------
     key
-        Names all that the picture depends on.
+        Of `picture_key`.
     samples, parts
-        Needed of each part, and how many; one with more samples in all, and at least four parts, serves too.
-    render
-        Renders a part.
+        Samples of each part, and the number of parts; a reference with more samples, and at least four parts, is used.
     fresh
-        Start anew, whatever there is.
-    report
-        Is called with what is rendered.
+        Ignore the cache.
 
     Raises
     ------
     LookdevError
-        The picture shows nothing.
+        The picture is black or covers no pixel.
     """
     file = cache_dir("bench") / f"{hashlib.sha256(key.encode()).hexdigest()}.npz"
     reference = None if fresh else Reference.load(file)
@@ -173,7 +156,7 @@ def obtain(
     while reference.parts < 4 or reference.samples < samples * parts:
         report(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
         reference.add(render(reference.part_samples, FIRST_SEED + reference.parts))
-        # After every part: what Ctrl-C leaves is taken up by the next run.
+        # After every part, so that a run after Ctrl-C continues.
         reference.save(file)
     if not (reference.alpha > 0.0).any() or not reference.mean.any():
         raise LookdevError(f"the reference {file} is black or empty: nothing can be measured on it")

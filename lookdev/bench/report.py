@@ -1,4 +1,4 @@
-"""What was measured as a person reads it: a table, and curves."""
+"""Measurements as a table and as curves."""
 
 from __future__ import annotations
 
@@ -14,9 +14,8 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from lookdev.bench.curves import Reached
 from lookdev.bench.growth import Growth
-from lookdev.bench.measure import TARGETS, CellResult, Ratio
+from lookdev.bench.measure import TARGETS, CellResult
 from lookdev.bench.results import Machine, Results
 from lookdev.bench.sequence import SequenceResult
 from lookdev.cache import atomic_path
@@ -27,13 +26,13 @@ BIAS_LIMIT = 5.0
 _MEGABYTE = 1e6
 _TARGET_NAMES = {target: f"{target:.0e}".replace("e-0", "e-") for target in TARGETS}
 _LEGEND = (
-    "s to: seconds of a frame to that relMSE; - not reached; ~ beyond what was measured; < with the fewest samples "
-    "already. exact is: how many times as long exact takes (least..most of the repeats)."
+    "s to: seconds of a frame to that relMSE; - not reached; ~ extrapolated; < the fewest samples suffice. exact is: "
+    "the time of exact over that of the backend (least..most of the repeats)."
 )
 
 
 def print_results(results: Results, console: Console) -> None:
-    """Print what it was measured on, the table of times, then sequence and growth where there are."""
+    """Print the machine, the table of times, then sequence and growth if measured."""
     console.print(Text(machine_line(results.machine)))
     if results.cells:
         console.print(_times(results.cells))
@@ -52,13 +51,13 @@ def print_results(results: Results, console: Console) -> None:
 
 
 def machine_line(machine: Machine) -> str:
-    """Say in one line what it was measured on."""
+    """Return the machine in one line."""
     versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
     return f"{machine.cpu}, {machine.cores} cores, load {machine.load[0]:.1f} before; {versions}; {machine.date}"
 
 
 def skip_lines(cells: Sequence[CellResult]) -> list[str]:
-    """Say what backends leave out because nobody would see it, a line for all cells in which that is the same."""
+    """Return the skips of backends, one line for all cells with the same skips."""
     where: dict[tuple[str, tuple[str, ...]], list[str]] = {}
     for result in cells:
         for backend, skips in result.skips.items():
@@ -68,7 +67,7 @@ def skip_lines(cells: Sequence[CellResult]) -> list[str]:
 
 
 def warnings(cells: Sequence[CellResult]) -> list[str]:
-    """Say of which pictures the mean is not that of their reference."""
+    """Return a line for each biased picture."""
     return [
         f"{result.cell}: {backend} with {point.samples} samples is off by {point.bias:+.2%}, "
         f"{abs(point.bias) / point.bias_error:.1f} standard errors: biased, or the cached reference is of another "
@@ -81,7 +80,7 @@ def warnings(cells: Sequence[CellResult]) -> list[str]:
 
 
 def _times(cells: Sequence[CellResult]) -> Table:
-    # All of it fits into 80 columns, wrapped: no number is cut off.
+    # Wrapped, it fits into 80 columns without cutting numbers.
     table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left", pad_edge=False, collapse_padding=True)
     table.add_column("scene, ibl, look", min_width=12)
     for name in _TARGET_NAMES.values():
@@ -95,25 +94,20 @@ def _times(cells: Sequence[CellResult]) -> Table:
             memory = max((row.memory for row in result.measurements if row.backend == backend), default=None)
             row = [f"  {backend}"]
             for target in _TARGET_NAMES:
-                row += [_seconds(result.reached[backend][target]), _ratio(result, backend, target)]
+                row += [str(result.reached[backend][target] or "-"), _ratio(result, backend, target)]
             row.append(f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}" if curve else "")
             row.append(f"{memory / _MEGABYTE:.0f}" if memory else "")
             table.add_row(*row)
     return table
 
 
-def _seconds(reached: Reached | None) -> str:
-    return "-" if reached is None else str(reached)
-
-
 def _ratio(result: CellResult, backend: str, target: float) -> str:
-    """Say how many times as long ``exact`` takes as this backend, with the extremes over the repeats."""
-    found = [each for each in result.ratios if (each.backend, each.target) == (backend, target)]
-    return "" if not found or found[0].value is None else f"x{found[0].value}{_spread(found[0])}"
-
-
-def _spread(ratio: Ratio) -> str:
-    return "" if ratio.low is None or ratio.high is None else f" ({ratio.low:.2f}..{ratio.high:.2f})"
+    """Return the time of ``exact`` over that of a backend, with the extremes over the repeats."""
+    for each in result.ratios:
+        if (each.backend, each.target) == (backend, target) and each.value is not None:
+            extremes = each.low is not None and each.high is not None
+            return f"x{each.value}" + (f" ({each.low:.2f}..{each.high:.2f})" if extremes else "")
+    return ""
 
 
 def _sequence(sequence: SequenceResult) -> Table:

@@ -1,4 +1,4 @@
-"""All that was measured, with what it was measured on, as files."""
+"""All measurements, and the machine, as files."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ CSV_FILE, JSON_FILE = "results.csv", "results.json"
 
 @dataclass(frozen=True)
 class Machine:
-    """What it ran on; `load` is the load average of the last 1, 5 and 15 minutes before it began."""
+    """The machine of a run; `load` is its load average over 1, 5 and 15 minutes before the start."""
 
     cpu: str
     cores: int
@@ -38,7 +38,7 @@ class Machine:
 
 @dataclass
 class Results:
-    """What has been measured so far."""
+    """The measurements so far."""
 
     options: Options
     machine: Machine
@@ -49,10 +49,7 @@ class Results:
 
     def write(self, folder: Path) -> None:
         """Write ``results.csv``, a row a measurement, and ``results.json``, each whole or not at all."""
-        with (
-            atomic_path(folder / CSV_FILE) as path,
-            path.open("w", newline="", encoding="utf-8") as stream,
-        ):
+        with atomic_path(folder / CSV_FILE) as path, path.open("w", newline="", encoding="utf-8") as stream:
             table = csv.DictWriter(stream, [each.name for each in fields(Measurement)])
             table.writeheader()
             table.writerows(asdict(row) for cell in self.cells for row in cell.measurements)
@@ -60,7 +57,7 @@ class Results:
             path.write_text(json.dumps(self.data(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
     def data(self) -> dict[str, Any]:
-        """Return everything as plain data."""
+        """Return the results as plain data."""
         return {
             "complete": self.complete,
             "machine": asdict(self.machine),
@@ -72,7 +69,7 @@ class Results:
 
 
 def this_machine() -> Machine:
-    """Look at the machine as it is now."""
+    """Return this machine, as it is now."""
     versions = {
         "lookdev": lookdev.__version__,
         "blender": blender_version(),

@@ -1,4 +1,4 @@
-"""`lookdev bench`: everything in order; what was measured is on disk, however it ends."""
+"""`lookdev bench`: everything in order; measurements so far are on disk, however a run ends."""
 
 from __future__ import annotations
 
@@ -22,22 +22,10 @@ Report = Callable[[str], None]
 
 
 def run_matrix(options: Options, folder: Path, report: Report, *, opened: Open = open_candidates) -> Results:
-    """Measure every cell.
+    """Measure every cell, with the backends of a cell that `opened` yields.
 
-    Parameters
-    ----------
-    folder
-        Takes ``results.csv``, ``results.json`` and the curves, after every cell and at the end, also where an error or
-        Ctrl-C is the end: then `Results.complete` is false.
-    report
-        Is called with what is measured.
-    opened
-        Gives a cell's backends, ready to render.
-
-    Raises
-    ------
-    WorkerError, RenderError
-        A backend failed.
+    ``results.csv``, ``results.json`` and the curves are written to `folder` after every cell and at the end, also after
+    an error or Ctrl-C; then `Results.complete` is false. Raises WorkerError or RenderError where a backend fails.
     """
     results = Results(options, this_machine())
     with _kept(results, folder):
@@ -56,15 +44,10 @@ def run_sequence(
     produce: Callable[[Subject], Mapping[str, Produce]] = producers,
     growth: OpenRenderer | None = None,
 ) -> Results:
-    """Measure turntables against the plain script, then how cost grows; files and errors as `run_matrix`.
+    """Measure turntables against the plain script, then growth over `frames`; files and errors as `run_matrix`.
 
-    The curves of ``exact`` and ``principled`` give the samples that make their errors equal. `frames` is how many the
-    growth with frames is measured over.
-
-    Raises
-    ------
-    LookdevError
-        More than one scene or look is asked for, or one that the script does not know.
+    The curves of ``exact`` and ``principled`` give the samples that make their errors equal. Raises LookdevError for
+    more than one scene or look, or one without a plain script.
     """
     if len(options.scenes) != 1 or len(options.looks) != 1:
         raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
@@ -104,7 +87,7 @@ def _measure_cells(results: Results, folder: Path, report: Report, opened: Open)
 
 @contextmanager
 def _kept(results: Results, folder: Path) -> Iterator[None]:
-    """Write what there is at the end, and let Ctrl-C be an end like any other."""
+    """Write the results at the end, also after an error; Ctrl-C ends the block without one."""
     try:
         yield
     except KeyboardInterrupt:

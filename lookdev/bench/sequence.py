@@ -1,8 +1,8 @@
-"""Turntables through the real batch runner, against the same frames scripted plainly in Blender, at equal error.
+"""Turntables by the batch runner, against the same frames by a plain Blender script, at equal error.
 
-The plain script (`lookdev.cycles.plain_sequence`) is what a person writes in an afternoon: the Principled BSDF, an
-environment texture turned by a Mapping node, the asset's object turned, ``bpy.ops.render.render`` for each frame. It
-runs in one process. Both are timed from their start to their last file.
+The plain script (`lookdev.cycles.plain_sequence`) uses the Principled BSDF, an environment texture turned by a Mapping
+node, a turned object, and ``bpy.ops.render.render`` for each frame, in one process. Both are timed from their start to
+their last file.
 """
 
 from __future__ import annotations
@@ -37,17 +37,17 @@ from lookdev.metrics import relmse_of_halves
 from lookdev.output.exr import read_frame, write_frame
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.render.backends import BACKENDS
-from lookdev.render.worker import last_words
+from lookdev.render.worker import last_line
 from lookdev.scene import Sampling, Scene
 
 TARGET = 1e-3
-"""The relMSE that frames are rendered to."""
+"""relMSE of the frames."""
 
 FRAMES = 24
 KINDS: tuple[Literal["element", "lighting"], ...] = ("element", "lighting")
 PLAIN_COMMAND = (sys.executable, "-m", "lookdev.cycles.plain_sequence")
 
-# Frames of each turntable that are rendered again with other seeds, to know their error; a divisor of FRAMES.
+# Frames of each turntable that are rendered again with other seeds, to estimate their error; a divisor of FRAMES.
 _PROBES = 3
 # Corrections of the plain script's samples, and the largest factor of one.
 _ROUNDS = 3
@@ -56,7 +56,7 @@ _LONGEST_STEP = 8.0
 
 @dataclass(frozen=True)
 class Subject:
-    """What turns, how it looks, under which lights; the frame's side in pixels."""
+    """A scene and a look under lights; the frame's side in pixels. Raises LookdevError without a plain script."""
 
     scene: str
     look: str
@@ -75,17 +75,14 @@ class Subject:
 
 @dataclass(frozen=True)
 class Produced:
-    """What it took to render turntables: seconds, and what was left out, with the reasons."""
+    """The cost of turntables: seconds, and skips with their reasons."""
 
     seconds: float
     skips: tuple[str, ...] = ()
 
 
 Produce = Callable[[Path, int, int, int], Produced]
-"""Renders all turntables into a folder, with so many samples, frames a turntable, and a seed.
-
-Files are ``<folder>/<look>/<ibl>/<kind>.####.exr``.
-"""
+"""Renders all turntables with samples, frames a turntable and a seed, as ``<folder>/<look>/<ibl>/<kind>.####.exr``."""
 
 
 @dataclass(frozen=True)
@@ -100,36 +97,26 @@ class SequenceRun:
 
 @dataclass(frozen=True)
 class SequenceResult:
-    """Frames a minute of the batch runner ("exact") and of the plain script ("plain"), at the samples that make their
-    mean relMSE equal; `relmse` is that measured on frames of the timed runs.
-
-    `frames` are those that are shown, however many of them were rendered: `skips` are what the batch runner left out.
-    `ratio` of the medians, exact over plain; `low` and `high` of the repeats.
-    """
+    """Frames a minute of the batch runner ("exact") and the plain script ("plain") at equal mean relMSE."""
 
     subject: Subject
-    frames: int
+    frames: int  # all that are shown, rendered or not
     samples: Mapping[str, int]
-    relmse: Mapping[str, float]
+    relmse: Mapping[str, float]  # of frames of the timed runs
     runs: tuple[SequenceRun, ...]
-    ratio: float
-    low: float
+    ratio: float  # of the medians, exact over plain
+    low: float  # of the repeats
     high: float
-    skips: tuple[str, ...] = ()
+    skips: tuple[str, ...] = ()  # of the batch runner
 
 
 def choose_samples(
     exact: Sequence[Sequence[CurvePoint]], plain: Sequence[Sequence[CurvePoint]], target: float
 ) -> tuple[int, int]:
-    """Return the samples with which both have the same mean error over the lights, a curve each.
+    """Return the samples with which both have the same mean error over the lights, with a curve each.
 
-    For ``exact`` the smallest power of two at which it is at most `target`; for the plain script, which has no such
-    preference, as many as give the same.
-
-    Raises
-    ------
-    LookdevError
-        A curve has less than two points, or no number of samples will do.
+    For ``exact`` the smallest power of two at which it is at most `target`; for the plain script, the samples of the
+    same error. Raises LookdevError where a curve has less than two points, or does not reach the target.
     """
     powers = [1 << exponent for exponent in range(1, LARGEST_SAMPLES.bit_length())]
     chosen = _first(powers, exact, target)
@@ -165,14 +152,9 @@ def measure_sequence(
     seed: int,
     report: Callable[[str], None],
 ) -> SequenceResult:
-    """Time both, taking turns.
+    """Time the producers ``"exact"`` and ``"plain"``, interleaved.
 
-    Parameters
-    ----------
-    samples
-        Of ``exact``, and a first guess of the plain script's: that is corrected by the error of a few frames.
-    producers
-        ``"exact"`` and ``"plain"``.
+    `samples` are those of ``exact``, and a first guess of the plain script's, corrected by the error of a few frames.
     """
     total = FRAMES * len(KINDS) * len(subject.ibls)
     runs: list[SequenceRun] = []
@@ -213,10 +195,10 @@ def measure_sequence(
 
 
 def meet(target: float, first: int, error: Callable[[int], float]) -> int:
-    """Return the samples whose measured error comes nearest to a target, within a tenth if that can be had.
+    """Return the samples whose measured error is nearest to a target, within a tenth if possible.
 
-    `first` is a guess. Each further one is read off the straight line, on the log-log plot, through those before: the
-    error of rare bright pixels falls faster than 1 / samples, or hardly at all.
+    `first` is a guess. Further ones are interpolated, in logarithms, because the error of rare bright pixels does not
+    fall as 1 / samples.
     """
     found = {first: error(first)}
     for _ in range(_ROUNDS):
@@ -237,7 +219,7 @@ def meet(target: float, first: int, error: Callable[[int], float]) -> int:
 def _error(subject: Subject, one: Path, probes: Path, frames: int) -> float:
     """Return the mean relMSE of a folder's frames, from independent renders of some of them.
 
-    Half of the difference of two such is what their mean is wrong by, which is half the squared error of each.
+    `relmse_of_halves` is the error of the mean of two renders, half of that of each.
     """
     errors = []
     for ibl, kind, number in itertools.product(subject.ibls, KINDS, range(_PROBES)):
@@ -253,7 +235,7 @@ def _name(kind: str, index: int) -> str:
 
 
 def producers(subject: Subject) -> dict[str, Produce]:
-    """Return the real batch runner and the real script."""
+    """Return the batch runner and the plain script."""
 
     def exact(folder: Path, samples: int, frames: int, seed: int) -> Produced:
         turntables = tuple(JobTurntable(kind=kind, frames=frames) for kind in KINDS)
@@ -275,14 +257,14 @@ def producers(subject: Subject) -> dict[str, Produce]:
             done = subprocess.run((*PLAIN_COMMAND, str(request)), stdout=stream, stderr=stream, check=False)
         seconds = time.perf_counter() - started
         if done.returncode:
-            raise RenderError(f"the plain script ended with exit code {done.returncode}: {last_words(log)}")
+            raise RenderError(f"the plain script ended with exit code {done.returncode}: {last_line(log)}")
         return Produced(seconds)
 
     return {"exact": exact, "plain": plain}
 
 
 def _setups(subject: Subject, samples: int, seed: int) -> list[Setup]:
-    """Read and generate everything anew, as a job does."""
+    """Read and generate everything, without caches in memory, as a job does."""
     asset, look = load_asset(builtin=subject.scene), LOOKS[subject.look].make()
     sampling = Sampling(samples=samples, bounces=SCENES[subject.scene].bounces, seed=seed)
     size = (subject.resolution, subject.resolution)

@@ -1,1 +1,1 @@
-"""Does it agree: error measures, models evaluated at points, and what `lookdev check` finds."""
+"""Does it agree: models and looks compared with the reference, at points, as albedos, images and under stress."""

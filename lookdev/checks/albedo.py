@@ -1,8 +1,8 @@
-"""Albedo: how much of the light from everywhere a look sends to a viewer, over the angle of view, found in three ways.
+"""Directional albedo of a look over the angle of view, computed in three ways.
 
-By quadrature and by importance sampling in NumPy (`lookdev.reference.albedo`), and by Cycles: a card that wears the
-look, under light from its front, then from its back. A look that varies over a surface is taken at a few random
-points, as the constant look that it is there; the shader of that is the look's own with numbers for its textures.
+By quadrature and by importance sampling in NumPy (`lookdev.reference.albedo`), and by Cycles: a card with the look,
+under light from its front, then from its back. A look that varies over a surface is taken at a few random points, as
+the constant look that it is there: its own shader with numbers for textures.
 """
 
 from __future__ import annotations
@@ -38,18 +38,19 @@ FALSE_ALARM = 1e-3
 ANGLES = (0.0, 15.0, 30.0, 45.0, 60.0, 70.0, 80.0, 85.0)
 """Angles of view, degrees from the normal."""
 
-# Relative and absolute. Of exact backends: what float32 loses, as in the points, and what the edge of the light at the
-# card's horizon blurs. Of others: by how much their fits may be off.
+# Relative and absolute. Of exact backends: float32 rounding, as at points, and the blurred edge of the light at the
+# card's horizon. Of others: the error of their fits.
 _EXACT, _FITTED = (2e-4, 2e-5), (1e-2, 1e-3)
 _SIDE = 16
 _SIZE = (_SIDE, _SIDE)
 _SAMPLING = Sampling(samples=64, brdf_samples=4, ibl_samples=0, bounces=0)
 _SCRAMBLES, _POINTS = 32, 512
-# As narrow as Blender's cameras get: the albedo hardly changes over it.
+# The narrowest of Blender's cameras: the albedo is nearly constant over it.
 _FOV, _DISTANCE = 0.4, 6.0
-# Half of the sphere is a matter of longitude alone, and the finer its edge, the less the light bleeds around the card.
+# A half of the sphere depends on longitude only; a fine edge keeps light from the other side of the card.
 _LIGHT_SIZE = (16384, 2)
 _SIDES = ("reflected", "transmitted")
+_WAYS = ("NumPy's samples", "Cycles")
 _WORST = 5
 
 
@@ -79,27 +80,23 @@ def check_albedo(
 
     Parameters
     ----------
-    look
-        Its textures are read.
-    render
-        Renders a frame in Cycles.
+    look, render
+        Its textures are read, and it is rendered in Cycles.
     points
-        Random points of the surface at which a look that varies is taken; one that does not has a single curve.
+        Random points of the surface at which a look that varies is taken; a constant look has a single curve.
     angles
         Views, degrees from the normal, below 90.
     seed
         Chooses the points, the azimuths of the views and all samples.
     backend
-        What renders the look. One that is not exact may be off by 1 %, which is what fits promise.
+        Renders the look. One that is not exact may be off by 1 %, the error of its fits.
     alter
         Alters the text of the shader.
 
     Raises
     ------
-    CodegenError
-        The backend cannot show such a look.
-    RenderError, WorkerError
-        Cycles failed.
+    CodegenError, RenderError, WorkerError
+        The backend cannot show the look, or Cycles failed.
     """
     rng = np.random.default_rng(seed)
     layers = sample_layers(look, points, rng)
@@ -112,12 +109,13 @@ def check_albedo(
     largest = float(excess[worst])
     point, way, view, side, _ = (int(index) for index in worst)
     at = f" of point {point}" if varies else ""
+    places = f"{len(curves)} random point{'s' * (len(curves) > 1)}" if varies else "a constant look"
     return Finding(
         check="albedo",
         subject=look.name,
         passed=largest <= 1.0,
         summary=(
-            f"{_places(len(curves), varies)}, {len(angles)} views; largest "
+            f"{places}, {len(angles)} views; largest "
             f"deviation {largest:.2f} of its band: {_WAYS[way]}, {_SIDES[side]}{at} at {angles[view]:g} degrees"
         ),
         figures={
@@ -134,20 +132,8 @@ def check_albedo(
     )
 
 
-_WAYS = ("NumPy's samples", "Cycles")
-
-
-def _places(count: int, varies: bool) -> str:
-    return f"{count} random point{'s' * (count > 1)}" if varies else "a constant look"
-
-
 def _measure(
-    look: Look,
-    render: Render,
-    angles: tuple[float, ...],
-    rng: np.random.Generator,
-    backend: str,
-    alter: Alter,
+    look: Look, render: Render, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
 ) -> _Curves:
     bsdf = look_bsdf(look, _Anywhere())
     azimuth = float(rng.uniform(0.0, 360.0))
@@ -155,15 +141,13 @@ def _measure(
     quadrature = _stacked([integrate_albedo(bsdf, wo) for wo in views])
     sampled = _stacked([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for wo in views])
     transmits = _transmits(bsdf)
-    # Blender takes seeds that float32 holds exactly.
-    seed = int(rng.integers(1 << 16))
-    return _Curves(
-        look, azimuth, transmits, quadrature, sampled, _rendered(look, render, views, transmits, seed, backend, alter)
-    )
+    seed = int(rng.integers(1 << 16))  # exact as a float32, as Blender requires
+    rendered = _rendered(look, render, views, transmits, seed, backend, alter)
+    return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
 
 
 class _Anywhere:
-    """A point of a constant look: nothing is asked of it but on which side v grows."""
+    """A point of a constant look, which reads its handedness only."""
 
     def uv(self, name: str) -> NoReturn:
         raise AssertionError(f"a constant look reads the UV set {name}")
@@ -193,8 +177,8 @@ def _transmits(bsdf: Bsdf) -> bool:
 def _rendered(
     look: Look, render: Render, views: Floats, transmits: bool, seed: int, backend: str, alter: Alter
 ) -> Albedo:
-    """Render the views; each pixel has a scramble of its own, so their spread is the error of their mean."""
-    # The check is of the shader that any asset gets, not of the one that a convex asset may do with.
+    """Render the views; pixels are scrambled independently, so their spread gives the error of their mean."""
+    # Not convex, so that the shader has bounces and shadow rays as for any asset.
     card = replace(load_asset(builtin="plane"), convex=False, digest="")
     value, error = np.zeros((2, len(views), 2, 3))
     for side, light in enumerate((_half_light(front=True), _half_light(front=False)) if transmits else (_white(),)):
@@ -210,7 +194,7 @@ def _rendered(
 
 
 def _standpoint(wo: Floats) -> tuple[Camera, Pose]:
-    """Return where to see the card from along `wo`: its x, y, z are the world's x, z, -y. The light stays."""
+    """Return camera and pose of the view `wo`, whose x, y, z are the world's x, z, -y; the light is fixed."""
     x, y, z = wo
     element = -90.0 - float(np.degrees(np.arctan2(-z, x)))
     camera = Camera(_FOV, float(np.degrees(np.arcsin(y))), (0.0, 0.0, 0.0), _DISTANCE)
@@ -222,7 +206,7 @@ def _white() -> Dome:
 
 
 def _half_light(*, front: bool) -> Dome:
-    """Return light of radiance 1 from the half of the world that the card's front, or back, looks at."""
+    """Return light of radiance 1 from the half of the world before the card's front, or behind it."""
     width, height = _LIGHT_SIZE
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     lit = (uv_to_direction(np.stack([u, v], axis=-1))[..., 1] < 0.0) == front
@@ -230,10 +214,10 @@ def _half_light(*, front: bool) -> Dome:
 
 
 def _excess(curves: list[_Curves], transmits: bool, band: tuple[float, float]) -> Floats:
-    """Return deviations from the quadrature over what noise and rounding explain: (points, ways, views, sides, 3)."""
+    """Return deviations from the quadrature over noise and rounding: (points, ways, views, sides, 3)."""
     sides = 2 if transmits else 1
     count = len(curves) * 2 * curves[0].quadrature.value[:, :sides].size
-    # Sidak: of all comparisons together, FALSE_ALARM of the looks have one beyond the limit.
+    # Šidák: over all comparisons together, the probability of one beyond the limit is FALSE_ALARM.
     quantile = 1.0 - (1.0 - (1.0 - FALSE_ALARM) ** (1.0 / count)) / 2.0
     limits = [float(stats.t.ppf(quantile, freedom)) for freedom in (_SCRAMBLES - 1, _SIDE * _SIDE - 1)]
     excess = []
@@ -259,24 +243,23 @@ def _line(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, inde
     each = curves[point]
     found = (each.sampled, each.cycles)[way]
     layers = [case_layer(layer.model, layer.inputs, layer.mask, layer.mode) for layer in each.look.layers]
-    return json.dumps(
-        {
-            "deviation": float(excess[point, way, view, side, channel]),
-            "by": _WAYS[way],
-            "side": _SIDES[side],
-            "channel": "rgb"[channel],
-            "angle": angles[view],
-            "wo": _views(angles, each.azimuth)[view].tolist(),
-            "quadrature": float(each.quadrature.value[view, side, channel]),
-            "found": float(found.value[view, side, channel]),
-            "standard_error": float(found.error[view, side, channel]),
-            "layers": layers,
-        }
-    )
+    case = {
+        "deviation": float(excess[point, way, view, side, channel]),
+        "by": _WAYS[way],
+        "side": _SIDES[side],
+        "channel": "rgb"[channel],
+        "angle": angles[view],
+        "wo": _views(angles, each.azimuth)[view].tolist(),
+        "quadrature": float(each.quadrature.value[view, side, channel]),
+        "found": float(found.value[view, side, channel]),
+        "standard_error": float(found.error[view, side, channel]),
+        "layers": layers,
+    }
+    return json.dumps(case)
 
 
 def _plots(curves: _Curves, angles: tuple[float, ...], suffix: str) -> tuple[Plot, Plot]:
-    """Draw the curves, and what sets them apart, which is too little to be seen there."""
+    """Return plots of the curves, and of their differences, which are too small to see there."""
     x = np.array(angles)
     whole, apart = [], []
     for side, name in enumerate(_SIDES[: 1 + curves.transmits]):

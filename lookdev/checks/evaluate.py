@@ -28,7 +28,7 @@ _LAYER_KEYS = ("model", "params", "mask", "mode")
 
 @dataclass(frozen=True)
 class Batch:
-    """Cases of stacks that differ in numbers only: wo, wi (n, 3); of each layer, base first, its kind and its numbers.
+    """Cases of stacks that differ in numbers only: wo, wi (n, 3); layers, base first.
 
     `numbers` has for each layer those of its parameters, (n,) or (n, 3), and its ``"mask"``, (n,), that are not among
     its constants.
@@ -61,8 +61,7 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     ----------
     lines
         One case a line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
-        layers ``{"model", "params", "mask", "mode"}``, base first; other keys are handed through. Blank lines are
-        kept.
+        layers ``{"model", "params", "mask", "mode"}``, base first; other keys and blank lines are kept.
     backend
         ``"numpy"``: the float64 reference; ``"cycles"``: the generated OSL inside Cycles, float32.
 
@@ -74,7 +73,7 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     Raises
     ------
     ModelError
-        A line is no case; the message has its number.
+        A line is not a case; the message has its number.
     """
     cases = [_parse(number, line) for number, line in enumerate(lines, start=1)]
     run = {"numpy": evaluate_numpy, "cycles": evaluate_cycles}[backend]
@@ -99,15 +98,10 @@ def evaluate_numpy(batch: Batch) -> tuple[Floats, Floats]:
 def evaluate_cycles(
     batch: Batch, lobes: Sequence[str] | None = None, alter: Callable[[str], str] = lambda osl: osl
 ) -> tuple[Floats, Floats]:
-    """Evaluate the generated OSL inside Cycles, in a process of its own.
+    """Evaluate the generated OSL inside Cycles, in a separate process; values are float32.
 
-    `lobes` restricts the stack to some of its lobes; `alter` is given the shader's text and returns the one to run.
-    Values are float32.
-
-    Raises
-    ------
-    WorkerError
-        The process failed; the message holds the end of what it said.
+    `lobes` restricts the stack to some of its lobes; `alter` takes the shader's text and returns the one to run. Raises
+    WorkerError with the last lines of the process where it fails.
     """
     columns: dict[str, Floats] = {}
     for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):
@@ -125,8 +119,8 @@ def evaluate_cycles(
         process = subprocess.run(command, capture_output=True, text=True, timeout=_WORKER_PATIENCE, check=False)
         result = request.with_suffix(".result.npz")
         if process.returncode != 0 or not result.exists():
-            words = "\n".join(process.stderr.strip().splitlines()[-5:])
-            raise WorkerError(f"evaluation inside Cycles failed (exit {process.returncode}):\n{words}")
+            lines = "\n".join(process.stderr.strip().splitlines()[-5:])
+            raise WorkerError(f"evaluation inside Cycles failed (exit {process.returncode}):\n{lines}")
         with np.load(result, allow_pickle=False) as stored:
             return stored["f"].astype(np.float64), stored["pdf"].astype(np.float64)
 
@@ -149,10 +143,10 @@ def _parse(number: int, line: str) -> _Case | None:
         raise ModelError(f"line {number}: not JSON: {error}") from error
     if not isinstance(case, dict):
         raise ModelError(f"line {number}: a JSON object with model, params, wo and wi would be right")
-    wanted = ("model", "layers" if case.get("model") == "stack" else "params", "wo", "wi")
-    missing = [key for key in wanted if key not in case]
+    needed = ("model", "layers" if case.get("model") == "stack" else "params", "wo", "wi")
+    missing = [key for key in needed if key not in case]
     if missing:
-        raise ModelError(f"line {number}: {', '.join(missing)} missing; {', '.join(wanted)} are needed")
+        raise ModelError(f"line {number}: {', '.join(missing)} missing; {', '.join(needed)} are needed")
     try:
         if case["model"] == "stack":
             layers, numbers = _parse_stack(case["layers"])
@@ -185,8 +179,7 @@ def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
             raise ModelError(f"layer {place}: {error}") from error
         layers.append(layer)
         numbers.append(values | {"mask": np.asarray(mask, dtype=np.float64)})
-    # Whether the layers fit together shows when they are put together.
-    _stack(layers, numbers)
+    _stack(layers, numbers)  # raises ModelError where the layers do not combine
     return tuple(layers), tuple(numbers)
 
 
@@ -211,7 +204,7 @@ def _direction(name: str, value: Any) -> Floats:
 
 
 def _batches(cases: Sequence[_Case | None]) -> Iterator[tuple[list[int], Batch]]:
-    """Group cases by all but their numbers: one array evaluation, one generated shader each."""
+    """Group cases by all but their numbers: each group is one array evaluation, or one shader."""
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
         if case is not None:

@@ -1,4 +1,4 @@
-"""The cases of the stress test: numbers at the ends of their ranges, directions along the horizon, hostile scenes."""
+"""The cases of the stress test: numbers at the ends of their ranges, grazing directions, degenerate scenes."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ Rng = np.random.Generator
 # Places within a range, from its lower end; then absurd ones, down to float32's denormal numbers.
 _PLACES = (0.0, 1e-4, 0.01, 0.5, 1.0 - 1e-4, 1.0)
 _ABSURD = (1e-7, 1e-12, 1e-20, 1e-30, 1e-40, 1.0 - 2.0**-24)
-# Cosines; below 1e-7 a direction is on the horizon for all that float32 knows.
+# Cosines; below 1e-7 a direction is on the horizon in float32.
 _HEIGHTS = (1.0, 0.9, 0.3, 1e-2, 1e-4, 1e-5, 1e-6, 1e-7)
 _ABSURD_HEIGHTS = (0.0, 1e-12, 1e-18, 1e-20, 1e-30, 1e-37, 1e-40, 1e-45)
 
 
 @dataclass(frozen=True, eq=False)
 class Extremes:
-    """Cases for both sides, exact in float32; `comparable` (n,) are those where float32 can know the answer."""
+    """Cases for both sides, exact in float32; `comparable` (n,) are those that float32 can resolve."""
 
     batch: Batch
     comparable: Mask
 
 
 def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extremes:
-    """Draw cases of a stack; the second half is absurd: numbers next to nothing, cosines far below 1e-7.
+    """Draw cases of a stack; the second half is absurd: tiny numbers, cosines far below 1e-7.
 
-    Directions: anywhere, equal, mirrored, nearly mirrored, opposite along the horizon; for a thin surface also through
-    it, straight or not, and seen from behind. Half of the cases have normals that lean anywhere, overhangs included,
-    but where the directions are nearly opposite: the half vector of those, turned, is rounding.
+    Directions: anywhere, equal, mirrored, nearly mirrored, opposite along the horizon; for a two-sided surface also
+    through it, straight or not, and from behind. Half of the cases have random normals, except where the directions are
+    nearly opposite: their half vector is rounding.
     """
     absurd = np.arange(count) >= count // 2
     wo, wi = _directions(count, absurd, rng, thin=any(MODELS[layer.model].two_sided for layer in layers))
@@ -101,7 +101,7 @@ def _direction(cosine: Floats, phi: Floats) -> Floats:
 
 def _numbers(layer: PointLayer, count: int, absurd: Mask, straight: Mask, rng: Rng) -> dict[str, Floats]:
     known = MODELS[layer.model].parameters
-    # All weights at once at their least: nothing is left of the surface.
+    # All weights at their least together: the surface is black.
     nothing = rng.random(count) < 0.02
     numbers = {}
     for name in layer.shapes():
@@ -138,7 +138,7 @@ def _float32(values: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class SceneCase:
-    """A hostile scene. Its picture is `gain` times that of the case `like`; `white` light is 1 from everywhere."""
+    """A degenerate scene. Its picture is `gain` times that of the case `like`."""
 
     name: str
     asset: Asset
@@ -158,9 +158,9 @@ class SceneCase:
 
 
 def scene_cases() -> tuple[SceneCase, ...]:
-    """Return scenes whose pictures are known from one another; their geometry has one mesh, UVs ``st``, no primvars.
+    """Return scenes with known relations of their pictures; each has one mesh, UVs ``st``, no primvars.
 
-    They suit a look without direction or texture: zero-area UVs leave it no tangent.
+    They are for a look without direction or texture, because zero-area UVs give no tangent.
     """
     usual, lamp, sun = _pair(), _lamp(), _sun()
     far = (1e5, -5e4, 2e4)
@@ -172,7 +172,7 @@ def scene_cases() -> tuple[SceneCase, ...]:
         SceneCase("0.1 mm, 100 km away", _pair(scale=1e-4, at=far), lamp, "usual"),
         SceneCase("degenerate triangles", _pair(_degenerate), lamp, "usual"),
         SceneCase("zero-area UVs", _pair(_flat_uvs), lamp, "usual"),
-        SceneCase("flipped normals", _pair(_flipped), lamp, "usual"),
+        SceneCase("flipped normals", _pair(lambda mesh: replace(mesh, normals=-mesh.normals)), lamp, "usual"),
         SceneCase("light times 1e6", usual, _scaled(lamp, 1e6), "usual", 1e6),
         SceneCase("sun of a texel", usual, sun),
         SceneCase("sun of a texel, 1e6", usual, _scaled(sun, 1e6), "sun of a texel", 1e6),
@@ -183,7 +183,7 @@ def scene_cases() -> tuple[SceneCase, ...]:
 
 
 def hostile_scenes() -> tuple[SceneCase, ...]:
-    """Return scenes that suit every look: shading normals and tangents anywhere, degenerate triangles, no UV area."""
+    """Return scenes for every look: random shading normals and tangents, degenerate triangles, zero-area UVs."""
     hostile = _pair(lambda mesh: _anywhere(_flat_uvs(_degenerate(mesh))))
     return (
         SceneCase("normals anywhere", hostile, _white()),
@@ -194,7 +194,7 @@ def hostile_scenes() -> tuple[SceneCase, ...]:
 def _pair(
     change: Callable[[Mesh], Mesh] = lambda mesh: mesh, scale: float = 1.0, at: tuple[float, ...] = (0.0, 0.0, 0.0)
 ) -> Asset:
-    """Return two spheres that shade and mirror each other."""
+    """Return two spheres that occlude and reflect each other."""
     ball = make_sphere(segments=64, rings=32)
     instances = []
     for size, place in ((1.0, (0.0, 0.0, 0.0)), (0.4, (1.2, -0.8, 0.5))):
@@ -228,14 +228,10 @@ def _take(mesh: Mesh, corner: NDArray[np.intp]) -> Mesh:
 
 
 def _flat_uvs(mesh: Mesh) -> Mesh:
-    """Put all UVs in one place; tangents are then what the importer of assets makes of that."""
+    """Make all UVs equal, with the tangents that the importer of assets derives."""
     uvs = np.full_like(mesh.uvs["st"], 0.5)
     tangents = corner_tangents(mesh.points, mesh.corner_points, mesh.face_sizes, mesh.normals, uvs)
     return replace(mesh, uvs={"st": uvs}, tangents=tangents)
-
-
-def _flipped(mesh: Mesh) -> Mesh:
-    return replace(mesh, normals=-mesh.normals)
 
 
 def _anywhere(mesh: Mesh) -> Mesh:
@@ -244,12 +240,8 @@ def _anywhere(mesh: Mesh) -> Mesh:
     return replace(mesh, normals=normals.astype(np.float32))
 
 
-def _light(radiance: Floats) -> EnvironmentMap:
-    return make_environment("stress", radiance)
-
-
 def _white() -> EnvironmentMap:
-    return _light(np.ones((4, 8, 3)))
+    return make_environment("stress", np.ones((4, 8, 3)))
 
 
 def _lamp() -> EnvironmentMap:
@@ -257,14 +249,14 @@ def _lamp() -> EnvironmentMap:
     height, width = 16, 32
     v, u = (np.mgrid[:height, :width] + 0.5) / np.array([height, width])[:, None, None]
     beam = np.exp(6.0 * (np.cos(2.0 * np.pi * (u - 0.3)) * np.sin(np.pi * v) - 1.0))
-    return _light(0.1 + 2.0 * beam[..., None] * (1.0, 0.8, 0.6))
+    return make_environment("stress", 0.1 + 2.0 * beam[..., None] * (1.0, 0.8, 0.6))
 
 
 def _sun() -> EnvironmentMap:
     radiance = np.zeros((64, 128, 3))
     radiance[20, 40] = (1.0, 0.8, 0.6)
-    return _light(radiance)
+    return make_environment("stress", radiance)
 
 
 def _scaled(light: EnvironmentMap, gain: float) -> EnvironmentMap:
-    return _light(gain * light.radiance.astype(np.float64))
+    return make_environment("stress", gain * light.radiance.astype(np.float64))

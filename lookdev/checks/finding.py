@@ -1,4 +1,4 @@
-"""What a check found, as plain data: every check makes these, `lookdev.checks.report` shows them."""
+"""Findings of checks as plain data, which `lookdev.checks.report` shows."""
 
 from __future__ import annotations
 
@@ -13,68 +13,32 @@ Array: TypeAlias = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """One curve of a plot, or with `low` and `high` its confidence band.
+    """One curve of a plot; arrays have the shape (N,), x of "bars" (N + 1,)."""
 
-    Parameters
-    ----------
-    name
-        What the legend calls it.
-    x, y
-        Abscissae and values, shape (N,).
-    low, high
-        The band's bounds, shape (N,); both or neither.
-    style
-        "line", "points" (markers, with the band as error bars) or "bars" (a histogram: x are the N + 1 edges).
-    """
-
-    name: str
+    name: str  # in the legend
     x: Array
     y: Array
-    low: Array | None = None
+    low: Array | None = None  # confidence band; with high
     high: Array | None = None
-    style: str = "line"
+    style: str = "line"  # or "points", with the band as error bars, or "bars", a histogram over the edges x
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One image of a plot.
+    """One image of a plot: display-referred colours (H, W, 3) in [0, 1], or values (H, W) with a colour bar."""
 
-    Parameters
-    ----------
-    name
-        Its caption.
-    pixels
-        Shape (H, W, 3) for display-referred colours in [0, 1], or (H, W) for values drawn with a colour bar.
-    low, high
-        The values at both ends of the colour bar; of (H, W) only.
-    """
-
-    name: str
+    name: str  # the caption
     pixels: Array
-    low: float | None = None
+    low: float | None = None  # at the lower end of the colour bar
     high: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Plot:
-    """A figure of the report: curves over one pair of axes, or images side by side.
-
-    Parameters
-    ----------
-    title
-        Its heading.
-    x_label, y_label
-        Axis labels with units; of curves only.
-    series
-        The curves.
-    pictures
-        The images, drawn in a row; a plot has series or pictures.
-    log_y
-        A logarithmic y axis.
-    """
+    """A figure of the report: curves over one pair of axes, or images side by side."""
 
     title: str
-    x_label: str = ""
+    x_label: str = ""  # with its unit
     y_label: str = ""
     series: tuple[Series, ...] = ()
     pictures: tuple[Picture, ...] = ()
@@ -83,36 +47,16 @@ class Plot:
 
 @dataclass(frozen=True, eq=False)
 class Finding:
-    """The result of one check of one subject.
+    """The result of one check of one subject: a look, a model, or a look and a light."""
 
-    Parameters
-    ----------
-    check
-        "points", "albedo", "image" or "stability".
-    subject
-        What was checked: a look, a model, or a look and a light.
-    passed
-        Whether the two sides agree; True where the check was skipped.
-    summary
-        One line with the figures.
-    figures
-        The same figures by name, for machines.
-    details
-        The worst cases, one a line, each of which can be replayed.
-    plots
-        What the report draws.
-    skipped
-        Why the check, or a part of it, was not run; empty when all of it was.
-    """
-
-    check: str
+    check: str  # "points", "albedo", "image" or "stability"
     subject: str
-    passed: bool
-    summary: str
+    passed: bool  # the two sides agree, or the check was skipped
+    summary: str  # one line with the figures
     figures: dict[str, float] = field(default_factory=dict)
-    details: tuple[str, ...] = ()
+    details: tuple[str, ...] = ()  # the worst cases, one a line; `lookdev eval` takes those of points
     plots: tuple[Plot, ...] = ()
-    skipped: str = ""
+    skipped: str = ""  # why the check, or a part of it, was not run
 
     @property
     def headline(self) -> str:

@@ -1,4 +1,4 @@
-"""Frames as checks render them: what is rendered, and by what."""
+"""Frames of checks: their task, and the function that renders them."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.codegen import ShaderSource
+from lookdev.codegen import ShaderSource, Source
 from lookdev.render.task import FrameTask, SceneTask
 
 Image = NDArray[np.float32]
 Alter = Callable[[str], str]
-"""Takes the text of a shader and returns the one to run: how a test plants a fault."""
+"""Takes the text of a shader and returns the one to run; tests plant faults by it."""
 
 
 class Halves(Protocol):
-    """Two independent renders of a frame, (H, W, 3), premultiplied, without exposure, and their coverage (H, W)."""
+    """Independent halves (H, W, 3) of a frame, premultiplied, without exposure, and their coverage (H, W)."""
 
     @property
     def a(self) -> Image: ...
@@ -41,8 +41,8 @@ def unaltered(osl: str) -> str:
 
 def altered(scene: SceneTask, alter: Alter) -> SceneTask:
     """Return a scene with the text of its shaders altered."""
-    sources = [
-        replace(source, osl=alter(source.osl)) if isinstance(source, ShaderSource) else source
-        for source in scene.shaders
-    ]
-    return replace(scene, shaders=tuple(sources))
+
+    def changed(source: Source) -> Source:
+        return replace(source, osl=alter(source.osl)) if isinstance(source, ShaderSource) else source
+
+    return replace(scene, shaders=tuple(map(changed, scene.shaders)))

@@ -1,8 +1,7 @@
-"""How far the picture of an approximation is from the exact one, for a machine and for a person.
+"""The difference of the picture of an approximation from the exact one, as relMSE and as FLIP.
 
-Both pictures come as two independent halves. Products of differences of unlike halves have no noise in them on
-average, so relMSE needs no converged pictures. FLIP has no such form: that of two renders of the same picture, which
-should be 0, is reported beside it.
+Both pictures are two independent halves. A product of differences of independent halves is unbiased, so relMSE needs no
+converged pictures. FLIP has no such estimator: its value for two renders of the same picture is reported beside it.
 """
 
 from __future__ import annotations
@@ -26,35 +25,23 @@ MOST_FLIP = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """What two pictures differ by over the asset's pixels.
+    """The difference of two pictures over the asset's pixels."""
 
-    relmse of their expectations, and its standard error; flip, the mean HDR-FLIP of the two, and noise, that of two
-    renders of the exact one; seen (H, W), the map of FLIP.
-    """
-
-    relmse: float
-    relmse_error: float
-    flip: float
-    noise: float
-    seen: Doubles
+    relmse: float  # of their expectations
+    relmse_error: float  # its standard error
+    flip: float  # mean HDR-FLIP
+    noise: float  # mean HDR-FLIP of two renders of the exact picture
+    seen: Doubles  # the map of FLIP, (H, W)
 
 
 def measure_gap(exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alpha: Floats) -> Gap:
-    """Compare two pictures.
-
-    Parameters
-    ----------
-    exact, other : pairs of (H, W, 3)
-        Independent halves, premultiplied, exposure 0.
-    alpha : (H, W)
-        Coverage; pixels above 0 count.
-    """
+    """Compare independent halves (H, W, 3) of two pictures, premultiplied, exposure 0; coverage `alpha` (H, W)."""
     covered = alpha > 0.0
     a, b, c, d = (half.astype(np.float64)[covered] for half in (*exact, *other))
-    # As relMSE has it, the reference squared; of unlike halves too.
+    # The squared reference of relMSE is a product of independent halves too.
     squares = (a - c) * (b - d) / (np.maximum(a * b, 0.0) + EPSILON)
     pixels = squares.mean(axis=-1)
-    # Two halves against two: what four give against four is less noisy than this by half.
+    # One half against the other: four halves against four are less noisy by a factor of 2.
     _, apart = flip(exact[0], exact[1])
     _, seen = flip((other[0] + other[1]) / 2.0, (exact[0] + exact[1]) / 2.0)
     return Gap(
@@ -67,14 +54,9 @@ def measure_gap(exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alph
 
 
 def check_gap(subject: str, exact: tuple[Floats, Floats], other: tuple[Floats, Floats], alpha: Floats) -> Finding:
-    """Check that a person hardly sees the difference: mean FLIP at most `MOST_FLIP`; parameters as `measure_gap`."""
+    """Check that the mean FLIP is at most `MOST_FLIP`; parameters as `measure_gap`."""
     gap = measure_gap(exact, other, alpha)
-    figures = {
-        "flip": gap.flip,
-        "flip_noise": gap.noise,
-        "relmse": gap.relmse,
-        "relmse_error": gap.relmse_error,
-    }
+    figures = {"flip": gap.flip, "flip_noise": gap.noise, "relmse": gap.relmse, "relmse_error": gap.relmse_error}
     summary = (
         f"FLIP to exact {gap.flip:.3f} (at most {MOST_FLIP}; of two exact renders {gap.noise:.3f}), "
         f"relMSE {gap.relmse:.2g} ± {gap.relmse_error:.1g}"

@@ -1,18 +1,15 @@
-"""Does a frame show what the float64 reference computes: t-tests on a random subset of its pixels.
+"""Comparison of frames with the float64 reference: t-tests on a random subset of pixels.
 
-A frame comes as independent halves, whose spread is its noise; the reference has a standard error of its own. Both are
-known from few values, so a difference over its error follows Student's t, with the freedom that Welch (1947) and
-Satterthwaite (1946) give it. Light that comes by rare bright paths makes noise of long tails: a pixel whose halves all
-missed such a path has too low a value and too small a spread. The reference has more samples, and gives a lower bound
-of the noise.
+The spread of a frame's independent halves is its noise; the reference has a standard error of its own. Both are
+estimated from few values, so a difference over its error follows Student's t, with the degrees of freedom of Welch
+(1947) and Satterthwaite (1946). Rare bright paths make heavy-tailed noise: a pixel whose halves all missed such a path
+has too low a value and too small a spread. The reference has more samples, and gives a lower bound of the noise.
 
 Noise alone fails each of three tests once in `1 / LEVEL` frames:
 
-- every channel of every pixel: no |t| beyond the quantile of that many tests (Šidák 1967), which finds what is wrong at
-  one place;
-- the number of pixels beyond a quantile in the middle of the distribution, which finds what is wrong at many places a
-  little, in either direction;
-- the mean relative difference of each channel, which finds what is far below the noise of a pixel.
+- every channel of every pixel: no |t| beyond the quantile of that many tests (Šidák 1967); detects local errors;
+- the number of pixels beyond a quantile in the middle of the distribution; detects small errors at many pixels;
+- the mean relative difference of each channel; detects a bias far below the noise of a pixel.
 """
 
 from __future__ import annotations
@@ -36,37 +33,32 @@ Doubles = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 LEVEL = 3e-4
-"""How often noise alone fails each test."""
+"""The probability that noise alone fails a test."""
 
 FEWEST_HALVES = 8
-"""Below, the quantiles of Student's t are so far out that nothing fails."""
+"""With fewer, the quantiles of Student's t are too large for any failure."""
 
-_MIDDLE = 0.2  # the share of pixels that noise puts beyond the quantile which they are counted at
-_DIRECTIONS = 4.0  # that a shading point of a frame sends out for each one of the reference, at most
-_FLOOR = 1e-6  # of an error, where neither side has any: float32 rounding of a value of 1, tenfold
+_MIDDLE = 0.2  # the share of pixels beyond the middle quantile by noise
+_DIRECTIONS = 4.0  # the most directions per shading point of a frame for each one of the reference
+_FLOOR = 1e-6  # of an error: ten times the float32 rounding of 1
 _WORST = 5
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """What a frame and the reference differ by, at P pixels.
+    """The difference of a frame from the reference, at P pixels, each (P, 3)."""
 
-    difference, error, t, freedom (P, 3): frame minus reference, its standard error, their quotient, and the degrees
-    of freedom of the error; claimed (P, 3): the frame's own standard error.
-    """
-
-    difference: Doubles
-    error: Doubles
-    t: Doubles
-    freedom: Doubles
-    claimed: Doubles
+    difference: Doubles  # frame minus reference
+    error: Doubles  # its standard error
+    t: Doubles  # difference over error
+    freedom: Doubles  # degrees of freedom of the error
+    claimed: Doubles  # the frame's own standard error
 
 
 def choose_pixels(alpha: Floats, count: int, seed: int = 0) -> Ints:
-    """Choose pixels (P, 2), column and row, at random among those that the asset can cover.
+    """Choose at most `count` pixels (P, 2), column and row, at random among those of `alpha` (H, W) above 0.
 
-    Neighbours of covered pixels (`alpha`, (H, W)) are among them: those that a frame found covered by chance alone
-    would be too bright. P is `count`, or fewer where the asset covers fewer.
+    Their neighbours are included: a choice among pixels that a frame found covered would be biased to bright ones.
     """
     rows, columns = np.nonzero(binary_dilation(alpha > 0.0, np.ones((3, 3))))
     chosen = np.random.default_rng(seed).permutation(len(rows))[:count]
@@ -76,25 +68,12 @@ def choose_pixels(alpha: Floats, count: int, seed: int = 0) -> Ints:
 def compare_pixels(halves: Floats, samples: int, reference: Estimate) -> Agreement:
     """Compare pixels of a frame with the reference.
 
-    Parameters
-    ----------
-    halves : (K, P, 3)
-        Independent renders of equal cost of the same pixels, premultiplied, exposure 0.
-    samples
-        A pixel, over all of them together.
-    reference
-        Of the same pixels.
-
-    Raises
-    ------
-    RenderError
-        There are fewer than `FEWEST_HALVES` renders.
+    `halves` (K, P, 3) are independent renders of equal cost, premultiplied, exposure 0, with `samples` per pixel over
+    all of them; raises RenderError where there are fewer than `FEWEST_HALVES`.
     """
     count = len(halves)
     if count < FEWEST_HALVES:
-        raise RenderError(
-            f"{count} independent renders are too few to know their noise; {FEWEST_HALVES} would be right"
-        )
+        raise RenderError(f"{count} independent renders are too few to estimate noise; {FEWEST_HALVES} would be right")
     halves = halves.astype(np.float64)
     own = halves.var(axis=0, ddof=1) / count
     least = reference.error**2 * (reference.samples * reference.scrambles / (samples * _DIRECTIONS))
@@ -115,7 +94,7 @@ def check_frame(
     reference: Estimate,
     converged: Floats | None = None,
 ) -> Finding:
-    """Check a frame against the reference.
+    """Check a frame against the reference; errors as `compare_pixels`.
 
     Parameters
     ----------
@@ -126,18 +105,11 @@ def check_frame(
     alpha : (H, W)
         Coverage.
     samples
-        A pixel, over all of the halves together.
+        Per pixel, over all halves.
     pixels : (P, 2)
-        Column and row of those that `reference` has; of `choose_pixels`.
-    reference
-        Those pixels in float64.
+        Column and row of the pixels of `reference`, by `choose_pixels`.
     converged : (H, W, 3)
-        The same frame at many more samples: how visible the difference is, is reported as FLIP.
-
-    Raises
-    ------
-    RenderError
-        There are fewer than `FEWEST_HALVES` halves.
+        The same frame with many more samples, for FLIP.
     """
     columns, rows = pixels.T
     broken = pixels[~np.isfinite(halves[:, rows, columns]).all(axis=(0, 2))]
@@ -147,7 +119,7 @@ def check_frame(
         return Finding("image", subject, False, summary, {"broken": float(len(broken))}, details)
     found = compare_pixels(halves[:, rows, columns], samples, reference)
     tests = found.t.size
-    # Pixel by pixel: the probability that noise alone is this far out, and the lowest that is not suspicious.
+    # The probability of such a deviation by noise, for each channel, and the least that passes.
     odds = 2.0 * stats.t.sf(np.abs(found.t), found.freedom)
     least = 1.0 - (1.0 - LEVEL) ** (1.0 / tests)
     suspicious = int((odds < least).any(axis=-1).sum())
@@ -191,10 +163,9 @@ def check_frame(
 def flip(image: Floats, converged: Floats) -> tuple[float, Doubles]:
     """Return the mean HDR-FLIP of an image (H, W, 3) against a converged one, and its map (H, W), both in [0, 1].
 
-    Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images": how different two pictures look
-    to a person who flips between them, over the exposures at which either shows anything.
+    Andersson et al. 2021, "Visualizing Errors in Rendered High Dynamic Range Images": the visible difference of two
+    pictures over all exposures at which either shows anything.
     """
-    # Loaded here: nothing else needs it.
     import flip_evaluator
 
     test, reference = (np.ascontiguousarray(np.maximum(each, 0.0), np.float32) for each in (image, converged))
@@ -203,7 +174,7 @@ def flip(image: Floats, converged: Floats) -> tuple[float, Doubles]:
 
 
 def _bias(found: Agreement, scale: Doubles) -> tuple[Doubles, Doubles, Doubles]:
-    """Return the mean relative difference of each channel, (3,), its error, and how large noise alone makes it."""
+    """Return the mean relative difference of each channel, (3,), its standard error, and the limit of its noise."""
     variance = (found.error / scale) ** 2
     bias, error = np.mean(found.difference / scale, axis=0), np.sqrt(variance.sum(axis=0)) / len(variance)
     freedom = variance.sum(axis=0) ** 2 / (variance**2 / found.freedom).sum(axis=0)
@@ -231,17 +202,17 @@ def _scatter(found: Agreement, reference: Estimate) -> Plot:
 
 
 def _histogram(found: Agreement) -> Plot:
-    """Draw t as normal deviates of the same odds, so that pixels of different freedom share one scale."""
+    """Return a plot of t as normal deviates of equal probability, which do not depend on the degrees of freedom."""
     deviates = np.sign(found.t) * stats.norm.isf(np.maximum(stats.t.sf(np.abs(found.t), found.freedom), 1e-300))
     edges = np.linspace(-6.0, 6.0, 49)
     density = np.histogram(np.clip(deviates, -6.0, 6.0), edges)[0] / (deviates.size * (edges[1] - edges[0]))
     noise = np.linspace(-6.0, 6.0, 121)
     series = Series("channels of pixels", edges, density, style="bars"), Series("noise", noise, stats.norm.pdf(noise))
-    return Plot("How far out differences are", "standard errors", "density", series)
+    return Plot("Differences over their errors", "standard errors", "density", series)
 
 
 def frame_picture(name: str, image: Floats) -> Picture:
-    """Return a frame (H, W, 3) as the report shows it."""
+    """Return a frame (H, W, 3) for the report."""
     return Picture(name, np.clip(image, 0.0, 1.0).astype(np.float64) ** (1.0 / 2.2))
 
 

@@ -1,8 +1,7 @@
 """Point values: a look's own generated OSL inside Cycles, in float32, against NumPy in float64.
 
-Inputs of the look that vary are read from a table, so that each case is known exactly; they take the values that the
-look has at random points. Its constants fold as in the shader that renders it: the code under test is the look's own.
-Both sides start from the same float32 numbers.
+Inputs that vary are read from a table of values that the look has at random points. Constants fold as in the shader
+that renders the look, so that its own code is tested. Both sides start from the same float32 numbers.
 """
 
 from __future__ import annotations
@@ -26,8 +25,7 @@ VISIBLE = 1e-4
 """1/sr: below it the tolerance is absolute, that of this value."""
 
 _WORST = 5
-# Turning a direction into the frame of a leaning normal, or refracting it by an averaged index, rounds it by up to so
-# many units in the last place.
+# Rounding of a direction in the frame of a tilted normal, or refracted by an averaged index: units in the last place.
 _TURN = 4.0 * 2.0**-24
 _EDGES = np.linspace(-9.0, 0.0, 37)
 
@@ -40,39 +38,24 @@ def check_points(
     tolerance: float = TOLERANCE,
     alter: Callable[[str], str] = lambda osl: osl,
 ) -> Finding:
-    """Compare f and pdf of a look at random points and directions.
+    """Compare f and pdf of a look in `count` cases: random points and directions, chosen by `seed`.
 
-    Parameters
-    ----------
-    look
-        Its textures are read; whatever varies is drawn over the values that it takes.
-    count
-        Cases.
-    seed
-        Another seed, other cases.
-    tolerance
-        Relative error allowed where the value is above `VISIBLE`.
-    alter
-        Is given the text of the shader and returns the one to run: how a test plants a fault.
-
-    Raises
-    ------
-    WorkerError
-        Cycles failed.
+    Textures are read. `tolerance` is the relative error allowed for values above `VISIBLE`; `alter` alters the text of
+    the shader. Raises WorkerError where Cycles fails.
     """
     batch = look_batch(look, count, np.random.default_rng(seed))
     got = _columns(*evaluate_cycles(batch, alter=alter))
-    wanted = _columns(*_reference(batch, batch.wo, batch.wi))
-    allowed = tolerance * np.maximum(wanted, VISIBLE)
+    expected = _columns(*_reference(batch, batch.wo, batch.wi))
+    allowed = tolerance * np.maximum(expected, VISIBLE)
     leans = _leans(batch)
     if leans:
-        allowed += _rounding(batch, wanted)
+        allowed += _rounding(batch, expected)
     sound = np.isfinite(got) & (got >= 0.0)
-    error = np.abs(np.where(sound, got, 0.0) - wanted)
-    # Of `allowed`: beyond 1 a case fails. What is not a value at all is as wrong as can be.
+    error = np.abs(np.where(sound, got, 0.0) - expected)
+    # Above 1 a case fails.
     excess = np.where(sound, error / allowed, np.inf)
-    visible = wanted > VISIBLE
-    relative = error[visible] / wanted[visible]
+    visible = expected > VISIBLE
+    relative = error[visible] / expected[visible]
     worst = np.argsort(-excess.max(axis=-1), kind="stable")[:_WORST]
     failed = int(np.count_nonzero((excess > 1.0).any(axis=-1)))
     largest = float(relative.max(initial=0.0))
@@ -93,13 +76,13 @@ def check_points(
             "largest_relative_error": largest,
             "largest_excess": float(excess.max()),
         },
-        details=tuple(_line(batch, int(index), got, wanted, excess) for index in worst),
-        plots=(_histogram(error, wanted, tolerance),),
+        details=tuple(_line(batch, int(index), got, expected, excess) for index in worst),
+        plots=(_histogram(error, expected, tolerance),),
     )
 
 
 def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
-    """Return random cases of a look, rounded to float32: half of them as some point has them, half recombined."""
+    """Return random cases of a look, rounded to float32: half with the inputs of one point, half recombined."""
     layers = sample_layers(look, count, rng)
     numbers = tuple({name: _recombined(value, rng) for name, value in varying(layer).items()} for layer in layers)
     kinds = tuple(PointLayer(layer.model, tokens(layer), layer.mode, constant(layer)) for layer in layers)
@@ -111,16 +94,16 @@ def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
 
 
 def _recombined(values: Floats, rng: np.random.Generator) -> Floats:
-    """Shuffle the second half: inputs there meet values of each other that they have at other points."""
+    """Shuffle the second half, so that inputs of different points are combined."""
     half = len(values) // 2
     return np.concatenate([values[:half], rng.permutation(values[half:])])
 
 
 def _directions(bsdf: Bsdf, count: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
-    """Draw views, a quarter grazing down to 1e-4, and lights: half of them where the surface sends light.
+    """Draw views, a quarter grazing down to 1e-4, and lights: half of them by sampling the BSDF.
 
-    The other lights: near the mirror direction, nearly opposite to the view, on the horizon, anywhere. A two-sided
-    surface is also seen from behind, and lit from there.
+    The others: near the mirror direction, nearly opposite to the view, on the horizon, anywhere. A two-sided surface is
+    also seen from behind, and lit from there.
     """
     wo, wi = _upper(rng, count), _upper(rng, count)
     part = count // 16
@@ -169,7 +152,7 @@ def _columns(f: Floats, density: Floats) -> Floats:
 
 
 def _leans(batch: Batch) -> bool:
-    """Tell whether directions are turned before lobes see them: leaning normals, indices averaged over layers."""
+    """Return whether directions are transformed before evaluation: tilted normals, indices averaged over layers."""
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         for name in layer.shapes():
             normal = numbers.get(name, np.asarray(layer.constants.get(name, ZENITH)))
@@ -178,27 +161,27 @@ def _leans(batch: Batch) -> bool:
     return [layer.mode for layer in batch.layers].count("transmit") > 1
 
 
-def _rounding(batch: Batch, wanted: Floats) -> Floats:
-    """Return by how much values change, at the first order, where directions are rounded by `_TURN`."""
-    total = np.zeros_like(wanted)
+def _rounding(batch: Batch, expected: Floats) -> Floats:
+    """Return the first-order change of values by a rounding of directions by `_TURN`."""
+    total = np.zeros_like(expected)
     for axis in range(3):
         step = _TURN * np.eye(3)[axis]
         for wo, wi in ((batch.wo + step, batch.wi), (batch.wo, batch.wi + step)):
-            total += np.abs(_columns(*_reference(batch, wo, wi)) - wanted)
+            total += np.abs(_columns(*_reference(batch, wo, wi)) - expected)
     return total
 
 
-def _line(batch: Batch, index: int, got: Floats, wanted: Floats, excess: Floats) -> str:
-    """Write one case as a line that `lookdev eval` takes."""
-    values_of = {"numpy": wanted[index].tolist(), "cycles": [float(value) for value in got[index]]}
+def _line(batch: Batch, index: int, got: Floats, expected: Floats, excess: Floats) -> str:
+    """Return one case as a line for `lookdev eval`."""
+    values_of = {"numpy": expected[index].tolist(), "cycles": [float(value) for value in got[index]]}
     return case_line(batch, index, excess=float(excess[index].max()), f_and_pdf=values_of)
 
 
-def _histogram(error: Floats, wanted: Floats, tolerance: float) -> Plot:
+def _histogram(error: Floats, expected: Floats, tolerance: float) -> Plot:
     series = []
     for name, columns in (("f", slice(0, 3)), ("pdf", slice(3, 4))):
-        visible = wanted[:, columns] > VISIBLE
-        relative = error[:, columns][visible] / wanted[:, columns][visible]
+        visible = expected[:, columns] > VISIBLE
+        relative = error[:, columns][visible] / expected[:, columns][visible]
         logarithm = np.log10(np.clip(relative, 10.0 ** _EDGES[0], 10.0 ** _EDGES[-1]))
         heights = np.histogram(logarithm, _EDGES)[0].astype(np.float64)
         series.append(Series(name, _EDGES, heights, style="bars"))

@@ -1,4 +1,4 @@
-"""Findings as a table for a terminal and as one HTML page that stands alone."""
+"""Findings as a table in a terminal and as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pre { white-space: pre-wrap; overflow-wrap: anywhere; background: #f5f5f5; paddi
 
 
 def print_findings(findings: Sequence[Finding], console: Console) -> None:
-    """Print a table, then the worst cases of what disagrees, one a line and unbroken."""
+    """Print a table, then the worst cases of what disagrees, an unbroken line each."""
     table = Table(box=box.SIMPLE_HEAD)
     for column in ("check", "of", "", "figures"):
         table.add_column(column, overflow="fold")
@@ -52,13 +52,7 @@ def verdict(findings: Sequence[Finding]) -> str:
 
 
 def write_html(findings: Sequence[Finding], file: Path, title: str) -> None:
-    """Write a page with all figures, worst cases and plots; it loads nothing and runs nothing.
-
-    Raises
-    ------
-    OSError
-        The file cannot be written.
-    """
+    """Write a page with all figures, worst cases and plots, which loads and runs nothing; OSError where that fails."""
     rows = "".join(
         f'<tr><td>{_text(each.check)}</td><td><a href="#finding{number}">{_text(each.subject)}</a></td>'
         f"<td>{_badge(each)}</td><td>{_text(_words(each))}</td></tr>\n"
@@ -66,7 +60,7 @@ def write_html(findings: Sequence[Finding], file: Path, title: str) -> None:
     )
     page = (
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
-        # Whatever a name or a plot may hold, a browser loads nothing for it.
+        # A browser loads nothing, whatever names and plots contain.
         '<meta http-equiv="Content-Security-Policy" content="default-src \'none\'; img-src data:; '
         "style-src 'unsafe-inline'\">\n"
         f"<title>{_text(title)}</title>\n<style>{_STYLE}</style>\n</head>\n<body>\n<h1>{_text(title)}</h1>\n"
@@ -89,8 +83,8 @@ def _words(finding: Finding) -> str:
     return f"{finding.summary}; skipped: {finding.skipped}" if finding.summary else f"skipped: {finding.skipped}"
 
 
-def _text(words: str) -> str:
-    return html.escape(words)
+def _text(text: str) -> str:
+    return html.escape(text)
 
 
 def _badge(finding: Finding) -> str:
@@ -118,21 +112,20 @@ def draw_svg(plot: Plot) -> bytes:
         figure = Figure(figsize=(7.2, 3.4), layout="constrained")
         figure.suptitle(_plain(plot.title))
         if plot.pictures:
-            for axes, picture in zip(
-                figure.subplots(1, len(plot.pictures), squeeze=False)[0], plot.pictures, strict=True
-            ):
+            row = figure.subplots(1, len(plot.pictures), squeeze=False)[0]
+            for axes, picture in zip(row, plot.pictures, strict=True):
                 _draw_picture(figure, axes, picture)
         else:
             _draw_series(figure.add_subplot(), plot)
         buffer = io.BytesIO()
-        # No date: the same findings give the same file.
+        # Without a date, equal findings give equal files.
         figure.savefig(buffer, format="svg", metadata={"Date": None})
     return buffer.getvalue()
 
 
-def _plain(words: str) -> str:
-    # A dollar sign would begin mathematics.
-    return words.replace("$", r"\$")
+def _plain(text: str) -> str:
+    # Matplotlib reads text after a dollar sign as mathematics.
+    return text.replace("$", r"\$")
 
 
 def _draw_picture(figure: Figure, axes: Any, picture: Picture) -> None:

@@ -1,4 +1,4 @@
-"""A look at random points of a surface: every value that its inputs take, as numbers."""
+"""The inputs of a look at random points of a surface, as numbers."""
 
 from __future__ import annotations
 
@@ -20,10 +20,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _RandomPoints:
-    """Points anywhere on a surface that carries whatever is asked for: UVs in [0, 1), primvars in [0, 1].
-
-    A quarter of the points lacks a primvar, and one in two has mirrored UVs.
-    """
+    """Random points with all UV sets and primvars, in [0, 1); a quarter lacks a primvar, half have mirrored UVs."""
 
     rng: np.random.Generator
     count: int
@@ -52,13 +49,7 @@ class _RandomPoints:
 
 
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
-    """Return the layers of a look at random points, (count,): textures and primvars where they vary, else constants.
-
-    Raises
-    ------
-    ModelError, TextureError
-        As `lookdev.reference.surface.look_bsdf`.
-    """
+    """Return the layers of a look at random points, (count,), constants as they are; errors as `look_layers`."""
     return look_layers(look, _RandomPoints(rng, count))
 
 
@@ -78,39 +69,31 @@ def tokens(layer: StackLayer) -> dict[str, str]:
 
 
 def constant_look(look: Look, layers: list[StackLayer], index: int) -> Look:
-    """Return the look that is everywhere as `layers` are at one of their points."""
-    at = [constant(layer) | {name: value[index].tolist() for name, value in varying(layer).items()} for layer in layers]
-    return replace(
-        look,
-        layers=tuple(
-            replace(
-                layer,
-                mask=numbers["mask"],
-                inputs=tokens(values)
-                | {
-                    name: tuple(value) if isinstance(value, list) else value
-                    for name, value in numbers.items()
-                    if name != "mask"
-                },
-            )
-            for layer, values, numbers in zip(look.layers, layers, at, strict=True)
-        ),
-    )
+    """Return the constant look of one of the points of `layers`."""
+    constants = []
+    for layer, values in zip(look.layers, layers, strict=True):
+        numbers = constant(values) | {name: value[index].tolist() for name, value in varying(values).items()}
+        inputs: dict[str, Any] = {
+            name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()
+        }
+        mask = inputs.pop("mask")
+        constants.append(replace(layer, mask=mask, inputs=tokens(values) | inputs))
+    return replace(look, layers=tuple(constants))
 
 
 def case_layer(model: str, inputs: Mapping[str, Any], mask: Any, mode: str) -> dict[str, Any]:
-    """Return a layer as `lookdev eval` takes it; inputs that have their default are left out."""
+    """Return a layer as `lookdev eval` takes it, without inputs that have their default."""
+
+    def plain(value: Any) -> Any:
+        return list(value) if isinstance(value, tuple) else value
+
     known = MODELS[model].parameters
-    plain = {name: list(value) if isinstance(value, tuple) else value for name, value in inputs.items()}
-    default = {
-        name: list(each.default) if isinstance(each.default, tuple) else each.default for name, each in known.items()
-    }
-    params = {name: value for name, value in plain.items() if value != default[name]}
+    params = {name: plain(value) for name, value in inputs.items() if plain(value) != plain(known[name].default)}
     return {"model": model, "params": params, "mask": mask, "mode": mode}
 
 
 def case_line(batch: Batch, index: int, **extra: object) -> str:
-    """Write one case as a line that `lookdev eval` takes; `extra` is handed through."""
+    """Return one case as a line for `lookdev eval`, with the keys of `extra`."""
     layers = []
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
         values = {**layer.constants, **{name: value[index].tolist() for name, value in numbers.items()}}

@@ -1,11 +1,11 @@
-"""Stability: no parameter, direction, light or geometry breaks a model, in NumPy or inside Cycles.
+"""Stability of models in NumPy and inside Cycles under extreme parameters, directions, lights and geometry.
 
-At points, a value must be finite and not negative on both sides. What float32 makes of a case is judged by backward
-error (Higham 2002, "Accuracy and Stability of Numerical Algorithms", 1.5): it may be as wrong as the exact value of
-inputs that differ by `UNITS` roundings. Where a highlight of 0.25 degrees meets the horizon that is a lot, and no
-formula does better; everywhere else it is little, and the relative error is reported beside it.
+At points, a value is finite and not negative on both sides. The float32 value is judged by its backward error (Higham
+2002, "Accuracy and Stability of Numerical Algorithms", 1.5): its error is at most that of the exact value for inputs
+that differ by `UNITS` roundings. That is large where a highlight of 0.25 degrees is at the horizon, for any formula,
+and small elsewhere; the relative error is reported beside it.
 
-In scenes, pictures that must be alike are compared by the noise that their own halves show.
+In scenes, the difference of pictures that are to be alike is compared with the noise of their halves.
 """
 
 from __future__ import annotations
@@ -47,13 +47,13 @@ UNITS = 64.0
 """Backward error that a float32 value may have: a formula is some ten operations long, of a rounding each."""
 
 ALIKE = 2.0
-"""Squared difference of two pictures of one thing over that of their halves: 1 but for chance, heavy tails included."""
+"""Squared difference of two pictures over that of their halves: 1 on average for equal scenes, heavy tails included."""
 
 _ROUNDING = 2.0**-24
 _PERTURBATIONS = 8
 _WORST = 5
 _COUNTS: dict[Depth, int] = {"quick": 4_000, "default": 20_000, "full": 200_000}
-# Of sets of parameters, and of samples at each view of each.
+# Sets of parameters, and samples for each view of each set.
 _ENERGY: dict[Depth, tuple[int, int]] = {"quick": (16, 128), "default": (48, 256), "full": (256, 1024)}
 _VIEWS = (1.0, 0.5, 0.1, 1e-3, 1e-7)
 _SIZE = (32, 32)
@@ -63,29 +63,11 @@ _SAMPLING = Sampling(samples=32, brdf_samples=2, ibl_samples=2, bounces=1)
 def stress(
     subjects: Sequence[str | Look], render: Render, *, seed: int = 0, depth: Depth = "default"
 ) -> Iterator[Finding]:
-    """Stress models and looks.
+    """Stress models and looks; yield a finding for each stack and scene.
 
-    Parameters
-    ----------
-    subjects
-        Names of models, stressed alone, in every form that tokens give them, and in stacks; and looks, stressed as
-        they are: what is constant in them stays, what varies takes any value of its range.
-    render
-        Renders a frame in Cycles.
-    seed
-        Another seed, other cases.
-    depth
-        How many cases: 4,000, 20,000 or 200,000 a stack.
-
-    Yields
-    ------
-    Finding
-        One a stack, one a look and one a scene.
-
-    Raises
-    ------
-    WorkerError
-        Points could not be evaluated inside Cycles. A picture that fails is a finding.
+    Models, by name, are stressed alone, with every choice of their tokens, and in stacks. Constants of looks are kept,
+    what varies takes any value of its range. `depth` gives 4,000, 20,000 or 200,000 cases a stack, chosen by `seed`.
+    Raises WorkerError where Cycles cannot evaluate points; a failed picture is a finding.
     """
     rng = np.random.default_rng(seed)
     for subject in subjects:
@@ -100,7 +82,7 @@ def stress(
 
 
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
-    """Return a model in every form, over itself and, of all others, over each; by name."""
+    """Return a model with every choice of its tokens, over itself, and over each other model, by name."""
 
     def plain(name: str) -> PointLayer:
         return PointLayer(
@@ -120,7 +102,7 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
 
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:
-    """Return the layers of a look with what is constant in them, as float32 has it."""
+    """Return the layers of a look with their constants, rounded to float32."""
     layers = sample_layers(look, 2, np.random.default_rng(0))
     return tuple(
         PointLayer(
@@ -134,25 +116,18 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
 
 
 def check_stack(
-    name: str,
-    layers: Sequence[PointLayer],
-    rng: np.random.Generator,
-    depth: Depth,
-    alter: Alter = unaltered,
+    name: str, layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth, alter: Alter = unaltered
 ) -> Finding:
-    """Evaluate extreme cases of a stack in NumPy and inside Cycles, and sample moderate ones in NumPy.
-
-    `alter` alters the text of the shader.
-    """
+    """Evaluate extreme cases of a stack in NumPy and, with `alter`, inside Cycles; sample moderate ones in NumPy."""
     cases = extreme_cases(layers, _COUNTS[depth], rng)
     with np.errstate(all="ignore"):
-        wanted = _columns(*evaluate_numpy(cases.batch))
+        expected = _columns(*evaluate_numpy(cases.batch))
     got = _columns(*evaluate_cycles(cases.batch, alter=alter))
-    unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", wanted), ("Cycles", got))}
+    unsound = {side: ~(np.isfinite(v) & (v >= 0.0)).all(axis=-1) for side, v in (("NumPy", expected), ("Cycles", got))}
     broken = unsound["NumPy"] | unsound["Cycles"]
-    # A density matters where it divides something; it is what sampling uses, so its own error cancels.
-    seen = cases.comparable & ~broken & (wanted[:, :3] > VISIBLE).any(axis=-1)
-    error = _judge(_chosen(cases.batch, seen), got[seen], wanted[seen], rng)
+    # Only visible f counts: the sampling weight divides by the same pdf, so an error of the pdf cancels.
+    seen = cases.comparable & ~broken & (expected[:, :3] > VISIBLE).any(axis=-1)
+    error = _judge(_chosen(cases.batch, seen), got[seen], expected[seen], rng)
     wrong = np.zeros(len(broken))
     wrong[seen] = error.excess
     wrong[broken] = np.inf
@@ -180,7 +155,11 @@ def check_stack(
         },
         details=tuple(
             case_line(
-                cases.batch, index, excess=float(wrong[index]), numpy=wanted[index].tolist(), cycles=got[index].tolist()
+                cases.batch,
+                index,
+                excess=float(wrong[index]),
+                numpy=expected[index].tolist(),
+                cycles=got[index].tolist(),
             )
             for index in worst
         ),
@@ -189,39 +168,36 @@ def check_stack(
 
 @dataclass(frozen=True, eq=False)
 class _Error:
-    """Error over what is allowed (n,), above 1 wrong; median relative error; share beyond `RELATIVE`; roundings."""
-
-    excess: Floats
-    median: float
-    ill: float
-    units: float
+    excess: Floats  # error over its limit, (n,)
+    median: float  # relative error
+    ill: float  # share of values beyond RELATIVE
+    units: float  # largest backward error of those, in roundings
 
 
-def _judge(batch: Batch, got: Floats, wanted: Floats, rng: np.random.Generator) -> _Error:
+def _judge(batch: Batch, got: Floats, expected: Floats, rng: np.random.Generator) -> _Error:
     if not len(got):
         return _Error(np.zeros(0), 0.0, 0.0, 0.0)
-    size = np.maximum(wanted, VISIBLE)
-    # By how much the exact value changes where every input is off by a rounding.
+    size = np.maximum(expected, VISIBLE)
+    # The change of the exact value by a rounding of every input.
     unit = _ROUNDING * size
     for _ in range(_PERTURBATIONS):
-        unit = np.maximum(unit, np.abs(_columns(*evaluate_numpy(_perturbed(batch, rng))) - wanted) + _ROUNDING * size)
-    error = np.abs(got - wanted)
+        unit = np.maximum(unit, np.abs(_columns(*evaluate_numpy(_perturbed(batch, rng))) - expected) + _ROUNDING * size)
+    error = np.abs(got - expected)
     relative, units = error / size, error / unit
     well = relative <= RELATIVE
     return _Error(
         excess=np.minimum(relative / RELATIVE, units / UNITS).max(axis=-1),
-        median=float(np.median(relative[wanted > VISIBLE])),
+        median=float(np.median(relative[expected > VISIBLE])),
         ill=float((~well).mean()),
         units=float(np.max(units, where=~well, initial=0.0)),
     )
 
 
 def _perturbed(batch: Batch, rng: np.random.Generator) -> Batch:
-    """Put every input off by a rounding.
+    """Change every input by a rounding.
 
-    Of directions the cosine only, for sums of two are exact where it matters: in the half vector of opposite ones. The
-    rest too where light passes through, as the view is refracted; by a rounding of 1 where they are turned into the
-    frame of a leaning normal.
+    Of directions the cosine only, because the half vector of opposite directions is exact; the other components too
+    where light is transmitted, because the view is refracted; by a rounding of 1 where the normal is tilted.
     """
 
     def off(values: Floats, low: float = -np.inf, high: float = np.inf) -> Floats:
@@ -244,7 +220,7 @@ def _perturbed(batch: Batch, rng: np.random.Generator) -> Batch:
 
 
 def _leaning(batch: Batch) -> NDArray[np.bool_]:
-    """Return which cases (n,) have a normal of a lobe's own."""
+    """Return which cases (n,) have a tilted normal."""
     leaning = np.zeros(len(batch.wo), np.bool_)
     for layer, each in zip(batch.layers, batch.numbers, strict=True):
         for name, parameter in MODELS[layer.model].parameters.items():
@@ -268,7 +244,7 @@ def _most(layers: Sequence[PointLayer]) -> float:
 
 
 def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth) -> float:
-    """Return the most that a set of moderate parameters sends to a view, less five standard errors."""
+    """Return the largest albedo over sets of moderate parameters and views, less five standard errors."""
     sets, samples = _ENERGY[depth]
     numbers = moderate_numbers(layers, sets, rng)
     repeated = tuple({name: np.repeat(value, samples, axis=0) for name, value in each.items()} for each in numbers)
@@ -282,13 +258,12 @@ def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, dept
         weight = evaluate_cosine(bsdf, wo, wi) * (drawn / np.where(drawn, density, 1.0))[:, None]
         weight = weight.reshape(sets, samples, 3)
         sure = weight.mean(axis=1) - 5.0 * weight.std(axis=1, ddof=1) / np.sqrt(samples)
-        # What is not finite is no albedo at all.
         largest = max(largest, float(np.where(np.isfinite(sure), sure, np.inf).max()) - 1e-9)
     return largest
 
 
 def check_scenes(look: Look, cases: Sequence[SceneCase], render: Render) -> Iterator[Finding]:
-    """Render a look in hostile scenes; pictures are finite, not negative, within bounds and like one another."""
+    """Render a look in degenerate scenes; pictures are finite, not negative, within bounds and alike as stated."""
     shown: dict[str, Halves] = {}
     for case in cases:
         subject = f"{look.name}, {case.name}"
@@ -310,30 +285,29 @@ def _judge_picture(look: Look, case: SceneCase, subject: str, halves: Halves, li
     mean = float(pixels.mean(axis=(0, -1)).sum()) / covered if covered else 0.0
     faults = []
     if not covered:
-        faults.append("nothing is to be seen")
+        faults.append("the asset covers no pixel")
     if not (np.isfinite(pixels).all() and (pixels >= 0.0).all()):
         faults.append("pixels are not finite or negative")
     if case.black and pixels.any():
-        faults.append("light comes from nowhere")
+        faults.append("pixels are not black in darkness")
     figures = {"mean": mean}
     most = _most(look_stack(look))
     if case.white and mean > most:
-        faults.append(f"{mean:.3g} of the light is sent back, at most {most:g} would be right")
+        faults.append(f"{mean:.3g} of the light is reflected, at most {most:g} would be right")
     if like is not None:
         figures["difference"] = _difference(case.gain, halves, like)
         if not figures["difference"] < ALIKE:
             faults.append(f"it is not like '{case.like}'")
-    said = f"mean {mean:.3g}" + (f", difference {figures['difference']:.2f} of {ALIKE:g}" if like is not None else "")
-    return Finding("stability", subject, not faults, "; ".join([said, *faults]), figures)
+    text = f"mean {mean:.3g}" + (f", difference {figures['difference']:.2f} of {ALIKE:g}" if like is not None else "")
+    return Finding("stability", subject, not faults, "; ".join([text, *faults]), figures)
 
 
 def _difference(gain: float, halves: Halves, like: Halves) -> float:
-    """Return the squared difference of two pictures over the noise that their halves show; coverage is compared too."""
+    """Return the squared difference of two pictures over the noise of their halves; inf where coverage differs."""
     a, b = (np.float64(half) / gain for half in (halves.a, halves.b))
     c, d = np.float64(like.a), np.float64(like.b)
     noise = float((((a - b) ** 2 + (c - d) ** 2) / 4.0).sum())
     squares = float((((a + b - c - d) / 2.0) ** 2).sum())
-    # A silhouette of another shape may be as dark.
     coverage = float(np.abs(np.float64(halves.alpha) - like.alpha).sum() / np.float64(like.alpha).sum())
     return np.inf if coverage > 0.05 else squares / noise if noise else (np.inf if squares else 0.0)
 
@@ -347,8 +321,8 @@ def _task(look: Look, case: SceneCase) -> FrameTask:
 
 
 def _carrying(asset: Asset, uv_sets: Sequence[str]) -> Asset:
-    """Give the asset's mesh the UV sets that a look reads, each like its own."""
+    """Return an asset with copies of its UVs as the UV sets that a look reads."""
     mesh = asset.meshes[0]
     uvs = mesh.uvs | dict.fromkeys(uv_sets, mesh.uvs["st"])
-    # Named by its content anew: an empty digest is made when it is saved.
+    # An empty digest is computed when the asset is saved.
     return replace(asset, meshes=(replace(mesh, uvs=uvs),), digest="")

@@ -58,8 +58,8 @@ def _leave(message: str, code: int) -> None:
     sys.exit(code)
 
 
-def _show_version(wanted: bool) -> None:
-    if wanted:
+def _show_version(show: bool) -> None:
+    if show:
         typer.echo(f"lookdev {lookdev.__version__}")
         raise typer.Exit
 
@@ -67,8 +67,7 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _root(
     version: Annotated[
-        bool,
-        typer.Option("--version", help="Show the version and leave.", callback=_show_version, is_eager=True),
+        bool, typer.Option("--version", help="Show the version and leave.", callback=_show_version, is_eager=True)
     ] = False,
 ) -> None:
     pass

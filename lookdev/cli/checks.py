@@ -33,8 +33,7 @@ class Depth(StrEnum):
 @app.command(rich_help_panel=_PANEL)
 def check(
     file: Annotated[
-        Path | None,
-        typer.Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.", show_default=False),
+        Path | None, typer.Argument(metavar="[JOB|LOOK]", help="A job, or a USD file with a look.", show_default=False)
     ] = None,
     html: Annotated[
         Path | None, typer.Option("--html", metavar="FILE", help="Write a page with plots too.", show_default=False)

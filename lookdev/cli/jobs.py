@@ -55,8 +55,7 @@ def plan(job: JobFile, as_json: AsJson = False) -> None:
 @app.command(rich_help_panel=_PANEL)
 def example(
     name: Annotated[
-        str | None,
-        typer.Argument(metavar="[NAME]", help="The example; default: list all.", show_default=False),
+        str | None, typer.Argument(metavar="[NAME]", help="The example; default: list all.", show_default=False)
     ] = None,
     to: Annotated[Path, typer.Option("--to", metavar="DIR", help="The folder to copy into.")] = Path(),
     force: Annotated[bool, typer.Option("--force", help="Replace files that differ.")] = False,

@@ -62,8 +62,7 @@ def list_presets(
         str | None, typer.Option("--category", help="Only presets of this category.", show_default=False)
     ] = None,
     sheet: Annotated[
-        Path | None,
-        typer.Option("--sheet", metavar="FILE.png", help="Render a contact sheet too.", show_default=False),
+        Path | None, typer.Option("--sheet", metavar="FILE.png", help="Render a contact sheet too.", show_default=False)
     ] = None,
 ) -> None:
     """List the presets of the library; the default of 'lookdev materials'."""

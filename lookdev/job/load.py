@@ -20,17 +20,7 @@ Place = tuple[str | int, ...]
 
 
 def load_job(path: Path) -> Job:
-    """Read a job file.
-
-    Parameters
-    ----------
-    path : Path
-        A TOML file; the paths in it are relative to its folder.
-
-    Returns
-    -------
-    Job
-        Valid in itself, with absolute paths of files that exist.
+    """Read a job file, TOML; paths in it are relative to its folder, and absolute in the job.
 
     Raises
     ------
@@ -49,7 +39,7 @@ def load_job(path: Path) -> Job:
 
 
 def parse_job(text: str, path: Path) -> Job:
-    """Read a job from `text`, as if it stood in the file `path`. Errors are those of `load_job`."""
+    """Read a job from `text` as the content of the file `path`; errors as `load_job`."""
     try:
         data = _frozen(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
@@ -59,9 +49,8 @@ def parse_job(text: str, path: Path) -> Job:
     try:
         job = Job.model_validate(data, context={"file": path.absolute()})
     except ValidationError as error:
-        faults += [
-            _fault(detail, data, str(path)) for detail in error.errors(include_url=False) if not _is_echo(detail)
-        ]
+        details = error.errors(include_url=False)
+        faults += [_fault(detail, data, str(path)) for detail in details if not _is_echo(detail)]
     if faults:
         raise JobError(faults)
     return job
@@ -73,7 +62,7 @@ def json_schema() -> dict[str, Any]:
 
 
 def _frozen(value: Any) -> Any:
-    """Turn TOML arrays into tuples, the only sequence that a strict, frozen model takes."""
+    """Turn TOML arrays into tuples, the only sequence that a strict model accepts."""
     if isinstance(value, list):
         return tuple(_frozen(item) for item in value)
     if isinstance(value, dict):
@@ -97,10 +86,7 @@ def _duplicate_names(data: dict[str, Any], file: str) -> Iterator[Fault]:
 
 
 def _is_echo(detail: ErrorDetails) -> bool:
-    """Tell whether a fault only follows from others in the list.
-
-    That is a default that depends on a faulty key, and a list that is too short without its faulty items.
-    """
+    """Return whether a fault follows from another: a default of a faulty key, a list too short without faulty items."""
     return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
 
 
@@ -123,9 +109,8 @@ def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
             what = "should be a list"
             hint = f"write [[{key}]]" if isinstance(value, dict) else ""
         case "too_short" | "too_long":
-            bound = "at least" if kind == "too_short" else "at most"
-            count = context["min_length" if kind == "too_short" else "max_length"]
-            what = f"should have {bound} {count} entries, not {context['actual_length']}"
+            bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
+            what = f"should have {bound} entries, not {context['actual_length']}"
         case "string_pattern_mismatch":
             what, hint = f"'{value}' is not allowed here", PATTERNS[context["pattern"]]
         case "literal_error" if isinstance(value, str):
@@ -138,13 +123,13 @@ def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
 
 
 def _shown(value: object) -> str:
-    """Write a value much as it stands in the file, shortened."""
+    """Return a value as it is in the file, shortened."""
     text = repr(value) if isinstance(value, float) else json.dumps(value, default=str, ensure_ascii=False)
     return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def _place(loc: Place, data: Any) -> Place:
-    """Drop from a pydantic location what is no key of the file: the tags of unions."""
+    """Remove the tags of unions, which are not keys of the file, from a pydantic location."""
     place: list[str | int] = []
     for part in loc:
         if isinstance(data, dict) and isinstance(part, str):

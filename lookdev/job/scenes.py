@@ -1,4 +1,4 @@
-"""From a job to its scenes: reads the asset, the looks and the lights that it names."""
+"""From a job to its scenes: reads its asset, looks and lights."""
 
 from __future__ import annotations
 
@@ -22,34 +22,16 @@ _NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18
 
 @dataclass(frozen=True)
 class JobScenes:
-    """The scenes of a job.
+    """The scenes of a job, by look and light, look by look."""
 
-    Parameters
-    ----------
-    job
-        The job, each variant that it asks for a look of its own.
-    scenes
-        By the names of look and light, look by look.
-    places
-        Where the job file names each look.
-    notes
-        What the user should know of the files: repaired texels, parts left neutral.
-    """
-
-    job: Job
+    job: Job  # each variant is a separate look
     scenes: Mapping[tuple[str, str], Scene]
-    places: Mapping[str, str]
-    notes: tuple[str, ...]
+    places: Mapping[str, str]  # the key in the job file of each look
+    notes: tuple[str, ...]  # for the user: repaired texels, parts left neutral
 
 
 def job_scenes(job: Job) -> JobScenes:
-    """Read everything that a job names.
-
-    Raises
-    ------
-    FaultsError
-        All faults of all that it names.
-    """
+    """Read the files of a job; raises FaultsError with all faults of all files."""
     notes: list[str] = []
     faults: list[Fault] = []
     job, places = _every_variant(job, faults)
@@ -61,14 +43,8 @@ def job_scenes(job: Job) -> JobScenes:
     raise_all(faults)
     assert asset is not None, "without an asset there is a fault"
     film, lens = Film(job.render.resolution), job.camera
-    camera = frame_camera(
-        asset.center,
-        asset.radius,
-        film.resolution,
-        fov=lens.horizontal_fov,
-        elevation=lens.elevation,
-        margin=lens.margin,
-    )
+    view = {"fov": lens.horizontal_fov, "elevation": lens.elevation, "margin": lens.margin}
+    camera = frame_camera(asset.center, asset.radius, film.resolution, **view)
     scenes = {
         (look, ibl): Scene(asset, wears, (light,), camera, film)
         for look, wears in worn.items()
@@ -80,14 +56,9 @@ def job_scenes(job: Job) -> JobScenes:
 def each_variant(
     name: str, file: Path, prim: str | None, variants: Mapping[str, str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield name and variants of each look that a choice of variants stands for.
+    """Yield name and variants of each look of a choice of variants; raises LookError as `expand_variants`.
 
-    A ``"*"`` stands for every variant of its set; the look of one is called ``<name>_<variant>``.
-
-    Raises
-    ------
-    LookError
-        As `expand_variants`.
+    A ``"*"`` stands for every variant of its set; the look of each is named ``<name>_<variant>``.
     """
     every = [each for each, choice in variants.items() if choice == "*"]
     for chosen in expand_variants(file, prim, variants) if every else [dict(variants)]:
@@ -96,7 +67,7 @@ def each_variant(
 
 @contextmanager
 def collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
-    """Add what is wrong with a file that the job names to `faults`, with the place where it is named."""
+    """Add errors of a file of the job to `faults`, with the key that names the file."""
     try:
         yield
     except FaultsError as error:
@@ -107,8 +78,7 @@ def collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
 
 def raise_all(faults: Iterable[Fault]) -> None:
     """Raise a FaultsError of all faults, each once, if there are any."""
-    unique = tuple(dict.fromkeys(faults))
-    if unique:
+    if unique := tuple(dict.fromkeys(faults)):
         raise FaultsError(unique)
 
 
@@ -124,17 +94,17 @@ def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]
 
 
 def _every_variant(job: Job, faults: list[Fault]) -> tuple[Job, dict[str, str]]:
-    """Replace looks by one for each of their variants; return the job, and the place of each look in the file."""
+    """Return the job with a look for each variant, and the key in the job file of each look."""
     looks: list[JobLook] = []
     places: dict[str, str] = {}
-    for index, wanted in enumerate(job.look):
+    for index, given in enumerate(job.look):
         place = f"look[{index}]"
         with collected(job, place, faults):
-            for name, chosen in each_variant(wanted.name, wanted.material, wanted.prim, wanted.variants):
+            for name, chosen in each_variant(given.name, given.material, given.prim, given.variants):
                 if any(name.casefold() == other.casefold() for other in places):
                     what = f"two looks of the job are called '{name}'"
                     faults.append(Fault(str(job.file), place, what, "give each its own name"))
-                looks.append(wanted.model_copy(update={"name": name, "variants": chosen}))
+                looks.append(given.model_copy(update={"name": name, "variants": chosen}))
                 places[name] = place
     return job.model_copy(update={"look": tuple(looks)}), places
 
@@ -142,36 +112,36 @@ def _every_variant(job: Job, faults: list[Fault]) -> tuple[Job, dict[str, str]]:
 def _worn(
     job: Job, places: Mapping[str, str], slots: Sequence[Slot], notes: list[str], faults: list[Fault]
 ) -> dict[str, dict[str, Look]]:
-    """Return for each look of the job what each slot of the asset wears."""
+    """Return, for each look of the job, the look of each slot of the asset."""
     worn: dict[str, dict[str, Look]] = {}
     bound: dict[str, Look] = {}
     for material in {slot.material: None for slot in slots if slot.material is not None}:
         if job.asset.usd is not None and has_look(job.asset.usd, material):
             with collected(job, "asset", faults):
                 bound[material] = read_look(job.asset.usd, material, open_images=False)
-    for wanted in job.look:
-        place = places[wanted.name]
+    for given in job.look:
+        place = places[given.name]
         with collected(job, place, faults):
-            look = read_look(wanted.material, wanted.prim, wanted.variants, wanted.name, open_images=False)
-            for pattern in wanted.parts or () if slots else ():
+            look = read_look(given.material, given.prim, given.variants, given.name, open_images=False)
+            for pattern in given.parts or () if slots else ():
                 if not any(fnmatchcase(slot.path, pattern) for slot in slots):
                     known = "known: " + ", ".join(slot.path for slot in slots)
                     faults.append(Fault(str(job.file), f"{place}.parts", f"'{pattern}' fits no part", known))
-            worn[wanted.name] = dict(_wear(slots, wanted, look, bound, notes))
+            worn[given.name] = dict(_wear(slots, given, look, bound, notes))
     return worn
 
 
 def _wear(
-    slots: Sequence[Slot], wanted: JobLook, look: Look, bound: Mapping[str, Look], notes: list[str]
+    slots: Sequence[Slot], given: JobLook, look: Look, bound: Mapping[str, Look], notes: list[str]
 ) -> Iterator[tuple[str, Look]]:
     for slot in slots:
         own = bound.get(slot.material or "")
-        if wanted.parts is not None and any(fnmatchcase(slot.path, pattern) for pattern in wanted.parts):
+        if given.parts is not None and any(fnmatchcase(slot.path, pattern) for pattern in given.parts):
             yield slot.path, look
         elif own is not None:
             yield slot.path, own
-        elif wanted.parts is None:
+        elif given.parts is None:
             yield slot.path, look
         else:
-            notes.append(f"look '{wanted.name}': nothing covers {slot.path}; it is rendered neutral grey")
+            notes.append(f"look '{given.name}': nothing covers {slot.path}; it is rendered neutral grey")
             yield slot.path, _NEUTRAL

@@ -1,8 +1,7 @@
-"""The shape of a job file: strict, frozen models with a hard range for every number.
+"""The schema of a job file: strict, frozen models with a hard range for every number.
 
-A rule that spans two keys is checked by the later key's validator, which sees earlier ones in `info.data`,
-so it is reported with every other fault. Names are unique within a list of tables: `lookdev.job.load` checks that
-over the raw tables, for the same reason.
+A rule of two keys is in the later key's validator, which has the earlier ones in `info.data`, so that it is reported
+with every other fault. For the same reason `lookdev.job.load` checks in the raw tables that names are unique.
 """
 
 from __future__ import annotations
@@ -46,7 +45,7 @@ PATTERNS: dict[str, str] = {
     NAME: "letters, digits, '_', '-' and '.', which is not the first",
     PRIM_PATH: "an absolute prim path, like '/Paint'",
 }
-"""What a string that does not match a pattern should be."""
+"""The hint for a string that does not match a pattern."""
 
 DEFAULT_FOCAL_LENGTH = 50.0
 
@@ -57,7 +56,7 @@ def _wrong(what: str, hint: str = "") -> PydanticCustomError:
 
 @dataclass(frozen=True)
 class _OneOf:
-    """The annotation of a string that is a name of a registry, as the registry is when a job is read."""
+    """The annotation of a name in a registry; the registry is read with each job."""
 
     names: Callable[[], Iterable[str]]
 
@@ -85,15 +84,10 @@ Device = Annotated[str, _OneOf(_devices)]
 View = Annotated[str, _OneOf(lambda: VIEWS)]
 
 
-def _context_file(context: Any) -> Path:
-    file: Path = context["file"]
-    return file
-
-
-def _resolve(value: object, info: ValidationInfo) -> Path:
+def _resolve(value: object, info: ValidationInfo[dict[str, Path]]) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
         raise _wrong("should be a path in quotes")
-    return Path(os.path.normpath(_context_file(info.context).parent / value))
+    return Path(os.path.normpath(info.context["file"].parent / value))
 
 
 def _readable(*suffixes: str) -> AfterValidator:
@@ -135,28 +129,28 @@ class Table(BaseModel):
     model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
 
 
-def _exactly_one(name: str, value: object, other: str, info: ValidationInfo) -> None:
-    # A key that was given but is faulty is absent from info.data: it counts as given.
-    if (value is None) == (info.data.get(other, ...) is None):
-        raise _wrong(f"give exactly one of '{other}' and '{name}'")
+def _instead_of(other: str) -> AfterValidator:
+    """Return the rule that either a key or an earlier one is given."""
+
+    def check(value: str | None, info: ValidationInfo) -> str | None:
+        # A faulty key is absent from info.data, and counts as given.
+        if (value is None) == (info.data.get(other, ...) is None):
+            raise _wrong(f"give exactly one of '{other}' and '{info.field_name}'")
+        return value
+
+    return AfterValidator(check)
 
 
 class JobAsset(Table):
     """What is turned: a USD file or a built-in asset."""
 
     usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
-    builtin: BuiltinAsset | None = Field(
+    builtin: Annotated[BuiltinAsset | None, _instead_of("usd")] = Field(
         default=None, validate_default=True, description="A built-in asset, instead of a file."
     )
     prim: PrimPath | None = Field(
         default=None, description="Render only what is under this prim of the USD file; default: everything."
     )
-
-    @field_validator("builtin")
-    @classmethod
-    def _one_source(cls, value: str | None, info: ValidationInfo) -> str | None:
-        _exactly_one("builtin", value, "usd", info)
-        return value
 
     @field_validator("prim")
     @classmethod
@@ -191,7 +185,7 @@ class JobIbl(Table):
 
     name: Name = Field(description="The light's name, unique; it becomes a folder of the output.")
     file: IblFile | None = Field(default=None, description="A lat-long environment map, .exr or .hdr.")
-    builtin: BuiltinIbl | None = Field(
+    builtin: Annotated[BuiltinIbl | None, _instead_of("file")] = Field(
         default=None, validate_default=True, description="A built-in environment, instead of a file."
     )
     exposure: Annotated[float, Field(ge=-30.0, le=30.0)] = Field(
@@ -201,18 +195,11 @@ class JobIbl(Table):
         default=0.0, description="Degrees about the up axis, added to the lighting angle of every pose."
     )
 
-    @field_validator("builtin")
-    @classmethod
-    def _one_source(cls, value: str | None, info: ValidationInfo) -> str | None:
-        _exactly_one("builtin", value, "file", info)
-        return value
-
 
 class JobTurntable(Table):
     """One turntable: the asset turns under a still light, or the light about a still asset."""
 
     kind: Literal["element", "lighting"] = Field(description="What turns: the asset or the light.")
-    # The default is read only if `kind` is valid too: a job with a fault is never built.
     name: Name = Field(
         default_factory=lambda data: data.get("kind", ""),
         description="The turntable's name, unique, the stem of its files; default: its kind.",
@@ -225,7 +212,7 @@ class JobTurntable(Table):
 
 
 class JobCamera(Table):
-    """A camera that frames the asset's bounding sphere, so that it never pumps."""
+    """A camera that frames the asset's bounding sphere."""
 
     fov: Annotated[float, Field(ge=0.1, le=170.0)] | None = Field(
         default=None, description="Horizontal angle of view, degrees, instead of a focal length."
@@ -283,18 +270,16 @@ class JobRender(Table):
     bounces: Annotated[int, Field(ge=0, le=64)] = Field(
         default=Sampling.bounces, description="Indirect bounces; 0: only direct light."
     )
-    # At least one: what a narrow lobe reflects, and indirect light, is found by its own directions only.
+    # At least one: only directions of the BRDF sample narrow lobes and indirect light.
     brdf_samples: Annotated[int, Field(ge=1, le=64)] | None = Field(
         default=None,
-        description="Directions drawn from the BRDF at each shading point, by the exact backend; default: as suits the "
-        "look.",
+        description="Directions drawn from the BRDF per shading point, by the exact backend; default: by the look.",
     )
     ibl_samples: Annotated[int, Field(ge=0, le=64)] | None = Field(
         default=None,
-        description="Directions drawn from the light at each shading point, by the exact backend; default: as suits "
-        "the look.",
+        description="Directions drawn from the light per shading point, by the exact backend; default: by the look.",
     )
-    # Times 64, for the rounds and halves of a frame, it must be exact as a float32: so it reaches the shader.
+    # It reaches the shader as a float32, times 64 for the rounds and halves of a frame, and must be exact.
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(
         default=Sampling.seed, description="Seed of all random choices."
     )
@@ -325,7 +310,7 @@ class JobRender(Table):
 
     @property
     def sampling(self) -> Sampling:
-        """How much work a frame gets."""
+        """Samples, directions and bounces of a frame."""
         return Sampling(**{field.name: getattr(self, field.name) for field in fields(Sampling)})
 
 
@@ -386,8 +371,8 @@ class Job(Table):
     _file: Path = PrivateAttr()
 
     def model_post_init(self, context: Any) -> None:
-        """Remember the job file, whose absolute path the validation context carries as ``file``."""
-        self._file = _context_file(context)
+        """Keep the job file, whose absolute path is ``file`` of the validation context."""
+        self._file = context["file"]
 
     @property
     def file(self) -> Path:

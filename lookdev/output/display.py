@@ -1,7 +1,6 @@
 """From linear light to what a screen shows: OpenColorIO's views, as 8-bit PNG.
 
-The colour management is OpenColorIO's built-in ACES CG config, the same on every machine; ``$OCIO`` is not
-consulted.
+The config is OpenColorIO's built-in ACES CG config on every machine; ``$OCIO`` is not read.
 """
 
 from __future__ import annotations
@@ -33,21 +32,9 @@ def _processor(view: str) -> ocio.CPUProcessor:
 
 
 def to_display(rgb: ArrayLike, view: str) -> Pixels:
-    """Show linear light on an sRGB screen.
+    """Return linear Rec.709 light (H, W, 3) as sRGB code values, (H, W, 3) uint8, rounded to nearest.
 
-    Parameters
-    ----------
-    rgb : (H, W, 3) linear Rec.709, finite.
-    view : one of `VIEWS`; ``Raw`` quantises the numbers as they are.
-
-    Returns
-    -------
-    (H, W, 3) uint8, rounded to nearest.
-
-    Raises
-    ------
-    OutputError
-        The view is unknown, or a pixel is NaN or infinite.
+    `view` is one of `VIEWS`; ``Raw`` only quantises. Raises OutputError for another view or pixels that are not finite.
     """
     if view not in VIEWS:
         raise OutputError(f"no view '{view}' of {DISPLAY} ({nearest_hint(view, VIEWS)}; views: {', '.join(VIEWS)})")
@@ -67,28 +54,16 @@ def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Flo
 
 
 def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: str) -> None:
-    """Write a display picture, whole or not at all.
+    """Write linear light (H, W, 3) as a PNG, whole or not at all; raises OutputError as `to_display`, or on writing.
 
-    With `alpha`, `rgb` is premultiplied; it is divided by alpha before the view transform, because PNG stores
-    unassociated alpha, and light where nothing covers the pixel is lost. Without, the picture is opaque.
-
-    Parameters
-    ----------
-    path : where to, ``.png``.
-    rgb : (H, W, 3) linear Rec.709, finite.
-    alpha : (H, W) in [0, 1], or None.
-    view : one of `VIEWS`.
-
-    Raises
-    ------
-    OutputError
-        As for `to_display`, or the file cannot be written.
+    With `alpha` (H, W), `rgb` is premultiplied; it is divided by alpha before the view transform, because PNG stores
+    unassociated alpha, and pixels of alpha 0 become black. Without alpha, the picture is opaque.
     """
     if alpha is None:
         write_pixels(path, to_display(rgb, view))
         return
     coverage = np.asarray(alpha, dtype=np.float32)[..., None]
-    # A sliver of coverage divides by almost nothing: float64, and bounded, so that the quotient stays finite.
+    # In float64 and bounded, because division by a tiny alpha overflows.
     straight = np.divide(np.asarray(rgb, np.float64), coverage, where=coverage > 0.0, out=np.zeros(np.shape(rgb)))
     straight = np.minimum(straight, np.finfo(np.float32).max)
     opacity = (np.clip(coverage, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
@@ -96,17 +71,11 @@ def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: str) ->
 
 
 def write_pixels(path: Path, pixels: Pixels) -> None:
-    """Write (H, W, 3 or 4) sRGB-encoded pixels, alpha unassociated, as a PNG, whole or not at all.
-
-    Raises
-    ------
-    OutputError
-        The file cannot be written.
-    """
+    """Write (H, W, 3 or 4) sRGB-encoded pixels, alpha unassociated, as a PNG, whole or not at all, or OutputError."""
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
     spec.attribute("oiio:ColorSpace", "sRGB")
-    spec.attribute("oiio:UnassociatedAlpha", 1)  # the pixels are; without it the writer divides by alpha again
+    spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise the writer divides by alpha again
     try:
         with atomic_path(path) as temporary:
             output = oiio.ImageOutput.create(str(temporary))

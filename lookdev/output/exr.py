@@ -1,7 +1,7 @@
-"""Frames as EXR: one part, scanlines, float32 R, G, B, A, and a header that says all about the frame.
+"""Frames as EXR: one part, scanlines, float32 R, G, B, A, and a header with the origin of the frame.
 
-Header entries are string attributes named ``lookdev:<key>``, numbers too: OpenEXR's own numbers are 32 bits
-wide, and a digest, a 64-bit seed or an error estimate must come back as it was written.
+Header entries are string attributes named ``lookdev:<key>``. Numbers are strings too, because OpenEXR's numbers of 32
+bits cannot hold a 64-bit seed or an error estimate exactly.
 """
 
 from __future__ import annotations
@@ -22,19 +22,10 @@ PREFIX = "lookdev:"
 
 
 def write_frame(path: Path, beauty: ArrayLike, alpha: ArrayLike, header: Mapping[str, str | float | int]) -> None:
-    """Write a frame, whole or not at all; folders are made.
+    """Write a frame, whole or not at all; makes folders.
 
-    Parameters
-    ----------
-    path : where to, ``.exr``.
-    beauty : (H, W, 3) linear Rec.709 radiance, premultiplied.
-    alpha : (H, W) coverage in [0, 1].
-    header : what the header says; `read_header` gives it back as strings (numbers as ``repr`` has them).
-
-    Raises
-    ------
-    OutputError
-        The shapes do not belong together, or the file cannot be written.
+    `beauty` is premultiplied linear Rec.709 radiance, (H, W, 3); `alpha` is coverage in [0, 1], (H, W). `read_header`
+    returns `header` as strings. Raises OutputError where the shapes differ or the file cannot be written.
     """
     rgb, coverage = np.asarray(beauty, np.float32), np.asarray(alpha, np.float32)
     if rgb.shape != (*coverage.shape, 3) or coverage.ndim != 2:
@@ -51,16 +42,10 @@ def write_frame(path: Path, beauty: ArrayLike, alpha: ArrayLike, header: Mapping
 
 
 def read_frame(path: Path) -> tuple[Floats, Floats]:
-    """Read beauty (H, W, 3) and alpha (H, W) of a frame back, exactly as written.
-
-    Raises
-    ------
-    OutputError
-        The file is missing, broken, cut short, or lacks a channel.
-    """
+    """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where it is not whole."""
     try:
         with OpenEXR.File(str(path), separate_channels=True) as exr:
-            # OpenEXR drops a part that it cannot decode: `channels()` of a broken file raises ValueError.
+            # `channels()` raises ValueError where OpenEXR cannot decode the part.
             planes = [exr.channels()[name].pixels for name in "RGBA"]
     except (RuntimeError, ValueError, KeyError) as error:
         raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {error}") from error
@@ -68,16 +53,9 @@ def read_frame(path: Path) -> tuple[Floats, Floats]:
 
 
 def read_header(path: Path) -> dict[str, str]:
-    """Read what a frame's header says, without decoding its pixels.
+    """Return the header given to `write_frame`, as strings, without decoding pixels; empty for another EXR.
 
-    Returns
-    -------
-    The entries given to `write_frame`, as strings; empty for an EXR that is no frame of ours.
-
-    Raises
-    ------
-    OutputError
-        The file is missing or its header unreadable.
+    Raises OutputError where the header cannot be read.
     """
     try:
         with OpenEXR.File(str(path), header_only=True) as exr:

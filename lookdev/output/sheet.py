@@ -1,4 +1,4 @@
-"""Contact sheets: the frames of a turntable, or one of each look, on one labelled page."""
+"""Contact sheets: frames on one labelled page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from lookdev.errors import OutputError
 from lookdev.output.display import Pixels, write_pixels
 from lookdev.output.record import Frames
 
-PAGE = 46  # sRGB code values: a dark neutral grey that neither flatters nor dims the frames
+PAGE = 46  # sRGB code values: a dark neutral grey
 INK = 190
 TITLE_INK = 235
 FONT = "DroidSans"  # ships with OpenImageIO
@@ -40,28 +40,13 @@ def write_overview(path: Path, frames: Frames) -> None:
 
 
 def write_sheet(
-    path: Path,
-    frames: Sequence[Pixels],
-    labels: Sequence[str],
-    title: str,
-    columns: int | None = None,
-    cell: int = 256,
+    path: Path, frames: Sequence[Pixels], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> None:
     """Write a contact sheet as PNG, whole or not at all.
 
-    Parameters
-    ----------
-    path : where to, ``.png``.
-    frames : (H, W, 3) uint8 display pixels each, of one size; at least one.
-    labels : one a frame, written under it.
-    title : written above.
-    columns : frames in a row; None chooses a page near 16:10.
-    cell : longer side of a thumbnail in pixels.
-
-    Raises
-    ------
-    OutputError
-        There is no frame, frames differ in size, labels do not match, or the file cannot be written.
+    Each frame is (H, W, 3) display pixels, with its label below; `columns` None makes a page near 16:10; `cell` is the
+    longer side of a thumbnail in pixels. Raises OutputError where there is no frame, frames differ in size, labels do
+    not match, or the file cannot be written.
     """
     if not frames or len(labels) != len(frames):
         counts = f"{len(frames)} frames and {len(labels)} labels"
@@ -95,7 +80,7 @@ def write_sheet(
 
 
 def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
-    """Resize in near-linear light: averaging encoded values would dim highlights."""
+    """Resize in near-linear light; averages of encoded values are too dark."""
     light = (frame / np.float32(255.0)) ** np.float32(SRGB_GAMMA)
     small = oiio.ImageBufAlgo.resize(oiio.ImageBuf(np.ascontiguousarray(light)), roi=oiio.ROI(0, width, 0, height))
     if small.has_error:

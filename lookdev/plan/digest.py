@@ -13,26 +13,24 @@ from lookdev.scene import Pose
 
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
-    """Return the digest of each part of a frame's inputs, so that the part that changed can be named.
+    """Return the digest of each part of a frame's inputs: ``asset look ibl camera pose render``.
 
-    The parts are ``asset look ibl camera pose render``. Paths are in none of them: geometry, textures and light tables
-    count by their content.
+    No part contains a path: geometry, textures and light tables count by their content.
     """
+    render = {
+        "resolution": scene.resolution,
+        "sampling": asdict(scene.sampling),
+        "device": scene.device,
+        "backend": scene.backend,
+        "version": BACKENDS[scene.backend].version(),
+    }
     return {
         "asset": scene.asset.digest,
         "look": _digest([source.digest for source in scene.shaders]),
         "ibl": _digest([*(light.digest for light in scene.lights), exposure]),
         "camera": _digest(asdict(scene.camera)),
         "pose": _digest(asdict(pose)),
-        "render": _digest(
-            {
-                "resolution": scene.resolution,
-                "sampling": asdict(scene.sampling),
-                "device": scene.device,
-                "backend": scene.backend,
-                "version": BACKENDS[scene.backend].version(),
-            }
-        ),
+        "render": _digest(render),
     }
 
 
@@ -42,6 +40,5 @@ def frame_digest(parts: Mapping[str, str]) -> str:
 
 
 def _digest(value: object) -> str:
-    """Return the SHA-256 of a value's canonical JSON."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()

@@ -19,7 +19,7 @@ from lookdev.scene import Pose
 State = Literal["done", "stale", "new"]
 Header = Mapping[str, str]
 HeaderReader = Callable[[Path], Header | None]
-"""Reads the ``lookdev:`` attributes of an EXR, without that prefix; OutputError where the file is broken."""
+"""Returns the ``lookdev:`` attributes of an EXR, without that prefix; raises OutputError where the file is broken."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class PlannedFrame:
 
 @dataclass(frozen=True)
 class Copy:
-    """A frame that is done under another name: `source` holds the very pixels that `target` lacks."""
+    """A file to make without rendering: `source` is another file of the same frame."""
 
     source: Path
     target: Path
@@ -61,15 +61,14 @@ class Reel:
 class Plan:
     """Every frame of some setups, in their order.
 
-    `reels` are the turntables of each setup, and `output` is the folder of all files. `pictures` are the files to make
-    of single frames that need no rendering: those that are missing or older than the EXR, or whose EXR `copies` will
-    make. `skips` state what the frames leave out.
+    `pictures` are the files to make of single frames that need no rendering: those that are missing or older than the
+    EXR, or whose EXR `copies` will make.
     """
 
     frames: tuple[PlannedFrame, ...]
     reels: tuple[Reel, ...]
-    output: Path
-    pictures: tuple[Path, ...] = ()
+    output: Path  # the folder of all files
+    pictures: tuple[Path, ...] = ()  # EXRs that need no rendering but whose PNG is missing or older, copies included
     skips: tuple[Skip, ...] = ()
 
     @property
@@ -79,17 +78,11 @@ class Plan:
         return {"done": counter["done"], "stale": counter["stale"], "new": counter["new"]}
 
     def pending(self) -> tuple[FrameTask, ...]:
-        """Return the tasks to render, in an order in which the worker rarely changes its scene.
-
-        A frame of which one file is done is not among them: see `copies`.
-        """
+        """Return the tasks to render, scene by scene; a frame with a done file is among `copies` instead."""
         return tuple(frame.task for frame in self.frames if _done_path(frame.files) is None)
 
     def copies(self) -> tuple[Copy, ...]:
-        """Return the files to copy instead of rendering their frames again.
-
-        There are some where a turntable was added to a finished job, or a run was killed between two files.
-        """
+        """Return the files to copy, after a turntable was added, or a run was killed between two files of a frame."""
         return tuple(
             Copy(source, file.path)
             for frame in self.frames
@@ -107,26 +100,10 @@ def build_plan(
     labels: Mapping[str, str] | None = None,
     beside: Sequence[str] = (),
 ) -> Plan:
-    """Plan the frames of setups.
+    """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
 
-    Parameters
-    ----------
-    setups
-        Every look under every light.
-    turns
-        The turntables of all of them.
-    read_header
-        Reads the header of a frame that exists.
-    labels
-        Entries of the header of every frame.
-    beside
-        The suffixes of the files that every frame is to have beside its EXR.
-
-    Returns
-    -------
-    Plan
-        With one frame for each distinct pose of a setup, however many turntables show it. Poses are not distinct where
-        only something turned that looks the same from everywhere.
+    Poses that differ only by a turn of what looks the same from everywhere are one. `labels` are entries of the header
+    of every frame; `beside` are the suffixes of the files that every frame is to have beside its EXR.
     """
     frames = tuple(
         PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
@@ -143,9 +120,9 @@ def build_plan(
 
 
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
-    """Yield what setups leave out, in their order; what the user turned off is not among it."""
+    """Yield what setups leave out, in their order, except what the user turned off."""
     for setup in setups:
-        for what, why in (*scene_skips(setup.task, setup.scene.looks, setup.asked), *_frame_skips(setup, turns)):
+        for what, why in (*scene_skips(setup.task, setup.scene.looks, setup.requested), *_frame_skips(setup, turns)):
             yield Skip(setup.look, setup.ibl, what, why)
 
 

@@ -9,60 +9,33 @@ from lookdev.scene import Pose
 
 
 def turntable_poses(turntable: JobTurntable, rotation: float = 0.0, azimuth: float = 0.0) -> tuple[Pose, ...]:
-    """Return the pose of each frame: frame i of N stands at start + degrees i / N.
+    """Return the pose of each frame, angles in [0, 360): frame i of N stands at start + degrees i / N.
 
-    Parameters
-    ----------
-    turntable : JobTurntable
-        What turns, how far and in how many frames.
-    rotation : float
-        The light's own rotation, degrees, added to its angle.
-    azimuth : float
-        The camera's azimuth, degrees. A camera that orbits by `azimuth` sees what a camera at 0 sees when
-        asset and light both turn by ``-azimuth``; so it is folded into the pose.
-
-    Returns
-    -------
-    tuple of Pose
-        Angles in [0, 360).
+    The light's `rotation`, degrees, is added to its angle. A camera at `azimuth` shows what a camera at 0 shows when
+    asset and light turn by ``-azimuth``, so the pose contains it.
     """
     start, degrees = _exact(turntable.start), _exact(turntable.degrees)
+    element, lighting = -_exact(azimuth), _exact(rotation) - _exact(azimuth)
     poses = []
     for index in range(turntable.frames):
         turn = start + degrees * index / turntable.frames
-        element = turn if turntable.kind == "element" else Fraction(0)
-        lighting = turn if turntable.kind == "lighting" else Fraction(0)
-        poses.append(
-            Pose(
-                element=_angle(element - _exact(azimuth)),
-                lighting=_angle(lighting + _exact(rotation) - _exact(azimuth)),
-            )
-        )
+        if turntable.kind == "element":
+            poses.append(Pose(_angle(element + turn), _angle(lighting)))
+        else:
+            poses.append(Pose(_angle(element), _angle(lighting + turn)))
     return tuple(poses)
 
 
 def unturned(pose: Pose, asset: bool, light: bool) -> Pose:
-    """Return the pose that stands for all that show the same picture.
+    """Return the pose that stands for all with the same picture; `asset`, `light`: it is the same all around.
 
-    Parameters
-    ----------
-    pose : Pose
-        Where the asset and the light stand.
-    asset : bool
-        The asset is the same all around. Seen from the camera, the light stands at `lighting`, whatever `element` is:
-        the renderer's camera orbits by ``-element``, and its light turns by ``lighting - element``.
-    light : bool
-        The light is: it comes alike from everywhere.
+    Relative to the camera, the light stands at `lighting`, whatever `element` is.
     """
     return Pose(element=0.0 if asset else pose.element, lighting=0.0 if light else pose.lighting)
 
 
 def _exact(angle: float) -> Fraction:
-    """Return the decimal number that the user wrote.
-
-    Sums of such numbers are exact, so angles that are equal on paper compare equal, whatever way two
-    turntables come to them: a shared pose is rendered once.
-    """
+    """Return the decimal number that the user wrote: sums are exact, so equal angles of two turntables are one pose."""
     return Fraction(repr(angle))
 
 

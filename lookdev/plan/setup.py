@@ -18,30 +18,16 @@ from lookdev.scene import Pose, Sampling, Scene
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A look under a light.
-
-    Parameters
-    ----------
-    look, ibl
-        Their names, the folders of the frames.
-    scene, task
-        What is shown, and what the worker gets.
-    asked
-        The sampling that was asked for; that of the task may have fewer bounces.
-    around
-        Whether the asset looks the same however it is turned: poses that differ by no more are one frame.
-    exposure, rotation
-        Of the light: stops, and degrees that are added to its angle in every pose.
-    """
+    """A look under a light, by their names, the folders of its frames."""
 
     look: str
     ibl: str
     scene: Scene
     task: SceneTask
-    asked: Sampling
-    around: bool = False
-    exposure: float = 0.0
-    rotation: float = 0.0
+    requested: Sampling  # that of the task may have fewer bounces
+    around: bool = False  # the asset looks the same however it is turned: its poses are one frame
+    exposure: float = 0.0  # of the light, stops
+    rotation: float = 0.0  # of the light, degrees, added to its angle in every pose
 
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
         """Return the pose that shows each frame of a turntable; equal ones show the same picture."""
@@ -52,14 +38,9 @@ class Setup:
 def make_setup(
     look: str, ibl: str, scene: Scene, sampling: Sampling, backend: str = "exact", device: str = "cpu"
 ) -> Setup:
-    """Generate the sources of a scene, and find out whether it looks the same all around.
+    """Generate the sources of a scene, and decide whether it looks the same all around.
 
-    Raises
-    ------
-    CodegenError
-        The backend cannot show one of the looks.
-    FaultsError
-        The asset lacks what the looks read.
+    Raises as `scene_task`, and FaultsError where the asset lacks an attribute that the looks read.
     """
     task = scene_task(scene, sampling, backend, device)
     if faults := tuple(_attribute_faults(scene, task.shaders)):
@@ -87,7 +68,7 @@ class Turns:
 
 
 def _attribute_faults(scene: Scene, sources: tuple[Source, ...]) -> Iterator[Fault]:
-    """Find sources that read what a mesh does not carry; only USD primvars have a fallback."""
+    """Yield attributes that sources read and a mesh lacks; only USD primvars have a fallback."""
     asset = scene.asset
     for slot, source in enumerate(sources):
         for mesh in asset.meshes:

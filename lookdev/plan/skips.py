@@ -16,7 +16,7 @@ from lookdev.scene import Sampling
 
 @dataclass(frozen=True)
 class Skip:
-    """Something that is not rendered, read or computed for a look under a light, and why no pixel differs."""
+    """Work that is left out for a look under a light, and why no pixel differs."""
 
     look: str
     ibl: str
@@ -30,16 +30,17 @@ class Skip:
 def same_all_around(looks: Iterable[Look], shaders: Iterable[Source]) -> bool:
     """Return whether a surface of revolution shows the same picture however it is turned about its axis.
 
-    It does where its sources read no image and no attribute, and no layer of its looks depends on a direction along the
-    surface. The directions of a layer that reaches no pixel count too.
+    It does where its sources read no image and no attribute, and no layer of its looks, hidden ones included, depends
+    on a direction along the surface.
     """
     uniform = not any(shader.images or shader.attributes for shader in shaders)
-    return uniform and not any(_is_directed(layer) for look in looks for layer in look.layers)
+    layers = [layer for look in looks for layer in look.layers]
+    return uniform and not any(_has_direction(layer, *given) for layer in layers for given in layer.inputs.items())
 
 
-def scene_skips(scene: SceneTask, looks: Sequence[Look], asked: Sampling) -> Iterator[tuple[str, str]]:
-    """Yield what a scene leaves out, and why, of the sampling that was asked for; each slot wears one of `looks`."""
-    if scene.sampling.bounces < asked.bounces:
+def scene_skips(scene: SceneTask, looks: Sequence[Look], requested: Sampling) -> Iterator[tuple[str, str]]:
+    """Yield what a scene leaves out of the sampling `requested`, and why; `looks` are those of its slots."""
+    if scene.sampling.bounces < requested.bounces:
         yield "bounces", "convex asset"
     ours = [shader for shader in scene.shaders if isinstance(shader, ShaderSource)]
     if ours and not any(shader.shadows for shader in ours):
@@ -48,26 +49,25 @@ def scene_skips(scene: SceneTask, looks: Sequence[Look], asked: Sampling) -> Ite
         yield "light from behind", "nothing transmits"
     if ours:
         brdf, light = (max(each) for each in zip(*(shader.directions for shader in ours), strict=True))
-        if not light and scene.light.constant and asked.ibl_samples != 0:
+        if not light and scene.light.constant and requested.ibl_samples != 0:
             yield "light samples", "constant light"
         if not brdf:
             yield "BRDF samples", "every lobe is broad"
-    unread = _unread_textures(looks, scene.shaders)
-    if unread:
+    if unread := _unread_textures(looks, scene.shaders):
         yield ("1 texture", "reaches no pixel") if unread == 1 else (f"{unread} textures", "reach no pixel")
 
 
 def _unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
-    """Count the look-ups of looks that their shaders do without; slots that share a look share its shader."""
+    """Count the look-ups of looks that are not in their shaders; slots that share a look share its shader."""
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():
         sources = (source for layer in look.layers for source in (*layer.inputs.values(), layer.mask))
         named = {lookup for source in sources for lookup in _lookups(source)}
         if isinstance(shader, ShaderSource):
-            # Tiles of one look-up share the first part of their parameters' names.
+            # The parameters of one look-up's tiles have a common prefix.
             unread += len(named) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
         elif isinstance(shader, NodeSource):
-            # A node that reads an image is labelled by its file; of a set, all tiles by the set's.
+            # A node that reads an image is labelled by its file; tiles, by that of their set.
             read = {node.label for tree in shader.trees for node in tree.nodes if node.image is not None}
             unread += sum(_file(lookup).stem not in read for lookup in named)
     return unread
@@ -78,7 +78,7 @@ def _file(lookup: Texture | Bump) -> Path:
 
 
 def _lookups(source: object) -> Iterator[Texture | Bump]:
-    """Yield the look-ups of a layer's input; those that a shader makes only once are equal."""
+    """Yield the look-ups of a layer's input; those that a shader shares are equal."""
     if isinstance(source, Texture):
         yield replace(source, channel="rgb", scale=(1.0,) * 4, bias=(0.0,) * 4)
     elif isinstance(source, Bump):
@@ -88,12 +88,8 @@ def _lookups(source: object) -> Iterator[Texture | Bump]:
             yield from _lookups(each)
 
 
-def _is_directed(layer: Layer) -> bool:
-    return any(_has_direction(layer.model, name, value) for name, value in layer.inputs.items())
-
-
-def _has_direction(model: str, name: str, value: Any) -> bool:
-    parameter = MODELS[model].parameters[name]
+def _has_direction(layer: Layer, name: str, value: Any) -> bool:
+    parameter = MODELS[layer.model].parameters[name]
     if parameter.kind == "normal":
         return not isinstance(value, tuple) or any(value[:2])
     return parameter.directed and value != 0.0

@@ -1,1 +1,1 @@
-"""Who renders: tasks and answers as plain data, and the worker that is supervised."""
+"""Who renders: the registry of backends, tasks and answers as plain data, and supervised workers."""

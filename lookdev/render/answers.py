@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 
 class Answers:
-    """Standard output, reserved for answers: all else that is printed goes to standard error from now on.
-
-    Make it before anything that prints is loaded.
-    """
+    """Standard output, reserved for answers: from construction on, other output goes to standard error."""
 
     def __init__(self) -> None:
         self._channel = os.dup(1)
@@ -38,26 +35,12 @@ class Answers:
         self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
 
     def done(self, digest: str, arrays: str, *, samples: int, seconds: float, relmse: float) -> None:
-        """Report a frame that is rendered, with the peak memory of this process.
+        """Report a rendered frame, with the peak memory of this process.
 
-        Parameters
-        ----------
-        digest
-            The task's.
-        arrays
-            What `save_arrays` returned.
-        samples, seconds, relmse
-            Over both halves; the frame's own estimate, or nan.
+        `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
         """
-        self.send(
-            type="done",
-            digest=digest,
-            arrays=arrays,
-            samples=samples,
-            seconds=seconds,
-            relmse=relmse,
-            memory=_most_memory(),
-        )
+        figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": _most_memory()}
+        self.send(type="done", digest=digest, arrays=arrays, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered."""
@@ -65,13 +48,7 @@ class Answers:
 
 
 def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[np.float32]) -> str:
-    """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, the parent's to remove; return its path.
-
-    Raises
-    ------
-    OSError
-        It cannot be written.
-    """
+    """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path."""
     handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=os.environ.get("TMPDIR"))
     with os.fdopen(handle, "wb") as stream:
         np.savez(stream, a=a, b=b, alpha=alpha)
@@ -79,7 +56,7 @@ def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[n
 
 
 def _most_memory() -> int:
-    """Return the most bytes that this process has held; getrusage() counts from the parent's."""
+    """Return the peak memory of this process in bytes; getrusage() includes the parent's."""
     status = Path("/proc/self/status").read_text()
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return 1024 * int(kilobytes)

@@ -29,8 +29,8 @@ WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 class Setting:
     """What a source is generated for besides its look.
 
-    Without `shadows` the asset is never in the way of light. `resolve` turns a texture into its linear EXR file, a
-    height map into that of its slopes; None: by the cache.
+    Without `shadows` the asset never occludes light. `resolve` returns the linear EXR file of a texture, or that of the
+    slopes of a height map; None: those of the cache.
     """
 
     lights: tuple[Light, ...]
@@ -56,55 +56,25 @@ def _of_cycles() -> str:
     return f"{blender_version()} {RENDER_VERSION}"
 
 
-def _anything(look: Look) -> None:
-    """Return no reason against any look."""
-
-
 @dataclass(frozen=True)
 class Backend:
-    """One way to render looks.
-
-    Parameters
-    ----------
-    name, help
-        The name that users write, and what it stands for.
-    command
-        The worker: a program that takes tasks of this backend, and its arguments.
-    source, generate
-        The type of the sources that the worker takes, and what makes one of a look; it raises CodegenError.
-    devices
-        The names of the devices that it can use, the usual one first.
-    cannot_show
-        Returns why a look cannot be shown, or None; asked before anything is generated.
-    exact
-        Whether pictures agree with the published models; otherwise they come near to them.
-    in_jobs
-        Whether a job may name it.
-    any_light
-        Whether it renders lights of every kind; otherwise only those that Cycles' world can show.
-    directions
-        Whether the numbers of directions of a `Sampling`, `brdf_samples` and `ibl_samples`, have a meaning.
-    version
-        Returns a text that changes when the same task is rendered to other pixels.
-    """
+    """One way to render looks: the source that a look is translated to, and the worker that takes it."""
 
     name: str
     help: str
-    command: tuple[str, ...]
     source: type[Source]
-    generate: Callable[[Look, Setting], Source]
-    devices: tuple[str, ...] = ("cpu",)
-    cannot_show: Callable[[Look], str | None] = _anything
-    exact: bool = False
-    in_jobs: bool = False
-    any_light: bool = False
-    directions: bool = False
-    version: Callable[[], str] = _of_cycles
+    generate: Callable[[Look, Setting], Source]  # raises CodegenError
+    command: tuple[str, ...] = WORKER_COMMAND  # a program that takes tasks of this backend, and its arguments
+    devices: tuple[str, ...] = ("cpu",)  # the default first
+    cannot_show: Callable[[Look], str | None] = lambda look: None  # the reason, known before a source is generated
+    exact: bool = False  # pictures agree with the published models; otherwise they approximate them
+    in_jobs: bool = False  # a job may name it
+    any_light: bool = False  # renders lights of every kind; otherwise only those that Cycles' world can show
+    directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
+    version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
 
-# Generators are imported where they run: workers read this registry to decode tasks, and generate nothing.
-
-
+# Workers read this registry to decode tasks and generate nothing, so generators are imported where they run.
 def _exact(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.osl.surface import generate_surface
 
@@ -157,7 +127,6 @@ BACKENDS: dict[str, Backend] = {
         Backend(
             name="exact",
             help="the models as published, through light integrals in OSL, which Cycles runs on the CPU only",
-            command=WORKER_COMMAND,
             source=ShaderSource,
             generate=_exact,
             exact=True,
@@ -168,7 +137,6 @@ BACKENDS: dict[str, Backend] = {
         Backend(
             name="nodes",
             help="Cycles' own closures, fitted to the models, as native shader nodes",
-            command=WORKER_COMMAND,
             source=NodeSource,
             generate=_nodes,
             devices=_ANY_DEVICE,
@@ -178,7 +146,6 @@ BACKENDS: dict[str, Backend] = {
             name="nodes-exact",
             help="the models as published, as native shader nodes without OSL; noisier than exact, and not for looks "
             "that can be seen through",
-            command=WORKER_COMMAND,
             source=NodeSource,
             generate=_nodes_exact,
             devices=_ANY_DEVICE,
@@ -188,7 +155,6 @@ BACKENDS: dict[str, Backend] = {
         Backend(
             name="principled",
             help="Blender's Principled BSDF, which comes near to the look, under Cycles' own light",
-            command=WORKER_COMMAND,
             source=PrincipledSource,
             generate=_principled,
             devices=_ANY_DEVICE,
@@ -205,7 +171,6 @@ BACKENDS: dict[str, Backend] = {
         ),
     )
 }
-"""Every backend by its name."""
 
 
 def job_backends() -> Mapping[str, Backend]:

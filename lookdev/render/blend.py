@@ -42,34 +42,16 @@ class BlendImage:
 
 @dataclass(frozen=True)
 class BlendTask:
-    """A .blend to be written.
-
-    Parameters
-    ----------
-    file
-        Where it is saved.
-    scenes
-        By the name of its look, what each scene shows: sources are nodes, the light is that of the first world.
-    worlds, turntables
-        At least one of each, in the order of the job; the turntables' frames are counted on from 1.
-    images
-        Each image that looks and worlds read.
-    pack
-        Whether images are packed into the .blend; otherwise they lie at their relative paths.
-    view
-        A name of `lookdev.output.display.VIEWS`.
-    show_light
-        Whether the light is to be seen behind the asset.
-    """
+    """A .blend to be written. Worlds and turntables are in the order of the job, at least one of each."""
 
     file: Path
-    scenes: Mapping[str, SceneTask]
+    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, the light is that of the first world
     worlds: tuple[BlendWorld, ...]
-    turntables: tuple[BlendTurntable, ...]
+    turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]
-    pack: bool
-    view: str
-    show_light: bool
+    pack: bool  # images into the .blend; otherwise they lie at their relative paths
+    view: str  # of lookdev.output.display.VIEWS
+    show_light: bool  # behind the asset
 
 
 BLEND_TASK = TypeAdapter(BlendTask)

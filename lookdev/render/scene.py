@@ -17,13 +17,9 @@ from lookdev.scene import Sampling, Scene
 def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device: str = "cpu") -> SceneTask:
     """Generate the sources of a scene.
 
-    Light that a convex asset reflects never meets it again, so it is rendered without bounces and shadow rays, unless
-    light passes through a closed one, which it meets from inside.
-
-    Raises
-    ------
-    CodegenError, EnvironmentMapError
-        The backend cannot show one of the looks, or one of the lights.
+    Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless it is
+    closed and a look transmits. Raises CodegenError or EnvironmentMapError where the backend cannot show a look or a
+    light.
     """
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look share its source.

@@ -37,13 +37,8 @@ Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
 class SceneTask:
     """All that stays the same over a sequence: geometry, one source for each slot, lights, resolution.
 
-    The backend of that name in `BACKENDS` gives the type of the sources. Of the sampling, `brdf_samples` and
-    `ibl_samples` may be in the sources already.
-
-    Raises
-    ------
-    ValueError
-        There is no source, or one of another type than the backend's.
+    Of the sampling, `brdf_samples` and `ibl_samples` may be in the sources already. Raises ValueError where there is no
+    source, or one of another type than the backend's.
     """
 
     asset: Content
@@ -57,14 +52,16 @@ class SceneTask:
 
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]
-        # Node sources have a mark of their own for whether they are exact.
+        # Both backends of nodes have one type of source, with a field for whether it is exact.
         if not self.shaders or not all(
             isinstance(source, record.source) and getattr(source, "exact", record.exact) == record.exact
             for source in self.shaders
         ):
             kinds = {type(each).__name__ + " that is exact" * getattr(each, "exact", False) for each in self.shaders}
-            wanted, found = record.source.__name__, ", ".join(sorted(kinds)) or "none"
-            raise ValueError(f"backend '{self.backend}' takes a {wanted} for every slot, found: {found}")
+            found = ", ".join(sorted(kinds)) or "none"
+            raise ValueError(
+                f"backend '{self.backend}' takes a {record.source.__name__} for every slot, found: {found}"
+            )
 
     @property
     def light(self) -> Light:
@@ -75,7 +72,7 @@ class SceneTask:
 
 @dataclass(frozen=True)
 class FrameTask:
-    """One frame. `files` are all the paths it is written to (turntables may share a pose)."""
+    """One frame. `files` are all its paths on disk; turntables may share a pose."""
 
     scene: SceneTask
     pose: Pose

@@ -16,14 +16,8 @@ def encode(task: FrameTask) -> str:
 
 
 def decode(line: str) -> FrameTask:
-    """Return the task of a line that `encode` made.
-
-    Raises
-    ------
-    WorkerError
-        If the line is no frame task of a backend that is registered here; it names every field that is wrong.
-    """
+    """Return the task of a line that `encode` made; raises WorkerError with every wrong field of another line."""
     try:
         return _FRAME_TASK.validate_json(line)
     except ValidationError as error:
-        raise WorkerError(f"the worker got something else than a frame task: {error}") from error
+        raise WorkerError(f"the line is not a frame task: {error}") from error

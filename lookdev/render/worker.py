@@ -1,7 +1,7 @@
-"""Supervision of a render worker: one process, one frame at a time, whose every answer is checked.
+"""Supervision of a render worker: one process, one frame at a time; every answer is checked.
 
 The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; all other output of it and of
-Blender goes to a log file. It ends when stdin ends, so it ends with this process however that ends.
+Blender goes to a log file. It ends when stdin ends, also after a crash of this process.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Annotated, Literal, Self
+from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,10 @@ from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
 
 PATIENCE = 600.0
-"""Seconds of silence after which a worker counts as hung: a slow round of samples must fit in."""
+"""Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
 
 LONGEST_MESSAGE = 1 << 20
-"""Bytes. Messages are short; more than this without a line end is not one, and must not fill the memory."""
+"""Bytes; a longer line is refused, so that it does not fill the memory."""
 
 
 class Ready(BaseModel):
@@ -64,27 +64,22 @@ class Failed(BaseModel):
     message: str
 
 
-Message = Annotated[Ready | Progress | Done | Failed, Field(discriminator="type")]
-_MESSAGES: TypeAdapter[Ready | Progress | Done | Failed] = TypeAdapter(Message)
+Message = Ready | Progress | Done | Failed
+_MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
 
 
 @dataclass(frozen=True, eq=False)
 class Rendered:
-    """A frame as the worker renders it.
-
-    `a`, `b` (H, W, 3) are independent half renders, premultiplied, without exposure; `alpha` (H, W).
-    `samples` per pixel over both halves; `seconds` in the worker; `relmse` is the frame's own estimate; `memory` the
-    most bytes that the worker has held so far.
-    """
+    """A frame as the worker renders it: independent halves (H, W, 3), premultiplied, without exposure."""
 
     a: NDArray[np.float32]
     b: NDArray[np.float32]
-    alpha: NDArray[np.float32]
-    samples: int
-    seconds: float
-    relmse: float
+    alpha: NDArray[np.float32]  # (H, W)
+    samples: int  # per pixel over both halves
+    seconds: float  # in the worker
+    relmse: float  # estimated from the halves
     blender: str
-    memory: int
+    memory: int  # peak of the worker so far, bytes
 
 
 class Worker:
@@ -95,20 +90,14 @@ class Worker:
     command
         The program and its arguments.
     log
-        The file that takes its stderr, emptied here and then appended to by every start.
+        The file of its stderr, emptied here; every start appends to it.
     scratch
-        An existing folder for its temporary files (``TMPDIR``), results included. Whoever made it removes it.
+        An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
     patience
-        Seconds of silence before the worker counts as hung.
+        Seconds without an answer after which it counts as hung.
     """
 
-    def __init__(
-        self,
-        command: Sequence[str],
-        log: Path,
-        scratch: Path,
-        patience: float = PATIENCE,
-    ) -> None:
+    def __init__(self, command: Sequence[str], log: Path, scratch: Path, patience: float = PATIENCE) -> None:
         self.log = log
         self._command = tuple(command)
         self._environment = os.environ | {"TMPDIR": str(scratch)}
@@ -124,18 +113,12 @@ class Worker:
         self.kill()
 
     def start(self) -> None:
-        """Start the process unless it runs, and wait until it is ready.
-
-        Raises
-        ------
-        WorkerError
-            It cannot be started, or did something else than getting ready.
-        """
+        """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
         if self._process is not None:
             return
         with self.log.open("ab") as log:
             try:
-                # A session of its own: Ctrl-C in the terminal reaches this process alone, which then decides.
+                # In a session of its own, Ctrl-C in the terminal interrupts this process only.
                 self._process = subprocess.Popen(
                     self._command,
                     stdin=subprocess.PIPE,
@@ -149,18 +132,14 @@ class Worker:
         with self._killed_on_error():
             message = self._receive(self._process)
             if not isinstance(message, Ready):
-                raise WorkerError(f"the render worker said '{message.type}' before it was ready")
+                raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
             self._blender = message.blender
 
     def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
         """Render one frame on a started worker.
 
-        Raises
-        ------
-        RenderError
-            The worker said that it cannot render this frame; it lives on.
-        WorkerError
-            It died, hung or answered something else than a result; it has been killed.
+        Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
+        or sent an invalid answer, and was killed.
         """
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
@@ -170,36 +149,38 @@ class Worker:
                 self._check_digest(message.digest, task)
                 progress(message)
             if isinstance(message, Ready):
-                raise WorkerError("the render worker said 'ready' in the middle of a frame")
+                raise WorkerError("the render worker answered 'ready' in the middle of a frame")
             self._check_digest(message.digest, task)
             if isinstance(message, Failed):
                 raise RenderError(message.message)
             return _load(message, task.scene.resolution, self._blender)
 
     def kill(self) -> None:
-        """End the process, and whatever it started, at once."""
+        """Kill the process and its children."""
         process, self._process = self._process, None
         if process is None:
             return
         _kill_group(process)
         process.wait()
         for pipe in (process.stdin, process.stdout):
-            _close_quietly(pipe)
+            if pipe is not None:
+                with suppress(BrokenPipeError):  # bytes that the dead worker never read
+                    pipe.close()
 
     @contextmanager
     def _killed_on_error(self) -> Iterator[None]:
-        """Leave no worker behind whose next line could belong to the frame before."""
+        """Kill the worker after an error: its next line could belong to the frame before."""
         try:
             yield
         except RenderError:
-            raise  # a clean answer: the exchange is complete
+            raise  # the exchange is complete
         except BaseException:
             self.kill()
             raise
 
     @contextmanager
     def _watched(self, process: subprocess.Popen[bytes]) -> Iterator[threading.Event]:
-        """Kill the process when the block takes longer than the patience; blocked pipe calls then return."""
+        """Kill the process when the block exceeds the patience; blocked pipe calls then return."""
         hung = threading.Event()
 
         def give_up() -> None:
@@ -213,7 +194,7 @@ class Worker:
             yield hung
         finally:
             timer.cancel()
-            timer.join()  # so that it can never kill a process group that has taken over the id
+            timer.join()  # otherwise it could kill a later process group of the same id
 
     def _send(self, process: subprocess.Popen[bytes], line: str) -> None:
         assert process.stdin is not None
@@ -222,22 +203,22 @@ class Worker:
                 process.stdin.write(line.encode() + b"\n")
                 process.stdin.flush()
             except BrokenPipeError:
-                raise WorkerError(self._epitaph(process, hung)) from None
+                raise WorkerError(self._ending(process, hung)) from None
 
-    def _receive(self, process: subprocess.Popen[bytes]) -> Ready | Progress | Done | Failed:
+    def _receive(self, process: subprocess.Popen[bytes]) -> Message:
         assert process.stdout is not None
         with self._watched(process) as hung:
             line = process.stdout.readline(LONGEST_MESSAGE)
             if not line.endswith(b"\n") and len(line) < LONGEST_MESSAGE:
-                raise WorkerError(self._epitaph(process, hung))
+                raise WorkerError(self._ending(process, hung))
         try:
             return _MESSAGES.validate_json(line)
         except ValidationError:
             shown = line[:80].decode(errors="replace").strip()
-            raise WorkerError(f"the render worker answered something that is no message: {shown!r}") from None
+            raise WorkerError(f"the render worker sent an invalid message: {shown!r}") from None
 
-    def _epitaph(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
-        """Say how the process ended."""
+    def _ending(self, process: subprocess.Popen[bytes], hung: threading.Event) -> str:
+        """Return how the process ended."""
         if hung.is_set():
             return f"the render worker was silent for {self._patience:g} s and was killed"
         try:
@@ -246,8 +227,8 @@ class Worker:
             return "the render worker closed its pipe"
         if code < 0:
             return f"the render worker died of {signal.Signals(-code).name}"
-        words = last_words(self.log)
-        return f"the render worker ended with exit code {code}" + (f": {words}" if words else "")
+        line = last_line(self.log)
+        return f"the render worker ended with exit code {code}" + (f": {line}" if line else "")
 
     @staticmethod
     def _check_digest(digest: str, task: FrameTask) -> None:
@@ -257,9 +238,9 @@ class Worker:
 
 @contextmanager
 def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
-    """Give a function that renders a frame of any backend, in workers that end with the context.
+    """Yield a function that renders a frame of any backend, in workers that end with the context.
 
-    It raises what `Worker.start` and `Worker.render` do; a WorkerError has the last line of the worker's log.
+    It raises what `Worker.start` and `Worker.render` raise; a WorkerError has the last line of the worker's log.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
         workers: dict[tuple[str, ...], Worker] = {}
@@ -275,19 +256,19 @@ def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rende
                 return worker.render(task, lambda progress: None)
             except WorkerError as error:
                 # The log is removed with its folder.
-                raise WorkerError(f"{error}\n{last_words(worker.log)}") from error
+                raise WorkerError(f"{error}\n{last_line(worker.log)}") from error
 
         yield render
 
 
-def last_words(log: Path) -> str:
+def last_line(log: Path) -> str:
     """Return the last line with text in a log file, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
 
 def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
-    """Read and remove the arrays of a result; anything but finite arrays of the right shape is no result."""
+    """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
     width, height = resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     try:
@@ -312,12 +293,6 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:
-    # The group bears the worker's id, for it leads its session; gone already is just as well.
+    # The worker leads its session, so the group has its id. It may have ended already.
     with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-
-
-def _close_quietly(pipe: IO[bytes] | None) -> None:
-    if pipe is not None:
-        with suppress(BrokenPipeError):  # bytes that the dead worker never took
-            pipe.close()

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 class Pose:
     """Where the asset and the light stand: degrees about the world's z axis, in [0, 360).
 
-    The renderer moves no more than it must to show this, so that it keeps every acceleration structure and the map by
-    which it samples a light. Our own shaders leave the asset still: the camera orbits by ``-element`` and the light
-    turns by ``lighting - element``. Under Cycles' own light that stands still: the asset turns by
-    ``element - lighting`` and the camera orbits by ``-lighting``.
+    The renderer turns camera, light and asset so that acceleration structures and importance maps stay valid. Generated
+    OSL: the asset is fixed, the camera orbits by ``-element``, the light turns by ``lighting - element``. Cycles' own
+    light: the light is fixed, the asset turns by ``element - lighting``, the camera orbits by ``-lighting``.
     """
 
     element: float

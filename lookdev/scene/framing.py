@@ -1,4 +1,4 @@
-"""The camera that frames an asset's bounding sphere, the same in every frame, so that it never pumps."""
+"""The camera that frames an asset's bounding sphere: the same in every frame, so that the size never changes."""
 
 from __future__ import annotations
 
@@ -22,27 +22,23 @@ def frame_camera(
 ) -> Camera:
     """Place a camera so that the bounding sphere, times the margin, just fits the frame.
 
+    Its distance is ``radius margin / sin(half)``, where `half` is half the smaller of the two angles of view.
+
     Parameters
     ----------
-    center, radius : (3,) floats, float
+    center, radius
         The asset's bounding sphere in world space, metres.
-    resolution : (int, int)
+    resolution
         Width and height, square pixels.
-    fov, elevation : float
+    fov, elevation
         Horizontal angle of view, and angle above the horizon, degrees.
-    margin : float
-        The frame holds the bounding sphere times this.
-
-    Returns
-    -------
-    Camera
-        At ``radius margin / sin(half)`` from the centre, where the sphere's silhouette touches the nearer two
-        sides of the frame: `half` is half the smaller of the two angles of view.
+    margin
+        Factor of the radius.
 
     Raises
     ------
     AssetError
-        If the sphere has no size.
+        The radius is not finite and positive.
     """
     if not (math.isfinite(radius) and radius > 0.0):
         raise AssetError(f"the asset's bounding radius is {radius} m: it must have a finite, positive size")

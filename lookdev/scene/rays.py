@@ -1,4 +1,4 @@
-"""The rays of a camera, in the world of the renderer: the asset at rest, the camera orbiting."""
+"""The rays of a camera in the frame of the asset, which the camera orbits."""
 
 from __future__ import annotations
 
@@ -15,19 +15,11 @@ Floats = NDArray[np.float64]
 def camera_rays(
     camera: Camera, pose: Pose, resolution: tuple[int, int], x: ArrayLike, y: ArrayLike
 ) -> tuple[Floats, Floats]:
-    """Return where rays start, (3,), and their unit directions, (..., 3).
-
-    `x` and `y` are in pixels from the upper left corner of the picture, a pixel's centre at one half.
-    """
+    """Return the origin, (3,), and unit directions, (..., 3), of rays; x, y in pixels from the upper left corner."""
     azimuth, elevation = math.radians(-90.0 - pose.element), math.radians(camera.elevation)
-    out = np.array(
-        [
-            math.cos(elevation) * math.cos(azimuth),
-            math.cos(elevation) * math.sin(azimuth),
-            math.sin(elevation),
-        ]
-    )
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    level, raised = math.cos(elevation), math.sin(elevation)
+    out = np.array([level * math.cos(azimuth), level * math.sin(azimuth), raised])
     up = np.cross(out, right)
     width, height = resolution
     reach = math.tan(math.radians(camera.fov) / 2.0)

@@ -1,25 +1,24 @@
-"""How much work a frame gets."""
+"""The sampling of a frame."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 SAMPLE_CAP = 4096
-"""Samples per pixel at which a frame with a target error stops, unless another number is given."""
+"""Default of the most samples per pixel of a frame with a target error."""
 
 
 @dataclass(frozen=True)
 class Sampling:
-    """How much work a frame gets.
+    """Samples, directions and bounces of a frame.
 
-    `samples` is per pixel over both halves, even. With `error` set, rounds of growing size are added until the
-    estimated relMSE is at most `error` or `samples` is reached. `bounces` are indirect. Directions per shading point,
-    `brdf_samples` and `ibl_samples`, are chosen for the look where they are None.
+    With `error` set, rounds of growing size are added until the estimated relMSE is at most `error` or `samples` is
+    reached. Directions per shading point, `brdf_samples` and `ibl_samples`, depend on the look where they are None.
     """
 
-    samples: int = 64
+    samples: int = 64  # per pixel over both halves, even
     error: float | None = None
     brdf_samples: int | None = None
     ibl_samples: int | None = None
-    bounces: int = 2
+    bounces: int = 2  # indirect
     seed: int = 0

@@ -22,13 +22,7 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is shown. `wears` maps the path of each slot of the asset to a look; there is one light, a dome.
-
-    Raises
-    ------
-    ValueError
-        A slot has no look.
-    """
+    """What is shown. `wears` maps the path of each slot of the asset to a look; ValueError where a slot has none."""
 
     asset: Asset
     wears: Mapping[str, Look]
@@ -45,11 +39,11 @@ class Scene:
     def of_look(
         cls, asset: Asset, look: Look, light: Light, resolution: tuple[int, int], camera: Camera | None = None
     ) -> Self:
-        """Return a scene whose asset wears one look all over, seen by a camera that frames it unless one is given."""
+        """Return a scene of one look and one light; the default camera frames the asset."""
         camera = camera or frame_camera(asset.center, asset.radius, resolution)
         return cls(asset, {slot.path: look for slot in asset.slots}, (light,), camera, Film(resolution))
 
     @property
     def looks(self) -> tuple[Look, ...]:
-        """What each slot of the asset wears, in the order of the slots."""
+        """The look of each slot of the asset, in the order of the slots."""
         return tuple(self.wears[slot.path] for slot in self.asset.slots)

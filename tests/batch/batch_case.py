@@ -24,15 +24,11 @@ from lookdev.scene import Scene, frame_camera
 WIDTH, HEIGHT = 8, 6
 JOB = """
 output = "out"
-[asset]
-builtin = "sphere"
+asset = { builtin = "sphere" }
+ibl = [{ name = "city", builtin = "city", exposure = -1.0 }]
 [[look]]
 name = "gold"
 material = "gold.usda"
-[[ibl]]
-name = "city"
-builtin = "city"
-exposure = -1.0
 """
 TURNTABLES = """
 [[turntable]]
@@ -78,9 +74,9 @@ def command(folder: Path) -> tuple[str, ...]:
 
 
 def misbehave(folder: Path, **by_frame: list[str]) -> None:
-    """Say what the fake worker does at each try of a frame: ``element_0001=["die", "ok"]``."""
-    told = {f"{name.replace('_', '.')}.exr": tries for name, tries in by_frame.items()}
-    (folder / "behaviour.json").write_text(json.dumps(told))
+    """Set the behaviour of the fake worker at each try of a frame: ``element_0001=["die", "ok"]``."""
+    behaviour = {f"{name.replace('_', '.')}.exr": tries for name, tries in by_frame.items()}
+    (folder / "behaviour.json").write_text(json.dumps(behaviour))
 
 
 def requests(folder: Path) -> list[str]:
@@ -94,17 +90,17 @@ def worker_pids(folder: Path) -> list[int]:
 
 
 def is_alive(pid: int) -> bool:
-    """Tell whether a process runs; one that has ended but was not waited for does not."""
+    """Return whether a process runs; a zombie does not."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
     except (FileNotFoundError, ProcessLookupError):
         return False
 
 
-def wait_until(condition, seconds: float = 20.0) -> None:  # type: ignore[no-untyped-def]
+def wait_until(condition, seconds: float = 60.0) -> None:  # type: ignore[no-untyped-def]
     deadline = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
+        assert time.monotonic() < deadline, "the condition does not become true"
         time.sleep(0.01)
 
 

@@ -1,8 +1,8 @@
-"""A render worker of the real protocol without a renderer, which misbehaves as told.
+"""A render worker of the real protocol without a renderer, with faults that tests choose.
 
-Usage: fake_worker.py FOLDER. FOLDER/behaviour.json maps a frame's first file name to what to do at each try
-of it (the last entry stands for all further tries); other frames are rendered. Every request is noted in
-FOLDER/requests.txt and every start in FOLDER/pids.txt, so that tests see what was asked across restarts.
+Usage: fake_worker.py FOLDER. FOLDER/behaviour.json maps a frame's first file name to the behaviour at each try; the
+last is that of all further tries, and other frames are rendered. FOLDER/requests.txt lists every request and
+FOLDER/pids.txt every start.
 """
 
 import json
@@ -20,7 +20,7 @@ folder = Path(sys.argv[1])
 requests = folder / "requests.txt"
 
 
-def say(**message: object) -> None:
+def send(**message: object) -> None:
     write(json.dumps(message) + "\n")
 
 
@@ -33,12 +33,12 @@ def behaviour(name: str) -> str:
     file = folder / "behaviour.json"
     plan = json.loads(file.read_text()) if file.exists() else {}
     tries = requests.read_text().split().count(name)  # this one included
-    told = plan.get(name, ["ok"])
-    return told[min(tries, len(told)) - 1]
+    behaviours = plan.get(name, ["ok"])
+    return behaviours[min(tries, len(behaviours)) - 1]
 
 
 def result(task: dict, what: str) -> None:
-    import numpy as np  # here, so that a start is quick and tests of hanging need little patience
+    import numpy as np  # here, so that a start is quick
 
     digest = task["digest"]
     width, height = task["scene"]["resolution"]
@@ -56,8 +56,8 @@ def result(task: dict, what: str) -> None:
     if what == "truncated":
         os.truncate(path, 100)
     for samples in (4, 8):
-        say(type="progress", digest=digest, samples=samples, of=8, relmse=None if samples == 4 else 0.01)
-    say(type="done", digest=digest, arrays=path, samples=8, seconds=0.125, relmse=0.01, memory=1 << 20)
+        send(type="progress", digest=digest, samples=samples, of=8, relmse=None if samples == 4 else 0.01)
+    send(type="done", digest=digest, arrays=path, samples=8, seconds=0.125, relmse=0.01, memory=1 << 20)
 
 
 def act(task: dict, what: str) -> None:
@@ -66,7 +66,7 @@ def act(task: dict, what: str) -> None:
         case "die":
             os.kill(os.getpid(), signal.SIGKILL)
         case "exit":
-            sys.stderr.write("a last word of the fake\n")
+            sys.stderr.write("the last line of the fake\n")
             sys.stderr.flush()
             os._exit(3)
         case "garbage":
@@ -77,7 +77,7 @@ def act(task: dict, what: str) -> None:
             write('{"type": "done", "dig')
             os._exit(0)
         case "ready":
-            say(type="ready", blender="0.0")
+            send(type="ready", blender="0.0")
         case "hang":
             time.sleep(60)
         case "child":
@@ -85,11 +85,11 @@ def act(task: dict, what: str) -> None:
             (folder / "child.txt").write_text(str(child.pid))
             time.sleep(60)
         case "failed":
-            say(type="failed", digest=digest, message="no such attribute 'st2'")
+            send(type="failed", digest=digest, message="no such attribute 'st2'")
         case "other":
-            say(type="failed", digest="0" * 64, message="of another frame")
+            send(type="failed", digest="0" * 64, message="of another frame")
         case "missing":
-            say(type="done", digest=digest, arrays="/nowhere.npz", samples=8, seconds=0.1, relmse=0.01, memory=1 << 20)
+            send(type="done", digest=digest, arrays="/nowhere.npz", samples=8, seconds=0.1, relmse=0.01, memory=1 << 20)
         case "slow":
             time.sleep(0.2)
             result(task, "ok")
@@ -108,12 +108,12 @@ def main() -> None:
     threading.Thread(target=read, daemon=True).start()
     with (folder / "pids.txt").open("a") as pids:
         pids.write(f"{os.getpid()}\n")
-    say(type="ready", blender="4.5.0 fake")
+    send(type="ready", blender="4.5.0 fake")
     while True:
         task = json.loads(lines.get())
         name = Path(task["files"][0]).name
-        with requests.open("a") as asked:
-            asked.write(f"{name}\n")
+        with requests.open("a") as log:
+            log.write(f"{name}\n")
         act(task, behaviour(name))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -21,25 +21,16 @@ from lookdev.material import Look
 from lookdev.render.task import FrameTask
 
 MATERIALS = Path(__file__).parents[2] / "materials"
+METAL = MATERIALS / "brushed_metal.usda"
 JOB = f"""
 output = "out"
-[asset]
-builtin = "sphere"
-[[look]]
-name = "leaf"
-material = "{MATERIALS}/leaf.usda"
-[[look]]
-name = "gold"
-material = "{MATERIALS}/brushed_metal.usda"
-[[ibl]]
-name = "white"
-builtin = "white"
-[[ibl]]
-name = "studio"
-builtin = "studio"
-[[turntable]]
-kind = "element"
-frames = 5
+asset = {{ builtin = "sphere" }}
+look = [
+    {{ name = "leaf", material = "{MATERIALS}/leaf.usda" }},
+    {{ name = "gold", material = "{MATERIALS}/brushed_metal.usda" }},
+]
+ibl = [{{ name = "white", builtin = "white" }}, {{ name = "studio", builtin = "studio" }}]
+turntable = [{{ kind = "element", frames = 5 }}]
 [render]
 resolution = [400, 200]
 samples = 64
@@ -56,7 +47,7 @@ def job(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def rendered(monkeypatch: pytest.MonkeyPatch) -> list[FrameTask]:
-    """Let every check agree without Cycles or the reference; return what was rendered."""
+    """Replace renderer and checks by fakes that agree; return the rendered tasks."""
     tasks: list[FrameTask] = []
 
     def render(task: FrameTask) -> SimpleNamespace:
@@ -65,14 +56,10 @@ def rendered(monkeypatch: pytest.MonkeyPatch) -> list[FrameTask]:
         image = np.ones((height, width, 3), np.float32)
         return SimpleNamespace(a=image, b=image, alpha=image[..., 0])
 
-    @contextmanager
-    def renderer() -> Iterator[Callable[[FrameTask], SimpleNamespace]]:
-        yield render
-
     def agree(name: str) -> Callable[..., Finding]:
         return lambda look, *rest, **options: Finding(name, look.name if isinstance(look, Look) else look, True, "")
 
-    monkeypatch.setattr(check, "renderer", renderer)
+    monkeypatch.setattr(check, "renderer", lambda: nullcontext(render))
     monkeypatch.setattr(check, "check_points", agree("points"))
     monkeypatch.setattr(check, "check_albedo", agree("albedo"))
     monkeypatch.setattr(check, "check_frame", agree("image"))
@@ -106,7 +93,7 @@ def test_frames_are_the_jobs_own_but_small_and_of_other_seeds(job: Path, rendere
     assert len({(task.scene.asset, task.pose, task.scene.camera) for task in first}) == 1
 
 
-def test_stability_is_asked_of_the_models_or_of_the_looks(
+def test_stability_is_of_the_models_or_of_the_looks(
     job: Path, rendered: list[FrameTask], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stress(subjects: list[str | Look], render: object, **options: object) -> Iterator[Finding]:
@@ -125,22 +112,20 @@ def test_a_text_can_be_altered(job: Path, rendered: list[FrameTask]) -> None:
 
 @pytest.mark.usefixtures("rendered")
 def test_a_look_alone_takes_its_variant_and_prim() -> None:
-    file = MATERIALS / "brushed_metal.usda"
-    assert found(file, only=["points", "image"], variants={"metal": "copper"}) == [
-        ("points", "brushed_metal"),
-        ("image", "brushed_metal, city"),
-    ]
+    only = ["points", "image"]
+    checked = found(METAL, only=only, variants={"metal": "copper"})
+    assert checked == [("points", "brushed_metal"), ("image", "brushed_metal, city")]
     with pytest.raises(FaultsError, match="mithril"):
-        found(file, variants={"metal": "mithril"})
+        found(METAL, variants={"metal": "mithril"})
     with pytest.raises(FaultsError, match="/Nowhere"):
-        found(file, prim="/Nowhere")
+        found(METAL, prim="/Nowhere")
 
 
 def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTask]) -> None:
-    points, albedo, image = check_file(MATERIALS / "brushed_metal.usda", backend="nodes")
+    points, albedo, image = check_file(METAL, backend="nodes")
     assert "backend nodes" in points.skipped
     assert albedo.check == "albedo"
-    # All pictures of the fake are white: nothing is to be seen.
+    # All pictures of the fake are white: no difference.
     assert (image.passed, image.figures["flip"]) == (True, 0.0)
     kinds = [type(task.scene.shaders[0]) for task in rendered]
     assert kinds == [NodeSource] * 4 + [ShaderSource] * 4
@@ -150,25 +135,23 @@ def test_native_nodes_are_compared_with_the_exact_picture(rendered: list[FrameTa
 
 def test_a_backend_that_no_job_may_name_is_refused() -> None:
     with pytest.raises(LookdevError, match=r"no backend 'node' \(did you mean 'nodes'\?\)"):
-        list(check_file(MATERIALS / "brushed_metal.usda", backend="node"))
+        list(check_file(METAL, backend="node"))
 
 
 def test_every_variant_of_a_look_is_checked(rendered: list[FrameTask]) -> None:
-    metals = [
-        subject for _, subject in found(MATERIALS / "brushed_metal.usda", only=["image"], variants={"metal": "*"})
-    ]
-    assert "brushed_metal_copper, city" in metals
+    metals = found(METAL, only=["image"], variants={"metal": "*"})
+    assert ("image", "brushed_metal_copper, city") in metals
     assert len(set(metals)) == len(metals) > 1
 
 
 def test_exact_nodes_are_compared_with_the_reference(rendered: list[FrameTask]) -> None:
-    points, *others = check_file(MATERIALS / "brushed_metal.usda", backend="nodes-exact")
+    points, *others = check_file(METAL, backend="nodes-exact")
     assert points.skipped
     assert [finding.check for finding in others] == ["albedo", "image"]
     assert {type(task.scene.shaders[0]) for task in rendered} == {NodeSource}
 
 
-def test_a_job_says_its_backend_itself(job: Path, rendered: list[FrameTask]) -> None:
+def test_a_job_has_its_own_backend(job: Path, rendered: list[FrameTask]) -> None:
     with pytest.raises(LookdevError, match="the backend of a job is"):
         list(check_file(job, backend="nodes"))
     job.write_text(JOB.replace("seed = 3", 'seed = 3\nbackend = "nodes"'))

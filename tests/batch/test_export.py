@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,7 @@ from lookdev.batch.export import Exported, blend_task, export_blend, image_names
 from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
-from lookdev.render.blend import BLEND_TASK, BlendImage
+from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask
 from lookdev.scene import Pose
 
 LOOK = """#usda 1.0
@@ -47,41 +48,19 @@ def Material "Look"
 }
 """
 JOB = """output = "out"
-[asset]
-builtin = "plane"
-[[look]]
-name = "chips"
-material = "chips.usda"
-[[ibl]]
-name = "tent"
-builtin = "white"
-exposure = 1.0
-rotation = 30.0
-[[ibl]]
-name = "bright"
-builtin = "white"
-exposure = -2.0
-rotation = 75.0
-[[turntable]]
-kind = "element"
-frames = 4
-[[turntable]]
-kind = "lighting"
-name = "sun"
-frames = 2
-degrees = 90
-[camera]
-azimuth = 10
-[render]
-resolution = [16, 16]
-samples = 4
-brdf_samples = 2
-background = "ibl"
-[outputs]
-view = "Raw"
+asset = { builtin = "plane" }
+look = [{ name = "chips", material = "chips.usda" }]
+ibl = [
+    { name = "tent", builtin = "white", exposure = 1.0, rotation = 30.0 },
+    { name = "bright", builtin = "white", exposure = -2.0, rotation = 75.0 },
+]
+turntable = [{ kind = "element", frames = 4 }, { kind = "lighting", name = "sun", frames = 2, degrees = 90 }]
+camera = { azimuth = 10 }
+render = { resolution = [16, 16], samples = 4, brdf_samples = 2, background = "ibl" }
+outputs = { view = "Raw" }
 """
 
-# An exporter that is told what to do by its second argument; the last one is the task.
+# An exporter, to which tests append the rest of its program; its last argument is the task.
 EXPORTER = """
 import json, pathlib, sys, time
 task = json.loads(pathlib.Path(sys.argv[-1]).read_text())
@@ -90,6 +69,7 @@ def save():
     pathlib.Path(task["file"] + "@").write_bytes(b"as Blender does while it writes")
 """
 SAVE = 'save(); print(json.dumps({"notes": ["a note"]}))'
+HANG = "import os; pathlib.Path('{}', 'pid').write_text(str(os.getpid())); save(); time.sleep(60)"
 
 
 @pytest.fixture
@@ -112,7 +92,7 @@ Export = Callable[..., Exported]
 
 @pytest.fixture
 def export(job: Path, tmp_path: Path) -> Export:
-    """Return a function that exports to ``show/look.blend`` by an exporter that does what the text says."""
+    """Return a function that exports to ``show/look.blend`` by an exporter with the program `does`."""
 
     def run(does: str = SAVE, out: str = "show/look.blend", **options: object) -> Exported:
         command = (sys.executable, "-c", EXPORTER + does)
@@ -125,38 +105,36 @@ def names(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def test_the_task_has_every_pose_of_the_first_light(prepared: JobSetups, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", (), pack=False)
+@pytest.fixture
+def task(prepared: JobSetups, tmp_path: Path) -> BlendTask:
+    return blend_task(prepared, tmp_path / "look.blend", [BlendImage(Content("a", ".exr"), "files/a.exr")], pack=False)
+
+
+def test_the_task_has_every_pose_of_the_first_light(task: BlendTask) -> None:
     assert [(each.name, each.poses) for each in task.turntables] == [
         ("element", tuple(Pose(angle, 20.0) for angle in (350.0, 80.0, 170.0, 260.0))),
         ("sun", (Pose(350.0, 20.0), Pose(350.0, 65.0))),
     ]
 
 
-def test_other_lights_are_worlds_turned_beyond_the_first(prepared: JobSetups, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", (), pack=False)
-    assert [(world.name, world.strength, world.turn) for world in task.worlds] == [
-        ("tent", 2.0, 0.0),
-        ("bright", 0.25, 45.0),
-    ]
+def test_other_lights_are_worlds_turned_beyond_the_first(task: BlendTask) -> None:
+    worlds = [(world.name, world.strength, world.turn) for world in task.worlds]
+    assert worlds == [("tent", 2.0, 0.0), ("bright", 0.25, 45.0)]
 
 
-def test_scenes_are_of_nodes_whatever_the_job_says(prepared: JobSetups, tmp_path: Path) -> None:
-    task = blend_task(prepared, tmp_path / "look.blend", (), pack=False)
+def test_scenes_are_of_nodes_with_any_backend_of_the_job(task: BlendTask) -> None:
     assert list(task.scenes) == ["chips"]
     (source,) = task.scenes["chips"].shaders
     assert type(source).__name__ == "NodeSource"
     assert (task.view, task.show_light, task.pack) == ("Raw", True, False)
 
 
-def test_a_task_travels_as_json(prepared: JobSetups, tmp_path: Path) -> None:
-    task = blend_task(
-        prepared, tmp_path / "look.blend", [BlendImage(Content("a", ".exr"), "look_files/a.exr")], pack=True
-    )
+def test_a_task_travels_as_json(task: BlendTask) -> None:
+    task = replace(task, pack=True)
     assert BLEND_TASK.validate_json(BLEND_TASK.dump_json(task)) == task
 
 
-def test_images_are_called_as_the_user_called_them(prepared: JobSetups) -> None:
+def test_images_are_named_after_their_originals(prepared: JobSetups) -> None:
     called = image_names(prepared)
     assert all(image.path.is_file() for image in called)
     # Both lights are the same image: its name is the first one's.
@@ -164,7 +142,7 @@ def test_images_are_called_as_the_user_called_them(prepared: JobSetups) -> None:
     assert len(set(called.values())) == len(called)
 
 
-def test_tiles_of_a_set_are_called_one_by_one(job: Path) -> None:
+def test_tiles_of_a_set_are_named_one_by_one(job: Path) -> None:
     for number in (1001, 1012):
         tile = np.full((4, 4, 3), number % 100, np.uint8)
         oiio.ImageBuf(tile).write(str(job.with_name(f"rust.{number}.png")))
@@ -190,10 +168,10 @@ def test_packed_images_leave_no_folder(export: Export, tmp_path: Path) -> None:
     assert names(tmp_path / "show") == ["look.blend"]
 
 
-def test_the_summary_says_what_was_written_and_how_big(export: Export, tmp_path: Path) -> None:
+def test_the_summary_has_files_and_sizes(export: Export, tmp_path: Path) -> None:
     summary = export().summary()
-    for said in (str(tmp_path / "show/look.blend"), "MB", "chips", "tent", "bright", "'nodes'", "look_files"):
-        assert said in summary
+    for part in (str(tmp_path / "show/look.blend"), "MB", "chips", "tent", "bright", "'nodes'", "look_files"):
+        assert part in summary
 
 
 def test_a_second_export_replaces_the_first(export: Export, tmp_path: Path) -> None:
@@ -205,7 +183,7 @@ def test_a_second_export_replaces_the_first(export: Export, tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize(
-    ("does", "error", "said"),
+    ("does", "error", "message"),
     [
         ('print(json.dumps({"error": "look \'chips\' cannot be built"}))', RenderError, "look 'chips' cannot be built"),
         ('save(); print(json.dumps({"error": "late"}))', RenderError, "late"),
@@ -215,11 +193,11 @@ def test_a_second_export_replaces_the_first(export: Export, tmp_path: Path) -> N
     ],
 )
 def test_a_failure_leaves_what_was_there(
-    does: str, error: type[Exception], said: str, export: Export, tmp_path: Path
+    does: str, error: type[Exception], message: str, export: Export, tmp_path: Path
 ) -> None:
     (tmp_path / "show").mkdir()
     (tmp_path / "show/look.blend").write_bytes(b"BLENDER before")
-    with pytest.raises(error, match=said):
+    with pytest.raises(error, match=message):
         export(does)
     assert names(tmp_path / "show") == ["look.blend"]
     assert not (tmp_path / "show/look_files").exists()
@@ -235,22 +213,17 @@ def test_a_failure_keeps_the_images_of_an_earlier_export(export: Export, tmp_pat
 
 
 def test_an_exporter_that_hangs_is_killed(export: Export, tmp_path: Path) -> None:
-    pid = tmp_path / "pid"
-    does = f"import os; pathlib.Path({str(pid)!r}).write_text(str(os.getpid())); save(); time.sleep(60)"
     started = time.monotonic()
     with pytest.raises(WorkerError, match="silent for 2 s"):
-        export(does, patience=2.0)
+        export(HANG.format(tmp_path), patience=2.0)
     assert time.monotonic() - started < 20.0
-    assert not Path(f"/proc/{pid.read_text()}").exists()
+    assert not Path("/proc", (tmp_path / "pid").read_text()).exists()
     assert names(tmp_path / "show") == []
 
 
 def test_ctrl_c_ends_the_exporter_and_leaves_nothing(
     export: Export, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pid = tmp_path / "pid"
-    does = f"import os; pathlib.Path({str(pid)!r}).write_text(str(os.getpid())); save(); time.sleep(60)"
-
     def interrupted(*_: object, **__: object) -> tuple[bytes, bytes]:
         while not list((tmp_path / "show").glob(".look*/look.blend@")):
             time.sleep(0.01)
@@ -258,13 +231,13 @@ def test_ctrl_c_ends_the_exporter_and_leaves_nothing(
 
     monkeypatch.setattr("subprocess.Popen.communicate", interrupted)
     with pytest.raises(KeyboardInterrupt):
-        export(does)
-    assert not Path(f"/proc/{pid.read_text()}").exists()
+        export(HANG.format(tmp_path))
+    assert not Path("/proc", (tmp_path / "pid").read_text()).exists()
     assert names(tmp_path / "show") == []
 
 
 @pytest.mark.parametrize(
-    ("out", "error", "said"),
+    ("out", "error", "message"),
     [
         ("look.usd", LookdevError, "look.blend would be right"),
         ("look", LookdevError, "look.blend would be right"),
@@ -273,14 +246,14 @@ def test_ctrl_c_ends_the_exporter_and_leaves_nothing(
     ],
 )
 def test_a_place_that_cannot_be_written(
-    out: str, error: type[Exception], said: str, export: Export, tmp_path: Path
+    out: str, error: type[Exception], message: str, export: Export, tmp_path: Path
 ) -> None:
     (tmp_path / "folder.blend").mkdir()
-    with pytest.raises(error, match=said):
+    with pytest.raises(error, match=message):
         export(out=out)
 
 
-def test_a_wrong_job_tells_all_its_faults(tmp_path: Path, job: Path, export: Export) -> None:
+def test_all_faults_of_a_job_are_reported(tmp_path: Path, job: Path, export: Export) -> None:
     job.write_text(JOB.replace('builtin = "plane"', 'builtin = "plain"').replace("frames = 4", "frame = 4"))
     with pytest.raises(FaultsError) as caught:
         export()

@@ -19,17 +19,14 @@ with output_lock(Path(sys.argv[1])):
 """
 
 
-def test_a_second_run_says_who_holds_the_output_and_a_killed_one_holds_nothing(tmp_path: Path) -> None:
+def test_a_second_run_names_the_holder_of_the_output_and_a_killed_one_holds_nothing(tmp_path: Path) -> None:
     out = tmp_path / "deep" / "out"
     with subprocess.Popen(
         (sys.executable, "-c", HOLD, str(out)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
     ) as holder:
         assert holder.stdout is not None
         assert holder.stdout.readline() == b"held\n"
-        with (
-            pytest.raises(OutputError, match=rf"process {holder.pid} on .*wait for its end"),
-            output_lock(out),
-        ):
+        with pytest.raises(OutputError, match=rf"process {holder.pid} on .*wait for its end"), output_lock(out):
             raise AssertionError("two runs hold one output")
         holder.kill()
     with output_lock(out) as folder:
@@ -38,10 +35,7 @@ def test_a_second_run_says_who_holds_the_output_and_a_killed_one_holds_nothing(t
 
 def test_an_output_that_cannot_be_made_is_an_output_error(tmp_path: Path) -> None:
     (tmp_path / "out").touch()
-    with (
-        pytest.raises(OutputError, match="out: the output folder cannot be written"),
-        output_lock(tmp_path / "out"),
-    ):
+    with pytest.raises(OutputError, match="out: the output folder cannot be written"), output_lock(tmp_path / "out"):
         raise AssertionError("a file cannot be an output folder")
 
 

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import batch_case as case
 import numpy as np
@@ -35,6 +36,10 @@ def pixels(path: Path) -> np.ndarray:
     return oiio.ImageBuf(str(path)).get_pixels(oiio.UINT8)
 
 
+def of(kind: type[Event], events: list[Event]) -> list[Any]:
+    return [event for event in events if isinstance(event, kind)]
+
+
 def test_a_batch_from_nothing_to_sheets(tmp_path: Path) -> None:
     events: list[Event] = []
     result = case.run(tmp_path, report=events.append)
@@ -55,14 +60,11 @@ def test_a_batch_from_nothing_to_sheets(tmp_path: Path) -> None:
     assert same[0].samefile(same[1])
 
     assert events[0] == RunStarted(total=6, pending=6)
-    assert [event.name for event in events if isinstance(event, FrameDone)] == [f"gold/city/{n}" for n in FRAMES]
-    assert [event.path.name for event in events if isinstance(event, SheetWritten)] == [
-        "element.sheet.png",
-        "lighting.sheet.png",
-    ]
+    assert [event.name for event in of(FrameDone, events)] == [f"gold/city/{n}" for n in FRAMES]
+    assert [event.path.name for event in of(SheetWritten, events)] == ["element.sheet.png", "lighting.sheet.png"]
 
 
-def test_the_header_tells_where_a_frame_comes_from(tmp_path: Path) -> None:
+def test_the_header_has_the_origin_of_a_frame(tmp_path: Path) -> None:
     case.run(tmp_path)
     task = case.make_plan(case.make_job(tmp_path)).frames[1].task
     header = read_header(task.files[0])
@@ -101,7 +103,7 @@ def test_a_lost_frame_alone_is_rendered_again_and_its_sheet_remade(tmp_path: Pat
     (place(tmp_path) / "lighting.0002.exr").unlink()
     events: list[Event] = []
     assert case.run(tmp_path, report=events.append).rendered == 1
-    assert [event.path.name for event in events if isinstance(event, SheetWritten)] == ["lighting.sheet.png"]
+    assert [event.path.name for event in of(SheetWritten, events)] == ["lighting.sheet.png"]
 
 
 def test_a_turntable_added_later_shares_what_is_done(tmp_path: Path) -> None:
@@ -150,7 +152,7 @@ def test_fewer_frames_that_are_all_done_make_a_new_sheet(tmp_path: Path) -> None
     assert pixels(sheet).shape[1] < before[1]
 
 
-def test_pictures_only_if_wanted(tmp_path: Path) -> None:
+def test_pictures_only_if_the_job_has_them(tmp_path: Path) -> None:
     job = case.make_job(tmp_path, render=case.RENDER + "png = false\nsheet = false\n")
     case.run(tmp_path, job)
     case.run(tmp_path, job)
@@ -174,7 +176,7 @@ def test_a_crashed_frame_is_retried_and_the_batch_completes(tmp_path: Path) -> N
     assert (result.done, result.exit_code) == (6, 0)
     assert case.requests(tmp_path).count("element.0002.exr") == 3
     assert len(case.worker_pids(tmp_path)) == 3
-    retries = [event for event in events if isinstance(event, FrameRetried)]
+    retries = of(FrameRetried, events)
     assert [(event.attempt, event.attempts) for event in retries] == [(2, 3), (3, 3)]
     assert "SIGKILL" in retries[0].reason
 
@@ -183,12 +185,11 @@ def test_a_hung_frame_is_retried(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0002=["hang", "ok"])
     events: list[Event] = []
     assert case.run(tmp_path, patience=3.0, report=events.append).exit_code == 0
-    assert ["silent for 3 s" in event.reason for event in events if isinstance(event, FrameRetried)] == [True]
+    assert ["silent for 3 s" in event.reason for event in of(FrameRetried, events)] == [True]
 
 
 @pytest.mark.parametrize(
-    ("what", "tries", "reason"),
-    [("exit", 3, "exit code 3"), ("failed", 2, "no such attribute 'st2'")],
+    ("what", "tries", "reason"), [("exit", 3, "exit code 3"), ("failed", 2, "no such attribute 'st2'")]
 )
 def test_a_frame_that_always_fails_is_listed_and_the_rest_goes_on(
     tmp_path: Path, what: str, tries: int, reason: str
@@ -201,7 +202,7 @@ def test_a_frame_that_always_fails_is_listed_and_the_rest_goes_on(
     assert reason in result.summary()
     assert "gold/city/element.0002" in result.summary()
     assert str(tmp_path / "out" / ".lookdev" / "worker.log") in result.summary()
-    assert [event.name for event in events if isinstance(event, FrameFailed)] == ["gold/city/element.0002"]
+    assert [event.name for event in of(FrameFailed, events)] == ["gold/city/element.0002"]
     assert names(tmp_path, ".sheet.png") == ["lighting"]
 
     (tmp_path / "behaviour.json").unlink()
@@ -209,10 +210,10 @@ def test_a_frame_that_always_fails_is_listed_and_the_rest_goes_on(
     assert names(tmp_path, ".sheet.png") == ["element", "lighting"]
 
 
-def test_the_worker_log_keeps_the_words_of_every_start(tmp_path: Path) -> None:
+def test_the_worker_log_keeps_the_output_of_every_start(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0002=["exit"])
     case.run(tmp_path)
-    assert (tmp_path / "out/.lookdev/worker.log").read_text().count("a last word of the fake") == 3
+    assert (tmp_path / "out/.lookdev/worker.log").read_text().count("the last line of the fake") == 3
 
 
 def test_a_worker_that_never_starts_ends_the_batch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -229,7 +230,7 @@ def batch(folder: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
-def test_ctrl_c_keeps_what_is_done_and_says_how_to_go_on(tmp_path: Path) -> None:
+def test_ctrl_c_keeps_what_is_done_and_reports_how_to_continue(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0003=["hang", "ok"])
     with batch(tmp_path) as process:
         case.wait_until(lambda: "element.0003.exr" in case.requests(tmp_path))
@@ -298,7 +299,7 @@ def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
         render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
 
 
-def test_render_job_tells_faults_before_it_makes_anything(tmp_path: Path) -> None:
+def test_render_job_reports_faults_before_it_makes_anything(tmp_path: Path) -> None:
     (tmp_path / "job.toml").write_text("outputt = 1")
     with pytest.raises(JobError):
         render_job(tmp_path / "job.toml", lambda path: None)  # type: ignore[arg-type, return-value]
@@ -306,7 +307,7 @@ def test_render_job_tells_faults_before_it_makes_anything(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize(("value", "color"), [('"black"', [0, 0, 0]), ("[0.5, 0.25, 0.0]", [0.5, 0.25, 0])])
-def test_the_background_is_what_the_job_says(tmp_path: Path, value: str, color: list[float]) -> None:
+def test_the_background_is_that_of_the_job(tmp_path: Path, value: str, color: list[float]) -> None:
     job = case.make_job(tmp_path, render=f"[render]\nbackground = {value}\n")
     task = case.make_plan(job).frames[0].task
     assert background_light(job.render.background)(task).tolist() == color
@@ -329,7 +330,7 @@ def test_an_output_that_cannot_be_written_is_an_output_error(tmp_path: Path) -> 
         case.run(tmp_path, job)
 
 
-def test_a_reader_of_the_report_who_goes_away_is_no_fault_of_the_output(tmp_path: Path) -> None:
+def test_a_broken_pipe_of_the_report_is_not_an_output_error(tmp_path: Path) -> None:
     def report(event: object) -> None:
         raise BrokenPipeError
 

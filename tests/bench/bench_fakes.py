@@ -16,6 +16,10 @@ from lookdev.metrics import EPSILON
 SIDE = 64
 
 
+def quiet(text: str) -> None:
+    """Report nothing."""
+
+
 def truth() -> tuple[np.ndarray, np.ndarray]:
     """Return a picture (SIDE, SIDE, 3) and its coverage: a third of it shows nothing."""
     rng = np.random.default_rng(1)
@@ -27,20 +31,20 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass
 class FakeRenderer:
-    """Renders `truth` times `gain`, with noise of variance ``scale^2 / samples``; remembers what it was asked for."""
+    """Renders `truth` times `gain`, with noise of variance ``scale^2 / samples``; records its calls."""
 
     name: str = "exact"
     scale: float = 0.1
     gain: float = 1.0
     fixed: float = 0.01
     rate: float = 0.001
-    asked: list[tuple[str, int, int]] = field(default_factory=list)
+    calls: list[tuple[str, int, int]] = field(default_factory=list)
     ends_after: int | None = None
 
     def __call__(self, samples: int, seed: int) -> Shot:
-        if self.ends_after is not None and len(self.asked) >= self.ends_after:
+        if self.ends_after is not None and len(self.calls) >= self.ends_after:
             raise KeyboardInterrupt
-        self.asked.append((self.name, samples, seed))
+        self.calls.append((self.name, samples, seed))
         image, alpha = truth()
         rng = np.random.default_rng([samples, seed, *self.name.encode()])
         noisy = self.gain * image + rng.normal(size=image.shape) * self.scale / np.sqrt(samples) * alpha[..., None]
@@ -59,15 +63,15 @@ class FakeRenderer:
 class FakeBackends:
     """Gives ``exact`` and ``principled`` for each cell; the second has twice the noise and half the cost a sample.
 
-    The first leaves something out, more of it under the city.
+    The first has skips, more of them under the city.
     """
 
     def __init__(self, ends_after: int | None = None) -> None:
-        self.asked: list[tuple[str, int, int]] = []
+        self.calls: list[tuple[str, int, int]] = []
         self.closed = 0
         self._renderers = {
-            "exact": FakeRenderer("exact", 0.1, asked=self.asked, ends_after=ends_after),
-            "principled": FakeRenderer("principled", 0.2, rate=0.0005, asked=self.asked, ends_after=ends_after),
+            "exact": FakeRenderer("exact", 0.1, calls=self.calls, ends_after=ends_after),
+            "principled": FakeRenderer("principled", 0.2, rate=0.0005, calls=self.calls, ends_after=ends_after),
         }
 
     @contextmanager
@@ -82,6 +86,6 @@ class FakeBackends:
             self.closed += 1
 
 
-def measured(asked: list[tuple[str, int, int]], first_seed: int) -> list[tuple[str, int, int]]:
-    """Return what was asked for but references and warm-ups."""
-    return [each for each in asked if each[2] < first_seed]
+def measured(calls: list[tuple[str, int, int]], first_seed: int) -> list[tuple[str, int, int]]:
+    """Return the calls without references and warm-ups."""
+    return [each for each in calls if each[2] < first_seed]

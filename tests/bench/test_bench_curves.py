@@ -38,15 +38,7 @@ def test_the_first_point_may_be_good_enough_already() -> None:
     assert reach([2.0], [1e-4], 1e-3) == Reached(2.0, "<")
 
 
-@pytest.mark.parametrize(
-    "curve",
-    [
-        ([], []),
-        ([1.0], [1e-2]),
-        ([1.0, 2.0], [1e-2, 2e-2]),  # it gets worse
-        ([2.0, 2.0], [1e-2, 5e-3]),  # no time passes
-    ],
-)
+@pytest.mark.parametrize("curve", [([], []), ([1.0], [1e-2]), ([1.0, 2.0], [1e-2, 2e-2]), ([2.0, 2.0], [1e-2, 5e-3])])
 def test_a_curve_without_a_slope_is_not_continued(curve: tuple[list[float], list[float]]) -> None:
     assert reach(*curve, 1e-3) is None
 

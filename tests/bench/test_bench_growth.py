@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from bench_fakes import quiet
 
 from lookdev.asset import read_asset
 from lookdev.bench import growth
@@ -52,7 +53,7 @@ def small(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("small")
 def test_all_four() -> None:
     processes = FakeProcesses()
-    grown = {each.of: each.rows for each in measure_growth(10, lambda text: None, processes)}
+    grown = {each.of: each.rows for each in measure_growth(10, quiet, processes)}
     assert list(grown) == ["frames", "pixels", "layers", "triangles"]
     assert processes.open == 0
     # Quarters of ten frames; the process has rendered one more, to warm up.
@@ -65,7 +66,7 @@ def test_all_four() -> None:
 @pytest.mark.usefixtures("small")
 def test_what_grows_is_in_the_scene() -> None:
     processes = FakeProcesses()
-    rows = iter(measure_growth(8, lambda text: None, processes))
+    rows = iter(measure_growth(8, quiet, processes))
 
     def scenes() -> list[FrameTask]:
         processes.tasks.clear()
@@ -87,4 +88,4 @@ def test_what_grows_is_in_the_scene() -> None:
 
 def test_too_few_frames_are_refused() -> None:
     with pytest.raises(LookdevError, match="3 frames"):
-        next(iter(measure_growth(3, lambda text: None, FakeProcesses())))
+        next(iter(measure_growth(3, quiet, FakeProcesses())))

@@ -50,16 +50,16 @@ def test_a_look_has_a_shader(look: str) -> None:
 
 
 def test_skips_are_those_of_the_scene() -> None:
-    def told(scene: str, look: str) -> tuple[str, ...]:
+    def skips(scene: str, look: str) -> tuple[str, ...]:
         made = bench_scene(bench_asset(scene), LOOKS[look].make(), bench_light("white"), 32, SCENES[scene].bounces)
         return skips_of(Cell(scene, "white", look), made)
 
     opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
-    assert told("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit)
-    assert told("suzanne", "plastic") == (opaque, lit)
-    assert told("sphere", "pixar") == (lit,)
-    # All five masks are read: nothing is said of textures.
-    assert told("suzanne", "stack") == (opaque, lit)
+    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit)
+    assert skips("suzanne", "plastic") == (opaque, lit)
+    assert skips("sphere", "pixar") == (lit,)
+    # All five masks are read: no texture is skipped.
+    assert skips("suzanne", "stack") == (opaque, lit)
 
 
 def test_every_layer_adds_to_the_shader() -> None:
@@ -68,7 +68,7 @@ def test_every_layer_adds_to_the_shader() -> None:
     assert len(masks) == MOST_LAYERS - 1
 
 
-def test_keys_of_references_tell_pictures_apart_but_not_samples() -> None:
+def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
     def key(look: str, backend: str = "exact", bounces: int = 2, samples: int = 64) -> str:
         scene = scene_of(look, backend, bounces)
         sampling = replace(scene.sampling, samples=samples)
@@ -81,10 +81,9 @@ def test_keys_of_references_tell_pictures_apart_but_not_samples() -> None:
 
 
 def test_cells_and_their_backends() -> None:
-    options = Options(scenes=("sphere",), ibls=("city", "studio"), looks=("plastic", "pixar"))
-    assert list(options.cells()) == [
-        Cell("sphere", ibl, look) for ibl in ("city", "studio") for look in ("plastic", "pixar")
-    ]
+    ibls, looks = ("city", "studio"), ("plastic", "pixar")
+    options = Options(scenes=("sphere",), ibls=ibls, looks=looks)
+    assert list(options.cells()) == [Cell("sphere", ibl, look) for ibl in ibls for look in looks]
     assert options.backends_of(Cell("sphere", "city", "plastic")) == ("exact", "principled")
     assert options.backends_of(Cell("sphere", "city", "pixar")) == ("exact",)
 
@@ -96,14 +95,14 @@ def test_the_list_names_everything() -> None:
 
 
 @pytest.mark.parametrize(
-    ("given", "said"),
+    ("given", "message"),
     [
         ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
         ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
         ({"looks": ("plastik",)}, "did you mean 'plastic'?"),
         ({"backends": ("cycles",)}, "known: exact, nodes, nodes-exact, principled, mitsuba"),
-        ({"backends": ()}, "no backend is asked for"),
-        ({"scenes": ("sphere", "sphere")}, "asked for twice"),
+        ({"backends": ()}, "no backend is given"),
+        ({"scenes": ("sphere", "sphere")}, "given twice"),
         ({"samples": (4, 6)}, "6 samples"),
         ({"samples": (1, 4)}, "1 samples"),
         ({"samples": (16, 4)}, "rising"),
@@ -114,10 +113,10 @@ def test_the_list_names_everything() -> None:
         ({"reference": 2}, "a reference of 2 times"),
     ],
 )
-def test_what_is_wrong_is_told(given: dict[str, object], said: str) -> None:
+def test_wrong_options_are_refused(given: dict[str, object], message: str) -> None:
     with pytest.raises(LookdevError) as caught:
         Options(**given)  # type: ignore[arg-type]
-    assert said in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_mitsuba_must_be_there(monkeypatch: pytest.MonkeyPatch) -> None:

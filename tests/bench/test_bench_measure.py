@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 
 import pytest
-from bench_fakes import FakeBackends, FakeRenderer, measured
+from bench_fakes import FakeBackends, FakeRenderer, measured, quiet
 
 from lookdev.bench.matrix import MOST_REPEATS, SEEDS, Cell, Options
 from lookdev.bench.measure import Candidate, CellResult, CellRun, schedule
@@ -19,21 +19,23 @@ CELL = Cell("sphere", "city", "plastic")
 SMALL = Options(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats=3)
 
 
-def quiet(text: str) -> None:
-    pass
-
-
 def run_cell(options: Options = SMALL, *renderers: FakeRenderer) -> CellResult:
     run = CellRun(CELL, [Candidate(each.name, each.name, each) for each in renderers], options)
     run.run(quiet)
     return run.result()
 
 
-def test_backends_take_turns() -> None:
+@pytest.fixture
+def backends() -> FakeBackends:
+    """Return backends that have rendered the cell."""
     backends = FakeBackends()
     with backends(CELL, SMALL) as candidates:
         CellRun(CELL, candidates, SMALL).run(quiet)
-    turns = measured(backends.asked, FIRST_SEED)
+    return backends
+
+
+def test_backends_take_turns(backends: FakeBackends) -> None:
+    turns = measured(backends.calls, FIRST_SEED)
     assert [(name, samples) for name, samples, _ in turns] == 3 * [
         (name, samples) for samples in (4, 16, 64) for name in ("exact", "principled")
     ]
@@ -43,12 +45,9 @@ def test_backends_take_turns() -> None:
     assert len(set(seeds)) == len(seeds) == 9
 
 
-def test_every_candidate_is_warm_before_the_first_measurement() -> None:
-    backends = FakeBackends()
-    with backends(CELL, SMALL) as candidates:
-        CellRun(CELL, candidates, SMALL).run(quiet)
-    first = backends.asked.index(measured(backends.asked, FIRST_SEED)[0])
-    assert backends.asked[first - 2 : first] == [("exact", 4, FIRST_SEED), ("principled", 4, FIRST_SEED)]
+def test_every_candidate_is_warm_before_the_first_measurement(backends: FakeBackends) -> None:
+    first = backends.calls.index(measured(backends.calls, FIRST_SEED)[0])
+    assert backends.calls[first - 2 : first] == [("exact", 4, FIRST_SEED), ("principled", 4, FIRST_SEED)]
 
 
 def test_no_two_renders_share_a_seed_and_none_is_a_references() -> None:
@@ -84,7 +83,7 @@ def test_a_times_median_and_an_errors_mean_make_a_point() -> None:
     class Irregular(FakeRenderer):
         def __call__(self, samples: int, seed: int) -> Shot:
             shot = super().__call__(samples, seed)
-            slow = len([each for each in self.asked if each[2] < FIRST_SEED]) == 1
+            slow = len([each for each in self.calls if each[2] < FIRST_SEED]) == 1
             return Shot(shot.image, shot.alpha, 100.0 if slow else shot.seconds, shot.memory, shot.renderer)
 
     renderer = Irregular()
@@ -134,4 +133,4 @@ def test_a_second_run_renders_no_reference(tmp_path: Path) -> None:
     run_matrix(SMALL, tmp_path, quiet, opened=FakeBackends())
     backends = FakeBackends()
     assert run_matrix(SMALL, tmp_path, quiet, opened=backends).complete
-    assert len(backends.asked) == 2 + 18  # warm-ups and measurements
+    assert len(backends.calls) == 2 + 18  # warm-ups and measurements

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from bench_fakes import quiet
 
 from lookdev.bench import growth, sequence
 from lookdev.bench.backends import open_candidates
@@ -19,10 +20,6 @@ from lookdev.output.exr import read_frame
 pytestmark = pytest.mark.bench
 
 BACKENDS = ("exact", "principled", "mitsuba") if has_mitsuba() else ("exact", "principled")
-
-
-def quiet(text: str) -> None:
-    pass
 
 
 def test_a_small_matrix(tmp_path: Path) -> None:

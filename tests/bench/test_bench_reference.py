@@ -1,19 +1,15 @@
-"""What a reference says of renders whose noise is known, although it has noise itself."""
+"""Errors of renders of known noise against a reference that has noise too."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from bench_fakes import SIDE, FakeRenderer, truth
+from bench_fakes import SIDE, FakeRenderer, quiet, truth
 
 from lookdev.bench.reference import FIRST_SEED, Reference, Shot, obtain
 from lookdev.errors import LookdevError
 
 SAMPLES = 16
-
-
-def quiet(text: str) -> None:
-    pass
 
 
 def make_reference(render: FakeRenderer, samples: int = SAMPLES, parts: int = 4) -> Reference:
@@ -32,7 +28,7 @@ def test_the_references_own_error_is_taken_away() -> None:
     assert reference.own_relmse == pytest.approx(render.relmse(4 * SAMPLES), rel=0.1)
 
 
-def test_what_is_below_the_references_own_error_is_not_told() -> None:
+def test_what_is_below_the_references_own_error_is_not_reported() -> None:
     render = FakeRenderer()
     reference = make_reference(render)
     assert reference.judge(render(2 * SAMPLES, 1)).relmse is not None
@@ -85,15 +81,15 @@ def test_pixels_without_coverage_do_not_count() -> None:
 def test_a_second_run_finds_the_reference() -> None:
     render = FakeRenderer()
     first = make_reference(render, parts=6)
-    assert [(samples, seed) for _, samples, seed in render.asked] == [(SAMPLES, FIRST_SEED + k) for k in range(6)]
-    render.asked.clear()
+    assert [(samples, seed) for _, samples, seed in render.calls] == [(SAMPLES, FIRST_SEED + k) for k in range(6)]
+    render.calls.clear()
     again = make_reference(render, parts=6)
-    assert render.asked == []
+    assert render.calls == []
     np.testing.assert_array_equal(again.mean, first.mean)
     assert again.own_relmse == first.own_relmse
-    # Fewer samples are there already, too, whatever their parts were.
+    # Fewer samples are there already, too, with any number of parts.
     assert make_reference(render, samples=4, parts=5).samples == 6 * SAMPLES
-    assert render.asked == []
+    assert render.calls == []
 
 
 def test_a_reference_grows_and_is_taken_up_where_it_was_left() -> None:
@@ -102,7 +98,7 @@ def test_a_reference_grows_and_is_taken_up_where_it_was_left() -> None:
         make_reference(render, parts=8)
     render.ends_after = None
     assert make_reference(render, parts=8).samples == 8 * SAMPLES
-    assert [seed for _, _, seed in render.asked] == [FIRST_SEED + k for k in range(8)]
+    assert [seed for _, _, seed in render.calls] == [FIRST_SEED + k for k in range(8)]
 
 
 def test_a_reference_of_smaller_parts_is_begun_anew() -> None:
@@ -115,9 +111,9 @@ def test_a_reference_of_smaller_parts_is_begun_anew() -> None:
 def test_fresh_renders_it_again() -> None:
     render = FakeRenderer()
     make_reference(render)
-    render.asked.clear()
+    render.calls.clear()
     obtain(render.name, SAMPLES, 4, render, fresh=True, report=quiet)
-    assert len(render.asked) == 4
+    assert len(render.calls) == 4
 
 
 def test_a_broken_file_is_made_again(tmp_path) -> None:
@@ -125,9 +121,9 @@ def test_a_broken_file_is_made_again(tmp_path) -> None:
     make_reference(render)
     (file,) = (tmp_path / "cache" / "bench").glob("*.npz")
     file.write_bytes(file.read_bytes()[:1000])
-    render.asked.clear()
+    render.calls.clear()
     make_reference(render)
-    assert len(render.asked) == 4
+    assert len(render.calls) == 4
 
 
 def test_a_black_picture_is_refused() -> None:

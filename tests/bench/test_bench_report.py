@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 import pytest
-from bench_fakes import FakeBackends, FakeRenderer
+from bench_fakes import FakeBackends, FakeRenderer, quiet
 from rich.console import Console
 
 from lookdev.bench.curves import Reached
@@ -21,10 +21,6 @@ from lookdev.bench.run import run_matrix
 from lookdev.bench.sequence import SequenceResult, SequenceRun, Subject
 
 OPTIONS = Options(scenes=("sphere",), ibls=("city", "studio"), looks=("plastic", "stack"), samples=(4, 16), repeats=2)
-
-
-def quiet(text: str) -> None:
-    pass
 
 
 @pytest.fixture(scope="module")
@@ -90,14 +86,9 @@ def test_a_figure_for_each_look_with_a_panel_for_each_light(results: Results, fo
 
 def test_the_table(results: Results) -> None:
     cell = results.cells[0]
-    made = replace(
-        cell,
-        reached={
-            "exact": {1e-3: Reached(1.5), 1e-4: Reached(9.0, "~")},
-            "principled": {1e-3: Reached(2.0), 1e-4: None},
-        },
-        ratios=(Ratio("principled", 1e-3, Reached(0.75), 0.7, 0.81), Ratio("principled", 1e-4, None, None, None)),
-    )
+    exact, principled = {1e-3: Reached(1.5), 1e-4: Reached(9.0, "~")}, {1e-3: Reached(2.0), 1e-4: None}
+    ratios = (Ratio("principled", 1e-3, Reached(0.75), 0.7, 0.81), Ratio("principled", 1e-4, None, None, None))
+    made = replace(cell, reached={"exact": exact, "principled": principled}, ratios=ratios)
     lines = printed(Results(results.options, results.machine, [made], complete=True)).splitlines()
     named = next(number for number, line in enumerate(lines) if line.strip() == "sphere, city, plastic")
     exact, principled = (line.split() for line in lines[named + 1 : named + 3])
@@ -113,7 +104,7 @@ def test_80_columns_cut_no_number_off(results: Results) -> None:
     assert {word for word in wide if any(letter.isdigit() for letter in word)} <= narrow
 
 
-def test_skips_are_told_once_for_all_cells_that_have_them(results: Results) -> None:
+def test_skips_are_printed_once_for_all_cells_that_have_them(results: Results) -> None:
     assert [line.strip() for line in printed(results).splitlines() if "skips" in line] == [
         "exact skips bounces (convex asset), light samples (for show): sphere, city, plastic; sphere, city, stack",
         "exact skips bounces (convex asset): sphere, studio, plastic; sphere, studio, stack",
@@ -123,11 +114,11 @@ def test_skips_are_told_once_for_all_cells_that_have_them(results: Results) -> N
     assert cell["backends"]["principled"]["skipped"] == []
 
 
-def test_an_incomplete_run_says_so(results: Results) -> None:
+def test_an_incomplete_run_is_marked(results: Results) -> None:
     assert "Not complete" in printed(replace(results, complete=False))
 
 
-def test_a_picture_that_is_not_its_references_is_told() -> None:
+def test_a_biased_picture_is_reported() -> None:
     def measured(renderer: FakeRenderer) -> CellResult:
         run = CellRun(Cell("sphere", "city", "plastic"), [Candidate("exact", "key", renderer)], OPTIONS)
         run.run(quiet)
@@ -135,25 +126,18 @@ def test_a_picture_that_is_not_its_references_is_told() -> None:
 
     assert warnings([measured(FakeRenderer())]) == []
     # The reference is in the cache: what renders now is 5 % brighter.
-    told = warnings([measured(FakeRenderer(gain=1.05))])
-    assert len(told) == 2
-    assert "exact with 16 samples is off by +5." in told[1] or "off by +4.9" in told[1]
-    assert "--fresh" in told[1]
+    lines = warnings([measured(FakeRenderer(gain=1.05))])
+    assert len(lines) == 2
+    assert "exact with 16 samples is off by +5." in lines[1] or "off by +4.9" in lines[1]
+    assert "--fresh" in lines[1]
 
 
-def test_sequence_and_growth_are_told(results: Results) -> None:
+def test_sequence_and_growth_are_printed(results: Results) -> None:
     runs = (SequenceRun("exact", 0, 60.0, 144.0), SequenceRun("plain", 0, 240.0, 36.0))
-    sequence = SequenceResult(
-        Subject("shaderball", "plastic", ("city", "studio"), 256),
-        144,
-        {"exact": 64, "plain": 150},
-        {"exact": 9.5e-4, "plain": 9.7e-4},
-        runs,
-        4.0,
-        4.0,
-        4.0,
-        ("23 of 47 frames (same all around)", "bounces (convex asset)"),
-    )
+    samples, relmse = {"exact": 64, "plain": 150}, {"exact": 9.5e-4, "plain": 9.7e-4}
+    skips = ("23 of 47 frames (same all around)", "bounces (convex asset)")
+    subject = Subject("shaderball", "plastic", ("city", "studio"), 256)
+    sequence = SequenceResult(subject, 144, samples, relmse, runs, 4.0, 4.0, 4.0, skips)
     growth = [Growth("pixels", (GrowthRow(4096, 0.1, 400_000_000), GrowthRow(16384, 0.4, 410_000_000)))]
     results = replace(results, sequence=sequence, growth=growth)
     text = printed(results)

@@ -8,10 +8,11 @@ from dataclasses import asdict
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock, call
 
 import numpy as np
 import pytest
-from bench_fakes import truth
+from bench_fakes import quiet, truth
 
 from lookdev.asset import read_asset
 from lookdev.bench import sequence
@@ -38,10 +39,10 @@ class FakeProducer:
         self.scale = scale
         self.skips = skips
         self.cost = cost
-        self.asked: list[tuple[int, int, int]] = []
+        self.calls: list[tuple[int, int, int]] = []
 
     def __call__(self, folder: Path, samples: int, frames: int, seed: int) -> Produced:
-        self.asked.append((samples, frames, seed))
+        self.calls.append((samples, frames, seed))
         _, alpha = truth()
         image = np.repeat(GREY * alpha[..., None], 3, axis=-1)
         for ibl, kind, number in product(SUBJECT.ibls, sequence.KINDS, range(frames)):
@@ -63,44 +64,33 @@ def test_a_curve_beyond_its_points() -> None:
 
 
 @pytest.mark.parametrize(
-    ("exact", "said"),
-    [([curve(0.02)[:1]], "two points"), ([curve(1.0, 0.01)], "out of reach")],
+    ("exact", "message"), [([curve(0.02)[:1]], "two points"), ([curve(1.0, 0.01)], "out of reach")]
 )
-def test_curves_that_say_nothing_are_refused(exact: list[list[CurvePoint]], said: str) -> None:
-    with pytest.raises(LookdevError, match=said):
+def test_insufficient_curves_are_refused(exact: list[list[CurvePoint]], message: str) -> None:
+    with pytest.raises(LookdevError, match=message):
         choose_samples(exact, [curve(0.1)], 1e-3)
 
 
 @pytest.mark.parametrize("exponent", [0.6, 1.0, 2.2])
 def test_the_plain_scripts_samples_are_corrected_by_its_measured_error(exponent: float) -> None:
-    asked = []
-
-    def error(count: int) -> float:
-        asked.append(count)
-        return float(0.5 * count**-exponent)
-
+    error = Mock(side_effect=lambda count: float(0.5 * count**-exponent))
     right = (0.5 / 1e-3) ** (1.0 / exponent)
     found = meet(1e-3, max(1, round(right / 3.0)), error)
     assert error(found) == pytest.approx(1e-3, rel=0.1)
-    assert len(asked) <= 5
+    assert error.call_count <= 5
 
 
 def test_an_error_that_samples_do_not_change_ends_the_search() -> None:
-    counts = []
-
-    def error(count: int) -> float:
-        counts.append(count)
-        return 1e-2
-
-    assert meet(1e-3, 100, error) in counts
-    assert len(counts) <= 4
+    error = Mock(return_value=1e-2)
+    assert call(meet(1e-3, 100, error)) in error.mock_calls
+    assert error.call_count <= 4
 
 
 def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 6)
     fakes = {"exact": FakeProducer(0.1, 0.01, ("no frames (none)",)), "plain": FakeProducer(0.2, 0.02)}
     # Four times the samples make the plain script's error equal; the first guess is far off.
-    result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, report=lambda text: None)
+    result = measure_sequence(SUBJECT, (16, 20), fakes, repeats=2, seed=5, report=quiet)
     assert result.samples["exact"] == 16
     assert result.samples["plain"] == pytest.approx(64, rel=0.15)
     assert result.relmse["plain"] == pytest.approx(result.relmse["exact"], rel=0.15)
@@ -114,14 +104,14 @@ def test_both_are_timed_at_equal_error(monkeypatch: pytest.MonkeyPatch) -> None:
     assert result.ratio == pytest.approx(2.0 * result.samples["plain"] / 16)
     assert result.low == result.high == result.ratio
     # What judges the timed frames has other seeds than they.
-    assert {seed for _, frames, seed in fakes["exact"].asked if frames == 6} == {5}
-    assert 5 not in {seed for _, frames, seed in fakes["exact"].asked if frames == 3}
+    assert {seed for _, frames, seed in fakes["exact"].calls if frames == 6} == {5}
+    assert 5 not in {seed for _, frames, seed in fakes["exact"].calls if frames == 3}
 
 
 def test_the_measured_error_is_that_of_one_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 3)
     fakes = {"exact": FakeProducer(0.05, 1.0), "plain": FakeProducer(0.05, 1.0)}
-    result = measure_sequence(SUBJECT, (16, 16), fakes, repeats=1, seed=0, report=lambda text: None)
+    result = measure_sequence(SUBJECT, (16, 16), fakes, repeats=1, seed=0, report=quiet)
     # From 12 frames of 43 x 64 x 3 values: 1 % of noise, and as much because the median of neighbours has noise too.
     assert result.relmse["exact"] == pytest.approx(0.05**2 / 16 / (GREY**2 + EPSILON), rel=0.05)
 
@@ -165,7 +155,7 @@ def test_both_show_the_same(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> 
     assert (light == 1.0).all()
 
 
-def test_a_script_that_fails_says_its_last_words(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_script_that_fails_reports_its_last_line(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sequence, "PLAIN_COMMAND", ("sh", "-c", "echo no Blender here >&2; exit 3"))
     subject = Subject("suzanne", "plastic", ("white",), 64)
     with pytest.raises(RenderError, match="exit code 3: no Blender here"):

@@ -1,4 +1,4 @@
-"""The point check: what it draws, what it tells, and that it finds what is wrong in a shader's text."""
+"""The point check: its cases, its findings, and faults in the text of a shader."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report: a table, and a page that stands alone."""
+"""The report: a table, and a self-contained page."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def printed(*findings: Finding) -> str:
     return stream.getvalue()
 
 
-def test_the_table_tells_every_finding_and_the_worst_cases_of_the_bad_ones() -> None:
+def test_the_table_has_every_finding_and_the_worst_cases_of_the_bad_ones() -> None:
     text = printed(GOOD, BAD, SKIPPED)
     assert re.search(r"points +gold +agrees +40000 cases", text)
     assert re.search(r"image +<b>gold</b>, city +DISAGREES +t 9 & more", text)

@@ -40,7 +40,7 @@ def test_only_the_asset_counts() -> None:
     assert gap.seen[2, 2] > 0.1
 
 
-def test_flip_is_zero_for_the_same_picture_and_tells_its_noise() -> None:
+def test_flip_is_zero_for_the_same_picture_and_noise_is_reported() -> None:
     rng = np.random.default_rng(5)
     exact = halves(0.5, 0.05, rng)
     gap = measure_gap(exact, exact, disc())

@@ -1,4 +1,4 @@
-"""The image check on made-up frames: right ones pass, wrong ones do not, whatever is wrong with them."""
+"""The image check on synthetic frames: correct ones pass, all kinds of faults are found."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_a_hundred_right_frames_pass(tails):
     assert sum(not Case(seed, tails).check().passed for seed in range(100)) <= 1
 
 
-def test_what_a_right_frame_is_told():
+def test_the_finding_of_a_right_frame():
     found = Case().check()
     assert found.check == "image"
     assert found.figures["pixels"] == COUNT
@@ -67,10 +67,6 @@ def test_what_a_right_frame_is_told():
     assert len(found.plots) == 3
 
 
-def darker(case):
-    return case.halves * 0.96
-
-
 def one_pixel(case):
     halves = case.halves.copy()
     column, row = case.brightest
@@ -78,24 +74,20 @@ def one_pixel(case):
     return halves
 
 
-def texture_moved(case):
-    """As bright on the whole, but every pixel a little off."""
-    return case.halves * (1.0 + 0.15 * np.sign(np.random.default_rng(1).normal(size=(SIZE, SIZE, 1))))
+FAULTS = {
+    "darker": lambda case: case.halves * 0.96,
+    "one pixel": one_pixel,
+    # Equal on average, with errors at every pixel.
+    "texture moved": lambda case: (
+        case.halves * (1.0 + 0.15 * np.sign(np.random.default_rng(1).normal(size=(SIZE, SIZE, 1))))
+    ),
+    "channels swapped": lambda case: case.halves[..., [2, 1, 0]],
+    "one channel": lambda case: case.halves * (1.0, 1.0, 0.95),
+    "mirrored": lambda case: case.halves[:, :, ::-1],
+}
 
 
-def channels_swapped(case):
-    return case.halves[..., [2, 1, 0]]
-
-
-def one_channel(case):
-    return case.halves * (1.0, 1.0, 0.95)
-
-
-def mirrored(case):
-    return case.halves[:, :, ::-1]
-
-
-@pytest.mark.parametrize("fault", [darker, one_pixel, texture_moved, channels_swapped, one_channel, mirrored])
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
 @pytest.mark.parametrize("seed", range(3))
 def test_a_fault_is_found(fault, seed):
     case = Case(seed)
@@ -104,7 +96,7 @@ def test_a_fault_is_found(fault, seed):
 
 def test_each_test_finds_what_it_is_for():
     case = Case()
-    pixel, moved, dark = (case.check(fault(case)).figures for fault in (one_pixel, texture_moved, darker))
+    pixel, moved, dark = (case.check(FAULTS[name](case)).figures for name in ("one pixel", "texture moved", "darker"))
     assert pixel["suspicious"] == 1
     assert pixel["beyond"] <= pixel["beyond_limit"]
     assert moved["beyond"] > moved["beyond_limit"]
@@ -113,14 +105,14 @@ def test_each_test_finds_what_it_is_for():
     assert dark["suspicious"] == 0
 
 
-def test_the_worst_pixel_is_told_first():
+def test_the_worst_pixel_is_first():
     case = Case()
     column, row = case.brightest
     assert case.check(one_pixel(case)).details[0].startswith(f"pixel {column},{row}: frame ")
 
 
-def test_a_frame_that_missed_a_rare_path_knows_less_than_it_seems():
-    # 256 draws, none of which found what one in 200 does; the reference found it, and knows how noisy that is.
+def test_a_frame_that_missed_a_rare_path_is_noisier_than_it_seems():
+    # 256 draws, none of which found what one in 200 does; the reference found it, with its noise.
     halves = np.full((HALVES, 1, 3), 0.5)
     reference = Estimate(np.full((1, 3), 0.51), np.full((1, 3), 0.01 * np.sqrt(200 / 1024)), 128, 8)
     assert (np.abs(compare_pixels(halves, SAMPLES, reference).t) < 3.0).all()
@@ -131,7 +123,7 @@ def test_freedom_is_that_of_the_noisier_side():
     exact = Estimate(np.full((50, 3), 0.5), np.full((50, 3), 1e-9), 128, 8)
     np.testing.assert_allclose(compare_pixels(halves, SAMPLES, exact).freedom, HALVES - 1, rtol=1e-6)
     rough = Estimate(np.full((50, 3), 0.5), np.full((50, 3), 1.0), 1, 8)
-    # 7 of the reference alone; what it says of the frame's noise, 2^-7 of its own variance, adds next to nothing.
+    # 7 of the reference alone; its bound of the frame's noise, 2^-7 of its own variance, adds next to nothing.
     np.testing.assert_allclose(compare_pixels(halves, SAMPLES, rough).freedom, 7.0, rtol=0.1)
 
 
@@ -167,8 +159,7 @@ def test_pixels_are_chosen_from_the_asset_and_its_rim():
     assert (few != choose_pixels(alpha, 6, 2)).any()
 
 
-def test_flip_sees_what_differs():
-
+def test_flip_shows_differences():
     case = Case()
     assert flip(case.truth, case.truth)[0] == 0.0
     changed = case.truth.copy()

@@ -38,7 +38,7 @@ def test_help_loads_nothing_heavy() -> None:
 
 
 @pytest.mark.parametrize(
-    ("error", "code", "said"),
+    ("error", "code", "message"),
     [
         (AssetError("ball.usd: no mesh in it"), 2, "lookdev: ball.usd: no mesh in it\n"),
         (
@@ -52,20 +52,15 @@ def test_help_loads_nothing_heavy() -> None:
 )
 @pytest.mark.parametrize("verb", ["render", "plan"])
 def test_an_error_is_a_line_and_an_exit_code(
-    run_cli: Command, job_file: Path, plant: Plant, error: BaseException, code: int, said: str, verb: str
+    run_cli: Command, job_file: Path, plant: Plant, error: BaseException, code: int, message: str, verb: str
 ) -> None:
     plant(error)
-    assert run_cli(verb, job_file) == (code, "", said)
+    assert run_cli(verb, job_file) == (code, "", message)
 
 
 @pytest.mark.parametrize("blocked", [(), ("cache",), ("cache", "temporary")], ids=["cache", "temporary", "stderr"])
 def test_a_defect_is_one_line_and_a_report(
-    run_cli: Command,
-    job_file: Path,
-    plant: Plant,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    blocked: tuple[str, ...],
+    run_cli: Command, job_file: Path, plant: Plant, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, blocked: tuple
 ) -> None:
     for name in blocked:
         (tmp_path / name).write_text("a file where a folder should be")
@@ -82,9 +77,14 @@ def test_a_defect_is_one_line_and_a_report(
         assert file.parent == tmp_path.joinpath(*(("temporary",) if blocked else ("cache", "reports")))
         assert list(file.parent.iterdir()) == [file]
         report = file.read_text()
-    wanted = [f"command: lookdev plan {job_file}", "Traceback (most recent call last)", "defect", job_file.read_text()]
-    wanted += [f"\n{name}: " for name in DISTRIBUTIONS]
-    assert [text for text in wanted if text not in report] == []
+    expected = [
+        f"command: lookdev plan {job_file}",
+        "Traceback (most recent call last)",
+        "defect",
+        job_file.read_text(),
+    ]
+    expected += [f"\n{name}: " for name in DISTRIBUTIONS]
+    assert [text for text in expected if text not in report] == []
 
 
 def test_a_closed_pipe_ends_quietly() -> None:

@@ -23,14 +23,14 @@ BAD = Finding("albedo", "gold", False, "far off", {}, ("case 2",))
 @pytest.fixture
 def found(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Replace the findings of the checks by those of the test; return the options that arrive."""
-    asked: dict[str, Any] = {"findings": [GOOD]}
+    given: dict[str, Any] = {"findings": [GOOD]}
 
     def check_file(file: Path, **options: Any) -> Iterator[Finding]:
-        asked.update(file=file, **options)
-        yield from asked["findings"]
+        given.update(file=file, **options)
+        yield from given["findings"]
 
     monkeypatch.setattr("lookdev.batch.check.check_file", check_file)
-    return asked
+    return given
 
 
 def test_agreement_leaves_with_0(run_cli: Command, found: dict[str, Any]) -> None:
@@ -67,7 +67,7 @@ LEAF = ROOT / "materials" / "leaf.usda"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         ((LEAF, "--only", "point"), "there is no check 'point' (did you mean 'points'?)"),
         ((LEAF, "--depth", "deep"), "'deep' is not one of 'quick', 'default', 'full'"),
@@ -77,10 +77,10 @@ LEAF = ROOT / "materials" / "leaf.usda"
         (("none.usda",), "none.usda"),
     ],
 )
-def test_what_does_not_exist_leaves_with_2(arguments: tuple[object, ...], said: str, run_cli: Command) -> None:
+def test_what_does_not_exist_leaves_with_2(arguments: tuple[object, ...], message: str, run_cli: Command) -> None:
     code, _, errors = run_cli("check", *arguments)
     assert code == 2
-    assert said in " ".join(errors.replace("│", " ").split())
+    assert message in " ".join(errors.replace("│", " ").split())
 
 
 def test_stress_needs_no_file(run_cli: Command, found: dict[str, Any], tmp_path: Path) -> None:
@@ -102,11 +102,7 @@ def test_a_shipped_look_agrees(run_cli: Command, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("options", "backend"), [((), "numpy"), (("--backend", "cycles"), "cycles")])
 def test_eval_maps_lines_to_lines(
-    run_cli: Command,
-    provide: Callable[..., None],
-    monkeypatch: pytest.MonkeyPatch,
-    options: tuple[str, ...],
-    backend: str,
+    run_cli: Command, provide: Callable[..., None], monkeypatch: pytest.MonkeyPatch, options: tuple, backend: str
 ) -> None:
     def evaluate_lines(lines: Iterator[str], backend: str) -> Iterator[str]:
         return (f"{backend} {line.strip()}" for line in lines)
@@ -122,5 +118,5 @@ def test_eval_of_a_bad_line_is_exit_code_2(run_cli: Command, provide: Callable[.
         raise ModelError("line 2: no model 'dysney' (did you mean 'disney'?)")
 
     provide("lookdev.checks.evaluate", evaluate_lines=evaluate_lines)
-    said = "lookdev: line 2: no model 'dysney' (did you mean 'disney'?)\n"
-    assert run_cli("eval") == (2, "first\n", said)
+    message = "lookdev: line 2: no model 'dysney' (did you mean 'disney'?)\n"
+    assert run_cli("eval") == (2, "first\n", message)

@@ -1,4 +1,4 @@
-"""`lookdev export` on the command line: options, what is said, exit codes."""
+"""`lookdev export` on the command line: options, output, exit codes."""
 
 from __future__ import annotations
 
@@ -16,40 +16,40 @@ Command = Callable[..., tuple[int, str, str]]
 
 
 @pytest.fixture
-def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
-    """Let the export write one byte; return what it was asked for."""
-    given: dict[str, Any] = {}
+def exported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> dict[str, Any]:
+    """Let the export write one byte; return its arguments."""
+    arguments: dict[str, Any] = {}
 
     def export_blend(job: Path, out: Path, **options: Any) -> Exported:
-        given.update(job=job, out=out, **options)
-        if "error" in given:
-            raise given["error"]
+        arguments.update(job=job, out=out, **options)
+        if "error" in arguments:
+            raise arguments["error"]
         out.write_bytes(b"B")
         return Exported(out, (), ("gold",), ("city",), ("no view like that",))
 
     monkeypatch.setattr("lookdev.batch.export.export_blend", export_blend)
-    return given
+    return arguments
 
 
 @pytest.mark.parametrize(("options", "pack"), [((), False), (("--pack",), True)])
 def test_options_reach_the_export(
-    options: tuple[str, ...], pack: bool, run_cli: Command, asked: dict[str, Any], tmp_path: Path
+    options: tuple[str, ...], pack: bool, run_cli: Command, exported: dict[str, Any], tmp_path: Path
 ) -> None:
     out = tmp_path / "look.blend"
     code, output, errors = run_cli("export", "blend", "job.toml", "-o", out, *options)
     assert (code, errors) == (0, "note: no view like that\n")
-    assert asked == {"job": Path("job.toml"), "out": out, "pack": pack}
+    assert exported == {"job": Path("job.toml"), "out": out, "pack": pack}
     assert output.startswith(f"{out}: 0.0 MB, scenes gold, worlds city")
 
 
-def test_a_failure_of_blender_leaves_with_1(run_cli: Command, asked: dict[str, Any], tmp_path: Path) -> None:
-    asked["error"] = RenderError("look 'gold' has too many layers")
+def test_a_failure_of_blender_leaves_with_1(run_cli: Command, exported: dict[str, Any], tmp_path: Path) -> None:
+    exported["error"] = RenderError("look 'gold' has too many layers")
     left = run_cli("export", "blend", "job.toml", "-o", tmp_path / "look.blend")
     assert left == (1, "", "lookdev: look 'gold' has too many layers\n")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("blend", ROOT / "jobs" / "suzanne.toml"), "Missing option '-o' / '--out'"),
         (("blend", ROOT / "jobs" / "suzanne.toml", "-o", "look.usd"), "look.blend would be right"),
@@ -58,11 +58,11 @@ def test_a_failure_of_blender_leaves_with_1(run_cli: Command, asked: dict[str, A
         (("blend", ROOT / "jobs" / "suzanne.toml", "-o", "look.blend", "--packed"), "No such option: --packed"),
     ],
 )
-def test_what_is_not_right_leaves_with_2(
-    arguments: tuple[object, ...], said: str, run_cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_wrong_arguments_leave_with_2(
+    arguments: tuple[object, ...], message: str, run_cli: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     code, _, errors = run_cli("export", *arguments)
     assert code == 2
-    assert said in " ".join(errors.replace("│", " ").split())
+    assert message in " ".join(errors.replace("│", " ").split())
     assert list(tmp_path.iterdir()) == []

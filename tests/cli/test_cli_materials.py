@@ -1,4 +1,4 @@
-"""``lookdev materials``: what is said, the exit codes, and a contact sheet from the fake worker."""
+"""``lookdev materials``: output, exit codes, and a contact sheet from the fake worker."""
 
 from __future__ import annotations
 
@@ -16,14 +16,10 @@ from lookdev.material.usd import read_look
 Command = Callable[..., tuple[int, str, str]]
 
 PRESET = """#usda 1.0
-(
-    defaultPrim = "Preset"
-)
+( defaultPrim = "Preset" )
 def Shader "Preset" (
     doc = "Like {name}. More of it."
-    customData = {{
-        string category = "{category}"
-    }}
+    customData = {{ string category = "{category}" }}
 )
 {{
     uniform token info:id = "LookdevDisney"
@@ -43,29 +39,28 @@ def materials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, run_cli: Command)
         (library / f"{name}.usda").write_text(text)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("LOOKDEV_LIBRARY", str(library))
-
     return partial(run_cli, "materials")
 
 
 @pytest.mark.parametrize("verb", [(), ("list",)])
 def test_the_library_is_listed(materials: Command, verb: tuple[str, ...]) -> None:
-    code, said, errors = materials(*verb)
+    code, output, errors = materials(*verb)
     assert (code, errors) == (0, "")
-    assert said.splitlines() == [
+    assert output.splitlines() == [
         "name  category  model",
         "gold  metal     disney  Like gold",
         "rust  metal     disney  Like rust",
         "clay  stone     disney  Like clay",
     ]
-    code, said, _ = materials(*verb, "--category", "stone")
-    assert [line.split()[0] for line in said.splitlines()] == ["name", "clay"]
+    code, output, _ = materials(*verb, "--category", "stone")
+    assert [line.split()[0] for line in output.splitlines()] == ["name", "clay"]
 
 
 def test_a_broken_preset_is_a_note(materials: Command) -> None:
     Path("materials/presets/broken.usda").write_text("not USD")
-    code, said, errors = materials()
+    code, output, errors = materials()
     assert code == 0
-    assert len(said.splitlines()) == 4
+    assert len(output.splitlines()) == 4
     assert errors.startswith("note: ")
     assert "broken.usda" in errors
 
@@ -73,8 +68,8 @@ def test_a_broken_preset_is_a_note(materials: Command) -> None:
 def test_a_stack_is_made_and_edited(materials: Command) -> None:
     assert materials("new", "look.usda", "gold", "--name", "Paint") == (0, "look.usda: /Paint is gold\n", "")
     assert materials("add", "look.usda", "Rust", "--mask", "primvar:wear") == (0, "look.usda: layer 1 is Preset\n", "")
-    code, said, _ = materials("add", "look.usda", "materials/presets/clay.usda", "--prim", "/Paint")
-    assert (code, said) == (0, "look.usda: layer 2 is Preset2\n")
+    code, output, _ = materials("add", "look.usda", "materials/presets/clay.usda", "--prim", "/Paint")
+    assert (code, output) == (0, "look.usda: layer 2 is Preset2\n")
     assert materials("mask", "look.usda", "2", "0.5") == (0, "look.usda: layer 2, Preset2, has the mask 0.5\n", "")
     assert [layer.mask for layer in read_look(Path("look.usda")).layers][2] == 0.5
     assert materials("remove", "look.usda", "1") == (0, "look.usda: layer 1, Preset, is removed\n", "")
@@ -83,7 +78,7 @@ def test_a_stack_is_made_and_edited(materials: Command) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("new", "look.usda", "gild"), "no preset 'gild' in {library} (did you mean 'gold'?)"),
         (("add", "none.usda", "gold"), "none.usda: no such file ('lookdev materials new' makes one)"),
@@ -93,20 +88,20 @@ def test_a_stack_is_made_and_edited(materials: Command) -> None:
     ],
 )
 def test_what_is_wrong_is_exit_code_2_and_no_traceback(
-    materials: Command, tmp_path: Path, arguments: tuple[str, ...], said: str
+    materials: Command, tmp_path: Path, arguments: tuple[str, ...], message: str
 ) -> None:
     code, output, errors = materials(*arguments)
     assert (code, output) == (2, "")
-    assert said.format(library=tmp_path / "materials" / "presets") in errors
+    assert message.format(library=tmp_path / "materials" / "presets") in errors
     assert errors.startswith("lookdev: ")
     assert "Traceback" not in errors
 
 
 def test_every_verb_has_help(materials: Command) -> None:
-    code, said, _ = materials("--help")
+    code, output, _ = materials("--help")
     assert code == 0
     for verb in ("list", "new", "add", "remove", "mask", "preview"):
-        assert verb in said
+        assert verb in output
         assert materials(verb, "--help")[0] == 0
 
 
@@ -117,10 +112,10 @@ def test_a_sheet_is_rendered_once(
     worker = tmp_path / "worker"
     worker.mkdir()
     monkeypatch.setattr("lookdev.batch.run.run_plan", partial(run_plan, worker_command=case.command(worker)))
-    code, said, _ = materials("--sheet", "sheet.png")
+    code, output, _ = materials("--sheet", "sheet.png")
     assert code == 0
-    assert said.splitlines()[-1] == "3 of 3 frames are done, 3 of them rendered now."
-    assert "gold/studio/element.0001" in said
+    assert output.splitlines()[-1] == "3 of 3 frames are done, 3 of them rendered now."
+    assert "gold/studio/element.0001" in output
     width, height = (getattr(oiio.ImageBuf("sheet.png").spec(), side) for side in ("width", "height"))
     assert width > 2 * 128
     assert height > 128

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 LOOK = """#usda 1.0
-(
-    defaultPrim = "Look"
-)
+( defaultPrim = "Look" )
 def Material "Look"
 {{
     token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
@@ -29,28 +24,11 @@ def Material "Look"
 
 JOB = """
 output = "out"
-[asset]
-builtin = "suzanne"
-[[look]]
-name = "red"
-material = "red.usda"
-[[look]]
-name = "blue"
-material = "blue.usda"
-[[ibl]]
-name = "{light}"
-builtin = "{light}"
-exposure = -1.0
-[[turntable]]
-kind = "element"
-frames = {frames}
-[[turntable]]
-kind = "lighting"
-frames = 2
-[render]
-resolution = [{size}, {size}]
-samples = {samples}
-bounces = 0
+asset = {{ builtin = "suzanne" }}
+look = [{{ name = "red", material = "red.usda" }}, {{ name = "blue", material = "blue.usda" }}]
+ibl = [{{ name = "{light}", builtin = "{light}", exposure = -1.0 }}]
+turntable = [{{ kind = "element", frames = {frames} }}, {{ kind = "lighting", frames = 2 }}]
+render = {{ resolution = [{size}, {size}], samples = {samples}, bounces = 0 }}
 """
 
 
@@ -59,7 +37,7 @@ def write_look(folder: Path, name: str, color: str) -> None:
 
 
 def write_job(folder: Path, frames: int = 2, size: int = 16, samples: int = 4, light: str = "white") -> Path:
-    """Write a job of two looks; `frames` + 2 files for each, and one pose fewer, or two where the light is white."""
+    """Write a job of two looks, each with `frames` + 2 files, and one pose fewer, or two where the light is white."""
     write_look(folder, "red", "0.7, 0.1, 0.1")
     write_look(folder, "blue", "0.1, 0.1, 0.7")
     job = folder / "job.toml"
@@ -68,18 +46,17 @@ def write_job(folder: Path, frames: int = 2, size: int = 16, samples: int = 4, l
 
 
 def start(job: Path) -> subprocess.Popen[str]:
-    """Start ``lookdev render`` with what it says in one pipe."""
+    """Start ``lookdev render`` with its output in one pipe."""
     command = (sys.executable, "-m", "lookdev", "render", str(job))
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
-    )
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    return subprocess.Popen(command, **pipes, text=True, start_new_session=True)
 
 
 def finish(batch: subprocess.Popen[str], code: int) -> str:
-    """Wait for the end of a batch; return what it said."""
-    said, _ = batch.communicate(timeout=120)
-    assert batch.returncode == code, said
-    return said
+    """Wait for the end of a batch; return its output."""
+    output, _ = batch.communicate(timeout=120)
+    assert batch.returncode == code, output
+    return output
 
 
 def render(job: Path, code: int = 0) -> str:
@@ -101,13 +78,6 @@ def leftovers(job: Path) -> list[Path]:
     return [path for path in hidden if path.as_posix() not in known]
 
 
-def wait_until(condition: Callable[[], object], seconds: float = 60.0) -> None:
-    deadline = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.02)
-
-
 def worker_of(batch: subprocess.Popen[str]) -> int:
     """Return the process id of a batch's worker."""
     for process in Path("/proc").glob("[0-9]*"):
@@ -119,11 +89,3 @@ def worker_of(batch: subprocess.Popen[str]) -> int:
         if parent == batch.pid and b"lookdev.cycles" in command:
             return int(process.name)
     raise AssertionError("the batch has no worker")
-
-
-def is_alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (ProcessLookupError, FileNotFoundError):
-        return False

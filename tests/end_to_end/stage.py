@@ -1,10 +1,10 @@
-"""Single frames of any asset, light and camera from the real worker, and how to compare them."""
+"""Single frames of any asset, light and camera from the real worker, and their comparison."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from lookdev.asset import Asset
 from lookdev.light import EnvironmentMap, prepare_light
@@ -36,6 +36,12 @@ class Stage:
         self._worker.kill()
 
     def render(
+        self, *given: Any, progress: Callable[[Progress], None] = lambda progress: None, **more: Any
+    ) -> Rendered:
+        """Render the frame of `task`."""
+        return self._worker.render(self.task(*given, **more), progress)
+
+    def task(
         self,
         asset: Asset,
         look: Look,
@@ -45,21 +51,6 @@ class Stage:
         resolution: tuple[int, int] = (80, 80),
         samples: int = SAMPLES,
         seed: int = 0,
-        progress: Callable[[Progress], None] = lambda progress: None,
-    ) -> Rendered:
-        task = self.task(asset, look, light, camera, pose, resolution, samples, seed)
-        return self._worker.render(task, progress)
-
-    def task(
-        self,
-        asset: Asset,
-        look: Look,
-        light: EnvironmentMap,
-        camera: Camera,
-        pose: Pose,
-        resolution: tuple[int, int],
-        samples: int,
-        seed: int,
     ) -> FrameTask:
         sampling = Sampling(samples, brdf_samples=2, ibl_samples=2, bounces=1, seed=seed)
         scene = Scene.of_look(asset, look, prepare_light(light), resolution, camera)
@@ -67,10 +58,7 @@ class Stage:
 
 
 def difference(one: Rendered, other: Rendered) -> float:
-    """Return the squared difference of two pictures over what the halves of both say of their noise.
-
-    It is near 1 where the two show the same, whatever the sampling, and grows with what they do not.
-    """
+    """Return the squared difference of two pictures over the noise of their halves: near 1 for equal scenes."""
     squares = ((one.a + one.b) - (other.a + other.b)) ** 2 / 4.0
     noise = ((one.a - one.b) ** 2 + (other.a - other.b) ** 2) / 4.0
     return float(squares.sum() / noise.sum())

@@ -1,4 +1,4 @@
-"""A batch with the real worker: what it writes, what it does not do twice, and what no kill can spoil."""
+"""A batch with the real worker: its files, resuming, and robustness against kills."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from pathlib import Path
 
 import batches
 import pytest
+from batch_case import is_alive, wait_until
 
 from lookdev.batch.lock import output_lock
 from lookdev.batch.prepare import prepare_job
 from lookdev.batch.run import run_plan
 from lookdev.output.exr import read_frame, read_header
-from lookdev.plan import Plan
 
 pytestmark = pytest.mark.cycles
 
@@ -61,29 +61,29 @@ def test_a_batch_is_rendered_once_and_again_only_where_a_look_changed(tmp_path: 
 def test_a_worker_killed_in_a_frame_costs_a_retry(tmp_path: Path) -> None:
     job = batches.write_job(tmp_path, **LONG)
     batch = batches.start(job)
-    batches.wait_until(lambda: batches.frames(job))
+    wait_until(lambda: batches.frames(job))
     os.kill(batches.worker_of(batch), signal.SIGKILL)
-    said = batches.finish(batch, 0)
-    assert said.count("the render worker died of SIGKILL") == 1
-    assert "8 of 8 frames are done, 8 of them rendered now." in said
+    output = batches.finish(batch, 0)
+    assert output.count("the render worker died of SIGKILL") == 1
+    assert "8 of 8 frames are done, 8 of them rendered now." in output
     assert batches.leftovers(job) == []
 
 
 def test_a_killed_batch_leaves_no_worker_and_goes_on_where_it_stopped(tmp_path: Path) -> None:
     job = batches.write_job(tmp_path, **LONG)
     batch = batches.start(job)
-    batches.wait_until(lambda: len(batches.frames(job)) >= 4)
+    wait_until(lambda: len(batches.frames(job)) >= 4)
     worker = batches.worker_of(batch)
     batch.kill()
     batches.finish(batch, -signal.SIGKILL)
-    batches.wait_until(lambda: not batches.is_alive(worker), seconds=5.0)
+    wait_until(lambda: not is_alive(worker), seconds=5.0)
     before = batches.frames(job)
     assert len(before) < 12
 
-    said = batches.render(job)
+    output = batches.render(job)
     after = batches.frames(job)
-    assert "8 of 8 frames are done" in said
-    assert "8 of them rendered now" not in said
+    assert "8 of 8 frames are done" in output
+    assert "8 of them rendered now" not in output
     assert len(after) == 12
     # Only a second name of a frame may be new: its file is the one that was there.
     assert {name: after[name] for name in before} == before
@@ -91,40 +91,33 @@ def test_a_killed_batch_leaves_no_worker_and_goes_on_where_it_stopped(tmp_path: 
 
 
 def test_ctrl_c_ends_a_batch_tidily(tmp_path: Path) -> None:
-    # So many that a busy machine cannot be through before it hears the signal.
+    # So many frames that a busy machine is not done when the signal arrives.
     job = batches.write_job(tmp_path, **LONG | {"frames": 20})
     batch = batches.start(job)
-    batches.wait_until(lambda: batches.frames(job))
+    wait_until(lambda: batches.frames(job))
     worker = batches.worker_of(batch)
     os.kill(batch.pid, signal.SIGINT)
-    said = batches.finish(batch, 130)
-    assert "Interrupted; run the same command again to continue." in said
-    assert "Traceback" not in said
-    assert not batches.is_alive(worker)
+    output = batches.finish(batch, 130)
+    assert "Interrupted; run the same command again to continue." in output
+    assert "Traceback" not in output
+    assert not is_alive(worker)
     assert batches.leftovers(job) == []
     assert 0 < len(prepare_job(job).plan.pending()) < 40
 
 
 def test_frames_that_blender_cannot_render_are_listed_and_the_others_are_done(tmp_path: Path) -> None:
     prepared = prepare_job(batches.write_job(tmp_path))
-
-    def spoilt(name: str) -> Plan:
-        """Return the plan with one look's shader no program."""
-        frames = []
-        for frame in prepared.plan.frames:
-            task = frame.task
-            if task.labels["look"] == name:
-                shader = replace(task.scene.shaders[0], osl="shader broken( {")
-                task = replace(task, scene=replace(task.scene, shaders=(shader,)))
-            frames.append(replace(frame, task=task))
-        return replace(prepared.plan, frames=tuple(frames))
-
+    frames = []
+    for frame in prepared.plan.frames:
+        task = frame.task
+        if task.labels["look"] == "red":
+            shader = replace(task.scene.shaders[0], osl="shader broken( {")
+            task = replace(task, scene=replace(task.scene, shaders=(shader,)))
+        frames.append(replace(frame, task=task))
     with output_lock(prepared.job.output):
-        result = run_plan(spoilt("red"), prepared.job.outputs)
+        result = run_plan(replace(prepared.plan, frames=tuple(frames)), prepared.job.outputs)
     assert result.exit_code == 1
-    assert {failure.name for failure in result.failures} == {
-        f"red/white/{name}" for name in ("element.0001", "element.0002")
-    }
+    assert {failure.name for failure in result.failures} == {"red/white/element.0001", "red/white/element.0002"}
     assert all("RenderError" in failure.reason for failure in result.failures)
     assert (result.done, result.rendered) == (2, 2)
     with output_lock(prepared.job.output):

@@ -52,10 +52,10 @@ def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 def test_job_renders(tiny: Path) -> None:
-    said = batches.render(tiny)
+    output = batches.render(tiny)
     prepared = prepare_job(tiny)
     assert prepared.plan.pending() == ()
-    assert f"{len(prepared.plan.frames)} of {len(prepared.plan.frames)} frames are done" in said
+    assert f"{len(prepared.plan.frames)} of {len(prepared.plan.frames)} frames are done" in output
     looks: dict[str, list[np.ndarray]] = {}
     for frame in prepared.plan.frames:
         beauty, alpha = read_frame(frame.task.files[0])

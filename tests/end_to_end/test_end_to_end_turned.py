@@ -1,6 +1,4 @@
-"""Turning what is the same all around, asset or light: one frame on disk under many names, and the picture that each
-pose has.
-"""
+"""Turns of an asset or a light that is the same all around: one frame with many names, which shows each pose."""
 
 from __future__ import annotations
 
@@ -20,21 +18,11 @@ pytestmark = [pytest.mark.cycles, pytest.mark.slow]
 
 JOB = """
 output = "out"
-[asset]
-builtin = "sphere"
-[[look]]
-name = "red"
-material = "red.usda"
-[[ibl]]
-name = "city"
-builtin = "city"
-rotation = 40
-[[turntable]]
-kind = "element"
-frames = 5
-[render]
-resolution = [64, 64]
-samples = 64
+asset = { builtin = "sphere" }
+look = [{ name = "red", material = "red.usda" }]
+ibl = [{ name = "city", builtin = "city", rotation = 40 }]
+turntable = [{ kind = "element", frames = 5 }]
+render = { resolution = [64, 64], samples = 64 }
 """
 
 
@@ -43,16 +31,15 @@ def job(tmp_path: Path) -> Path:
     """Return a job of a plain sphere, five poses 72 degrees apart."""
     batches.write_look(tmp_path, "red", "0.7, 0.1, 0.1")
     look = tmp_path / "red.usda"
-    look.write_text(
-        look.read_text().replace("roughness = 1", "roughness = 0.4").replace("specular = 0", "metallic = 1")
-    )
+    metal = look.read_text().replace("roughness = 1", "roughness = 0.4").replace("specular = 0", "metallic = 1")
+    look.write_text(metal)
     path = tmp_path / "job.toml"
     path.write_text(JOB)
     return path
 
 
 def differences(task: FrameTask, same: list[Pose], other: Pose) -> tuple[list[float], float]:
-    """Return how far frames of other poses are from that of a task: of those that show the same, and of one more."""
+    """Return the differences of a task's frame from those of poses with the same picture, and of one other."""
     with renderer() as render:
         shown, *others = (render(replace(task, pose=pose, digest=str(pose))) for pose in (task.pose, *same, other))
     *ratios, wrong = (difference(shown, each) for each in others)
@@ -78,8 +65,8 @@ def test_every_pose_has_that_picture(job: Path) -> None:
     (task,) = prepare_job(job).plan.pending()
     assert task.pose == Pose(0.0, 40.0)
     ratios, wrong = differences(task, [Pose(72.0 * number, 40.0) for number in range(1, 5)], Pose(72.0, 41.0))
-    # 1 would be noise: but asset, light and samples stand as they did to the camera, so the noise itself is the same,
-    # up to float32 and where the facets are.
+    # 1 would be noise. Relative to the camera, asset, light and samples are the same, and so is the noise, up to
+    # float32 and the facets.
     assert max(ratios) < 0.01, ratios
     assert wrong > 0.3, wrong
 
@@ -96,6 +83,6 @@ def test_a_white_light_that_turns_is_one_frame(tmp_path: Path) -> None:
     assert task.pose == Pose(0.0, 0.0)
     assert [file.name for file in task.files] == [f"lighting.000{number}.exr" for number in range(1, 6)]
     ratios, wrong = differences(task, [Pose(0.0, 40.0 + 72.0 * number) for number in range(3)], Pose(1.0, 0.0))
-    # The samples stand as they did to the camera, and their light is the same but for how float32 interpolates it.
+    # Relative to the camera the samples are the same, and their light too, but for its interpolation in float32.
     assert max(ratios) < 1e-9, ratios
     assert wrong > 0.3, wrong

@@ -1,4 +1,4 @@
-"""What the real worker says, writes and survives."""
+"""The real worker: progress, log, errors and temporary files."""
 
 from __future__ import annotations
 
@@ -30,21 +30,23 @@ def ball() -> Asset:
     return make_sphere(segments=32, rings=16)
 
 
-def render(stage: Stage, ball: Asset, told: list[Progress], samples: int = 16) -> Rendered:
+def render(stage: Stage, ball: Asset, reported: list[Progress], samples: int = 16) -> Rendered:
     light = load_environment(builtin="white")
-    return stage.render(ball, LOOK, light, CAMERA, samples=samples, progress=told.append)
+    return stage.render(ball, LOOK, light, CAMERA, samples=samples, progress=reported.append)
 
 
-def test_progress_is_told_within_the_halves_too(stage: Stage, ball: Asset) -> None:
-    told: list[Progress] = []
-    render(stage, ball, told)
-    samples = [progress.samples for progress in told]
+def test_progress_is_reported_within_the_halves_too(stage: Stage, ball: Asset) -> None:
+    reported: list[Progress] = []
+    render(stage, ball, reported)
+    samples = [progress.samples for progress in reported]
     assert samples == sorted(samples)
-    assert {progress.of for progress in told} == {16}
+    assert {progress.of for progress in reported} == {16}
     assert {8, 16} < set(samples)
     assert any(0 < done < 8 for done in samples)
-    assert [progress.relmse for progress in told if progress.samples < 16] == [None] * (len(told) - samples.count(16))
-    assert told[-1].relmse is not None
+    assert [progress.relmse for progress in reported if progress.samples < 16] == [None] * (
+        len(reported) - samples.count(16)
+    )
+    assert reported[-1].relmse is not None
 
 
 def test_a_result_that_cannot_be_written_fails_the_frame_and_not_the_worker(stage: Stage, ball: Asset) -> None:

@@ -1,4 +1,4 @@
-"""What docs/nodes.md says of the distance of native nodes from the exact pictures."""
+"""The distances of native nodes from the exact pictures in docs/nodes.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reading job files: what is read, and how every fault is told."""
+"""Reading job files: values, defaults, and the report of every fault."""
 
 from __future__ import annotations
 
@@ -61,16 +61,11 @@ def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
     assert (render.samples, render.error, render.bounces, render.seed) == (64, None, 2, 0)
     assert (render.brdf_samples, render.ibl_samples, render.background) == (None, None, "black")
     outputs = job.outputs
-    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (
-        True,
-        True,
-        True,
-        "ACES 1.0 - SDR Video",
-    )
+    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (True, True, True, "ACES 1.0 - SDR Video")
     assert (outputs.overview, outputs.overview_columns) == (False, None)
 
 
-def test_everything_can_be_said(folder: Path) -> None:
+def test_every_key_is_read(folder: Path) -> None:
     (folder / "jobs").mkdir()
     text = """
     output = "/somewhere/else"
@@ -114,9 +109,9 @@ def test_everything_can_be_said(folder: Path) -> None:
 
 
 def test_sampling_is_that_of_the_job(folder: Path) -> None:
-    wanted = Sampling(4096, 0.01, brdf_samples=3, ibl_samples=5, bounces=7, seed=11)
+    expected = Sampling(4096, 0.01, brdf_samples=3, ibl_samples=5, bounces=7, seed=11)
     numbers = "error = 0.01\nbrdf_samples = 3\nibl_samples = 5\nbounces = 7\nseed = 11\n"
-    assert parse(f"{MINIMAL}[render]\n{numbers}", folder).render.sampling == wanted
+    assert parse(f"{MINIMAL}[render]\n{numbers}", folder).render.sampling == expected
     assert parse(MINIMAL, folder).render.sampling == Sampling()
 
 
@@ -127,7 +122,7 @@ def test_a_backend_runs_on_its_devices(backend: Backend, folder: Path) -> None:
         assert (render.backend, render.device) == (backend.name, device)
 
 
-def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
+def test_faults_of_every_table_are_reported_at_once(folder: Path) -> None:
     text = """
     output = "out"
     looks = 1
@@ -162,10 +157,7 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         "asset.usd": (f"no readable file {folder / 'nope.usda'}", "paths are relative to the job file"),
         "look[0].prin": ("unknown key", "did you mean 'prim'?"),
         "look[1].name": ("'gold' is already the name of look[0]", "give each its own name"),
-        "look[1].material": (
-            f"no readable file {folder / 'gone.usda'}",
-            "paths are relative to the job file",
-        ),
+        "look[1].material": (f"no readable file {folder / 'gone.usda'}", "paths are relative to the job file"),
         "ibl[0].builtin": ("unknown value 'citty'", "did you mean 'city'?"),
         "ibl[0].exposure": ("should be a finite number, not nan", ""),
         "ibl[1].name": ("'c' is already the name of ibl[0]", "give each its own name"),
@@ -209,13 +201,8 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         ("frames = 4", 'frames = 4\n[render]\ndevice = "cuda"', "render.device", "on 'cuda'"),
         ("frames = 4", 'frames = 4\n[render]\nbackend = "node"', "render.backend", "unknown value"),
         *(
-            (
-                "frames = 4",
-                f'frames = 4\n[render]\nbackend = "{backend}"\n{key} = 4',
-                f"render.{key}",
-                f"backend '{backend}'",
-            )
-            for backend, record in job_backends().items()
+            ("frames = 4", f'frames = 4\n[render]\nbackend = "{name}"\n{key} = 4', f"render.{key}", f"backend '{name}'")
+            for name, record in job_backends().items()
             if not record.directions
             for key in ("brdf_samples", "ibl_samples")
         ),
@@ -228,15 +215,10 @@ def test_faults_of_every_table_are_told_at_once(folder: Path) -> None:
         ("frames = 4", "frames = 4\n[outputs]\nexr = false", "outputs.exr", "cannot be left out"),
         ("frames = 4", "frames = 4\n[outputs]\noverview_columns = 2", "outputs.overview_columns", "without 'overview'"),
         ("frames = 4", "frames = 4\n[outputs]\noverview = 3", "outputs.overview", "boolean"),
-        (
-            "frames = 4",
-            "frames = 4\n[outputs]\noverview = true\noverview_columns = 0",
-            "outputs.overview_columns",
-            "equal to 1",
-        ),
+        ("4", "4\n[outputs]\noverview = true\noverview_columns = 0", "outputs.overview_columns", "equal to 1"),
     ],
 )
-def test_one_fault_is_told_alone_with_its_place(folder: Path, old: str, new: str, place: str, what: str) -> None:
+def test_one_fault_is_reported_alone_with_its_place(folder: Path, old: str, new: str, place: str, what: str) -> None:
     parse(MINIMAL, folder)
     found = faults(MINIMAL.replace(old, new, 1), folder)
     assert list(found) == [place]
@@ -252,13 +234,9 @@ def test_a_turntable_without_name_has_that_of_its_kind(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "where"),
-    [
-        (b'output = "a"\nlook =\n', "line 2, column 7"),
-        (b"look = [", "end of document"),
-        (b"# a\n\xff", "line 2"),
-    ],
+    [(b'output = "a"\nlook =\n', "line 2, column 7"), (b"look = [", "end of document"), (b"# a\n\xff", "line 2")],
 )
-def test_text_that_is_no_toml_is_told_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
+def test_text_that_is_no_toml_is_reported_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
     (tmp_path / "job.toml").write_bytes(content)
     with pytest.raises(JobError) as caught:
         load_job(tmp_path / "job.toml")

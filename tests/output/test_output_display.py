@@ -43,7 +43,7 @@ def test_aces_rolls_off_and_keeps_neutrals() -> None:
     levels = np.array([0.0, 0.18, 1.0, 4.0, 1e4])[None, :, None].repeat(3, axis=-1)
     shown = to_display(levels, VIEWS[0])[0].astype(int)
     assert np.ptp(shown, axis=-1).max() <= 1  # white point kept
-    assert (np.diff(shown[:, 0]) > 0).all()  # 1 and 4 are still told apart
+    assert (np.diff(shown[:, 0]) > 0).all()  # 1 and 4 still differ
     assert 80 < shown[1, 0] < 110  # ACES 1.x SDR shows 18 % grey at 10 % of white: sRGB code 89
 
 
@@ -62,7 +62,7 @@ def test_unknown_view_lists_the_known() -> None:
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_broken_pixels_are_told(value: float) -> None:
+def test_broken_pixels_are_reported(value: float) -> None:
     rgb = np.zeros((4, 5, 3))
     rgb[2, 3, 1] = value
     with pytest.raises(OutputError, match="1 pixels are NaN or infinite, the first in row 2, column 3"):

@@ -39,6 +39,10 @@ class Disk:
             if png:
                 path.with_suffix(".png").touch()
 
+    def finish(self, plan: Plan) -> None:
+        for task in plan.pending():
+            self.write(task)
+
 
 @pytest.fixture
 def disk() -> Disk:
@@ -102,12 +106,8 @@ def test_files_are_numbered_from_one(make_job: MakeJob) -> None:
 def test_a_pose_that_one_turntable_shows_twice_is_one_frame(make_job: MakeJob, plan_of: PlanOf) -> None:
     job = make_job('[[turntable]]\nname = "twice"\nkind = "element"\nframes = 2\ndegrees = 720\n')
     plan = plan_of(job)
-    assert [path.name for path in plan.frames[0].task.files] == [
-        "element.0001.exr",
-        "lighting.0001.exr",
-        "twice.0001.exr",
-        "twice.0002.exr",
-    ]
+    stems = [path.stem for path in plan.frames[0].task.files]
+    assert stems == ["element.0001", "lighting.0001", "twice.0001", "twice.0002"]
     assert plan.frames[0].task.labels["turntable"] == "element, lighting, twice"
 
 
@@ -119,9 +119,8 @@ def test_turning_what_is_the_same_all_around_is_one_frame(make_job: MakeJob, pla
     assert len(frames) == 3 + 3 * 6
     # The light stays where it was as seen from the camera, 30 degrees back, and turns with its own turntable.
     assert [task.pose for task in frames[:3]] == [Pose(0.0, 330.0), Pose(0.0, 90.0), Pose(0.0, 210.0)]
-    assert [path.name for path in frames[0].files] == [f"element.000{n}.exr" for n in (1, 2, 3, 4)] + [
-        "lighting.0001.exr"
-    ]
+    elements = [f"element.000{n}.exr" for n in (1, 2, 3, 4)]
+    assert [path.name for path in frames[0].files] == [*elements, "lighting.0001.exr"]
     assert (frames[0].labels["pose.element"], frames[0].labels["pose.lighting"]) == ("0.0", "330.0")
     assert frames[0].labels["turntable"] == "element, lighting"
     # Every file of a job is in its plan, once.
@@ -176,9 +175,8 @@ def test_one_frame_of_many_files_resumes_as_any_other(scenes: Scenes, disk: Disk
 
 
 def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(disk: Disk, plan_of: PlanOf) -> None:
-    """Of a look that has lost its texture, say, and is now the same all around; its digest aside."""
-    for task in plan_of().pending():
-        disk.write(task)
+    """For instance of a look that has lost its texture, and is now the same all around."""
+    disk.finish(plan_of())
     plan = plan_of("", {("gold", "city")})
     assert plan.pending() == ()
     first, *others = (path for path in plan.frames[0].task.files if path.stem.startswith("element"))
@@ -187,16 +185,14 @@ def test_frames_once_rendered_pose_by_pose_are_not_rendered_again(disk: Disk, pl
 
 
 def test_a_finished_job_has_nothing_to_do(disk: Disk, plan_of: PlanOf) -> None:
-    for task in plan_of().pending():
-        disk.write(task)
+    disk.finish(plan_of())
     again = plan_of()
     assert again.counts == {"done": 28, "stale": 0, "new": 0}
     assert (again.pending(), again.copies(), again.pictures) == ((), (), ())
 
 
-def test_a_changed_look_is_stale_alone_and_says_so(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
-    for task in plan_of().pending():
-        disk.write(task)
+def test_only_a_changed_look_is_stale_with_the_reason(scenes: Scenes, disk: Disk, plan_of: PlanOf) -> None:
+    disk.finish(plan_of())
     for key in (("paint", "city"), ("paint", "studio")):
         scenes[key] = replace(scenes[key], shaders=(replace(scenes[key].shaders[0], digest="new"),))
     plan = plan_of()
@@ -216,11 +212,7 @@ def test_several_changes_are_all_named(scenes: Scenes, disk: Disk, plan_of: Plan
 
 @pytest.mark.parametrize(
     ("header", "reason"),
-    [
-        ({}, "not written by lookdev"),
-        (None, "not written by lookdev"),
-        ("broken", "not a readable EXR"),
-    ],
+    [({}, "not written by lookdev"), (None, "not written by lookdev"), ("broken", "not a readable EXR")],
 )
 def test_files_that_are_no_frames_are_stale(
     disk: Disk, plan_of: PlanOf, header: dict[str, str] | str | None, reason: str

@@ -1,4 +1,4 @@
-"""Skips: what each of them needs to be told, and when a look is the same all around."""
+"""Skips: the condition of each, and of a look that is the same all around."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling
 
 MakeJob = Callable[..., Job]
-Told = Callable[..., list[str]]
+SkipsOf = Callable[..., list[str]]
 MAP = Texture(Path("map.png"), "r", "raw")
 OTHER = replace(MAP, file=Path("other.png"))
 PLAIN = Layer("Base", "disney", {"baseColor": (0.5, 0.4, 0.3), "roughness": 0.3})
@@ -50,9 +50,9 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     image = tmp_path / "linear.exr"
     image.touch()
 
-    def generate(wanted: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
+    def generate(worn: Look, light: Dome = LIGHT, **sampling: Any) -> ShaderSource:
         setting = Setting((light,), (8, 8), replace(SAMPLING, **sampling), resolve=lambda texture: image)
-        return BACKENDS["exact"].generate(wanted, setting)
+        return BACKENDS["exact"].generate(worn, setting)
 
     return generate
 
@@ -79,8 +79,8 @@ def shader(tmp_path: Path) -> Callable[..., ShaderSource]:
     ],
 )
 def test_same_all_around(layers: tuple[Layer, ...], same: bool, shader: Callable[..., ShaderSource]) -> None:
-    wanted = look(*layers)
-    assert same_all_around([wanted], [shader(wanted)]) is same
+    worn = look(*layers)
+    assert same_all_around([worn], [shader(worn)]) is same
 
 
 def test_every_part_must_be_the_same_all_around() -> None:
@@ -96,12 +96,7 @@ def test_every_part_must_be_the_same_all_around() -> None:
 
 @pytest.mark.parametrize(
     ("model", "name"),
-    [
-        (model, name)
-        for model, known in ((name, each.parameters) for name, each in MODELS.items())
-        for name in known
-        if name != "variant"
-    ],
+    [(model, name) for model, each in MODELS.items() for name in each.parameters if name != "variant"],
 )
 def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: str) -> None:
     """A BSDF that changes when both directions turn about the normal is not the same all around."""
@@ -122,21 +117,21 @@ def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: st
 
 
 @pytest.fixture
-def told(make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> Told:
-    """Return a function that gives the skips of one look, the same under both lights."""
+def skips_of(make_job: MakeJob, make_setups: Callable[..., list[Setup]]) -> SkipsOf:
+    """Return a function that returns the skips of one look, the same under both lights."""
 
-    def told(given: Job | str, scene: SceneTask, wanted: Look, around: bool = False) -> list[str]:
+    def skips_of(given: Job | str, scene: SceneTask, worn: Look, around: bool = False) -> list[str]:
         job = make_job(given) if isinstance(given, str) else given
         scenes = {(each.name, ibl.name): scene for each in job.look for ibl in job.ibl}
-        setups = make_setups(job, scenes, scenes if around else (), wanted)
-        setups = [replace(each, scene=SimpleNamespace(looks=(wanted,) * len(scene.shaders))) for each in setups]
+        setups = make_setups(job, scenes, scenes if around else (), worn)
+        setups = [replace(each, scene=SimpleNamespace(looks=(worn,) * len(scene.shaders))) for each in setups]
         skips = list(find_skips(setups, Turns(job.turntable, job.output, job.camera.azimuth)))
         by_scene = [[str(skip) for skip in skips if (skip.look, skip.ibl) == key] for key in scenes]
         assert all(each == by_scene[0] for each in by_scene)
         assert [(skip.look, skip.ibl) for skip in skips] == [key for key in scenes for _ in by_scene[0]]
         return by_scene[0]
 
-    return told
+    return skips_of
 
 
 @pytest.fixture
@@ -146,18 +141,18 @@ def bare(scene: SceneTask) -> SceneTask:
     return replace(scene, shaders=(source,), sampling=replace(SAMPLING, bounces=2))
 
 
-def test_nothing_is_said_where_nothing_is_skipped(told: Told, bare: SceneTask) -> None:
-    assert told("", bare, look(PLAIN)) == []
+def test_a_bare_scene_has_no_skips(skips_of: SkipsOf, bare: SceneTask) -> None:
+    assert skips_of("", bare, look(PLAIN)) == []
 
 
-def test_each_skip_has_its_cause(told: Told, make_job: MakeJob, bare: SceneTask) -> None:
+def test_each_skip_has_its_cause(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
     (source,) = bare.shaders
 
     def changed(shaders: tuple[ShaderSource, ...] = bare.shaders, more: str = "", **values: Any) -> list[str]:
         job = make_job(more)
         # An element turntable alone: a constant light leaves its frames as they are.
         job = job.model_copy(update={"turntable": job.turntable[:1]})
-        return told(job, replace(bare, shaders=shaders, **values), look(PLAIN))
+        return skips_of(job, replace(bare, shaders=shaders, **values), look(PLAIN))
 
     convex = replace(bare.sampling, bounces=0)
     assert changed(sampling=convex) == ["bounces (convex asset)"]
@@ -177,24 +172,24 @@ def test_each_skip_has_its_cause(told: Told, make_job: MakeJob, bare: SceneTask)
     assert changed((broad, source)) == []
 
 
-def test_generated_shaders_have_the_facts(told: Told, bare: SceneTask, shader: Callable[..., Any]) -> None:
+def test_generated_shaders_have_the_facts(skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any]) -> None:
     diffuse = look(base("pixar", roughness=1.0))
     scene = replace(bare, shaders=(shader(diffuse),), sampling=SAMPLING)
-    assert told("", scene, diffuse) == [
+    assert skips_of("", scene, diffuse) == [
         "bounces (convex asset)",
         "light from behind (nothing transmits)",
         "BRDF samples (every lobe is broad)",
     ]
     white = replace(LIGHT, constant=True)
     leaf = look(base("pixar", roughness=0.5, back=0.5))
-    assert told("", replace(bare, lights=(white,), shaders=(shader(leaf, white),)), leaf) == [
+    assert skips_of("", replace(bare, lights=(white,), shaders=(shader(leaf, white),)), leaf) == [
         "light samples (constant light)",
         "2 of 6 frames (constant light)",
     ]
 
 
 @pytest.mark.parametrize(
-    ("layers", "said"),
+    ("layers", "skip"),
     [
         ((base(roughness=MAP, metallic=OTHER),), None),
         ((base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0)), "1 texture (reaches no pixel)"),
@@ -214,20 +209,20 @@ def test_generated_shaders_have_the_facts(told: Told, bare: SceneTask, shader: C
     ],
 )
 def test_textures_that_reach_no_pixel_are_counted(
-    told: Told, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], said: str | None
+    skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], skip: str | None
 ) -> None:
-    wanted = look(*layers)
-    source = replace(shader(wanted), transmits=True, directions=(4, 4))
+    worn = look(*layers)
+    source = replace(shader(worn), transmits=True, directions=(4, 4))
     # Two slots that wear one look read its textures once.
-    assert told("", replace(bare, shaders=(source,) * 2), wanted) == ([said] if said else [])
+    assert skips_of("", replace(bare, shaders=(source,) * 2), worn) == ([skip] if skip else [])
 
 
-def test_a_formulas_textures_count(told: Told, bare: SceneTask, shader: Callable[..., Any]) -> None:
+def test_a_formulas_textures_count(skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any]) -> None:
     kinds: dict[str, Any] = {"a": "float", "b": "float"}
     mask = Formula(parse("a"), {"a": MAP, "b": OTHER}, kinds)
-    wanted = look(PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, mask))
-    source = replace(shader(wanted), transmits=True, directions=(4, 4))
-    assert told("", replace(bare, shaders=(source,)), wanted) == ["1 texture (reaches no pixel)"]
+    worn = look(PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, mask))
+    source = replace(shader(worn), transmits=True, directions=(4, 4))
+    assert skips_of("", replace(bare, shaders=(source,)), worn) == ["1 texture (reaches no pixel)"]
 
 
 def nodes(*labels: str, **values: Any) -> NodeSource:
@@ -238,22 +233,22 @@ def nodes(*labels: str, **values: Any) -> NodeSource:
     return NodeSource("gold", (NodeTree("gold", images),), (), "500d", exact=False, **values)
 
 
-def test_of_native_nodes_is_said_what_holds_for_them(told: Told, make_job: MakeJob, bare: SceneTask) -> None:
-    """Their directions are Cycles' own business."""
+def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
+    """They have no directions of the BRDF and the light."""
     white = replace(bare.light, constant=True)
     element = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
 
-    def said(source: NodeSource, *layers: Layer) -> list[str]:
-        return told(element, replace(bare, backend="nodes", shaders=(source,), lights=(white,)), look(*layers))
+    def skipped(source: NodeSource, *layers: Layer) -> list[str]:
+        return skips_of(element, replace(bare, backend="nodes", shaders=(source,), lights=(white,)), look(*layers))
 
-    assert said(nodes(transmits=True), PLAIN) == []
-    assert said(nodes(), PLAIN) == ["light from behind (nothing transmits)"]
+    assert skipped(nodes(transmits=True), PLAIN) == []
+    assert skipped(nodes(), PLAIN) == ["light from behind (nothing transmits)"]
     two = base(roughness=MAP, metallic=OTHER)
-    assert said(nodes("map", "other", transmits=True), two) == []
-    assert said(nodes("other", transmits=True), two) == ["1 texture (reaches no pixel)"]
-    # A set is one texture, whose tiles are nodes of one label.
+    assert skipped(nodes("map", "other", transmits=True), two) == []
+    assert skipped(nodes("other", transmits=True), two) == ["1 texture (reaches no pixel)"]
+    # A set is one texture; its tiles are nodes with one label.
     tiled = base(roughness=replace(MAP, file=Path("t.<UDIM>.png")))
-    assert said(nodes("t.<UDIM>", "t.<UDIM>", transmits=True), tiled) == []
+    assert skipped(nodes("t.<UDIM>", "t.<UDIM>", transmits=True), tiled) == []
 
 
 def test_native_nodes_that_read_something_differ_all_around() -> None:
@@ -265,31 +260,31 @@ def test_native_nodes_that_read_something_differ_all_around() -> None:
 
 
 @pytest.mark.parametrize("backend", [name for name, each in BACKENDS.items() if each.source is NodeSource])
-def test_generated_nodes_have_the_facts(told: Told, backend: str, bare: SceneTask, tmp_path: Path) -> None:
+def test_generated_nodes_have_the_facts(skips_of: SkipsOf, backend: str, bare: SceneTask, tmp_path: Path) -> None:
     image = tmp_path / "linear.exr"
     image.touch()
-    wanted = look(base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0))
-    source = BACKENDS[backend].generate(wanted, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
-    assert told("", replace(bare, backend=backend, shaders=(source,)), wanted) == [
+    worn = look(base(roughness=MAP), Layer("Dirt", "disney", {"roughness": OTHER}, 0.0))
+    source = BACKENDS[backend].generate(worn, Setting((LIGHT,), (8, 8), SAMPLING, resolve=lambda texture: image))
+    assert skips_of("", replace(bare, backend=backend, shaders=(source,)), worn) == [
         "light from behind (nothing transmits)",
         "1 texture (reaches no pixel)",
     ]
 
 
-def test_tiles_of_one_texture_are_one(told: Told, bare: SceneTask) -> None:
+def test_tiles_of_one_texture_are_one(skips_of: SkipsOf, bare: SceneTask) -> None:
     (source,) = bare.shaders
     tiles = tuple(TextureBinding(f"texture0_{number}_file", Content("t", ".exr")) for number in (1001, 1002))
-    wanted = look(base(roughness=replace(MAP, file=Path("t.<UDIM>.png"))))
-    assert told("", replace(bare, shaders=(replace(source, textures=tiles),)), wanted) == []
+    worn = look(base(roughness=replace(MAP, file=Path("t.<UDIM>.png"))))
+    assert skips_of("", replace(bare, shaders=(replace(source, textures=tiles),)), worn) == []
 
 
-def test_frames_are_counted_by_pose(told: Told, make_job: MakeJob, bare: SceneTask) -> None:
+def test_frames_are_counted_by_pose(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
     # element 0, 90, 180, 270 and lighting 120, 240: pose 0 is shared in any case.
-    assert told("", bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
+    assert skips_of("", bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
     still = make_job().model_copy(update={"turntable": make_job().turntable[1:]})
-    assert told(still, bare, look(PLAIN), around=True) == []
+    assert skips_of(still, bare, look(PLAIN), around=True) == []
     white = replace(bare, lights=(replace(bare.light, constant=True),))
-    assert told("", white, look(PLAIN)) == ["2 of 6 frames (constant light)"]
-    assert told("", white, look(PLAIN), around=True) == ["5 of 6 frames (same all around, constant light)"]
+    assert skips_of("", white, look(PLAIN)) == ["2 of 6 frames (constant light)"]
+    assert skips_of("", white, look(PLAIN), around=True) == ["5 of 6 frames (same all around, constant light)"]
     turned = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
-    assert told(turned, white, look(PLAIN)) == []
+    assert skips_of(turned, white, look(PLAIN)) == []

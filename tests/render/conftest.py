@@ -1,4 +1,4 @@
-"""The worker is tried on the small job and the fake worker of tests/batch."""
+"""The small job and the fake worker are those of tests/batch."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Answers as the parent's side takes them, from a worker that renders nothing and chatters."""
+"""Answers of a worker that renders nothing and prints text, as the parent reads them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Progress, Worker
 from lookdev.scene import Pose
 
-# Frames with an exposure fail; others are held back until 300 MB have been held and let go.
+# Frames with an exposure fail; others allocate and free 300 MB.
 WORKER = """
 import os, sys
 import numpy as np
@@ -39,19 +39,19 @@ for line in sys.stdin:
 """
 
 
-def test_a_worker_is_understood(scene: SceneTask, tmp_path: Path) -> None:
+def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
     task = one_frame(scene, Pose(0.0, 0.0), "d16e57")
-    told: list[Progress] = []
+    reported: list[Progress] = []
     log = tmp_path / "worker.log"
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     with Worker((sys.executable, "-c", WORKER), log, scratch, 60.0) as worker:
         worker.start()
         with pytest.raises(RenderError, match=r"^RenderError: too dark$"):
-            worker.render(replace(task, exposure=-1.0), told.append)
-        assert told == []
-        rendered = worker.render(task, told.append)
-    assert told == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
+            worker.render(replace(task, exposure=-1.0), reported.append)
+        assert reported == []
+        rendered = worker.render(task, reported.append)
+    assert reported == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
     np.testing.assert_array_equal(rendered.a, image)
     np.testing.assert_array_equal(rendered.b, 2 * image)

@@ -28,7 +28,7 @@ from lookdev.scene import Pose, Sampling, Scene
 PAINT = {"baseColor": (0.46, 0.02, 0.02), "roughness": 0.4, "clearcoat": 1.0, "clearcoatGloss": 0.9}
 LOOK = Look("paint", (Layer("Paint", "disney", PAINT),))
 
-# Renders every look as its name is long, on a worker that knows this module.
+# Renders every look at the length of its name, on a worker that imports this module.
 FLAT = """
 import sys
 from dataclasses import dataclass
@@ -166,7 +166,7 @@ def test_a_coat_is_a_quarter_as_strong() -> None:
 
 
 @pytest.mark.parametrize(
-    ("layers", "said"),
+    ("layers", "message"),
     [
         (LOOK.layers * 2, "one Disney layer, not 2 layers"),
         ((Layer("Base", "disney", {"roughness": Primvar("rough", 0.3)}),), "constants, and roughness varies"),
@@ -174,6 +174,6 @@ def test_a_coat_is_a_quarter_as_strong() -> None:
         ((Layer("Base", "disney", {"variant": "2012"}),), "no variant but its default"),
     ],
 )
-def test_what_the_principled_bsdf_does_not_carry_is_refused(layers: tuple[Layer, ...], said: str) -> None:
-    with pytest.raises(CodegenError, match=said):
+def test_what_the_principled_bsdf_does_not_carry_is_refused(layers: tuple[Layer, ...], message: str) -> None:
+    with pytest.raises(CodegenError, match=message):
         generate_principled(Look("look", layers))

@@ -11,9 +11,10 @@ from batch_case import command, is_alive, make_job, make_plan, misbehave, reques
 
 from lookdev.errors import RenderError, WorkerError
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Worker, last_words
+from lookdev.render.worker import Worker, last_line
 
 FRAME = "element_0001"
+FAILED = 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'
 
 
 @pytest.fixture
@@ -29,19 +30,16 @@ def worker(tmp_path: Path) -> Iterator[Worker]:
 
 
 def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
-    told = []
+    reported = []
     worker.start()
-    rendered = worker.render(task, told.append)
+    rendered = worker.render(task, reported.append)
     assert (rendered.a == 0.25).all()
     assert (rendered.b == 0.75).all()
     assert rendered.alpha.shape == (6, 8)
     assert rendered.a.dtype == np.float32
     assert (rendered.samples, rendered.seconds, rendered.relmse) == (8, 0.125, 0.01)
     assert rendered.blender == "4.5.0 fake"
-    assert [(progress.samples, progress.of, progress.relmse) for progress in told] == [
-        (4, 8, None),
-        (8, 8, 0.01),
-    ]
+    assert [(progress.samples, progress.of, progress.relmse) for progress in reported] == [(4, 8, None), (8, 8, 0.01)]
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
@@ -51,9 +49,9 @@ def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, t
         ("die", "died of SIGKILL"),
         ("exit", "exit code 3"),
         ("half", "exit code 0"),
-        ("garbage", "no message: 'Fra:1 Mem"),
-        ("flood", "no message: 'xxx"),
-        ("ready", "said 'ready' in the middle"),
+        ("garbage", "invalid message: 'Fra:1 Mem"),
+        ("flood", "invalid message: 'xxx"),
+        ("ready", "answered 'ready' in the middle"),
         ("other", "answered for frame 000000000000"),
         ("missing", "nowhere.npz cannot be read"),
         ("truncated", "cannot be read"),
@@ -126,23 +124,17 @@ def test_a_worker_must_be_started(worker: Worker, task: FrameTask) -> None:
     [
         (("/nowhere/blender",), "/nowhere/blender cannot be started"),
         ((sys.executable, "-c", "import sys; sys.exit('libXi.so.6: cannot open')"), "exit code 1"),
-        (
-            (sys.executable, "-c", 'print(\'{"type": "failed", "digest": "d", "message": "m"}\')'),
-            "said 'failed' before it was ready",
-        ),
+        ((sys.executable, "-c", FAILED), "answered 'failed' before it was ready"),
     ],
 )
 def test_a_worker_that_does_not_get_ready(tmp_path: Path, program: tuple[str, ...], message: str) -> None:
-    with (
-        Worker(program, tmp_path / "worker.log", tmp_path) as worker,
-        pytest.raises(WorkerError, match=message),
-    ):
+    with Worker(program, tmp_path / "worker.log", tmp_path) as worker, pytest.raises(WorkerError, match=message):
         worker.start()
 
 
 def test_last_words_are_the_last_line_with_text(tmp_path: Path) -> None:
     log = tmp_path / "worker.log"
     log.write_bytes(b"Traceback\nImportError: \xff no\n\n")
-    assert last_words(log) == "ImportError: \ufffd no"
+    assert last_line(log) == "ImportError: \ufffd no"
     log.write_bytes(b"")
-    assert last_words(log) == ""
+    assert last_line(log) == ""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lookdev.errors import AssetError
-from lookdev.job import JobCamera
+from lookdev.job.schema import JobCamera
 from lookdev.scene import frame_camera
 
 

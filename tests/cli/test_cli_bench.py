@@ -1,0 +1,75 @@
+"""`lookdev bench` on the command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import pytest
+from bench_fakes import FakeBackends
+
+from lookdev.bench import run as bench_run
+
+Command = Callable[..., tuple[int, str, str]]
+SMALL = ("--scenes", "sphere", "--ibls", "city", "--samples", "4,16", "--repeats", "2")
+
+
+@pytest.fixture
+def bench(run_cli: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Command:
+    """Run ``lookdev bench`` with a cache of its own; return exit code, stdout and stderr."""
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    return partial(run_cli, "bench")
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
+    """Return a function that replaces the backends by fakes."""
+
+    def use(**options: int) -> None:
+        fakes = partial(bench_run.run_matrix, opened=FakeBackends(**options))
+        monkeypatch.setattr(bench_run, "run_matrix", fakes)
+
+    return use
+
+
+def test_a_run_prints_and_writes(bench: Command, fake: Callable[..., None], tmp_path: Path) -> None:
+    fake()
+    code, output, errors = bench(*SMALL, "--out", tmp_path / "out")
+    assert code == 0
+    assert "principled" in output
+    assert "sphere, city, plastic: exact: 4 samples" in errors
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {"results.csv", "results.json", "curves_plastic.svg"}
+
+
+def test_ctrl_c_leaves_with_130_and_results(bench: Command, fake: Callable[..., None], tmp_path: Path) -> None:
+    fake(ends_after=20)
+    code, output, _ = bench(*SMALL, "--out", tmp_path / "out")
+    assert code == 130
+    assert "Not complete" in output
+    assert len((tmp_path / "out" / "results.csv").read_text().splitlines()) == 1 + 2
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--scenes", "shaderbal"), "there is no scene 'shaderbal' (did you mean 'shaderball'?)"),
+        (("--looks", "plastic,carpaint"), "there is no look 'carpaint' (did you mean 'car_paint'?)"),
+        (("--samples", "4,5"), "5 samples: counts are powers of two"),
+        (("--samples", "4;16"), "'4;16' is no whole number"),
+        (("--repeats", "0"), "0 repeats"),
+        (("--sequence", "--scenes", "sphere,suzanne"), "the sequence is of one scene and one look"),
+        (("--sequence", "--looks", "stack"), "no plain script of stack"),
+    ],
+)
+def test_wrong_options_leave_with_2(options: tuple[str, ...], message: str, bench: Command, tmp_path: Path) -> None:
+    code, _, errors = bench(*options, "--out", tmp_path / "out")
+    assert code == 2
+    assert message in errors
+    assert not (tmp_path / "out").exists()
+
+
+def test_list_measures_nothing(bench: Command) -> None:
+    code, output, _ = bench("--list")
+    assert code == 0
+    assert "shaderball" in output
