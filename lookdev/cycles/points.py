@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.osl.surface import PointLayer, generate_points, point_cells, point_columns
+from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import script_node
 from lookdev.errors import RenderError
@@ -31,7 +31,7 @@ def evaluate_points(
     Parameters
     ----------
     source
-        What `lookdev.codegen.osl.surface.generate_points` makes of the layers.
+        What `lookdev.codegen.osl.points.generate_points` makes of the layers.
     table : (n, columns)
         A row a point, columns as `point_columns` says.
     cells

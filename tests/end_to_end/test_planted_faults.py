@@ -154,12 +154,12 @@ def _other_axis(line: re.Match[str]) -> str:
 
 
 def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch], None]:
-    """Generate shaders from other layers; those who combine layers in NumPy are left alone."""
+    """Generate shaders from other layers; the reference combines the right ones."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        module = "lookdev.codegen.osl.surface"
-        patch.setattr(f"{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
-        patch.setattr(f"{module}.look_bsdf", lambda look, inputs: stack_bsdf(change(look_layers(look, inputs))))
+        osl = "lookdev.codegen.osl"
+        patch.setattr(f"{osl}.points.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
+        patch.setattr(f"{osl}.surface.look_bsdf", lambda look, inputs: stack_bsdf(change(look_layers(look, inputs))))
 
     return plant
 

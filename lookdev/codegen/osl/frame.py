@@ -13,10 +13,9 @@ from lookdev.scene.shading import shading_frame
 
 
 def emit_frame(*, leaning: bool) -> Sequence[str]:
-    """Write the lines that define ``vector t``, ``b``, ``n`` and ``facet``, and ``float wo_x``, ``wo_y``, ``wo_z``.
+    """Write the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
 
-    They read ``vector mesh_normal``, ``mesh_tangent``, ``mesh_facet`` and ``I``, and ``float hand`` where normals are
-    `leaning`.
+    They read ``vector mesh_normal mesh_tangent mesh_facet I``, and ``float hand`` where the look bends normals.
     """
     graph = Graph()
     names = ("mesh_normal", "mesh_tangent", "mesh_facet", "I")
