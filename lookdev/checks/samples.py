@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
 from lookdev.material import Look, Primvar
-from lookdev.reference.surface import look_layers
+from lookdev.material.values import look_layers
+from lookdev.reference.surface import ImagePoints
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class _RandomPoints:
+class _RandomPoints(ImagePoints):
     """Points anywhere on a surface that carries whatever is asked for: UVs in [0, 1), primvars in [0, 1].
 
     A quarter of the points lacks a primvar, and one in two has mirrored UVs.
@@ -57,7 +58,7 @@ def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[Stac
     Raises
     ------
     ModelError, TextureError
-        As `lookdev.reference.surface.look_bsdf`.
+        As `lookdev.material.values.look_bsdf`.
     """
     return look_layers(look, _RandomPoints(rng, count))
 
