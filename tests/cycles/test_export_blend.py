@@ -102,7 +102,7 @@ view = "Un-tone-mapped"
 
 @dataclass(frozen=True)
 class Case:
-    """A job, facts of its .blend read by another Blender, and its renders, (SIZE, SIZE, 4), by look, world and frame."""
+    """A job, facts of its .blend, and renders (SIZE, SIZE, 4) of it by look, world and frame."""
 
     prepared: Prepared
     facts: dict[str, Any]
@@ -125,7 +125,7 @@ class Case:
 def reopen(
     file: Path, folder: Path, frames: list[tuple[str, str, int]]
 ) -> tuple[dict[str, Any], dict[tuple[str, str, int], NDArray[np.float32]]]:
-    """Open a .blend in a new process; return facts of its content, and renders with the seed of a frame's first half."""
+    """Open a .blend in a new process; return facts of its content, and renders with the seed of a first half."""
     facts = folder / "facts.json"
     files = [folder / f"{number}.exr" for number in range(len(frames))]
     renders = [

@@ -110,7 +110,7 @@ def test_a_file_without_a_section_is_reported(tmp_path: Path, monkeypatch: pytes
     text = cone.CONE.osl.read_text(encoding="utf-8").replace("section density", "section pdf")
     (tmp_path / "wrong.osl.h").write_text(text)
     monkeypatch.setitem(LIGHT_KINDS, "cone", replace(cone.CONE, osl=tmp_path / "wrong.osl.h"))
-    with pytest.raises(CodegenError, match=r"wrong\.osl\.h: the sections of a light are .*: density, pdf"):
+    with pytest.raises(CodegenError, match=r"wrong\.osl\.h: a light has sections .*: density, pdf"):
         light_sections(cone.CONE.example())
 
 
