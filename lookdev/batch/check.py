@@ -29,6 +29,7 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.material.usd import read_look
 from lookdev.plan import Setup, Turns, make_setup
+from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.render.backends import BACKENDS, Backend, job_backends
 from lookdev.render.scene import scene_task
@@ -216,8 +217,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
         return check_gap(name, _halves(expected), _halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
-        setup.scene.asset,
-        setup.scene.looks,
+        MeshScene(setup.scene.asset, setup.scene.looks),
         task.light,
         task.camera,
         pose,

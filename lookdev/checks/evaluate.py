@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
-from lookdev.codegen.osl.surface import PointLayer, generate_points, point_cells, point_columns
+from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 
 Backend = Literal["numpy", "cycles"]

@@ -15,7 +15,7 @@ from lookdev.asset.tangents import corner_tangents
 from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch
-from lookdev.codegen.osl.surface import PointLayer
+from lookdev.codegen.osl.points import PointLayer
 from lookdev.light import EnvironmentMap, make_environment
 
 Floats = NDArray[np.float64]

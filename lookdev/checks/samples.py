@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
 from lookdev.material import Look, Primvar
-from lookdev.reference.surface import look_layers
+from lookdev.material.values import look_layers
+from lookdev.reference.surface import ImagePoints
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class _RandomPoints:
+class _RandomPoints(ImagePoints):
     """Random points with all UV sets and primvars, in [0, 1); a quarter lacks a primvar, half have mirrored UVs."""
 
     rng: np.random.Generator
@@ -49,7 +50,7 @@ class _RandomPoints:
 
 
 def sample_layers(look: Look, count: int, rng: np.random.Generator) -> list[StackLayer]:
-    """Return the layers of a look at random points, (count,), constants as they are; errors as `look_layers`."""
+    """Return the layers of a look at random points, (count,), constants as they are; errors as `look_bsdf`."""
     return look_layers(look, _RandomPoints(rng, count))
 
 

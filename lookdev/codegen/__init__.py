@@ -1,4 +1,4 @@
-"""From a model to shader code: symbolic arrays trace it, an emitter writes it."""
+"""From a model to shader code: symbolic arrays trace it, emitters write it."""
 
 from lookdev.codegen.source import (
     HANDEDNESS,

@@ -1,4 +1,4 @@
-"""What a shader reads at a point: constants fold, textures, primvars and expressions become symbols."""
+"""The values that a shader reads at a point, as symbols: look-ups of textures, primvars, UV sets."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from lookdev.cache import Content
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.symbolic import symbol, symbols
+from lookdev.codegen.trace.symbolic import SymbolicArray, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Primvar, Texture
 from lookdev.material.textures import resolved, udim_tiles
@@ -18,10 +18,10 @@ from lookdev.material.textures import resolved, udim_tiles
 
 @dataclass(frozen=True)
 class LookUp:
-    """A look-up of an image, of the slopes of its heights where `slopes`.
+    """A look-up of an image, or of the slopes of its heights.
 
-    `texture` says how it is addressed, by the UV set of the attribute `uv`; `files` are what is read, by the number of
-    a UDIM tile, or 0 for the one image that there is.
+    `texture` has the addressing, by the UV set of the attribute `uv`; `files` are by the number of a UDIM tile, or 0
+    for a single image.
     """
 
     texture: Texture
@@ -32,11 +32,10 @@ class LookUp:
 
 @dataclass
 class Inputs:
-    """Everything that a look names, by symbol, and the code that gives the symbols their values.
+    """The points of a surface at which code runs, as a `lookdev.material.values.Surface`: its values are symbols.
 
-    One texture read twice with the same addressing is one look-up. No image is opened before `emit` asks for it, so
-    one that turned out not to matter never is. `resolve` turns a texture into its linear EXR, a height map into that
-    of its slopes.
+    One texture read twice with the same addressing is one look-up. No image is opened before `look_up`, hence none that
+    folding removes. `resolve` turns a texture into its linear EXR, a height map into that of its slopes.
     """
 
     graph: Graph
@@ -47,17 +46,17 @@ class Inputs:
     _sources: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def read_by(self, symbols: Iterable[str]) -> list[AttributeBinding]:
-        """Return the attributes, by name, without which these symbols have no value."""
+        """Return the attributes, by name, that the values of these symbols depend on."""
         needed = self._needed(symbols)
         return [binding for name, binding in sorted(self.attributes.items()) if name in needed]
 
     def looked_up_by(self, symbols: Iterable[str]) -> list[str]:
-        """Return the names of the look-ups without which these symbols have no value."""
+        """Return the names of the look-ups that the values of these symbols depend on."""
         needed = self._needed(symbols)
         return [name for name in self._images if name in needed]
 
     def _needed(self, symbols: Iterable[str]) -> set[str]:
-        # Directions and random numbers are symbols too, and nothing of the look gives them their values.
+        # Directions and random numbers are symbols too, without a source.
         return {source for symbol in symbols for source in self._sources.get(symbol, ())}
 
     def look_up(self, name: str) -> LookUp:
@@ -77,40 +76,34 @@ class Inputs:
     def _file(self, source: Texture | Bump, texture: Texture) -> Content:
         return Content.of(self.resolve(replace(source, height=texture) if isinstance(source, Bump) else texture))
 
-    def uv(self, name: str) -> Any:
-        """Return the symbols of a UV set, (2,)."""
+    def uv(self, name: str) -> SymbolicArray:
         uv = self._uv(name)
         return self._symbols(uv, [f"{uv}[{i}]" for i in range(2)])
 
-    def texels(self, texture: Texture) -> Any:
-        """Return the symbols of a look-up, (4,)."""
+    def texels(self, texture: Texture) -> SymbolicArray:
         name = self._lookup(texture)
         return self._symbols(name, [*(f"{name}[{i}]" for i in range(3)), f"{name}_a"])
 
-    def slopes(self, height: Texture) -> Any:
-        """Return the symbols of a look-up of slopes, (2,)."""
+    def slopes(self, height: Texture) -> SymbolicArray:
         name = self._lookup(Bump(height))
         return self._symbols(name, [f"{name}[{i}]" for i in range(2)])
 
-    def primvar(self, primvar: Primvar) -> Any:
-        """Return the symbols of a primvar, () or (3,)."""
+    def primvar(self, primvar: Primvar) -> SymbolicArray:
         if isinstance(primvar.fallback, tuple):
             name = self._attribute(f"primvar_{primvar.name}", primvar.name, "color", primvar.fallback)
             return self._symbols(name, [f"{name}[{i}]" for i in range(3)])
         name = self._attribute(f"primvar_{primvar.name}", primvar.name, "float", (float(primvar.fallback),))
         return self._symbol(name)
 
-    def handedness(self) -> Any:
-        """Return the symbol of the handedness, ()."""
+    def handedness(self) -> SymbolicArray:
         return self._symbol(self._attribute("handed", HANDEDNESS, "float", (1.0,)))
 
     def look_up_of(self, symbol: str) -> str | None:
-        """Return the name of the look-up that gives a symbol its value, if one does."""
+        """Return the name of the look-up that a symbol is a part of, if it is of one."""
         source = self._sources.get(symbol, ("",))[0]
         return source if source in self._images else None
 
     def _lookup(self, source: Texture | Bump) -> str:
-        """Return the name of a look-up of an image at a texture's coordinates."""
         texture = source.height if isinstance(source, Bump) else source
         image = (texture.channel, texture.scale) if isinstance(source, Bump) else ()
         address = texture.file, texture.colorspace, texture.wrap_s, texture.wrap_t, texture.st, texture.transform, image
@@ -122,20 +115,20 @@ class Inputs:
     def _uv(self, name: str) -> str:
         return self._attribute(f"uv_{name}", name, "uv", None)
 
-    def _symbol(self, name: str) -> Any:
+    def _symbol(self, name: str) -> SymbolicArray:
         self._sources[name] = (name,)
         return symbol(self.graph, name)
 
-    def _symbols(self, source: str, names: list[str]) -> Any:
-        """Return symbols and remember which look-up, by which UV set, or attribute gives them their values."""
+    def _symbols(self, source: str, names: list[str]) -> SymbolicArray:
+        """Return symbols, recording their source: an attribute, or a look-up and its UV set."""
         image = self._images.get(source)
         texture = image.height if isinstance(image, Bump) else image
         self._sources |= dict.fromkeys(names, (source, self._uv(texture.st)) if texture else (source,))
         return symbols(self.graph, names)
 
-    def _attribute(self, wanted: str, attribute: str, kind: Any, fallback: tuple[float, ...] | None) -> str:
-        # USD names may hold ':' and '.', which OSL identifiers may not.
-        name = "".join(character if character.isalnum() else "_" for character in wanted)
+    def _attribute(self, parameter: str, attribute: str, kind: Any, fallback: tuple[float, ...] | None) -> str:
+        # USD names may contain ':' and '.', OSL identifiers may not.
+        name = "".join(character if character.isalnum() else "_" for character in parameter)
         binding = AttributeBinding(name, attribute, kind, fallback)
         if self.attributes.setdefault(name, binding) != binding:
             raise CodegenError(

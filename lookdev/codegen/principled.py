@@ -1,6 +1,6 @@
-"""A look as the Principled BSDF that comes nearest to it, which the benchmark compares with.
+"""A look as the Principled BSDF nearest to it, for the benchmark.
 
-The two are different models: their pictures are alike, not equal. What they share is how hard they are to sample.
+The two are different models: their pictures are alike, not equal; they are as hard to sample.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What code generation hands on: a shader's text and what it must be given to run."""
+"""The results of code generation, as plain data: shaders' texts, node trees, and the files and attributes they read."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HANDEDNESS = "lookdev_handedness"
 
 @dataclass(frozen=True)
 class TextureBinding:
-    """A texture of a shader: the shader parameter that takes the path, and the linear EXR file."""
+    """A texture of a shader: the parameter that takes its path, and the linear EXR file."""
 
     parameter: str
     file: Content
@@ -24,10 +24,9 @@ class TextureBinding:
 
 @dataclass(frozen=True)
 class AttributeBinding:
-    """A mesh attribute of a shader.
+    """A mesh attribute, and the parameter of a shader that takes it.
 
-    `parameter` is the shader's, `attribute` the mesh's name for it. A mesh without it gets `fallback` everywhere;
-    None means that every mesh must have it (a UV set).
+    A mesh without it has `fallback` everywhere; None: every mesh must have it (a UV set).
     """
 
     parameter: str
@@ -37,10 +36,10 @@ class AttributeBinding:
 
 
 class Source(Protocol):
-    """What a slot of an asset wears, made of a look for one kind of renderer: a frozen dataclass of plain data.
+    """A look as a slot of an asset wears it, generated for one backend: a frozen dataclass of plain data.
 
-    `attributes` and `images` are what it reads, `digest` is that of all that affects the picture. Light passes through
-    the surface where it `transmits`; the surface is not wholly present where it is `see_through`.
+    It reads `attributes` and `images`; `digest` depends on all that affects the picture. A look `transmits` if light
+    passes through its surface, and is `see_through` if its presence is below 1 somewhere.
     """
 
     @property
@@ -59,10 +58,10 @@ class Source(Protocol):
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """One generated OSL shader: its text, what it reads, and the digest of text and texture contents.
+    """A `Source` of OSL.
 
-    `directions` are how many of a shading point come from the BRDF and how many from the light; `shadows` where the
-    asset may stand in their way.
+    `directions` are the numbers drawn at a shading point from the BSDF and from the light; with `shadows`, rays are
+    traced along them.
     """
 
     name: str
@@ -77,13 +76,12 @@ class ShaderSource:
 
     @property
     def images(self) -> tuple[Content, ...]:
-        """The files of its textures."""
         return tuple(binding.file for binding in self.textures)
 
 
 @dataclass(frozen=True)
 class PrincipledSource:
-    """A Principled BSDF, which the benchmark compares with: constants by Blender's names of its sockets."""
+    """A Principled BSDF for the benchmark: constants by Blender's names of its sockets."""
 
     name: str
     inputs: Mapping[str, float | tuple[float, ...]]
@@ -94,17 +92,16 @@ class PrincipledSource:
 
     @property
     def digest(self) -> str:
-        """The SHA-256 of name and inputs."""
         return hashlib.sha256(json.dumps([self.name, self.inputs], sort_keys=True).encode()).hexdigest()
 
 
 SocketValue = float | tuple[float, ...] | str
-"""What a socket, or a property of a node, is set to."""
+"""The value of a socket, or of a property of a node."""
 
 
 @dataclass(frozen=True)
 class Link:
-    """An output of another node of the same tree: the node by its name, the socket by Blender's identifier."""
+    """An output of a node of the same tree: the node's name, and Blender's identifier of the socket."""
 
     node: str
     socket: str
@@ -114,10 +111,10 @@ class Link:
 class ShaderNode:
     """One shader node of Blender.
 
-    `kind` is Blender's type without ``ShaderNode`` in front (``"Math"``), or in full ``"NodeGroupInput"`` and
-    ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` what its sockets
-    are given, by their identifiers. `group` is the name of the tree that a ``"Group"`` shows, `image` the file that a
-    ``"TexImage"`` reads, without colour conversion. `place` is the upper left corner, in Blender's units.
+    `kind` is Blender's type without the prefix ``ShaderNode`` (``"Math"``), or ``"NodeGroupInput"``,
+    ``"NodeGroupOutput"``. `properties` are attributes of the node (``{"operation": "ADD"}``), `inputs` the values of
+    its sockets by identifier. A ``"Group"`` shows the tree named `group`; a ``"TexImage"`` reads the file `image`,
+    without colour conversion. `place` is the upper left corner, in Blender's units.
     """
 
     name: str
@@ -132,11 +129,7 @@ class ShaderNode:
 
 @dataclass(frozen=True)
 class GroupSocket:
-    """A socket of a group's interface. Its identifier is its name.
-
-    `default`, the `soft` range and `help` of an input are those of the model's parameter. `panel` is the panel that it
-    stands in, or empty.
-    """
+    """A socket of a group's interface, identified by its name; `default`, `soft` range and `help` as of `Parameter`."""
 
     name: str
     kind: Literal["float", "color", "vector", "shader"]
@@ -148,7 +141,7 @@ class GroupSocket:
 
 @dataclass(frozen=True)
 class NodeTree:
-    """The nodes of a group, or of a material, which has neither inputs nor outputs."""
+    """The nodes of a group, or of a material: then without inputs and outputs."""
 
     name: str
     nodes: tuple[ShaderNode, ...]
@@ -158,10 +151,9 @@ class NodeTree:
 
 @dataclass(frozen=True)
 class NodeSource:
-    """A look as native shader nodes: groups, each after those that it shows, and the material's own tree last.
+    """A `Source` of native shader nodes: groups, each after those that it shows, and the material's own tree last.
 
-    `exact` where the nodes send one importance-sampled direction on through a ray portal; otherwise they are Cycles'
-    own closures.
+    If `exact`, the nodes send one importance-sampled direction through a ray portal; else they are Cycles' closures.
     """
 
     name: str
@@ -174,5 +166,4 @@ class NodeSource:
 
     @property
     def images(self) -> tuple[Content, ...]:
-        """The files that its image nodes read."""
         return tuple(node.image for tree in self.trees for node in tree.nodes if node.image is not None)

@@ -1,6 +1,6 @@
-"""The renderer: the only room that knows Blender. It lives in a process of its own (``python -m lookdev.cycles``).
+"""The renderer: the only room that imports bpy. It runs in a process of its own (``python -m lookdev.cycles``).
 
-`version` holds every difference between Blender 4.5 and 5.2, `engine` runs Cycles and hands back pixels, `scene`
-builds what is rendered, `shaders` compiles generated OSL, `render` makes frames of it, `points` evaluates BRDFs,
-`__main__` speaks with the parent process.
+`version` has every difference between Blender 4.5 and 5.2, `engine` runs Cycles and returns pixels, `scene` builds
+Blender's data, `shaders` compiles generated OSL, `render` makes frames, `points` evaluates BSDFs, `__main__`
+communicates with the parent process.
 """

@@ -1,7 +1,7 @@
 """The worker: frame tasks in on standard input, results out on standard output, one JSON object a line.
 
-Blender prints to standard output whenever it likes, so the real one is put away before Blender is loaded and
-everything else goes to standard error. End of input, also a parent that died, ends the process at once.
+Blender prints to standard output, so `Answers` keeps the real one before Blender is loaded, and all else goes to
+standard error. The end of the input, also by the death of the parent, ends the process at once.
 """
 
 from __future__ import annotations
@@ -14,16 +14,17 @@ import tempfile
 import threading
 from pathlib import Path
 
+from lookdev.cycles.leave import leaving
 from lookdev.render.answers import Answers, save_arrays
 
 _LONGEST_CHATTER = 1 << 20
-"""Bytes of log: what Blender says of frames that came out well, some 10 kB each, is kept up to here."""
+"""Bytes of Blender's log, some 10 kB a frame, that are kept of frames without an error."""
 
 
 def _read_requests(requests: queue.Queue[str]) -> None:
     for line in sys.stdin:
         requests.put(line)
-    # Nobody is left to want the result: a render in progress is dropped. Blender's own exit can hang.
+    # There is no parent: a render in progress is dropped. Blender's own exit can hang.
     os._exit(0)
 
 
@@ -64,7 +65,7 @@ def _serve(answers: Answers) -> None:
 
 def _log_size() -> int:
     """Return the size of the log, 0 where the error stream is no file."""
-    # Blender's C streams keep back what they are told while the log is a file.
+    # Blender's C streams are buffered while the log is a file.
     ctypes.CDLL(None).fflush(None)
     return os.fstat(2).st_size
 
@@ -90,21 +91,14 @@ def _do_once(arguments: list[str], answers: Answers) -> None:
 def main() -> None:
     """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` do one thing and leave."""
     answers = Answers()
-    try:
+    with leaving():
         if arguments := sys.argv[1:]:
-            # Blender leaves its temporary folder behind; `_serve`'s is its parent's to remove.
+            # Blender does not remove its temporary folder; the parent removes that of `_serve`.
             with tempfile.TemporaryDirectory(prefix="lookdev-") as scratch:
                 os.environ["TMPDIR"] = scratch
                 _do_once(arguments, answers)
         else:
             _serve(answers)
-    except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
-        import traceback
-
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Cycles with every setting said, and its pixels in memory."""
+"""Cycles with every setting set, and its pixels in memory."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _ENGINE = "LOOKDEV_CYCLES"
 
 
 class Capture(cycles.CyclesRender):  # type: ignore[misc]
-    """Cycles under another name: renders as it does, and keeps the passes instead of writing files."""
+    """Cycles under another name, which keeps its passes in memory."""
 
     bl_idname = _ENGINE
     bl_label = "lookdev"
 
-    passes: dict[str, NDArray[np.float32]] = {}  # noqa: RUF012  (Blender makes the instances; results meet here)
+    passes: dict[str, NDArray[np.float32]] = {}  # noqa: RUF012  (of the last render; Blender makes the instances)
 
     def update_script_node(self, node: Any) -> None:
-        """Do nothing: `lookdev.cycles.shaders` makes the sockets, Blender would parse the shader to find them."""
+        """Do nothing: `lookdev.cycles.shaders` makes the sockets, for which Blender would parse the shader."""
 
     def render(self, depsgraph: Any) -> None:
-        """Render, then copy every pass: rows bottom-up, (height, width, channels)."""
+        """Render, then copy every pass: (height, width, channels), rows bottom-up."""
         super().render(depsgraph)
         result = self.get_result()
         width, height = result.resolution_x, result.resolution_y
@@ -47,9 +47,7 @@ bpy.utils.register_class(Capture)
 def render_passes(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
     """Render the scene with `samples` a pixel and return its passes by Blender's names, rows bottom-up.
 
-    `seed` places the samples within a pixel.
-
-    Cycles puts sample 0 of every pixel at its centre, which would bias coverage by up to half a sample. The second
+    Cycles places sample 0 of every pixel at its centre, which would bias coverage by up to half a sample. The second
     block of the sequence has no such sample, and a block of a power of two is as stratified as the first.
     """
     scene.cycles.samples = 2 * samples
@@ -59,7 +57,7 @@ def render_passes(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[
 
 
 def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
-    """Render as `render_passes` does, but with the samples that Cycles itself would take."""
+    """Render as `render_passes`, but with the first block of samples, as Cycles does."""
     scene.cycles.samples = samples
     scene.cycles.use_sample_subset = False
     return _render(scene, seed)
@@ -67,24 +65,24 @@ def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[n
 
 def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
     scene.cycles.seed = seed
-    # Cycles' settings are custom properties: without the tag a render after the first keeps the old ones.
+    # Cycles' settings are custom properties: without the tag a later render keeps the old ones.
     scene.update_tag()
     Capture.passes = {}
     bpy.ops.render.render(scene=scene.name)
     if not Capture.passes:
-        # Exceptions inside the engine are printed by Blender and swallowed.
+        # Blender only prints exceptions of an engine.
         raise RenderError("Blender rendered nothing; its own message is above in the log")
     return Capture.passes
 
 
 def empty_scene() -> Any:
-    """Throw all data away and return a scene with nothing in it."""
+    """Delete all data and return an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     return bpy.data.scenes[0]
 
 
 def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
-    """Set everything that a picture depends on, for shaders in OSL that integrate light themselves."""
+    """Set everything that a picture depends on, for shaders in OSL that integrate the light."""
     render, settings = scene.render, scene.cycles
     _configure_any(scene, resolution)
     render.film_transparent = True
@@ -95,7 +93,7 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     settings.rolling_shutter_type = "NONE"
     settings.device = "CPU"
     settings.shading_system = True
-    # Alpha is what does not reach the background. A portal opens only towards a hit, so its ray never does.
+    # Alpha counts rays that do not reach the background; a portal's ray is directed to a hit, so it never does.
     _bounce(settings, reflected=0, transparent=bounces + 1)
     world = bpy.data.worlds.new("black")
     version.empty_node_tree(world)
@@ -106,12 +104,7 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
 def configure_closures(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
     """Set everything that a picture depends on but its world, for Cycles' own closures.
 
-    A surface that is seen through counts as a bounce, as it does in shaders of our own.
-
-    Raises
-    ------
-    RenderError
-        This machine has no such device.
+    A see-through surface counts as a bounce, as in the OSL. A RenderError reports a device that is not there.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = True
@@ -121,19 +114,14 @@ def configure_closures(scene: Any, resolution: tuple[int, int], bounces: int, de
 def configure_portals(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
     """Set everything that a picture depends on but its world, for surfaces that send all light through ray portals.
 
-    The rays of portals are rays of the camera, to which a transparent film shows no world. What is covered is known
-    from the pass of texture coordinates instead, whose third channel is 1 where there is a surface.
-
-    Raises
-    ------
-    RenderError
-        This machine has no such device.
+    The rays of portals are rays of the camera, which see no world with a transparent film. Coverage is instead the
+    third channel of the pass of texture coordinates, 1 on a surface. A RenderError reports a device that is not there.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = False
     scene.view_layers[0].use_pass_uv = True
     _bounce(scene.cycles, reflected=0, transparent=bounces + 1)
-    # Paths are short, and one that is ended by chance costs more in noise than it saves.
+    # Paths are short: Russian roulette adds more noise than it saves time.
     scene.cycles.min_transparent_bounces = bounces + 1
 
 
@@ -142,10 +130,10 @@ def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> No
     _configure_any(scene, resolution)
     scene.render.use_motion_blur = False
     settings.shading_system = False
-    # Each seed scrambles it anew, so that two renders are independent.
+    # Each seed has a scramble of its own, so that two renders are independent.
     settings.sampling_pattern = "TABULATED_SOBOL"
     settings.direct_light_sampling_type = "MULTIPLE_IMPORTANCE_SAMPLING"
-    # It is in units of radiance: a dim light would be noisier than a bright one.
+    # The threshold is in units of radiance: a dim light would be noisier than a bright one.
     settings.light_sampling_threshold = 0.0
     settings.caustics_reflective = settings.caustics_refractive = True
     settings.blur_glossy = 0.0
@@ -156,7 +144,7 @@ def _configure_nodes(scene: Any, resolution: tuple[int, int], device: str) -> No
 
 
 def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
-    """Set what does not depend on who lights the scene; Blender's defaults change between versions."""
+    """Set what all backends share; Blender's defaults change between versions."""
     render, settings, layer = scene.render, scene.cycles, scene.view_layers[0]
     render.engine = _ENGINE
     render.resolution_x, render.resolution_y = resolution
@@ -202,10 +190,8 @@ def _use_device(settings: Any, device: str) -> None:
     if device == "cpu":
         return
     preferences = bpy.context.preferences.addons["cycles"].preferences
-    there: set[str] = set()
-    for kind, *_ in preferences.get_device_types(bpy.context):
-        if kind != "NONE":
-            there |= {each.type for each in preferences.get_devices_for_type(kind) if each.type != "CPU"}
+    kinds = [kind for kind, *_ in preferences.get_device_types(bpy.context) if kind != "NONE"]
+    there = {each.type for kind in kinds for each in preferences.get_devices_for_type(kind)} - {"CPU"}
     if device.upper() not in there:
         found = ", ".join(sorted(["cpu", *(kind.lower() for kind in there)]))
         raise RenderError(f"Cycles finds no device of the kind '{device}' on this machine; it finds: {found}")

@@ -1,8 +1,7 @@
-"""A job as a .blend: each look a scene, each light a world, each turntable a stretch of the timeline.
+"""A job as a .blend: each look a scene, each light a world, each turntable a range of the timeline.
 
-Scenes are built as those that are rendered; then names, keys and settings are made those that an artist expects. Each
-has meshes of its own: with materials that belong to objects instead, Cycles would keep no mesh as an instance, and
-round otherwise.
+Scenes are built as for rendering; then names, keys and settings become those that an artist expects. Each scene has
+meshes of its own: with materials of objects, Cycles would keep no mesh as an instance, and round differently.
 """
 
 from __future__ import annotations
@@ -28,11 +27,11 @@ _VIEWS = {
     "Un-tone-mapped": ("Standard",),
     "Raw": ("Raw",),
 }
-"""What Blender calls the views of a job: of several names, the first that it has."""
+"""Blender's names of the views of a job; the first one that Blender has is used."""
 
 
 def export_file(request: Path) -> dict[str, Any]:
-    """Do what a file with a `BlendTask` says; return `notes` for the user, or the `error` that it failed of."""
+    """Write the .blend of a file with a `BlendTask`; return `notes` for the user, or the `error`."""
     try:
         return {"notes": write_blend(BLEND_TASK.validate_json(request.read_bytes()))}
     except LookdevError as error:
@@ -42,28 +41,25 @@ def export_file(request: Path) -> dict[str, Any]:
 
 
 def write_blend(task: BlendTask) -> list[str]:
-    """Write a .blend; return what the user should know of it.
+    """Write a .blend; return notes for the user.
 
     Raises
     ------
     RenderError
-        Blender cannot show one of the looks, or reads an image that the task does not name.
+        Blender cannot show one of the looks, or reads an image that the task lacks.
     """
     groups: Groups = {}
     scenes: dict[str, Scene] = {}
     for look, scene in task.scenes.items():
         into = bpy.data.scenes.new(look) if scenes else None
-        # What is written on this machine may be rendered on another.
+        # The file may be rendered on another machine, with the job's device.
         scenes[look] = Scene(replace(scene, device="cpu"), into, groups)
     first, *others = scenes.values()
-    animate(
-        {"asset": first.root, "camera": first.camera},
-        task.turntables,
-        lambda pose: first.pose(first.task.camera, pose),
-    )
+    moved = {"asset": first.root, "camera": first.camera}
+    animate(moved, task.turntables, lambda pose: first.pose(first.task.camera, pose))
     for other in others:
         _share_camera(first, other)
-        other.pose(other.task.camera, task.turntables[-1].poses[-1])  # what does not move has no keys
+        other.pose(other.task.camera, task.turntables[-1].poses[-1])  # channels that do not move have no keys
         follow(other.root, first.root)
     world = _add_worlds(task)
     views = set()
@@ -91,18 +87,17 @@ def _share_camera(first: Scene, other: Scene) -> None:
 
 
 def _add_worlds(task: BlendTask) -> Any:
-    """Add the world of every light, to be chosen from; return the first."""
-    worlds = [
-        build_world(each.name, each.light, sampled=not each.light.constant, strength=each.strength, turn=each.turn)
-        for each in task.worlds
-    ]
-    for world in worlds:
-        world.use_fake_user = True
+    """Add the world of every light; return the first."""
+    worlds = []
+    for each in task.worlds:
+        sampled = not each.light.constant
+        worlds.append(build_world(each.name, each.light, sampled=sampled, strength=each.strength, turn=each.turn))
+        worlds[-1].use_fake_user = True
     return worlds[0]
 
 
 def _set_up(scene: Any, shown: SceneTask, task: BlendTask) -> None:
-    """Set what only a render by hand needs: the engine by its own name, samples, device, frame rate."""
+    """Set what only a render by hand needs: Cycles itself, samples, device, frame rate."""
     render, settings = scene.render, scene.cycles
     render.engine = "CYCLES"
     render.use_compositing = render.use_sequencer = True
@@ -115,7 +110,7 @@ def _set_up(scene: Any, shown: SceneTask, task: BlendTask) -> None:
 
 
 def _set_view(scene: Any, view: str) -> str:
-    """Set the view that is nearest to a job's, and nothing beside it; return its name."""
+    """Set the view that is nearest to a job's, without other adjustments; return its name."""
     scene.display_settings.display_device = "sRGB"
     settings = scene.view_settings
     settings.look = "None"
@@ -128,14 +123,14 @@ def _set_view(scene: Any, view: str) -> str:
 
 
 def _place_images(task: BlendTask) -> None:
-    """Pack images, or let them be found beside the .blend."""
+    """Pack images, or address them beside the .blend."""
     paths = {each.content.path: each.path for each in task.images}
-    for image in list(bpy.data.images):  # a new name moves it in Blender's own list
+    for image in list(bpy.data.images):  # renaming reorders Blender's list
         if image.source != "FILE":
             continue
         path = paths.get(Path(image.filepath))
         if path is None:
-            raise RenderError(f"{image.filepath}: the scene reads an image that the task does not name")
+            raise RenderError(f"{image.filepath}: the scene reads an image that the task lacks")
         if task.pack:
             image.pack()
         image.name = Path(path).name
@@ -145,7 +140,7 @@ def _place_images(task: BlendTask) -> None:
 
 
 def _open_with(scene: Any) -> None:
-    """Let the window show a scene through its camera, with the shader editor at hand."""
+    """Show a scene through its camera in the workspace of the shader editor."""
     window = bpy.context.window_manager.windows[0]
     window.scene = scene
     window.workspace = bpy.data.workspaces["Shading"]

@@ -1,8 +1,7 @@
 """Make the data of the built-in asset ``suzanne``: ``python -m lookdev.cycles.export_suzanne OUT.npz``.
 
-Blender's monkey, two levels of Catmull-Clark subdivision at their limit positions as the modifier gives them.
-Only the geometry is kept: points (n, 3) float32 in metres, faces (f, 4) uint16 counter-clockwise seen from
-outside, uvs (f, 4, 2) float32. Normals and tangents are made by `lookdev.asset.builtin`.
+Blender's monkey, two levels of Catmull-Clark subdivision at the modifier's limit positions: points (n, 3) float32 in
+metres, faces (f, 4) uint16 counter-clockwise seen from outside, uvs (f, 4, 2) float32.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ import numpy as np
 
 from lookdev.cache import atomic_path
 
-LEVELS = 2
-
 
 def export_suzanne(out: Path) -> None:
     """Write the subdivided monkey to an ``.npz`` file."""
@@ -31,7 +28,7 @@ def export_suzanne(out: Path) -> None:
     thing = bpy.data.objects.new("suzanne", mesh)
     bpy.context.scene.collection.objects.link(thing)
     modifier = thing.modifiers.new("subdivision", "SUBSURF")
-    modifier.levels = LEVELS
+    modifier.levels = 2
     result = thing.evaluated_get(bpy.context.evaluated_depsgraph_get()).to_mesh()
 
     points = np.empty(3 * len(result.vertices), np.float32)
@@ -40,13 +37,9 @@ def export_suzanne(out: Path) -> None:
     result.loops.foreach_get("vertex_index", faces)
     uvs = np.empty(2 * len(result.loops), np.float32)
     result.uv_layers[0].uv.foreach_get("vector", uvs)
+    points, quads, uvs = points.reshape(-1, 3), faces.reshape(-1, 4).astype(np.uint16), uvs.reshape(-1, 4, 2)
     with atomic_path(out) as temporary:
-        np.savez_compressed(
-            temporary,
-            points=points.reshape(-1, 3),
-            faces=faces.reshape(-1, 4).astype(np.uint16),
-            uvs=uvs.reshape(-1, 4, 2),
-        )
+        np.savez_compressed(temporary, points=points, faces=quads, uvs=uvs)
 
 
 if __name__ == "__main__":

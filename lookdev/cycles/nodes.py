@@ -1,4 +1,4 @@
-"""Native shader nodes: the plain data of a `NodeSource` as Blender's node trees."""
+"""The plain data of a `NodeSource` as Blender's node trees."""
 
 from __future__ import annotations
 
@@ -18,25 +18,20 @@ _SOCKETS = {
     "vector": "NodeSocketVector",
     "shader": "NodeSocketShader",
 }
-# Blender numbers the sockets of a group; ours go by their names.
+# Blender numbers the sockets of a group: their identifiers are not ours.
 _BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
 Groups = dict[str, Any]
-"""Groups that are built, by a digest of all that is in them: equal ones of several looks are one datablock."""
+"""Groups that are built, by a digest of their content: equal groups of several looks are one datablock."""
 
 
-def build_trees(source: NodeSource, built: Groups | None = None) -> dict[str, Any]:
-    """Build the groups of a source, or find them in `built`, to which they are added.
-
-    Returns
-    -------
-    dict
-        The groups by the names of their trees; Blender numbers the datablocks of different ones with one name.
+def build_material(source: NodeSource, built: Groups | None = None) -> Any:
+    """Build a material and its groups, or find these in `built`, to which they are added.
 
     Raises
     ------
     RenderError
-        A kind of node, a property, a socket, a group or an image is not there.
+        Blender lacks a kind of node, a property or a socket; or a group or an image is not there.
     """
     known: Groups = {} if built is None else built
     groups: dict[str, Any] = {}
@@ -47,20 +42,8 @@ def build_trees(source: NodeSource, built: Groups | None = None) -> dict[str, An
         if digest not in known:
             known[digest] = _build_group(source, tree, groups)
         groups[tree.name] = known[digest]
-    return groups
-
-
-def build_material(source: NodeSource, built: Groups | None = None) -> Any:
-    """Build a material and its groups, as `build_trees` does.
-
-    Raises
-    ------
-    RenderError
-        As `build_trees`.
-    """
-    groups = build_trees(source, built)
     material = bpy.data.materials.new(source.name)
-    # Not a light, and bumped normals are bent by the nodes themselves.
+    # Not a light; and the nodes themselves bend bumped normals.
     material.cycles.emission_sampling = "NONE"
     material.cycles.use_bump_map_correction = False
     material.use_transparent_shadow = True
@@ -69,13 +52,7 @@ def build_material(source: NodeSource, built: Groups | None = None) -> Any:
 
 
 def load_image(file: Path) -> Any:
-    """Load a linear image once, its numbers as they are, its colour not multiplied by its alpha.
-
-    Raises
-    ------
-    RenderError
-        There is no such image.
-    """
+    """Load a linear image once, without conversion or premultiplication; a RenderError if there is none."""
     try:
         image = bpy.data.images.load(str(file), check_existing=True)
     except RuntimeError as error:
@@ -119,14 +96,14 @@ def _fill(source: NodeSource, tree: NodeTree, into: Any, groups: dict[str, Any])
             nodes[node.name] = _add_node(node, into, groups)
         except (ContentError, RenderError) as error:
             raise RenderError(f"{where}, '{node.name}': {error}") from error
-    # Blender goes over all of a tree whenever a single thing in it is set: hence at once, and only what differs.
+    # Blender updates a whole tree whenever a property in it is set: hence at once, and only values that differ.
     into.nodes.foreach_set("location", [x for node in tree.nodes for x in node.place])
     for node in tree.nodes:
         for identifier, value in node.inputs.items():
             if not isinstance(value, Link):
                 continue
             if value.node not in nodes:
-                raise RenderError(f"{where}, '{node.name}': '{identifier}' is linked to a node '{value.node}'; none is")
+                raise RenderError(f"{where}, '{node.name}': '{identifier}' is linked to a missing node '{value.node}'")
             try:
                 start = _socket(nodes[value.node], "outputs", value.socket)
                 end = _socket(nodes[node.name], "inputs", identifier)
@@ -145,7 +122,7 @@ def _add_node(node: ShaderNode, into: Any, groups: dict[str, Any]) -> Any:
     made.label = node.label
     if node.group:
         if node.group not in groups:
-            raise RenderError(f"it shows a group '{node.group}', and none before it is called so")
+            raise RenderError(f"it shows a group '{node.group}', which no tree before it defines")
         made.node_tree = groups[node.group]
     if node.image is not None:
         made.image = load_image(node.image.path)
@@ -165,7 +142,7 @@ def _set_property(node: Any, name: str, value: Any) -> None:
     try:
         if name not in node.bl_rna.properties:
             raise AttributeError("there is none")
-        # What is read from JSON may have become a float.
+        # A number read from JSON may be a float.
         exactly = {"INT": int, "BOOLEAN": bool}.get(node.bl_rna.properties[name].type)
         _set(node, name, exactly(value) if exactly else value)
     except (TypeError, ValueError, AttributeError) as error:
@@ -179,9 +156,8 @@ def _set(owner: Any, name: str, value: Any) -> None:
 
 
 def _socket(node: Any, side: str, identifier: str) -> Any:
-    """Return a socket that the node shows as it is set."""
+    """Return a socket that the node enables: a disabled one can be set and linked, without effect."""
     key = "name" if node.bl_idname in _BY_NAME else "identifier"
-    # A disabled socket can be set and linked, to no effect.
     shown = {getattr(socket, key): socket for socket in getattr(node, side) if socket.enabled}
     if identifier not in shown:
         raise RenderError(f"no socket '{identifier}' among the {side} ({nearest_hint(identifier, list(shown))})")
@@ -189,7 +165,7 @@ def _socket(node: Any, side: str, identifier: str) -> Any:
 
 
 def _padded(value: Any, old: Any) -> Any:
-    """Return a value as a socket takes it: a colour with its fourth channel."""
+    """Return a value as a socket takes it: a colour with a fourth channel."""
     if isinstance(value, tuple) and len(value) == 3 and len(old) == 4:
         return (*value, 1.0)
     return value

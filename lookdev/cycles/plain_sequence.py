@@ -1,18 +1,16 @@
-"""Turntables scripted plainly in Blender: what the batch runner is compared with by ``lookdev bench --sequence``.
+"""Turntables scripted plainly in Blender, with which ``lookdev bench --sequence`` compares the batch runner.
 
 Run as ``python -m lookdev.cycles.plain_sequence REQUEST.json``. It is as naive as such scripts are, and as correct: one
 process, the Principled BSDF, the asset turned by its object and the light by a Mapping node, ``render.render`` for each
-frame, and Blender's defaults for all that concerns speed (no persistent data, an automatic importance map). Only what
-would make another picture is set: filter, bounces, samples, no adaptive sampling and no denoiser.
+frame, and Blender's defaults for all that concerns speed (no persistent data, an automatic importance map). Settings
+that change the picture are those of the batch: filter, bounces, samples, no adaptive sampling and no denoiser.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import os
 import sys
-import traceback
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +21,10 @@ from mathutils import Matrix
 from lookdev.asset.bounds import about_origin
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
+from lookdev.codegen import PrincipledSource
 from lookdev.cycles import version
+from lookdev.cycles.leave import leaving
+from lookdev.cycles.principled import principled_material
 
 
 def render(request: dict[str, Any]) -> None:
@@ -32,7 +33,8 @@ def render(request: dict[str, Any]) -> None:
     scene = bpy.data.scenes[0]
     _configure(scene, request)
     asset = read_asset(Path(request["asset"]))
-    turned = _add_asset(scene, about_origin(asset), _material(request["principled"]))
+    material = principled_material(PrincipledSource("principled", request["principled"]))
+    turned = _add_asset(scene, about_origin(asset), material)
     _add_camera(scene, request["camera"], asset)
     texture, mapping = _light(scene)
     lit_by = None
@@ -61,21 +63,6 @@ def _configure(scene: Any, request: dict[str, Any]) -> None:
     settings.max_bounces = settings.diffuse_bounces = request["bounces"]
     settings.glossy_bounces = settings.transmission_bounces = request["bounces"]
     settings.sample_clamp_indirect = settings.blur_glossy = 0.0
-
-
-def _material(inputs: dict[str, Any]) -> Any:
-    material = bpy.data.materials.new("principled")
-    tree = version.empty_node_tree(material)
-    node = tree.nodes.new("ShaderNodeBsdfPrincipled")
-    for name, value in inputs.items():
-        node.inputs[name].default_value = (*value, 1.0) if isinstance(value, list) else value
-    if inputs.get("Anisotropic", 0.0):
-        tangent = tree.nodes.new("ShaderNodeTangent")
-        tangent.direction_type = "UV_MAP"
-        tree.links.new(tangent.outputs["Tangent"], node.inputs["Tangent"])
-    output = tree.nodes.new("ShaderNodeOutputMaterial")
-    tree.links.new(node.outputs["BSDF"], output.inputs["Surface"])
-    return material
 
 
 def _add_asset(scene: Any, asset: Asset, material: Any) -> Any:
@@ -128,16 +115,6 @@ def _light(scene: Any) -> tuple[Any, Any]:
     return texture, mapping
 
 
-def main() -> None:
-    """Do what the request says; the exit code is 1 if it cannot be done."""
-    try:
-        render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))
-    except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)
-
-
 if __name__ == "__main__":
-    main()
+    with leaving():
+        render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")))

@@ -1,7 +1,8 @@
-"""A stack of layers at listed points: the generated OSL, evaluated inside Cycles, its float32 values read back."""
+"""A stack of layers at listed points: the generated OSL is evaluated inside Cycles in float32."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,85 +13,81 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.osl.surface import PointLayer, generate_points, point_cells, point_columns
+from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import script_node
 from lookdev.errors import RenderError
 
 # A power of two, as the rows and `point_cells` are.
 _COLUMNS = 128
-# Blender renders no fewer rows than this, whatever it is told.
+# Blender renders no fewer rows.
 _MIN_ROWS = 4
 
 
 def evaluate_points(
     source: ShaderSource, table: NDArray[np.float32], cells: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Evaluate a stack of layers in Cycles.
-
-    Parameters
-    ----------
-    source
-        What `lookdev.codegen.osl.surface.generate_points` makes of the layers.
-    table : (n, columns)
-        A row a point, columns as `point_columns` says.
-    cells
-        The texels of a row, as `point_cells` says.
+    """Evaluate the shader of `lookdev.codegen.osl.points` at the rows (n, columns) of its table.
 
     Returns
     -------
     f : (n, 3) in 1/sr
     pdf : (n,) in 1/sr
     """
+    f, density = (render_table(source, table, cells, what=what) for what in (0, 1))
+    return f, density[:, 0]
+
+
+def render_table(
+    source: ShaderSource,
+    table: NDArray[np.float32],
+    cells: int,
+    samples: int = 1,
+    arrays: Mapping[str, NDArray[Any]] | None = None,
+    **values: int,
+) -> NDArray[np.float32]:
+    """Return the emission (n, 3) of a shader that reads the rows of a table (n, columns), one a pixel of a plane.
+
+    A row has `cells` texels of three channels. The shader's parameters are `points_file`, `columns` and `rows` of the
+    picture, and `values`.
+    """
     count, used = table.shape
     rows = max(_MIN_ROWS, 1 << (-(-count // _COLUMNS) - 1).bit_length())
     padded = np.zeros((rows * _COLUMNS, cells * 3), dtype=np.float32)
     padded[:count, :used] = table
-    image = padded.reshape(rows, _COLUMNS * cells, 3)
-    with atomic_path(cache_dir("points") / "points.exr") as path:
-        header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
-        OpenEXR.File(header, {"RGB": image}).write(str(path))
-        f = _render(source, path, rows, what=0)[:count]
-        pdf = _render(source, path, rows, what=1)[:count, 0]
-    return f, pdf
-
-
-def _render(source: ShaderSource, table: Path, rows: int, what: int) -> NDArray[np.float32]:
-    """Render a plane that fills the picture: one point a pixel."""
     scene = engine.empty_scene()
     engine.configure(scene, (_COLUMNS, rows), bounces=0)
-    # Near its pixel's centre: a sample within float32's rounding of the edge would read its neighbour's row. A box
-    # filter is always a pixel wide.
+    # Samples near the pixel's centre: at its edge, rounding to float32 would select the neighbour's row. A box filter
+    # is always a pixel wide.
     scene.cycles.pixel_filter_type = "GAUSSIAN"
     scene.cycles.filter_width = 0.01
-    width, height = 1.0, rows / _COLUMNS
-    mesh = bpy.data.meshes.new("points")
-    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
-    mesh.from_pydata([(x * width, y * height, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
-    mesh.uv_layers.new(name="st")
     material = bpy.data.materials.new("points")
     material.cycles.emission_sampling = "NONE"
-    values: dict[str, str | int | float] = {"points_file": str(table), "columns": _COLUMNS, "rows": rows, "what": what}
-    script_node(version.empty_node_tree(material), source, values)
-    mesh.materials.append(material)
-    _add(scene, "points", mesh)
+    add_plane(scene, rows / _COLUMNS).materials.append(material)
+    with atomic_path(cache_dir("points") / "points.exr") as path:
+        header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"RGB": padded.reshape(rows, _COLUMNS * cells, 3)}).write(str(path))
+        values |= {"columns": _COLUMNS, "rows": rows}
+        script_node(version.empty_node_tree(material), source, {"points_file": str(path), **values}, arrays)
+        return engine.render_passes(scene, samples)["Combined"][..., :3].reshape(-1, 3)[:count].copy()
+
+
+def add_plane(scene: Any, height: float) -> Any:
+    """Add a plane from (-1, -height) to (1, height) and a camera above it that sees no more; return its mesh."""
+    mesh = bpy.data.meshes.new("plane")
+    corners = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
+    mesh.from_pydata([(x, y * height, 0.0) for x, y in corners], [], [(0, 1, 2, 3)])
     lens = bpy.data.cameras.new("camera")
-    lens.type = "ORTHO"
-    lens.sensor_fit = "HORIZONTAL"
-    lens.ortho_scale = 2.0 * width
-    scene.camera = _add(scene, "camera", lens)
+    lens.type, lens.sensor_fit, lens.ortho_scale = "ORTHO", "HORIZONTAL", 2.0
+    for data in (mesh, lens):
+        scene.collection.objects.link(bpy.data.objects.new(data.name, data))
+    scene.camera = bpy.data.objects["camera"]
     scene.camera.location = (0.0, 0.0, 1.0)
-    return engine.render_passes(scene, 1)["Combined"][..., :3].reshape(-1, 3)
-
-
-def _add(scene: Any, name: str, data: Any) -> Any:
-    item = bpy.data.objects.new(name, data)
-    scene.collection.objects.link(item)
-    return item
+    return mesh
 
 
 def evaluate_file(request: Path) -> None:
-    """Answer a request of `lookdev.checks.evaluate`: an .npz in, its f and pdf beside it."""
+    """Answer a request of `lookdev.checks.evaluate`, an .npz: write f and pdf to an .npz beside it."""
     with np.load(request, allow_pickle=False) as stored:
         source = ShaderSource("points", str(stored["osl"]), (), (), digest="")
         f, pdf = evaluate_points(source, stored["table"], int(stored["cells"]))
@@ -99,13 +96,7 @@ def evaluate_file(request: Path) -> None:
 
 
 def self_test() -> dict[str, object]:
-    """Evaluate one Lambertian-like point in Cycles to show that OSL compiles, runs and is read back right.
-
-    Raises
-    ------
-    RenderError
-        The value is wrong.
-    """
+    """Evaluate a diffuse lobe in Cycles: a RenderError reports a wrong value of the OSL that was compiled and run."""
     layers = [PointLayer("disney", {"variant": "2014"})]
     columns = point_columns(layers)
     row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0}
@@ -113,5 +104,5 @@ def self_test() -> dict[str, object]:
     table = np.array([[row[name] for name in columns]], dtype=np.float32)
     f, _ = evaluate_points(generate_points(layers, ["diffuse"]), table, point_cells(layers))
     if not np.allclose(f, 0.5 / np.pi, rtol=1e-5):
-        raise RenderError(f"OSL answers {f.tolist()} for a diffuse surface, {0.5 / np.pi} would be right")
+        raise RenderError(f"OSL evaluates to {f.tolist()} for a diffuse surface, {0.5 / np.pi} would be right")
     return {"blender": version.VERSION, "osl": True}

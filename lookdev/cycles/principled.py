@@ -1,4 +1,4 @@
-"""Cycles' own Principled BSDF, as a user would set it up: what the benchmark compares with."""
+"""Cycles' own Principled BSDF, as a user would set it up, for the benchmark."""
 
 from __future__ import annotations
 
@@ -13,19 +13,13 @@ from lookdev.cycles import version
 
 
 def principled_material(source: PrincipledSource) -> Any:
-    """Make a material of one Principled BSDF node.
-
-    Raises
-    ------
-    KeyError
-        The node has no such socket.
-    """
+    """Make a material of one Principled BSDF node."""
     material = bpy.data.materials.new(source.name)
     tree = version.empty_node_tree(material)
     node = tree.nodes.new("ShaderNodeBsdfPrincipled")
     node.distribution = "MULTI_GGX"
     for name, value in source.inputs.items():
-        node.inputs[name].default_value = (*value, 1.0) if isinstance(value, tuple) else value
+        node.inputs[name].default_value = value if isinstance(value, float | int) else (*value, 1.0)
     if source.inputs.get("Anisotropic", 0.0):
         tangent = tree.nodes.new("ShaderNodeTangent")
         tangent.direction_type = "UV_MAP"
@@ -36,13 +30,13 @@ def principled_material(source: PrincipledSource) -> Any:
 
 
 def shade_by_normals(objects: Sequence[Any], asset: Asset) -> None:
-    """Give the meshes of an asset's instances their normals the way that Blender's own BSDFs read them, in 16 bits."""
+    """Set the normals that Blender's own BSDFs read, in 16 bits, on the meshes of an asset's instances."""
     for item, instance in zip(objects, asset.instances, strict=True):
         item.data.normals_split_custom_set(asset.meshes[instance.mesh].normals)
 
 
 def configure_as_users_do(scene: Any) -> None:
-    """Set what a user would have, where a scene of our own closures has something else."""
+    """Set Blender's defaults where `engine.configure_closures` differs."""
     settings = scene.cycles
     settings.sampling_pattern = "AUTOMATIC"
     settings.light_sampling_threshold = 0.01

@@ -1,4 +1,4 @@
-"""A frame: two independent halves, in rounds until it is good enough."""
+"""A frame: two independent halves, in rounds until they reach the target error."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from lookdev.scene import Sampling
 
 Image = NDArray[np.float32]
 
-# Seeds of one render setting, so that rounds and halves of neighbouring `seed` values never coincide.
+# Seeds of one frame's rounds and halves: those of neighbouring `seed` values never coincide.
 _SEEDS_PER_FRAME = 64
-# Halves of the first round when a target error is asked for.
+# Samples of a half in the first round towards a target error.
 _FIRST_ROUND = 8
 
 
@@ -28,7 +28,7 @@ _FIRST_ROUND = 8
 class RenderedFrame:
     """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
 
-    A frame as a user of Cycles would have it is one render, `a` and `b` alike; then `relmse` is not known, nan.
+    A frame as a user of Cycles would have it is one render: `a` and `b` are equal, and `relmse` is nan.
     """
 
     a: Image
@@ -40,13 +40,13 @@ class RenderedFrame:
 
 
 Progress = Callable[[int, int, float | None], None]
-"""Told samples done, samples planned, and the relMSE so far."""
+"""Called with the samples done, the samples planned, and the relMSE so far."""
 
 
 def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedFrame:
     """Render one frame of a scene.
 
-    Each half has scrambles of its own, so that their difference measures the error of their mean.
+    The halves have independent scrambles and seeds, so that their difference measures the error of their mean.
     """
     started = time.perf_counter()
     sampling = task.scene.sampling
@@ -58,7 +58,6 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
         progress(sampling.samples, sampling.samples, None)
         rgb = np.ascontiguousarray(image[:, :, :3])
         return RenderedFrame(rgb, rgb, image[:, :, 3], sampling.samples, time.perf_counter() - started, math.nan)
-    # Sums over samples; the halves keep their own scrambles and seeds in every round.
     sums = np.zeros((2, height, width, 3))
     coverage = np.zeros((height, width))
     done = 0
@@ -82,9 +81,9 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
 
 
 def _rounds(sampling: Sampling) -> Iterator[int]:
-    """Give the samples a pixel of each half, in powers of two, for which alone a block of samples is stratified.
+    """Yield the samples a pixel of each half by rounds: powers of two, as only such blocks are stratified.
 
-    The fewest rounds that make the sum; with a target error, first rounds that double the total until the sum.
+    The fewest rounds with the sum that is set; with a target error, each round doubles the total up to the sum.
     """
     left = sampling.samples // 2
     size = _FIRST_ROUND if sampling.error is not None else left

@@ -27,12 +27,12 @@ from lookdev.scene import Camera, Pose
 
 
 class Scene:
-    """What is rendered, kept between frames: only what a task changes is rebuilt.
+    """The Blender data of a scene task, kept between its frames.
 
     Attributes
     ----------
     scene, root, camera
-        Blender's scene, the empty that all of the asset hangs on, and the camera.
+        Blender's scene, the empty that is the parent of the whole asset, and the camera.
     objects
         The asset's instances.
     """
@@ -42,12 +42,10 @@ class Scene:
 
         Parameters
         ----------
-        task
-            The scene.
         into
-            An empty scene of Blender's to build it in; None: one beside which there is nothing else.
+            The empty scene of Blender to build it in; None: a new one, after all data are deleted.
         groups
-            Node groups to share with other scenes, as `build_material` does.
+            Node groups to share with other scenes, as of `build_material`.
 
         Raises
         ------
@@ -59,7 +57,7 @@ class Scene:
         self._groups: Groups = {} if groups is None else groups
         self._configure()
         asset = read_asset(task.asset.path)
-        # Cycles computes in float32: far from the origin it would lose the asset.
+        # Cycles computes in float32, which is too coarse far from the origin.
         self._origin = np.array(asset.center)
         asset = about_origin(asset)
         attributes = {binding for source in task.shaders for binding in source.attributes}
@@ -69,25 +67,25 @@ class Scene:
             shade_by_normals(self.objects, asset)
         else:
             for item in self.objects:
-                # Shadows of facets are as they are, not smoothed.
+                # Facets shadow themselves without smoothing.
                 item.shadow_terminator_geometry_offset = item.shadow_terminator_shading_offset = 0.0
         if isinstance(task.shaders[0], NodeSource):
             check_stack(self.scene)
 
     @property
     def by_shaders(self) -> bool:
-        """Whether our own shaders integrate the light; otherwise it is a world's."""
+        """Whether OSL shaders integrate the light; otherwise a world lights the scene."""
         return isinstance(self.task.shaders[0], ShaderSource)
 
     @property
     def by_portals(self) -> bool:
-        """Whether all light comes through ray portals, so that alpha does not tell what is covered."""
+        """Whether all light comes through ray portals, so that alpha is not the coverage."""
         source = self.task.shaders[0]
         return isinstance(source, NodeSource) and source.exact
 
     @property
     def by_user(self) -> bool:
-        """Whether it is as a user of Cycles would have it: one render, no halves."""
+        """Whether the settings are those of a user of Cycles: one render, no halves."""
         return isinstance(self.task.shaders[0], PrincipledSource)
 
     def _configure(self) -> None:
@@ -100,22 +98,18 @@ class Scene:
             self.scene.world = build_world("light", task.light, sampled=False, after_portals=True)
         else:
             engine.configure_closures(self.scene, task.resolution, bounces, task.device)
-            # Directions of a light that is the same everywhere are as well drawn from the surface.
+            # Sampling a constant light reduces no variance.
             self.scene.world = build_world("light", task.light, sampled=self.by_user or not task.light.constant)
         if self.by_user:
             configure_as_users_do(self.scene)
 
     def _materials(self) -> list[Any]:
         """Return the material of each slot; slots that share a look share it."""
-        made: list[tuple[Source, Any]] = []
-        materials = []
+        made: list[tuple[Source, Any]] = []  # sources need not be hashable
         for source in self.task.shaders:
-            material = next((known for other, known in made if other == source), None)
-            if material is None:
-                material = self._material(source)
-                made.append((source, material))
-            materials.append(material)
-        return materials
+            if not any(other == source for other, _ in made):
+                made.append((source, self._material(source)))
+        return [next(material for other, material in made if other == source) for source in self.task.shaders]
 
     def _material(self, source: Source) -> Any:
         match source:
@@ -129,15 +123,15 @@ class Scene:
                 raise RenderError(f"look '{other.name}': Cycles has no material for a {type(other).__name__}")
 
     def fits(self, task: SceneTask) -> bool:
-        """Tell whether frames of another task need nothing here to be rebuilt; camera and samples may differ."""
+        """Return whether frames of another task need no rebuild; camera and samples may differ."""
         return _built_from(task) == _built_from(self.task)
 
     def pose(self, camera: Camera, pose: Pose) -> None:
-        """Stand asset and camera where they show a pose, by location and Euler angles.
+        """Place asset and camera to show a pose, by location and Euler angles.
 
-        For shaders of our own, which turn the light, the asset never moves. A world never turns: that would make Cycles
-        sample it anew. The asset turns by ``element - lighting`` then, about the axis through the camera's target, and
-        the camera orbits by ``-lighting``.
+        OSL shaders rotate the light, and the asset never moves. A world is never rotated, as Cycles would build its
+        importance map again: the asset is rotated by ``element - lighting`` about the axis through the camera's target,
+        and the camera orbits by ``-lighting``.
         """
         x, y, z = (float(value) for value in np.array(camera.target) - self._origin)
         orbit, turn = (pose.element, 0.0) if self.by_shaders else (pose.lighting, pose.element - pose.lighting)
@@ -148,10 +142,10 @@ class Scene:
         self.root.location = (x - cosine * x + sine * y, y - sine * x - cosine * y, 0.0)
 
     def control(self, pose: Pose, seed: int, samples: int) -> None:
-        """Tell our own shaders what changes from render to render, through the colour of the objects.
+        """Pass the values that change from render to render to OSL shaders, by the colour of the objects.
 
-        A shader parameter would recompile the shader; an object's colour does not. Blender keeps its channels at 0 or
-        above, hence the angle in [0, 2 pi).
+        Unlike a shader parameter, that does not recompile the shader. Channels are not negative: the angle is in
+        [0, 2 pi).
         """
         if self.by_shaders:
             turn = math.radians((pose.lighting - pose.element) % 360.0)
@@ -167,7 +161,7 @@ def _add_asset(
     scene: Any, asset: Asset, materials: list[Any], attributes: set[AttributeBinding]
 ) -> tuple[Any, list[Any]]:
     meshes = [_build_mesh(mesh, materials, attributes) for mesh in asset.meshes]
-    # An object's own transform is location, rotation and scale: shear would be lost. What it inherits is a matrix.
+    # An object's own transform has no shear; the transform that it inherits is a matrix.
     root = bpy.data.objects.new("root", None)
     scene.collection.objects.link(root)
     objects = []
@@ -186,9 +180,9 @@ def _add_asset(
 def _share(scene: Any, data: Any, asset: Asset) -> None:
     """Give a mesh a second user, so that Cycles keeps it as an instance with an acceleration structure of its own.
 
-    The mesh of a single object is merged into the scene's, which any change of an object then builds anew: 40 ms for
-    260,000 triangles, twice a frame. The second user is a speck far below, hidden from every kind of ray that ends
-    in a picture; Cycles leaves out what no ray at all can see.
+    The mesh of a single object is merged into the scene's, which any change of an object rebuilds: 40 ms for 260,000
+    triangles, twice a frame. The second user is a speck far below, hidden from every kind of ray that contributes to a
+    picture, but not from all rays: Cycles would leave it out.
     """
     speck = bpy.data.objects.new("speck", data)
     speck.location = (0.0, 0.0, -1e3 * asset.radius)
@@ -214,15 +208,13 @@ def _build_mesh(mesh: Mesh, materials: list[Any], attributes: set[AttributeBindi
     data.update(calc_edges=True)
     for name, uv in mesh.uvs.items():
         data.uv_layers.new(name=name, do_init=False).data.foreach_set("uv", uv.ravel())
-    # Normals and tangents go in as attributes: Blender's own custom normals are stored in 16 bits.
+    # Blender's own custom normals have 16 bits; attributes have 32.
     _add_attribute(data, "lookdev_normal", mesh.normals)
     _add_attribute(data, "lookdev_tangent", mesh.tangents)
     corners = len(mesh.corner_points)
     for binding in attributes:
         if binding.kind != "uv":
-            values = mesh.primvars.get(binding.attribute)
-            if binding.attribute == HANDEDNESS:
-                values = handedness(mesh)
+            values = handedness(mesh) if binding.attribute == HANDEDNESS else mesh.primvars.get(binding.attribute)
             if values is None:
                 fallback = np.asarray(binding.fallback, dtype=np.float32)
                 values = np.tile(fallback, (corners, 1)) if len(fallback) > 1 else np.full(corners, fallback[0])
@@ -231,7 +223,7 @@ def _build_mesh(mesh: Mesh, materials: list[Any], attributes: set[AttributeBindi
 
 
 def _add_attribute(data: Any, name: str, values: Any) -> None:
-    # FLOAT_VECTOR for colours too: no colour space is ever applied to a vector.
+    # FLOAT_VECTOR for colours, too: no colour space applies to vectors.
     kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
     attribute = data.attributes.new(name, kind, "CORNER")
     attribute.data.foreach_set(field, np.ascontiguousarray(values, dtype=np.float32).ravel())
@@ -245,7 +237,7 @@ def _add_camera(scene: Any) -> Any:
 
 
 def _place_camera(item: Any, camera: Camera, orbit: float) -> None:
-    """Orbit by ``-orbit`` degrees; oriented by angles, not by looking at the target, so that poles are no exception."""
+    """Orbit by ``-orbit`` degrees; oriented by angles, not by a target, so that poles are no exception."""
     lens = item.data
     lens.type = "PERSP"
     lens.sensor_fit = "HORIZONTAL"
@@ -253,15 +245,10 @@ def _place_camera(item: Any, camera: Camera, orbit: float) -> None:
     lens.angle = math.radians(camera.fov)
     lens.shift_x = lens.shift_y = 0.0
     lens.dof.use_dof = False
-    lens.clip_start = camera.distance * 1e-3
-    lens.clip_end = camera.distance * 1e3
-    azimuth = math.radians(-90.0 - orbit)
-    elevation = math.radians(camera.elevation)
-    direction = (
-        math.cos(elevation) * math.cos(azimuth),
-        math.cos(elevation) * math.sin(azimuth),
-        math.sin(elevation),
-    )
+    lens.clip_start, lens.clip_end = camera.distance * 1e-3, camera.distance * 1e3
+    azimuth, elevation = math.radians(-90.0 - orbit), math.radians(camera.elevation)
+    cosine = math.cos(elevation)
+    direction = (cosine * math.cos(azimuth), cosine * math.sin(azimuth), math.sin(elevation))
     item.location = [t + camera.distance * d for t, d in zip(camera.target, direction, strict=True)]
     item.rotation_mode = "XYZ"
     item.rotation_euler = (math.pi / 2 - elevation, 0.0, azimuth + math.pi / 2)

@@ -29,7 +29,7 @@ _ATTRIBUTE_SOCKETS = {"uv": "NodeSocketVector", "float": "NodeSocketFloat", "col
 def compile_osl(osl: str) -> Path:
     """Compile shader text into the cache, or find it there, and return the .oso file.
 
-    Blender compiles a script next to itself, where two processes can meet; here every text has a file of its own.
+    Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide.
     """
     text = "\n".join((*version.OSL_DEFINES, osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
@@ -43,13 +43,13 @@ def compile_osl(osl: str) -> Path:
 
 
 def surface_material(source: ShaderSource, light: Light) -> Any:
-    """Make a material of a look's light integral."""
+    """Make the material of a look's light integral."""
     code = light.code(sampled=source.directions[1] > 0)
     given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
     values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
     arrays = {name: np.load(content.path) for name, content in code.arrays.items()}
     material = bpy.data.materials.new(source.name)
-    # Not a light: Cycles would otherwise put every triangle of it into its light tree.
+    # Not a light: Cycles would put each of its triangles into a light tree.
     material.cycles.emission_sampling = "NONE"
     tree = version.empty_node_tree(material)
     script = script_node(tree, source, values, arrays)
@@ -65,8 +65,8 @@ def script_node(
 ) -> Any:
     """Add a script node with its sockets and connect it to the surface output.
 
-    Blender would find the sockets by asking `oslquery`, which loads its own OpenImageIO beside the one installed. It
-    has none for `arrays`: they go into the compiled shader, as what its parameters are by default.
+    Blender finds sockets by its `oslquery`, which loads an OpenImageIO that clashes with the installed one. No sockets
+    exist for `arrays`: they become default values of parameters in the compiled shader.
     """
     script = tree.nodes.new("ShaderNodeScript")
     compiled = compile_osl(source.osl)
@@ -87,14 +87,10 @@ def script_node(
 
 
 def with_arrays(oso: str, arrays: Mapping[str, Array]) -> str:
-    """Write arrays into a compiled shader, over what its parameters of that name are by default.
+    """Write arrays into a compiled shader, as the default values of its parameters of these names.
 
-    A constant array is looked up where it lies in memory. The compiler would take it as source text too, but slowly.
-
-    Raises
-    ------
-    RenderError
-        The shader has no such parameter, of that size and type.
+    A constant array is read from memory. As source text it would compile slowly. A RenderError reports a shader without
+    such a parameter, of that size and type.
     """
     for name, values in arrays.items():
         kind = "int" if values.dtype.kind == "i" else "float"

@@ -1,4 +1,4 @@
-"""Whether Cycles' node machine can hold the shaders of a scene: a line of its log is all it says of one too big."""
+"""Check that the shaders of a scene fit Cycles' node machine (SVM), which only logs one that is too big."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _SIDE = 4
 
 
 def check_stack(scene: Any) -> None:
-    """Render next to nothing of a scene, to compile its shaders; persistent data keeps what that takes for the frames.
+    """Render a tiny picture of a scene to compile its shaders, which persistent data keeps for the frames.
 
     Raises
     ------
     RenderError
-        A shader needs more numbers at once than the machine has room for: parts of it would be missing.
+        A shader needs more stack than SVM has: parts of it would be missing.
     """
     render = scene.render
     size = render.resolution_x, render.resolution_y
     render.resolution_x = render.resolution_y = _SIDE
     try:
-        said = _captured(lambda: engine.render_whole(scene, samples=1))
+        log = _captured(lambda: engine.render_whole(scene, samples=1))
     finally:
         render.resolution_x, render.resolution_y = size
-    names = list(dict.fromkeys(found["material"] for found in _OVERFLOW.finditer(said)))
+    names = list(dict.fromkeys(found["material"] for found in _OVERFLOW.finditer(log)))
     if names:
         looks = ", ".join(f"'{name}'" for name in names)
         raise RenderError(
@@ -43,15 +43,15 @@ def check_stack(scene: Any) -> None:
 
 
 def _captured(action: Callable[[], object]) -> str:
-    """Return what an action writes to output and error stream; the latter gets it afterwards.
+    """Return the text that an action writes to output and error stream, and write it to the error stream afterwards.
 
-    Blender 4.5 complains on the error stream, 5.2 on the output.
+    Blender 4.5 logs to the error stream, 5.2 to the output.
     """
-    with tempfile.TemporaryFile() as heard:
+    with tempfile.TemporaryFile() as log:
         _flush()
         streams = {number: os.dup(number) for number in (1, 2)}
         for number in streams:
-            os.dup2(heard.fileno(), number)
+            os.dup2(log.fileno(), number)
         try:
             action()
         finally:
@@ -59,10 +59,10 @@ def _captured(action: Callable[[], object]) -> str:
             for number, stream in streams.items():
                 os.dup2(stream, number)
                 os.close(stream)
-            heard.seek(0)
-            said = heard.read()
-            os.write(2, said)
-    return said.decode(errors="replace")
+            log.seek(0)
+            text = log.read()
+            os.write(2, text)
+    return text.decode(errors="replace")
 
 
 def _flush() -> None:

@@ -1,4 +1,4 @@
-"""Turntables as keyframes: one key a frame, at the value that the frame is rendered with."""
+"""Turntables as keyframes: one key a frame, at the value of the rendered frame."""
 
 from __future__ import annotations
 
@@ -18,20 +18,13 @@ Floats = NDArray[np.float64]
 
 _PATHS = ("location", "rotation_euler")
 _JUST = 1.0 / 64.0
-"""Of a frame: exact in float32, and more than what Blender takes for the same time."""
+"""Of a frame: exact in float32, and larger than the interval in which Blender merges keys."""
 
 
 def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], pose: Callable[[Pose], None]) -> None:
     """Animate objects over turntables, one after another from frame 1, by a single action.
 
-    Parameters
-    ----------
-    objects
-        By what each is called in the action, the objects that `pose` moves.
-    turntables
-        At least one.
-    pose
-        Stands the objects where a pose wants them: location and XYZ Euler angles.
+    `pose` sets location and XYZ Euler angles of the objects, which are by their names in the action.
     """
     action = bpy.data.actions.new("turntables")
     strip = action.layers.new("turntables").strips.new(type="KEYFRAME")
@@ -44,13 +37,13 @@ def animate(objects: Mapping[str, Any], turntables: Sequence[BlendTurntable], po
 
 
 def follow(item: Any, other: Any) -> None:
-    """Animate an object as another is, by the same curves."""
+    """Animate an object by the curves of another."""
     data = item.animation_data_create()
     data.action, data.action_slot = other.animation_data.action, other.animation_data.action_slot
 
 
 def mark(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
-    """Give a scene the frames of turntables, and a marker where each begins."""
+    """Set the frame range of a scene to turntables, with a marker at the start of each."""
     frame = 1
     for turntable in turntables:
         scene.timeline_markers.new(turntable.name, frame=frame)
@@ -60,7 +53,7 @@ def mark(scene: Any, turntables: Sequence[BlendTurntable]) -> None:
 
 
 def _moves(objects: Sequence[Any], turntable: BlendTurntable, pose: Callable[[Pose], None]) -> Floats:
-    """Return where objects stand over a turntable: (objects, frames, 6), location and rotation."""
+    """Return locations and rotations of objects over a turntable, (objects, frames, 6)."""
     frames = []
     for each in turntable.poses:
         pose(each)
@@ -69,7 +62,7 @@ def _moves(objects: Sequence[Any], turntable: BlendTurntable, pose: Callable[[Po
 
 
 def _add_curves(bag: Any, tables: Sequence[Floats]) -> None:
-    """Add the curves of what moves at all; a table (frames, 6) for each turntable."""
+    """Add curves for the columns that vary, from a table (frames, 6) for each turntable."""
     together = np.concatenate(tables)
     for column, (path, index) in enumerate((path, index) for path in _PATHS for index in range(3)):
         if np.ptp(together[:, column]) == 0.0:
@@ -87,10 +80,10 @@ def _add_curves(bag: Any, tables: Sequence[Floats]) -> None:
 
 
 def _keys(first: int, values: Sequence[float], period: float) -> Iterator[tuple[float, float, str]]:
-    """Yield frame, value and interpolation of each key: exact at every frame, and straight on from one to the next.
+    """Yield frame, value and interpolation of each key: exact at every frame, linear in between.
 
-    Where a periodic value begins anew, it goes on past the period and is set back just before the next frame: an angle
-    past a whole turn would be rounded otherwise than the one that is rendered with.
+    Where a periodic value wraps, it continues past the period and is reset just before the next frame: an angle past a
+    whole turn would be rounded differently from the rendered one.
     """
     for frame, (value, following) in enumerate(itertools.pairwise(values), start=first):
         yield frame, value, "LINEAR"

@@ -10,13 +10,13 @@ BLENDER_5 = bpy.app.version >= (5, 0, 0)
 
 VERSION: str = ".".join(str(number) for number in bpy.app.version)
 
-# 4.5 hands OSL texture() to OpenImageIO, whose t = 0 is the top row; 5.x answers itself, t = 0 at the bottom.
+# 4.5 evaluates OSL's texture() by OpenImageIO, with t = 0 at the top row; 5.x itself, with t = 0 at the bottom.
 OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}",)
 
 
 def empty_node_tree(datablock: Any) -> Any:
     """Return the shader node tree of a material or world, without nodes."""
-    if not BLENDER_5:  # 5.x always has one, and warns when told to use it
+    if not BLENDER_5:  # 5.x always has one, and warns if this is set
         datablock.use_nodes = True
     datablock.node_tree.nodes.clear()
     return datablock.node_tree

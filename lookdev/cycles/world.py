@@ -1,4 +1,4 @@
-"""Worlds by which Cycles itself lights a scene: for kinds of light that have a lat-long image."""
+"""Worlds by which Cycles lights a scene, for kinds of light that have a lat-long image."""
 
 from __future__ import annotations
 
@@ -13,27 +13,19 @@ from lookdev.light import Light, world_image
 
 
 def build_world(
-    name: str,
-    light: Light,
-    *,
-    sampled: bool = True,
-    after_portals: bool = False,
-    strength: float = 1.0,
-    turn: float = 0.0,
+    name: str, light: Light, *, sampled: bool, after_portals: bool = False, strength: float = 1.0, turn: float = 0.0
 ) -> Any:
     """Build a world that shows a light by its lat-long image.
 
     Parameters
     ----------
     sampled
-        Whether Cycles draws directions from it. The importance map that this needs takes more than a second to build,
-        after any change of the world.
+        Whether Cycles draws directions from it. Its importance map takes more than a second to build, after any change
+        of the world.
     after_portals
-        Whether only rays that went through a ray portal see it; rays straight from the camera see black.
-    strength
-        Multiplies the radiance.
-    turn
-        Degrees about z, counter-clockwise seen from above.
+        Whether only rays that passed a ray portal see it; rays straight from the camera see black.
+    strength, turn
+        Factor of the radiance, and degrees about z, counter-clockwise seen from above.
 
     Raises
     ------
@@ -46,7 +38,7 @@ def build_world(
     tree = version.empty_node_tree(world)
     coordinates = tree.nodes.new("ShaderNodeTexCoord")
     mapping = tree.nodes.new("ShaderNodeMapping")
-    # The node turns the direction that is looked up, not the map.
+    # The node rotates the direction that is looked up, not the map.
     mapping.vector_type = "POINT"
     mapping.inputs["Rotation"].default_value = (0.0, 0.0, -math.radians(turn))
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
@@ -74,6 +66,6 @@ def build_world(
         tree.links.new(shown.outputs[0], background.inputs["Strength"])
         for place, node in enumerate((path, passed, shown)):
             node.location = (300.0 * place, -300.0)
-    # The automatic map is of 4096 x 2048: less noise for the same time than one of the size of the light gives.
+    # The automatic map has 4096 x 2048 texels: less noise in the same time than a map of the light's size.
     world.cycles.sampling_method = "AUTOMATIC" if sampled else "NONE"
     return world

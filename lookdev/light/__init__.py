@@ -1,7 +1,4 @@
-"""Lights: a protocol, and a record a kind.
-
-The one kind that exists is the dome light, whose radiance comes from an environment map at infinity.
-"""
+"""Lights: a protocol, and a record a kind. The only kind is the dome light, an environment map at infinity."""
 
 from __future__ import annotations
 
@@ -32,13 +29,7 @@ LIGHT_KINDS: dict[str, LightKind] = {
 
 
 def world_image(light: Light) -> Content:
-    """Return the lat-long EXR file by which Cycles' world shows a light.
-
-    Raises
-    ------
-    EnvironmentMapError
-        Cycles' world cannot show lights of its kind.
-    """
+    """Return the lat-long EXR file by which Cycles' world shows a light; an EnvironmentMapError if it cannot."""
     world = LIGHT_KINDS[light.kind].world
     if world is None:
         raise EnvironmentMapError(f"Cycles' world cannot show a light of kind '{light.kind}'; use backend 'exact'")

@@ -13,16 +13,7 @@ Floats = NDArray[np.float64]
 
 
 def direction_to_uv(direction: ArrayLike) -> Floats:
-    """Map directions to the lat-long square.
-
-    Parameters
-    ----------
-    direction : (..., 3), of any length but 0, z up.
-
-    Returns
-    -------
-    (..., 2) u in [0, 1], v in [0, 1]. At the poles, where u has no meaning, it is 0, 0.5 or 1.
-    """
+    """Map directions (..., 3), of any length but 0, to the lat-long square (..., 2); at the poles u is 0, 0.5 or 1."""
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     u = 0.5 - np.arctan2(y, x) / (2.0 * np.pi)
     v = 0.5 + np.arctan2(z, np.hypot(x, y)) / np.pi
@@ -30,16 +21,7 @@ def direction_to_uv(direction: ArrayLike) -> Floats:
 
 
 def uv_to_direction(uv: ArrayLike) -> Floats:
-    """Map points of the lat-long square to unit directions: the inverse of `direction_to_uv`.
-
-    Parameters
-    ----------
-    uv : (..., 2), u of any value (periodic), v in [0, 1].
-
-    Returns
-    -------
-    (..., 3) unit directions, z up.
-    """
+    """Map points (..., 2), u of any value, of the lat-long square to unit directions (..., 3)."""
     u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)
     azimuth = np.pi * (1.0 - 2.0 * u)
     # The cosine of the latitude, measured from the nearer pole so that it vanishes there exactly.
@@ -48,7 +30,7 @@ def uv_to_direction(uv: ArrayLike) -> Floats:
 
 
 def rotate_z(direction: ArrayLike, degrees: ArrayLike) -> Floats:
-    """Turn directions (..., 3) about world z, counter-clockwise from above, by `degrees` (broadcasts)."""
+    """Rotate directions (..., 3) about world z, counter-clockwise from above, by `degrees` (broadcasts)."""
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     angle = np.radians(np.asarray(degrees, dtype=np.float64))
     cosine, sine = np.cos(angle), np.sin(angle)

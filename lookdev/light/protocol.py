@@ -1,4 +1,4 @@
-"""What a light is: radiance, pdf and sampling in NumPy, and the values that its kind's OSL takes.
+"""Lights: radiance, pdf and sampling in NumPy, and the values that the OSL of their kind takes.
 
 A kind of light is a frozen dataclass of plain data that satisfies `Light`, a file of OSL sections, and a `LightKind` in
 `lookdev.light.LIGHT_KINDS`.
@@ -22,10 +22,10 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LightCode:
-    """What the OSL of a kind takes for one light.
+    """The values that the OSL of a kind takes for one light.
 
-    `constants` are preprocessor lines in front of the shader, `parameters` the values of shader parameters by name
-    (a file stands for its path), `arrays` the ``.npy`` files of array parameters by name.
+    `constants` are preprocessor lines at the start of the shader, `parameters` the values of shader parameters by name
+    (of a file, its path), `arrays` the ``.npy`` files of array parameters by name.
     """
 
     constants: tuple[str, ...] = ()
@@ -58,14 +58,14 @@ class Light(Emitter, Protocol):
 
     @property
     def digest(self) -> str:
-        """Name of everything that the light's radiance and sampling depend on."""
+        """Digest of everything that the light's radiance and sampling depend on."""
 
     @property
     def constant(self) -> bool:
         """Whether the radiance is the same from every direction at every place: then it needs no samples."""
 
     def code(self, *, sampled: bool) -> LightCode:
-        """Return what the kind's OSL takes; without `sampled`, what it takes to look radiance up."""
+        """Return the values for the kind's OSL; without `sampled`, those to look radiance up."""
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,11 @@ class LightKind:
     type
         The dataclass of its lights.
     osl
-        The file of its OSL, by sections; `lookdev.codegen.osl.light` states what each contains.
+        The file of its OSL, by sections; `lookdev.codegen.osl.light` states the content of each.
     example
-        Returns a small light of the kind that is not `constant`: tests and documentation use it.
+        Returns a small light of the kind that is not `constant`, for tests and documentation.
     world
-        Returns the lat-long EXR file by which Cycles' world shows a light; None: Cycles' world cannot, so that backend
-        `exact` alone renders lights of the kind.
+        Returns the lat-long EXR file by which Cycles' world shows a light; None: only backend `exact` renders the kind.
     """
 
     type: type[Light]
@@ -93,7 +92,7 @@ class LightKind:
 
 @dataclass(frozen=True)
 class Turned:
-    """An `Emitter` turned about the world's z axis by `degrees`, counter-clockwise seen from above."""
+    """An `Emitter` rotated about the world's z axis by `degrees`, counter-clockwise seen from above."""
 
     light: Emitter
     degrees: float

@@ -1,4 +1,1 @@
-"""The reference renderer: image values in float64 NumPy, to compare Cycles with.
-
-`shapes` has the geometry, exact instead of tessellated; `render` the paths of light over it.
-"""
+"""The reference renderer: pixel values (`render`) and albedos (`albedo`) in float64 NumPy, to compare Cycles with."""

@@ -1,7 +1,7 @@
-"""Directional albedo: how much of the light from everywhere a surface sends to a viewer, from its front and its back.
+"""Directional albedo: the share of uniform light from each side that a surface sends to a viewer.
 
-Two ways that share only the BSDF: a quadrature, which knows nothing of its sampling and density, and importance
-sampling. What a surface's presence leaves out goes on unchanged and is in neither.
+Two estimators share only the BSDF's values: a quadrature, which does not use its sampling and pdf, and importance
+sampling. Light that passes where the surface is absent is in neither.
 """
 
 from __future__ import annotations
@@ -25,42 +25,31 @@ _CELLS = (128, 96)
 
 @dataclass(frozen=True, eq=False)
 class Albedo:
-    """Shares of the light that are reflected and transmitted, (2, 3), and their errors, (2, 3).
-
-    An error is a bound for a quadrature, a standard error for sampling.
-    """
+    """Shares of the light reflected and transmitted, (2, 3), and their errors, (2, 3): a bound, or standard errors."""
 
     value: Floats
     error: Floats
 
 
 def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = _CELLS) -> Albedo:
-    """Integrate f times the cosine over the sphere, for one view.
+    """Integrate f times the cosine of a surface of constant parameters over the sphere.
 
     Parameters
     ----------
-    bsdf
-        A surface of constant parameters.
     wo : (3,)
         Unit direction to the viewer, above the horizon.
     cells
-        Of the grid of half vectors, along slope and azimuth, both even; the error is what halving them changes.
+        Of the grid of half vectors, along slope and azimuth, both even; the error is the change by halving them.
     """
     fine, coarse = (_quadrature(bsdf, wo, (cells[0] // k, cells[1] // k)) for k in (1, 2))
     return Albedo(fine, np.abs(fine - coarse))
 
 
 def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.random.Generator) -> Albedo:
-    """Estimate the same with the BSDF's own samples and density.
+    """Estimate the integral of `integrate_albedo` by the BSDF's own samples and pdf.
 
-    Parameters
-    ----------
-    bsdf, wo
-        As for `integrate_albedo`.
-    samples, scrambles
-        A power of two of Sobol points in each of so many independent sets, whose spread is the standard error.
-    rng
-        Chooses the scrambles.
+    `samples` is a power of two of Sobol points in each of `scrambles` independent sets, whose spread is the standard
+    error.
     """
     u = np.stack([qmc.Sobol(2, rng=each).random(samples) for each in rng.spawn(scrambles)])
     view = np.broadcast_to(wo, (*u.shape[:2], 3))
@@ -87,7 +76,7 @@ def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
 
 
 def _seen_view(lobe: Lobe, view: Floats) -> Floats:
-    """Return the view that a lobe's peak mirrors: a transmitting lobe may bend it. It only places the nodes."""
+    """Return the view, bent as by a transmitting lobe: the grid of nodes is dense about its mirror direction."""
     if not lobe.transmits:
         return view
     u = (np.arange(256) + 0.5) / 256
@@ -97,5 +86,5 @@ def _seen_view(lobe: Lobe, view: Floats) -> Floats:
 
 
 def _from_lobe(lobe: Lobe, wi: Floats) -> Floats:
-    """Bring directions (n, 3) from a lobe's frame, where all of them reflect, into the surface's."""
+    """Express directions (n, 3) of a lobe's frame, where all of them reflect, in the surface's."""
     return np.asarray(lobe.frame.from_local(mirrored(wi) if lobe.transmits else wi))

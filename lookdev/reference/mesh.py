@@ -1,8 +1,8 @@
-"""An asset as triangles that rays meet: found by Embree in float32, met in float64.
+"""An asset as triangles that rays meet: Embree finds a triangle in float32, the hit is computed in float64.
 
 Polygons are split as Cycles splits them: a quad along the diagonal from its first corner, unless that lies outside it.
-Everything that the corners carry is interpolated linearly over a triangle. A ray that leaves a triangle never meets
-that triangle, whatever rounding says.
+Attributes of corners are interpolated linearly over a triangle. A ray that leaves a triangle never meets that triangle,
+independent of rounding.
 """
 
 from __future__ import annotations
@@ -22,7 +22,8 @@ from lookdev.asset.tangents import handedness
 from lookdev.brdf import Bsdf
 from lookdev.errors import AssetError
 from lookdev.material import Look, Primvar
-from lookdev.reference.surface import look_bsdf
+from lookdev.material.values import look_bsdf
+from lookdev.reference.surface import ImagePoints
 from lookdev.scene.shading import shading_frame
 
 Floats = NDArray[np.float64]
@@ -31,11 +32,14 @@ Mask = NDArray[np.bool_]
 Places = NDArray[Any]
 
 _PLACE = np.dtype([("triangle", np.int64), ("weights", np.float64, (3,))])
-_LIFT = 3e-7  # in the asset's size: above the rounding to float32 of a place and of its wall
+_LIFT = 3e-7  # in the asset's size: above the rounding to float32 of a place and of its triangle
 
 
 class MeshScene:
-    """An asset and the looks of its slots. A place, one row of an array, is a triangle and weights of its corners."""
+    """An asset and the looks of its slots, as a `lookdev.reference.render.Scene`.
+
+    A place is a triangle and the weights of its corners.
+    """
 
     def __init__(self, asset: Asset, looks: Sequence[Look]) -> None:
         self._asset, self._looks = asset, tuple(looks)
@@ -60,37 +64,29 @@ class MeshScene:
         )
         self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
         self._inverse = np.linalg.inv(self._linear)
-        # A reflected instance turns its bitangents about.
+        # A reflected instance reflects its bitangents.
         self._reflected = np.linalg.det(self._linear) < 0.0
         self._normals = np.concatenate([mesh.normals for mesh in asset.meshes]).astype(np.float64)
         self._tangents = np.concatenate([mesh.tangents for mesh in asset.meshes]).astype(np.float64)
         self._carried: dict[object, Floats] = {}
-        # Embree counts in float32: about the asset's own middle and in its own size.
+        # Embree computes in float32: the asset is moved to the origin and scaled to unit size.
         self._embree = EmbreeScene(robust=True)
         TriangleMesh(self._embree, self._local(self._positions))
 
     def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
-        """Return which rays (N, 3) from `origin` (3,) meet the asset, (N,), and where first."""
         origins = np.broadcast_to(origin, ray.shape)
         return self._meet(origins, self._local(origins), ray, np.full(len(ray), -1))
 
     def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
-        """Return which rays that leave `place` along `direction` (N, 3) meet the asset again, (N,), and where."""
         origin, facet = self.points(place), self._facets[place["triangle"]]
-        # Rounded, a place can lie behind its wall, which neighbours in its plane continue: it is lifted off that far.
+        # Rounded, a place can lie behind the plane of its triangle, which neighbours may continue: it is lifted off.
         lifted = self._local(origin) + np.copysign(_LIFT, _dot(facet, direction)) * facet
         return self._meet(origin, lifted.astype(np.float32), direction, place["triangle"])
 
     def points(self, place: Places) -> Floats:
-        """Return places in world space, (N, 3) metres."""
         return self._mean(self._positions[place["triangle"]], place)
 
     def frame(self, place: Places, wo: Floats) -> tuple[Floats, Floats]:
-        """Return the shading frames (N, 3, 3), rows as of `shapes.Shape.frame`, and the facets' normals (N, 3).
-
-        Both are on the side of the viewer along `wo` (N, 3). An interpolated normal that leans away from a viewer who
-        sees the facet is bent until it does not.
-        """
         triangle = place["triangle"]
         owner, corners = self._owners[triangle], self._corners[triangle]
         n = np.einsum("nji,nj->ni", self._inverse[owner], self._mean(self._normals[corners], place))
@@ -101,34 +97,24 @@ class MeshScene:
         return np.stack([np.asarray(axis) for axis in axes], axis=1), np.asarray(frame.facet)
 
     def bsdfs(self, place: Places) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield which of the places wear the same look, and its BSDF there."""
+        """Yield the places of each look, and its BSDF there.
+
+        Raises
+        ------
+        ModelError, TextureError
+            A look is wrong, or an image of it is.
+        AssetError
+            The asset lacks a UV set that a look reads, or has a primvar of another width.
+        """
         slots = self._slots[place["triangle"]]
         for slot in np.unique(slots):
             index = np.flatnonzero(slots == slot)
-            yield index, look_bsdf(self._looks[slot], _Points(self, place[index]))
+            yield index, look_bsdf(self._looks[slot], MeshPoints(self, place[index]))
 
-    def uv(self, place: Places, name: str) -> Floats:
-        """Return the coordinates (N, 2) of a UV set."""
-        return self._interpolated(place, name, f"UV set '{name}'", lambda mesh: mesh.uvs.get(name), 2)
-
-    def primvar(self, place: Places, primvar: Primvar) -> Floats:
-        """Return a primvar, (N,) or (N, 3), its fallback where the mesh has none."""
-        fallback = np.atleast_1d(np.asarray(primvar.fallback, np.float64))
-
-        def read(mesh: Mesh) -> NDArray[Any]:
-            return mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
-
-        value = self._interpolated(place, primvar, f"primvar '{primvar.name}'", read, len(fallback))
-        return value if isinstance(primvar.fallback, tuple) else value[:, 0]
-
-    def handedness(self, place: Places) -> Floats:
-        """Return the handedness (N,) of the UVs."""
-        return self._interpolated(place, handedness, "handedness", handedness, 1)[:, 0]
-
-    def _interpolated(
+    def interpolated(
         self, place: Places, key: object, what: str, read: Callable[[Mesh], NDArray[Any] | None], width: int
     ) -> Floats:
-        """Interpolate what the corners of each mesh carry, `read` once, known by `key`; None where it has nothing."""
+        """Interpolate an attribute of the meshes' corners, (N, width), `read` once for each `key`; None: not there."""
         if key not in self._carried:
             columns = []
             for mesh in self._asset.meshes:
@@ -155,11 +141,11 @@ class MeshScene:
     def _meet(
         self, origin: Floats, start: NDArray[np.float32], direction: Floats, leaving: Ints
     ) -> tuple[Mask, Places]:
-        """Follow rays to the first triangle but the one that they leave, -1 for none; `start` is where in float32."""
+        """Trace rays to the first triangle but `leaving`, -1 for none; `start` is their origin in float32."""
         along = direction.astype(np.float32)
         found = self._embree.run(start, along, output=True)
         triangle, distance, step = found["primID"].astype(np.int64), found["tfar"], _LIFT
-        # A triangle is flat: where a ray seems to meet the one that it leaves, all that it can meet is beyond.
+        # A triangle is flat: any other hit is beyond an apparent hit on the triangle that a ray leaves.
         while len(again := np.flatnonzero((triangle >= 0) & (triangle == leaving))):
             start[again] += (distance[again, None] + np.float32(step)) * along[again]
             found = self._embree.run(start[again], along[again], output=True)
@@ -172,12 +158,12 @@ class MeshScene:
         return hit, place
 
     def _weights(self, triangle: Ints, origin: Floats, direction: Floats) -> Floats:
-        """Return where rays meet triangles, as weights (N, 3) of the corners (Möller and Trumbore 1997)."""
+        """Return the weights (N, 3) of the corners where rays meet triangles (Möller and Trumbore 1997)."""
         corners = self._positions[triangle]
         edge1, edge2, start = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], origin - corners[:, 0]
         p, q = np.cross(direction, edge2), np.cross(start, edge1)
         determinant = _dot(edge1, p)
-        # A ray along its triangle meets all of a line; and the triangle that Embree met can be the neighbour.
+        # A ray in the plane of its triangle has no single hit; and a ray can miss the triangle that Embree found.
         inverse = 1.0 / np.where(determinant == 0.0, 1.0, determinant)
         w1 = np.clip(_dot(start, p) * inverse, 0.0, 1.0)
         w2 = np.clip(_dot(direction, q) * inverse, 0.0, 1.0 - w1)
@@ -185,30 +171,33 @@ class MeshScene:
 
 
 @dataclass(frozen=True)
-class _Points:
-    """Places of a scene, as a look reads them."""
+class MeshPoints(ImagePoints):
+    """Places of a scene as a `lookdev.material.values.Surface`."""
 
     scene: MeshScene
     place: Places
 
     def uv(self, name: str) -> Floats:
-        return self.scene.uv(self.place, name)
+        return self.scene.interpolated(self.place, name, f"UV set '{name}'", lambda mesh: mesh.uvs.get(name), 2)
 
     def primvar(self, primvar: Primvar) -> Floats:
-        return self.scene.primvar(self.place, primvar)
+        fallback = np.atleast_1d(np.asarray(primvar.fallback, np.float64))
+
+        def read(mesh: Mesh) -> NDArray[Any]:
+            return mesh.primvars.get(primvar.name, np.broadcast_to(fallback, (len(mesh.corner_points), len(fallback))))
+
+        value = self.scene.interpolated(self.place, primvar, f"primvar '{primvar.name}'", read, len(fallback))
+        return value if isinstance(primvar.fallback, tuple) else value[:, 0]
 
     def handedness(self) -> Floats:
-        return self.scene.handedness(self.place)
+        return self.scene.interpolated(self.place, handedness, "handedness", handedness, 1)[:, 0]
 
 
 def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
-    """Split the polygons of a mesh.
+    """Return the corners (T, 3) and the face (T,) of each triangle of a mesh.
 
-    Returns
-    -------
-    (T, 3), (T,)
-        The corners of each triangle, as indices of corners, and its face. A polygon is a fan about its first corner
-        where that stays inside it; else a quad is split along its other diagonal, and larger ones ear by ear.
+    A polygon is a fan about its first corner where that stays inside it; else a quad is split along its other diagonal,
+    and a larger polygon by ear clipping.
     """
     sizes, starts = mesh.face_sizes.astype(np.int64), face_starts(mesh.face_sizes)
     positions = mesh.points[mesh.corner_points].astype(np.float64)
@@ -236,8 +225,8 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
 
 
 def _ears(polygon: Floats, normal: Floats) -> Ints:
-    """Cut a polygon (n, 3) into n - 2 triangles: each time the corner of the best shape whose triangle is empty."""
-    # As its shadow along the axis that the normal is nearest to, counter-clockwise.
+    """Cut a polygon (n, 3) into n - 2 triangles: at each step the empty triangle of the best shape."""
+    # Projected along the axis nearest to the normal, counter-clockwise.
     axis = int(np.abs(normal).argmax())
     kept = [(axis + 1) % 3, (axis + 2) % 3]
     flat = polygon[:, kept if normal[axis] > 0.0 else kept[::-1]]
@@ -249,7 +238,7 @@ def _ears(polygon: Floats, normal: Floats) -> Ints:
         inside = (_turn(a, b, p) >= 0.0) & (_turn(b, c, p) >= 0.0) & (_turn(c, a, p) >= 0.0)
         inside &= (left != before[:, None]) & (left != left[:, None]) & (left != after[:, None])
         longest = np.max([((x - y) ** 2).sum(axis=-1)[:, 0] for x, y in ((a, b), (b, c), (c, a))], axis=0)
-        # A polygon that crosses itself may have no ear: then the least wrong one is cut.
+        # A polygon that crosses itself may have no ear: then the best shape is cut all the same.
         shape = _turn(a, b, c)[:, 0] / np.where(longest > 0.0, longest, 1.0) - 2.0 * inside.any(axis=1)
         best = int(shape.argmax())
         ears.append([before[best], left[best], after[best]])
@@ -258,7 +247,7 @@ def _ears(polygon: Floats, normal: Floats) -> Ints:
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return twice the area of triangles in the plane, positive counter-clockwise."""
+    """Return twice the area of plane triangles, positive counter-clockwise."""
     ab, ac = b - a, c - a
     return np.asarray(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
 

@@ -1,7 +1,6 @@
-// Texture look-ups that mean the same on every Blender. The worker defines LOOKDEV_ROW_0_AT_T_1:
-// 4.5 hands texture() to OpenImageIO, whose t = 0 is the top row of a file; 5.x looks images up itself, t = 0 at
-// the bottom, always bilinear and, whatever "wrap" says, black outside. Derivatives of zero and "interp" "linear" ask
-// both for plain bilinear look-ups.
+// Texture look-ups that are alike on every Blender. The worker defines LOOKDEV_ROW_0_AT_T_1: 4.5 evaluates texture()
+// by OpenImageIO, whose t = 0 is the top row of a file; 5.x has t = 0 at the bottom, is always bilinear and, whatever
+// "wrap" is, black outside. Derivatives of zero with "interp" "linear" give plain bilinear look-ups on both.
 
 #if LOOKDEV_ROW_0_AT_T_1
 #define IMAGE_T(y) (1.0 - (y))
@@ -9,7 +8,7 @@
 #define IMAGE_T(y) (y)
 #endif
 
-// The texel (i, j) of a float table, row 0 at the top; callers round what may come back interpolated.
+// The texel (i, j) of a float table, row 0 at the top; callers round values that may be interpolated.
 color lookdev_texel(string file, float i, float j, float width, float height)
 {
     color value = texture(file, (i + 0.5) / width, IMAGE_T((j + 0.5) / height), 0, 0, 0, 0,
@@ -19,7 +18,7 @@ color lookdev_texel(string file, float i, float j, float width, float height)
 
 #if LOOKDEV_ROW_0_AT_T_1
 // Bilinear weights are tents about texel centres: an image that repeats or mirrors is the sum of its copies, of which
-// no more than two reach a place. Returns the place in the image, and in `other` that in the nearest copy.
+// at most two overlap. Returns the coordinate in the image, and in `other` that in the nearest copy.
 float lookdev_wrap(float s, string wrap, output float other)
 {
     if (wrap == "black") {
@@ -68,7 +67,7 @@ color lookdev_texture(string file, float s, float t, string wrap_s, string wrap_
     return value;
 }
 
-// The derivative of an axis' wrapping: mirrored copies run backwards, beyond a clamped edge nothing changes.
+// The derivative of an axis' wrapping: -1 in mirrored copies, 0 beyond a clamped edge.
 float lookdev_wrap_slope(float s, string wrap)
 {
     if (wrap == "mirror")

@@ -13,7 +13,7 @@ from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.checks.samples import constant_look, sample_layers, varying
 from lookdev.closures import Closure, closure_cosine, lobe_closures
 from lookdev.material import Look
-from lookdev.reference.surface import look_bsdf
+from lookdev.material.values import look_bsdf
 
 Floats = NDArray[np.float64]
 

@@ -184,7 +184,7 @@ def test_what_is_not_bound_is_named() -> None:
     nodes, values = builder()
     graph = values["a"].graph
     total = values["a"] + symbol(graph, "lost") * symbol(graph, "gone")
-    with pytest.raises(CodegenError, match=r"test read what nothing gives them: gone, lost; known: a, b, c"):
+    with pytest.raises(CodegenError, match=r"test read unbound symbols: gone, lost; bound: a, b, c"):
         nodes.scalar(*elements_of(total))
 
 

@@ -16,7 +16,8 @@ from lookdev.cache import Content
 from lookdev.codegen import HANDEDNESS, ShaderSource
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
-from lookdev.codegen.osl.surface import PointLayer, expand_template, generate_points, generate_surface
+from lookdev.codegen.osl.points import PointLayer, generate_points
+from lookdev.codegen.osl.surface import expand_template, generate_surface
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.errors import CodegenError, ModelError
@@ -331,25 +332,25 @@ def test_a_condition_is_an_integer() -> None:
     assert block.lines == ["int s0 = x > 0.5;"]
 
 
-def aided_in(source: ShaderSource) -> set[str]:
+def light_sampled_in(source: ShaderSource) -> set[str]:
     """Return the lobes after whose drawing the shader says that light's directions aid them."""
     sample = source.osl[source.osl.index("sobol_2d(index") : source.osl.index("wi = wi_x * t")]
-    return {part.split("\n")[0] for part in sample.split("{  // ")[1:] if "aided = 1;" in part}
+    return {part.split("\n")[0] for part in sample.split("{  // ")[1:] if "light_sampled = 1;" in part}
 
 
 def test_broad_lobes_leave_light_to_its_directions() -> None:
     coated = base(clearcoat=1.0)
-    assert aided_in(surface(coated)) == {"diffuse"}
+    assert light_sampled_in(surface(coated)) == {"diffuse"}
     code = surface(coated).osl
-    assert "#define AIDED 1" in code
+    assert "#define LIGHT_SAMPLED 1" in code
     # The others weigh against the light's directions, all lobes against each other.
-    assert code.count("unaided_pdf += own_pdf;") == 2
+    assert code.count("bsdf_sampled_pdf += own_pdf;") == 2
     assert len(re.findall(r" pdf \+= ", code)) == 3
     constant = surface(coated, light=replace(DOME, constant=True))
     for without in (surface(coated, ibl_samples=0), constant, surface(base(metallic=1.0))):
-        assert not aided_in(without)
-        assert "#define AIDED 0" in without.osl
-        assert "unaided_pdf += " not in without.osl
+        assert not light_sampled_in(without)
+        assert "#define LIGHT_SAMPLED 0" in without.osl
+        assert "bsdf_sampled_pdf += " not in without.osl
 
 
 def test_light_from_behind_aids_only_where_it_has_directions_at_every_depth() -> None:
@@ -357,8 +358,8 @@ def test_light_from_behind_aids_only_where_it_has_directions_at_every_depth() ->
     few, more = surface(leaf, ibl_samples=2), surface(leaf, ibl_samples=3)
     assert "#define BACK_SAMPLES_ONWARD 0" in few.osl
     assert "#define BACK_SAMPLES_ONWARD 1" in more.osl
-    assert aided_in(few) < aided_in(more)
-    assert len(aided_in(more)) == 2
+    assert light_sampled_in(few) < light_sampled_in(more)
+    assert len(light_sampled_in(more)) == 2
 
 
 def test_shadow_rays_are_asked_for(textures: dict[str, Texture]) -> None:

@@ -6,9 +6,7 @@ Renders suzanne twice in one pose, first as `Scene` turns it, then with the worl
 from __future__ import annotations
 
 import json
-import os
 import sys
-import traceback
 from pathlib import Path
 
 import bpy
@@ -19,6 +17,7 @@ from pydantic import TypeAdapter
 from lookdev.asset import load_asset, save_asset
 from lookdev.cache import Content
 from lookdev.cycles import engine
+from lookdev.cycles.leave import leaving
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.scene import Scene
 from lookdev.cycles.world import build_world
@@ -47,7 +46,7 @@ def main(light_file: Path, out: Path) -> None:
     turned = shoot()
     # The asset at rest, the camera where the asset's angle has it, and the world turned about both.
     scene.pose(camera, Pose(POSE.element, POSE.element))
-    scene.scene.world = build_world("turned", light, turn=POSE.lighting - POSE.element)
+    scene.scene.world = build_world("turned", light, sampled=True, turn=POSE.lighting - POSE.element)
     world_turned = shoot()
 
     groups: Groups = {}
@@ -68,10 +67,5 @@ def main(light_file: Path, out: Path) -> None:
 
 
 if __name__ == "__main__":
-    try:
+    with leaving():
         main(*map(Path, sys.argv[1:]))
-    except BaseException:  # noqa: BLE001  (Blender's own exit can hang)
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)

@@ -1,7 +1,7 @@
-"""What an artist's Blender finds in an exported .blend: run in a process of its own, which never imports lookdev.
+"""Read an exported .blend as an artist's Blender: run in a process of its own, which never imports lookdev.
 
-``python reopen_blend.py FILE.blend FACTS.json [SCENE WORLD FRAME SEED SAMPLES OUT.exr]...`` writes what is in the
-file, and renders frames with the second block of twice the samples, as the halves of lookdev's frames are.
+``python reopen_blend.py FILE.blend FACTS.json [SCENE WORLD FRAME SEED SAMPLES OUT.exr]...`` writes the content of
+the file, and renders frames with the second block of twice the samples, as the halves of lookdev's frames.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def facts() -> dict[str, Any]:
 
 
 def scene_facts(scene: Any) -> dict[str, Any]:
-    bpy.context.window_manager.windows[0].scene = scene  # what no window shows is not evaluated
+    bpy.context.window_manager.windows[0].scene = scene  # only the scene of a window is evaluated
     frames = []
     asset = next(item for item in scene.objects if item.type == "EMPTY")
     for frame in [step / 2 for step in range(2 * scene.frame_start, 2 * scene.frame_end + 1)]:
@@ -69,9 +69,9 @@ def render(name: str, world: str, frame: str, seed: str, samples: str, out: str)
     bpy.ops.render.render(write_still=True)
 
 
-def main(file: str, told: str, *renders: str) -> None:
+def main(file: str, facts_file: str, *renders: str) -> None:
     bpy.ops.wm.open_mainfile(filepath=file)
-    Path(told).write_text(json.dumps(facts()))
+    Path(facts_file).write_text(json.dumps(facts()))
     for start in range(0, len(renders), 6):
         render(*renders[start : start + 6])
 

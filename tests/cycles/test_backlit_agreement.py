@@ -8,26 +8,25 @@ from __future__ import annotations
 from itertools import product
 
 import pytest
-from agreement import assert_agreement
+from agreement import SHAPES, assert_agreement
 from conftest import RenderScene
 from looks import LOOKS
 
-from lookdev.reference.shapes import Plane, Shape, Sphere
+from lookdev.light import Dome
 from lookdev.scene import Pose
 
 pytestmark = pytest.mark.cycles
 
 SIZE, SEEDS, BOUNCES = 48, 8, 3
-# Of the glassy look's directions one in twenty is reflected: of few samples either one or two, which is not a normal
-# distribution. With less noise in the frames, that of the reference must be known better too.
+# One in twenty of the glassy look's directions is reflected: one or two of few samples, which is not a normal
+# distribution. With less noise in the frames, the reference needs less too.
 SAMPLES, SCRAMBLES = {"glassy": 256}, {"glassy": 16}
-# A lamp seen through a hole from inside is found by scattered directions only: of the sun they make fireflies, in the
-# frames and in the reference, whose spread says nothing.
+# Only scattered directions find a lamp through a hole from inside: the sun makes fireflies, in the frames and in the
+# reference, whose spread is no estimate.
 LIGHTS = {("sphere", "net"): "white"}
-# The sun stands 3 degrees above the horizon, at an azimuth of -36 degrees; turned so, it is behind the asset.
+# The sun is 3 degrees above the horizon, at an azimuth of -36 degrees; in this pose it is behind the asset.
 POSE = Pose(30.0, 126.0)
 
-SHAPES: dict[str, tuple[Shape, float]] = {"plane": (Plane(), 2.0**0.5), "sphere": (Sphere(), 1.0)}
 QUICK = [("plane", "tilted"), ("sphere", "leaf")]
 ALL = list(product(SHAPES, ("leaf", "frosted", "glassy", "net", "tilted", "lacquered", "mixed")))
 
@@ -38,28 +37,21 @@ ALL = list(product(SHAPES, ("leaf", "frosted", "glassy", "net", "tilted", "lacqu
 )
 def test_backlit_shapes_agree_within_their_own_noise(asset: str, look: str, render: RenderScene, light_of) -> None:
     light = light_of(LIGHTS.get((asset, look), "sunset"))
-    shape, radius = SHAPES[asset]
-    samples, bounces = SAMPLES.get(look, 32), BOUNCES if asset == "sphere" else 0
-    frames = [
-        render(asset, LOOKS[look], light, samples=samples, seed=seed, size=SIZE, pose=POSE, bounces=BOUNCES)
-        for seed in range(SEEDS)
-    ]
-    scrambles = SCRAMBLES.get(look, 4)
-    assert_agreement(frames, LOOKS[look], shape, radius, light, POSE, bounces=bounces, scrambles=scrambles)
+    assert_backlit(render, asset, look, light, SAMPLES.get(look, 32), SCRAMBLES.get(look, 4))
 
 
 @pytest.mark.parametrize(("asset", "ibl_samples"), [("plane", 1), pytest.param("sphere", 2, marks=pytest.mark.slow)])
 def test_light_from_behind_without_directions_of_its_own(
     asset: str, ibl_samples: int, render: RenderScene, light_of
 ) -> None:
-    """Of one direction none is for the back, of two none after a bounce: there the lobes must find light themselves."""
-    light, (shape, radius) = light_of("slopes"), SHAPES[asset]
+    """Of one direction none is for the back, of two none after a bounce: transmitting lobes are not light-sampled."""
+    assert_backlit(render, asset, "leaf", light_of("slopes"), 64, 4, ibl_samples=ibl_samples)
+
+
+def assert_backlit(
+    render: RenderScene, asset: str, look: str, light: Dome, samples: int, scrambles: int, **options: int
+) -> None:
+    options |= {"samples": samples, "size": SIZE, "bounces": BOUNCES}
+    frames = [render(asset, LOOKS[look], light, seed=seed, pose=POSE, **options) for seed in range(SEEDS)]
     bounces = BOUNCES if asset == "sphere" else 0
-    frames = [
-        render(
-            asset, LOOKS["leaf"], light, samples=64, seed=seed, size=SIZE, pose=POSE, bounces=BOUNCES,
-            ibl_samples=ibl_samples,
-        )
-        for seed in range(SEEDS)
-    ]  # fmt: skip
-    assert_agreement(frames, LOOKS["leaf"], shape, radius, light, POSE, bounces=bounces, scrambles=4)
+    assert_agreement(frames, LOOKS[look], asset, light, POSE, bounces=bounces, scrambles=scrambles)

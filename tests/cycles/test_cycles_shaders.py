@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -42,7 +42,7 @@ _ROUNDING = 2e-6
 
 @dataclass(frozen=True)
 class Probes:
-    """What was asked (tables as float64) and answered, by name; and the files that were read.
+    """Tables of numbers, as float64, and the values at them, by name; and the files read.
 
     `points`, `slots` and `numbers`, those of its bins, are the light's.
     """
@@ -57,7 +57,7 @@ class Probes:
 
 
 def _texture_code(function: str, file: Callable[[Any, Any], Path], value: str) -> str:
-    """Look the image up with the pair of wraps that in[2] numbers; OSL wants wrap modes as constants."""
+    """Look the image up with the pair of wraps that in[2] numbers; in OSL wrap modes are constants."""
     branches = ""
     for number, (s, t) in enumerate(product(_WRAPS, repeat=2)):
         call = f'{function}("{file(s, t)}", in[0], in[1], "{_WRAPS[s]}", "{_WRAPS[t]}", alpha)'
@@ -90,7 +90,7 @@ def _texture_places() -> Floats:
 
 
 @pytest.fixture(scope="module")
-def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
+def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
     folder = tmp_path_factory.mktemp("probes")
     rng = np.random.default_rng(_RNG)
     with pytest.MonkeyPatch.context() as patch:
@@ -99,6 +99,10 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         OpenEXR.File({}, {"RGBA": pixels}).write(str(folder / "image.exr"))
         image = Texture(folder / "image.exr", "rgb", "raw")
         linear = linear_texture(image)
+
+        def slopes(s: Any, t: Any) -> Path:
+            return slope_texture(replace(image, channel="g", wrap_s=s, wrap_t=t))
+
         # A light whose texels differ a thousandfold, so that a look-up in the wrong place is seen.
         radiance = (10.0 ** rng.uniform(-1.0, 2.0, (16, 32, 3))).astype(np.float32)
         light = prepare_light(make_environment("noise", radiance))
@@ -107,80 +111,65 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Probes:
         headers = "\n".join(["#define IBL_SAMPLES 1", *constants, headers, *functions])
         net = np.array([(index, seed) for seed in _SEEDS for index in range(2**_NET)], dtype=np.float64)
         square = rng.random((4096, 2))
-        # Near the poles and the seam, too, and round it again, as a turned map asks.
+        # Near the poles and the seam, too, and beyond it, as on a rotated map.
         square[:512] **= 8.0
         square[256:512] = 1.0 - square[256:512]
         beyond = square + [1.0, 0.0] * rng.integers(0, 2, (4096, 1))
         directions = uv_to_direction(square)
         normals = _normals(rng)
         # Samples of all bins, and of a few slots so often that most of their points occur. Hashed in the shader,
-        # numbers and seeds take all 32 bits.
+        # numbers and seeds have all 32 bits.
         drawn = np.stack([rng.integers(0, bins.COUNT, 8192), *rng.integers(0, 2**24, (2, 8192))], axis=-1)
         drawn[4096:, :2] = drawn[0, :2]
         drawn = np.concatenate([drawn, rng.uniform(-7.0, 7.0, (8192, 1))], axis=-1)
         of_slot = (
-            "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2]));"
-            "color got = "
-            f'dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), '
-            "hashed, seed, in[3], wi, ratio);"
+            "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2])); color got"
+            f' = dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), hashed, seed, in[3], wi, '
+            "ratio);"
         )
         of_normal = "vector axis; int bin = dome_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
-        asked: dict[str, tuple[Floats, str, int]] = {
-            "texture": (_texture_places(), _texture_code("lookdev_texture", lambda s, t: linear, "looked"), 1),
-            "alpha": (_texture_places(), _texture_code("lookdev_texture", lambda s, t: linear, "color(alpha)"), 1),
-            "slopes": (
-                _texture_places(),
-                _texture_code(
-                    "lookdev_slopes",
-                    lambda s, t: slope_texture(replace(image, channel="g", wrap_s=s, wrap_t=t)),
-                    "looked",
-                ),
-                1,
-            ),
-            "texel": (texels, f'value = lookdev_texel("{linear}", in[0], in[1], 8, 4);', 1),
-            "sobol": (
-                net, "float a; float b; sobol_2d(int(in[0]), int(in[1]), a, b); value = color(a, b, 0);", 1
-            ),
+        places = _texture_places()
+        asked: dict[str, tuple[Floats, str]] = {
+            "texture": (places, _texture_code("lookdev_texture", lambda s, t: linear, "looked")),
+            "alpha": (places, _texture_code("lookdev_texture", lambda s, t: linear, "color(alpha)")),
+            "slopes": (places, _texture_code("lookdev_slopes", slopes, "looked")),
+            "texel": (texels, f'value = lookdev_texel("{linear}", in[0], in[1], 8, 4);'),
+            "sobol": (net, "float a; float b; sobol_2d(int(in[0]), int(in[1]), a, b); value = color(a, b, 0);"),
             "to_square": (
                 directions,
-                f"float x; float y; dome_place(vector(in[0], in[1], in[2]), {_TURN}, x, y);"
-                "value = color(x, y, 0);",
-                1,
+                f"float x; float y; dome_place(vector(in[0], in[1], in[2]), {_TURN}, x, y); value = color(x, y, 0);",
             ),
-            "radiance": (beyond, f'value = dome_look_up("{light.radiance_file.path}", in[0], in[1]);', 1),
-            "bin": (normals, f"{of_normal} value = color(bin);", 1),
-            "axis": (normals, f"{of_normal} value = axis;", 1),
-            "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(dome_bins[2 * int(in[0])]);", 1),
-            "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(dome_widened(in[0]));", 1),
-            "sample": (drawn, f"{of_slot} value = wi;", 1),
-            "sample_radiance": (drawn, f"{of_slot} value = got;", 1),
-            "sample_ratio": (drawn, f"{of_slot} value = color(ratio);", 1),
-        }  # fmt: skip
-        for samples in _SAMPLES:
-            wanted = np.arange(4096.0)[:, None] % samples
-            code = "int index = stratum(time, SAMPLES); value = color(index == int(in[0]), index, index * index);"
-            asked[f"time{samples}"] = (wanted, code, samples)
-        arrays = "int dome_slots[DOME_ALL_SLOTS] = {0}, float dome_bins[DOME_BIN_NUMBERS] = {0},"
-        request: dict[str, Any] = {}
-        for name, (table, code, samples) in asked.items():
-            osl = TEMPLATE % {"samples": samples, "headers": headers, "arrays": arrays, "code": code}
-            request |= {f"{name}.osl": osl, f"{name}.table": table.astype(np.float32), f"{name}.samples": samples}
-        request |= {
-            "array.dome_slots": np.load(light.slots_file.path),
-            "array.dome_bins": np.load(light.bins_file.path),
+            "radiance": (beyond, f'value = dome_look_up("{light.radiance_file.path}", in[0], in[1]);'),
+            "bin": (normals, f"{of_normal} value = color(bin);"),
+            "axis": (normals, f"{of_normal} value = axis;"),
+            "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(dome_bins[2 * int(in[0])]);"),
+            "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(dome_widened(in[0]));"),
+            "sample": (drawn, f"{of_slot} value = wi;"),
+            "sample_radiance": (drawn, f"{of_slot} value = got;"),
+            "sample_ratio": (drawn, f"{of_slot} value = color(ratio);"),
         }
+        samples = {f"time{count}": count for count in _SAMPLES}
+        for name, count in samples.items():
+            code = "int index = stratum(time, SAMPLES); value = color(index == int(in[0]), index, index * index);"
+            asked[name] = np.arange(4096.0)[:, None] % count, code
+        parameters = "int dome_slots[DOME_ALL_SLOTS] = {0}, float dome_bins[DOME_BIN_NUMBERS] = {0},"
+        arrays = {"slots": np.load(light.slots_file.path), "numbers": np.load(light.bins_file.path)}
+        request: dict[str, Any] = {"array.dome_slots": arrays["slots"], "array.dome_bins": arrays["numbers"]}
+        for name, (table, code) in asked.items():
+            text = {"samples": samples.get(name, 1), "headers": headers, "arrays": parameters, "code": code}
+            request |= {f"{name}.osl": TEMPLATE % text, f"{name}.samples": text["samples"]}
+            request[f"{name}.table"] = table.astype(np.float32)
         np.savez(folder / "request.npz", **request)
         command = [sys.executable, str(Path(__file__).parent / "osl_probe.py"), "request.npz", "answer.npz"]
         done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
         assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-        # The image is looked up in NumPy at the very numbers that Cycles got.
-        rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _, _) in asked.items()}
+        # NumPy gets the rounded numbers that Cycles got.
+        rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _) in asked.items()}
         with np.load(folder / "answer.npz") as stored:
             values = {name: stored[name].astype(np.float64) for name in stored.files}
         points = _read(light.points_file.path, "RGBA").reshape(-1, 4)
-        arrays = (np.load(file.path) for file in (light.slots_file, light.bins_file))
-        return Probes(rounded, values, image, light, points, *arrays)
+        yield Probes(rounded, values, image, light, points, **arrays)
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), list(product(_WRAPS, repeat=2)))
@@ -307,7 +296,7 @@ def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
     place = np.stack([0.5 - azimuth / (2.0 * np.pi), 1.0 - np.arccos(z) / np.pi], axis=-1)
     wanted = rotate_z(uv_to_direction(place), np.degrees(probes.tables["sample"][:, 3]))
     np.testing.assert_allclose(probes.values["sample"], wanted, atol=_ROUNDING)
-    # 12 bits of thrice the mean for each channel; texels differ a thousandfold within one map, so the mean tells.
+    # 12 bits of thrice the mean for each channel; texels differ a thousandfold within one map: relative to the mean.
     light = lookup(probes.light.table, place)
     mean = light.mean(axis=-1, keepdims=True)
     np.testing.assert_allclose(probes.values["sample_radiance"] / mean, light / mean, atol=2e-3)
@@ -315,7 +304,7 @@ def test_samples_of_the_light_are_points_of_their_slots(probes: Probes) -> None:
 
 @pytest.mark.parametrize("samples", _SAMPLES)
 def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> None:
-    # Each pixel asks how often one number occurs among its samples: once. The sums say the same of all numbers.
+    # In each pixel one number occurs once among the samples; the sums check all numbers.
     indices = np.arange(samples)
     wanted = np.array([1.0 / samples, indices.mean(), (indices**2).mean()])
     right = np.isclose(probes.values[f"time{samples}"], wanted, rtol=1e-6)

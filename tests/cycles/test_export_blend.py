@@ -102,7 +102,7 @@ view = "Un-tone-mapped"
 
 @dataclass(frozen=True)
 class Case:
-    """A job, and what another Blender found in its .blend and rendered from it: (SIZE, SIZE, 4) by what it was of."""
+    """A job, facts of its .blend, and renders (SIZE, SIZE, 4) of it by look, world and frame."""
 
     prepared: Prepared
     facts: dict[str, Any]
@@ -125,8 +125,8 @@ class Case:
 def reopen(
     file: Path, folder: Path, frames: list[tuple[str, str, int]]
 ) -> tuple[dict[str, Any], dict[tuple[str, str, int], NDArray[np.float32]]]:
-    """Open a .blend in a new process; return what is in it, and renders with the seed of a frame's first half."""
-    told = folder / "facts.json"
+    """Open a .blend in a new process; return facts of its content, and renders with the seed of a first half."""
+    facts = folder / "facts.json"
     files = [folder / f"{number}.exr" for number in range(len(frames))]
     renders = [
         word
@@ -134,11 +134,11 @@ def reopen(
         for word in (look, world, str(frame), str(64 * SEED), str(SAMPLES // 2), str(out))
     ]
     script = Path(__file__).with_name("reopen_blend.py")
-    command = (sys.executable, str(script), str(file), str(told), *renders)
+    command = (sys.executable, str(script), str(file), str(facts), *renders)
     done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 0, done.stderr[-2000:]
     pictures = [np.asarray(oiio.ImageBuf(str(out)).get_pixels(oiio.FLOAT), np.float32) for out in files]
-    return json.loads(told.read_text()), dict(zip(frames, pictures, strict=True))
+    return json.loads(facts.read_text()), dict(zip(frames, pictures, strict=True))
 
 
 @pytest.fixture(scope="module")

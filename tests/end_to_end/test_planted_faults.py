@@ -19,13 +19,12 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.asset import Asset
 from lookdev.batch.check import DEPTHS, check_file
 from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.checks.albedo import ANGLES
 from lookdev.light import Dome, EnvironmentMap, prepare_light
-from lookdev.material import Look
 from lookdev.material.values import look_layers
+from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
 
 DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
@@ -154,12 +153,12 @@ def _other_axis(line: re.Match[str]) -> str:
 
 
 def _restacked(change: Callable[[Stack], Stack]) -> Callable[[pytest.MonkeyPatch], None]:
-    """Generate shaders from other layers; those who combine layers in NumPy are left alone."""
+    """Generate shaders from other layers; the reference combines the right ones."""
 
     def plant(patch: pytest.MonkeyPatch) -> None:
-        module = "lookdev.codegen.osl.surface"
-        patch.setattr(f"{module}.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
-        patch.setattr(f"{module}.look_bsdf", lambda look, inputs: stack_bsdf(change(look_layers(look, inputs))))
+        osl = "lookdev.codegen.osl"
+        patch.setattr(f"{osl}.points.stack_bsdf", lambda layers: stack_bsdf(change(layers)))
+        patch.setattr(f"{osl}.surface.look_bsdf", lambda look, inputs: stack_bsdf(change(look_layers(look, inputs))))
 
     return plant
 
@@ -184,8 +183,8 @@ def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
         right[wrong] = prepare_light(light)
         return wrong
 
-    def reference(asset: Asset, looks: Sequence[Look], light: Dome, *rest: Any, **options: int) -> Estimate:
-        return frame_pixels(asset, looks, right[light], *rest, **options)
+    def reference(scene: MeshScene, light: Dome, *rest: Any, **options: int) -> Estimate:
+        return frame_pixels(scene, right[light], *rest, **options)
 
     patch.setattr("lookdev.batch.check.prepare_light", prepare)
     patch.setattr("lookdev.batch.check.frame_pixels", reference)

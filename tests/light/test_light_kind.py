@@ -21,6 +21,7 @@ from lookdev.codegen.osl.light import light_sections
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import LIGHT_KINDS, AnyLight, Light, Turned
 from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask
@@ -109,7 +110,7 @@ def test_a_file_without_a_section_is_reported(tmp_path: Path, monkeypatch: pytes
     text = cone.CONE.osl.read_text(encoding="utf-8").replace("section density", "section pdf")
     (tmp_path / "wrong.osl.h").write_text(text)
     monkeypatch.setitem(LIGHT_KINDS, "cone", replace(cone.CONE, osl=tmp_path / "wrong.osl.h"))
-    with pytest.raises(CodegenError, match=r"wrong\.osl\.h: the sections of a light are .*: density, pdf"):
+    with pytest.raises(CodegenError, match=r"wrong\.osl\.h: a light has sections .*: density, pdf"):
         light_sections(cone.CONE.example())
 
 
@@ -139,6 +140,6 @@ def test_frames_agree_with_the_reference(kind: str, worker: Worker) -> None:
         frames.append(worker.render(task, lambda progress: None))
     halves, alpha = np.stack([half for frame in frames for half in (frame.a, frame.b)]), frames[0].alpha
     pixels = choose_pixels(alpha, 100, seed=1)
-    reference = frame_pixels(asset, [WHITE], light, camera, pose, size, pixels)
+    reference = frame_pixels(MeshScene(asset, [WHITE]), light, camera, pose, size, pixels)
     finding = check_frame(kind, halves, alpha, len(frames) * SAMPLING.samples, pixels, reference)
     assert finding.passed, finding

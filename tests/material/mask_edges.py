@@ -25,7 +25,7 @@ from lookdev.brdf import Bsdf, StackLayer, complete_parameters, evaluate_cosine,
 from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import preset_look
-from lookdev.reference.shapes import Sphere
+from lookdev.scene.shading import shading_frame
 
 Floats = NDArray[np.float64]
 Pair = tuple[str, str]
@@ -97,8 +97,10 @@ def sphere_pixels(light: str) -> tuple[Pixel, ...]:
     polar = np.radians(np.repeat([angle for angle, _ in _RINGS], [count for _, count in _RINGS]))
     around = 2.0 * np.pi * (np.concatenate([np.arange(count) / count for _, count in _RINGS]) + 0.07)
     normals = np.stack([np.sin(polar) * np.cos(around), -np.cos(polar), np.sin(polar) * np.sin(around)], axis=-1)
-    frames = Sphere().frame(normals, np.broadcast_to([0.0, -1.0, 0.0], normals.shape))
-    return tuple(_gather(dome, frame, seed) for seed, frame in enumerate(frames))
+    tangents = np.cross([0.0, 0.0, 1.0], normals)
+    frame = shading_frame(normals, tangents, normals, np.broadcast_to([0.0, -1.0, 0.0], normals.shape))
+    frames = np.stack([frame.tangent, frame.bitangent, frame.normal], axis=1)
+    return tuple(_gather(dome, each, seed) for seed, each in enumerate(frames))
 
 
 def _gather(light: Light, frame: Floats, seed: int) -> Pixel:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from shapes import Plane, Sphere
 
 from lookdev.asset import Instance, Mesh, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
@@ -14,9 +15,8 @@ from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look, Primvar
-from lookdev.reference.mesh import MeshScene, corner_triangles
-from lookdev.reference.render import frame_pixels, shape_pixels
-from lookdev.reference.shapes import Plane, Sphere
+from lookdev.reference.mesh import MeshPoints, MeshScene, corner_triangles
+from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
 
 POSE = Pose(30.0, 75.0)
@@ -125,9 +125,11 @@ def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
     asset = make_sphere(128, 64) if name == "sphere" else load_asset(builtin=name)
     look = Look("look", (Layer("Layer", model, layers[model]),))
     options = {"bounces": 1, "samples": 256, "scrambles": 4}
-    mesh = frame_pixels(asset, [look], lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
-    bsdf = MODELS[model].bsdf(complete_parameters(model, layers[model]))
-    exact = shape_pixels(bsdf, shape, lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
+    shape = replace(shape, bsdf=MODELS[model].bsdf(complete_parameters(model, layers[model])))
+    mesh, exact = (
+        frame_pixels(scene, lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
+        for scene in (MeshScene(asset, [look]), shape)
+    )
     # The same directions are drawn, so that noise cancels. 64 rings are up to 3e-4 off the sphere and their facets
     # 1.4 degrees off its normals, so that a few paths end elsewhere; the card is exact but for float32 tangents.
     tolerance = 0.25 * exact.error if name == "sphere" else 1e-6
@@ -136,9 +138,8 @@ def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
 
 @pytest.mark.parametrize("bounces", [0, 1, 4])
 def test_a_lossless_box_in_a_furnace_lacks_what_is_still_inside(bounces, lights):
-    got = frame_pixels(
-        box_asset(), [LEAF] * 6, lights["white"], CAMERA, POSE, SIZE, INSIDE, bounces=bounces, samples=64, scrambles=16
-    )
+    box, options = MeshScene(box_asset(), [LEAF] * 6), {"bounces": bounces, "samples": 64, "scrambles": 16}
+    got = frame_pixels(box, lights["white"], CAMERA, POSE, SIZE, INSIDE, **options)
     # Half of what is inside leaves at every wall. Sixteen scrambles: beyond five errors is one in six thousand.
     assert (np.abs(got.value - (1.0 - 0.5 ** (bounces + 1))) <= 5.0 * got.error + 1e-9).all()
     assert (got.error < 0.02).all()
@@ -148,9 +149,8 @@ def test_every_slot_wears_its_own_look(lights):
     black = Look("black", (Layer("Black", "pixar", {"surfaceColor": (0.0,) * 3, "normalScale": 0.0}),))
     camera, pose = Camera(20.0, 0.0, (0.0, 0.0, 0.0), 8.0), Pose(0.0, 0.0)  # sees the wall of -y, the third
     for wearing in range(6):
-        looks = [LEAF if slot == wearing else black for slot in range(6)]
-        options = {"bounces": 0, "samples": 16, "scrambles": 2}
-        got = frame_pixels(box_asset(), looks, lights["white"], camera, pose, SIZE, INSIDE[:1], **options)
+        box = MeshScene(box_asset(), [LEAF if slot == wearing else black for slot in range(6)])
+        got = frame_pixels(box, lights["white"], camera, pose, SIZE, INSIDE[:1], bounces=0, samples=16, scrambles=2)
         assert (got.value > 0.4).all() == (wearing == 2)
 
 
@@ -224,27 +224,27 @@ def test_what_corners_carry_is_interpolated():
     height = mesh.points[mesh.corner_points, 2]
     scene = box_scene(mesh=replace(mesh, primvars={"height": height, "point": mesh.points[mesh.corner_points]}))
     places, _ = places_in(scene, 100, np.random.default_rng(5))
-    points = scene.points(places)
-    np.testing.assert_allclose(scene.uv(places, "st"), points[:, :2], atol=1e-12)
-    np.testing.assert_allclose(scene.primvar(places, Primvar("height", 0.0)), points[:, 2], atol=1e-12)
-    np.testing.assert_allclose(scene.primvar(places, Primvar("point", (0.0, 0.0, 0.0))), points, atol=1e-12)
+    points, surface = scene.points(places), MeshPoints(scene, places)
+    np.testing.assert_allclose(surface.uv("st"), points[:, :2], atol=1e-12)
+    np.testing.assert_allclose(surface.primvar(Primvar("height", 0.0)), points[:, 2], atol=1e-12)
+    np.testing.assert_allclose(surface.primvar(Primvar("point", (0.0, 0.0, 0.0))), points, atol=1e-12)
     for fallback in (0.25, 0.75, (0.5, 0.25, 0.125)):
-        value = scene.primvar(places, Primvar("none", fallback))
+        value = surface.primvar(Primvar("none", fallback))
         np.testing.assert_allclose(value, np.broadcast_to(fallback, value.shape), atol=1e-12)
     # The x axis is u's and y is v's, as seen from +z: from -z the UVs are mirrored, and side walls have no area.
     below = (points[:, 2] < -0.999) & (np.abs(points[:, :2]) < 0.999).all(axis=-1)
     assert below.any()
-    np.testing.assert_allclose(scene.handedness(places), np.where(below, -1.0, 1.0), atol=1e-12)
+    np.testing.assert_allclose(surface.handedness(), np.where(below, -1.0, 1.0), atol=1e-12)
 
 
 def test_a_look_that_reads_what_is_not_there_is_refused():
     mesh = box_mesh()
     scene = box_scene(mesh=replace(mesh, primvars={"height": mesh.points[mesh.corner_points, 2]}))
-    places, _ = places_in(scene, 10, np.random.default_rng(5))
+    surface = MeshPoints(scene, places_in(scene, 10, np.random.default_rng(5))[0])
     with pytest.raises(AssetError, match=r"/mesh: no UV set 'other'; it has: st"):
-        scene.uv(places, "other")
+        surface.uv("other")
     with pytest.raises(AssetError, match=r"/mesh: primvar 'height' has 1 numbers a corner, the look reads 3"):
-        scene.primvar(places, Primvar("height", (0.0, 0.0, 0.0)))
+        surface.primvar(Primvar("height", (0.0, 0.0, 0.0)))
 
 
 def test_triangles_without_area_are_not_there():

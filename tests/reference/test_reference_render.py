@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from shapes import Plane, Sphere
 
 from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
 from lookdev.light import make_environment, prepare_light
 from lookdev.light.mapping import rotate_z, uv_to_direction
-from lookdev.reference.render import shape_pixels
-from lookdev.reference.shapes import Plane, Sphere
+from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
 
 POSE = Pose(30.0, 75.0)
@@ -21,8 +23,9 @@ INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cov
 SIGMAS, NOISE = 5.0, 2e-2
 
 
-def estimate(bsdf, shape, light, *, pose=POSE, pixels=INSIDE, samples=512, **options):
-    return shape_pixels(bsdf, shape, light, CAMERA, pose, SIZE, pixels, samples=samples, scrambles=16, **options)
+def estimate(bsdf, shape, light, *, camera=CAMERA, pose=POSE, size=SIZE, pixels=INSIDE, **options):
+    scene = replace(shape, bsdf=bsdf)
+    return frame_pixels(scene, light, camera, pose, size, pixels, samples=512, scrambles=16, **options)
 
 
 def assert_agrees(got, expected):
@@ -39,15 +42,9 @@ def lambert(reflected, transmitted, presence=1.0):
             radius, angle = np.sqrt(u1), 2.0 * np.pi * u2
             return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - u1)], axis=-1)
 
-        return Lobe(
-            name,
-            presence * albedo,
-            lambda d: np.full(d.wi.shape, presence * albedo / np.pi),
-            lambda d: d.cos_theta_i / np.pi,
-            draw,
-            tuple,
-            transmits,
-        )
+        share = presence * albedo
+        functions = lambda d: np.full(d.wi.shape, share / np.pi), lambda d: d.cos_theta_i / np.pi, draw
+        return Lobe("test", name, share, *functions, transmits=transmits)
 
     lobes = lobe("reflected", reflected, False), lobe("transmitted", transmitted, True)
     return Bsdf(lambda wo: lobes, presence, two_sided=True)
@@ -82,7 +79,7 @@ def in_pixel(shape, pixel, pose):
     origin, ray = camera_rays(CAMERA, pose, SIZE, x, y)
     hit, point = shape.hit(origin, ray)
     assert hit.all()
-    return point, shape.frame(point, -ray), ray
+    return point, shape.frame(point, -ray)[0], ray
 
 
 def normals_in_pixels(shape, pose=POSE):
@@ -197,9 +194,7 @@ def test_pixels_count_by_what_they_cover(white):
     # A white disc of known size: the sphere's silhouette, the camera's axis through its middle.
     camera = Camera(40.0, 0.0, (0.3, 0.0, 0.1), 4.0)
     pixels = np.stack(np.meshgrid(np.arange(6), np.arange(6)), axis=-1).reshape(-1, 2)
-    got = shape_pixels(
-        lambert(1.0, 0.0), Sphere(camera.target, 0.9), white, camera, POSE, (6, 6), pixels, samples=512, scrambles=16
-    )
+    got = estimate(lambert(1.0, 0.0), Sphere(camera.target, 0.9), white, camera=camera, size=(6, 6), pixels=pixels)
     disc = np.pi * np.tan(np.arcsin(0.9 / camera.distance)) ** 2 / (2.0 * np.tan(np.radians(20.0))) ** 2
     assert (got.value[[0, 5, 30, 35]] == 0.0).all()
     error = np.sqrt((got.error**2).sum(axis=0)) / len(pixels)

@@ -14,13 +14,14 @@ from lookdev.errors import ModelError
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
 from lookdev.material.textures import sample_slopes, sample_texture
-from lookdev.reference.surface import look_bsdf
+from lookdev.material.values import look_bsdf
+from lookdev.reference.surface import ImagePoints
 
 COUNT = 7
 
 
 @dataclass(frozen=True)
-class Points:
+class Points(ImagePoints):
     """Random UVs, a float and a colour primvar, every second point with mirrored UVs."""
 
     st: np.ndarray

@@ -1,9 +1,4 @@
-"""Expression graphs as Blender's shader nodes.
-
-A `TreeBuilder` collects the nodes of one tree. Values are asked for as scalars, or as vectors of three: components that
-are computed alike become one vector node, and a scalar that is a component of one is taken out of it. Nodes compute in
-float32; `match` says by which operations, `nodes_layout` where they stand.
-"""
+"""Expression graphs as Blender's shader nodes, which compute in float32."""
 
 from __future__ import annotations
 
@@ -17,7 +12,7 @@ from lookdev.cache import Content
 from lookdev.codegen.nodes.layout import laid_out
 from lookdev.codegen.nodes.match import depth_of, match
 from lookdev.codegen.source import GroupSocket, Link, NodeTree, ShaderNode, SocketValue
-from lookdev.codegen.trace.graph import Node
+from lookdev.codegen.trace.graph import Node, Scalar
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.errors import CodegenError
 
@@ -25,33 +20,19 @@ _AXES = ("X", "Y", "Z")
 _SOCKETS = ("Value", "Value_001", "Value_002")
 _VECTOR_SOCKETS = ("Vector", "Vector_001", "Vector_002")
 
-# What both Math and Vector Math can do.
-_VECTOR_OPERATIONS = frozenset(
-    [
-        "ADD",
-        "SUBTRACT",
-        "MULTIPLY",
-        "DIVIDE",
-        "MULTIPLY_ADD",
-        "ABSOLUTE",
-        "MINIMUM",
-        "MAXIMUM",
-        "FLOOR",
-        "POWER",
-        "SINE",
-        "COSINE",
-        "TANGENT",
-        "MIX",
-    ]
-)
+# Operations of both Math and Vector Math, and of Mix.
+_VECTOR_OPERATIONS = {
+    "ADD", "SUBTRACT", "MULTIPLY", "DIVIDE", "MULTIPLY_ADD", "ABSOLUTE", "MINIMUM", "MAXIMUM", "FLOOR", "POWER", "SINE",
+    "COSINE", "TANGENT", "MIX",
+}  # fmt: skip
 
 Term: TypeAlias = "Node | Triple"
-"""What one output of a node gives: a number, or three that are not all the same number."""
+"""The value of one output of a node: a number, or three that are not all the same number."""
 
 
 @dataclass(frozen=True)
 class _Recipe:
-    """How a term is computed: a node, and terms or constants for its sockets."""
+    """The node that computes a term, and the terms or constants of its sockets."""
 
     kind: str
     inputs: Mapping[str, Any]
@@ -61,19 +42,23 @@ class _Recipe:
 
 
 Outline: TypeAlias = "Callable[[Node], tuple[str, dict[str, Any]] | None]"
-"""Tells which group computes a node of a graph, as its output ``"Value"``, and what the group's sockets are given."""
+"""Returns the group whose output ``"Value"`` computes a node of a graph, and the values of its sockets, if one does."""
 
 
 class TreeBuilder:
-    """Collects the nodes of one tree; equal nodes are one. What `outline` knows becomes a group's node."""
+    """Collects the nodes of one tree; equal nodes are one.
+
+    Values are scalars, or vectors of three: components that are computed alike become one vector node, from which a
+    scalar that is one of them is separated.
+    """
 
     def __init__(self, name: str, outline: Outline = lambda node: None) -> None:
         self.name = name
         self._outline = outline
         self._nodes: dict[str, ShaderNode] = {}
         self._names: dict[tuple[Any, ...], str] = {}
-        # By a symbol, or three: where their value is. By one of three: which, and its place.
         self._bound: dict[tuple[str, ...], Link] = {}
+        # By a symbol that is bound as one of three: their link, and its index.
         self._parts: dict[str, tuple[Link, int]] = {}
         self._links: dict[Term, Link] = {}
         self._recipes: dict[Term, _Recipe] = {}
@@ -89,7 +74,7 @@ class TreeBuilder:
         group: str = "",
         image: Content | None = None,
     ) -> str:
-        """Add a node, or find its equal, and return its name; arguments as a `ShaderNode` has them."""
+        """Add a node, or find its equal, and return its name; arguments as of `ShaderNode`."""
         properties, inputs = dict(properties or {}), dict(inputs or {})
         # By repr: 0.0 == -0.0 and True == 1.0 in Python.
         key = (kind, *(tuple(sorted((k, repr(v)) for k, v in d.items())) for d in (properties, inputs)), group, image)
@@ -100,37 +85,32 @@ class TreeBuilder:
         return name
 
     def bind(self, symbols: Sequence[str], link: Link) -> None:
-        """Say where symbols have their value: one is a scalar output, three are the components of a vector's.
+        """Bind a symbol to a scalar output, or three to the components of a vector.
 
         Raises
         ------
         CodegenError
-            They have it somewhere else.
+            They are bound to another output.
         """
         if self._bound.setdefault(tuple(symbols), link) != link:
             raise CodegenError(f"nodes of {self.name} have two values for {', '.join(symbols)}; another name is right")
         if len(symbols) == 3:
             self._parts.update((symbol, (link, index)) for index, symbol in enumerate(symbols))
 
-    def scalar(self, value: Any) -> Link | float:
-        """Return where the value of a graph's node, or a number, is found.
+    def scalar(self, value: Scalar) -> Link | float:
+        """Return the output that has a value, or a number.
 
         Raises
         ------
         CodegenError
-            A symbol is bound to nothing, or a constant is not finite.
+            A symbol is not bound, or a constant is not finite.
         """
         return self._term_value(value) if isinstance(value, Node) else _number(value)
 
-    def vector(self, values: Sequence[Any]) -> Link | tuple[float, float, float]:
-        """Return where three values are found as one vector, or three numbers.
+    def vector(self, values: Sequence[Scalar]) -> Link | tuple[float, float, float]:
+        """Return the output that has three values as one vector, or three numbers; errors as of `scalar`.
 
-        A number that is wanted thrice may come from a scalar output, which Blender spreads over a vector.
-
-        Raises
-        ------
-        CodegenError
-            A symbol is bound to nothing, or a constant is not finite.
+        The output of three equal values may be a scalar, which Blender spreads over a vector.
         """
         term = _term(values)
         if _is_term(term):
@@ -138,8 +118,8 @@ class TreeBuilder:
         x, y, z = (_number(value) for value in values)
         return x, y, z
 
-    def prepare(self, roots: Iterable[Sequence[Any]]) -> None:
-        """Name vectors that will be asked for, so that scalars asked for before are taken out of them."""
+    def prepare(self, roots: Iterable[Sequence[Scalar]]) -> None:
+        """Plan vectors that are built later, so that scalars built before are separated from them."""
         self._plan([term for root in roots if _is_term(term := _term(root))])
 
     def tree(self, inputs: Sequence[GroupSocket] = (), outputs: Sequence[GroupSocket] = ()) -> NodeTree:
@@ -178,7 +158,7 @@ class TreeBuilder:
         return self._links[term]
 
     def _plan(self, roots: Sequence[Term]) -> None:
-        """Decide how terms, and all that they need, are computed: vectors first, so that scalars come out of them."""
+        """Choose recipes for terms and all that they need: vectors first, so that scalars are separated from them."""
         vectors = [root for root in roots if isinstance(root, tuple)]
         scalars = [root for root in roots if isinstance(root, Node)]
         unbound: set[str] = set()
@@ -197,13 +177,11 @@ class TreeBuilder:
                 if _is_term(each):
                     (scalars if isinstance(each, Node) else vectors).append(each)
         if unbound:
-            known = ", ".join(sorted({name for names in self._bound for name in names})) or "none"
-            raise CodegenError(
-                f"nodes of {self.name} read what nothing gives them: {', '.join(sorted(unbound))}; known: {known}"
-            )
+            lost, bound = ", ".join(sorted(unbound)), ", ".join(sorted({name for key in self._bound for name in key}))
+            raise CodegenError(f"nodes of {self.name} read unbound symbols: {lost}; bound: {bound or 'none'}")
 
     def _is_bound(self, term: Term) -> bool:
-        """Tell whether a term is a bound symbol, or three bound together; its link is then known."""
+        """Return whether a term is a bound symbol, or three bound together, and record its link."""
         nodes = (term,) if isinstance(term, Node) else term
         if not all(isinstance(node, Node) and node.op == "symbol" for node in nodes):
             return False
@@ -238,19 +216,19 @@ class TreeBuilder:
         for index, node in enumerate(triple):
             if node not in self._components and node not in self._links:
                 self._components[node] = triple, index
-                # Also where it was planned by itself, before the vector came to light.
+                # Also where it was planned by itself before the vector.
                 self._recipes[node] = self._scalar_recipe(node)
         return recipe
 
     def _is_vector(self, triple: Triple) -> bool:
-        """Tell whether three values are at hand as one, or cost no more to compute so."""
+        """Return whether three values are one vector already, or one node computes them."""
         term = _term(triple)
         return not isinstance(term, tuple) or not _is_term(term) or self._is_bound(term) or bool(self._as_one(term))
 
     def _as_one(self, triple: Triple) -> _Recipe | None:
         """Return one node that computes three values, if one does."""
         nodes = [node for node in triple if isinstance(node, Node)]
-        # Of one depth, none can depend on another, and so the vector not on a part of itself.
+        # Nodes of one depth do not depend on each other, so the vector does not depend on its own component.
         if len(nodes) < 3 or len({self._depths[node] for node in nodes}) > 1 or all(n in self._links for n in nodes):
             return None
         if any(node.op == "symbol" for node in nodes):
@@ -292,8 +270,7 @@ def _mix(kind: str, a: Any, b: Any, factor: Any) -> _Recipe:
 
 
 def _term(values: Sequence[Any]) -> Any:
-    """Return three values as a triple, or as one where all are the same."""
-    # Numbers by repr: 0.0 == -0.0 in Python.
+    """Return three values as a triple, or one value where all are the same; by repr, as 0.0 == -0.0 in Python."""
     different = {each if isinstance(each, Node) else repr(each) for each in values}
     return values[0] if len(different) == 1 else tuple(values)
 

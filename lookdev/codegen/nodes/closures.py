@@ -1,4 +1,4 @@
-"""The closures that stand for the lobes of a BSDF, as nodes."""
+"""The stand-in closures of a BSDF's lobes, as nodes."""
 
 from __future__ import annotations
 
@@ -25,18 +25,10 @@ _X = np.array([1.0, 0.0, 0.0])
 def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple[Link | None, bool]:
     """Add the closures of a BSDF, traced in `graph`, to a tree.
 
-    Parameters
-    ----------
-    frame
-        Tangent, bitangent and normal in the world, (3, 3): symbols bound in the tree, as those of `WO` are.
-
-    Returns
-    -------
-    tuple
-        Where their sum is, None where there are none, and whether light passes through.
+    `frame` has tangent, bitangent and normal in the world, (3, 3): symbols bound in the tree, as those of `WO` are.
+    Return the output of their sum, None without closures, and whether light passes through.
     """
     closures = _merged(_traced(graph, bsdf))
-    # Vectors first: what is one is then computed once.
     vectors = [vector for each, _ in closures for vector in (each.weight, each.f0, _to_world(frame, each.frame.normal))]
     builder.prepare(elements_of(vector) for vector in vectors)
     total: Link | None = None
@@ -53,24 +45,22 @@ def add_shaders(builder: TreeBuilder, a: Link | None, b: Link | None) -> Link | 
 
 
 def add_transparent(builder: TreeBuilder, shader: Link | None, presence: Real) -> Link | None:
-    """Let rays go on, unchanged, where the surface is not present."""
+    """Add a shader that lets rays pass unchanged where the surface is absent."""
     absence = 1.0 - presence
     if same(absence, 0.0):
         return shader
-    (element,) = elements_of(absence)
-    amount = builder.vector([element] * 3)
+    amount = builder.vector(elements_of(absence) * 3)
     return add_shaders(builder, shader, Link(builder.add("BsdfTransparent", inputs={"Color": amount}), "BSDF"))
 
 
 def _traced(graph: Graph, bsdf: Bsdf) -> Iterator[tuple[Closure, str]]:
-    """Give the closures of lobes that are there, at least at some points, and whose they are."""
-    wo = symbols(graph, WO)
+    """Yield the closures of lobes that are present at some points, and the lobes' names."""
     for lobe in present_lobes(graph, bsdf):
-        yield from ((closure, lobe.name) for closure in lobe_closures(lobe, wo))
+        yield from ((closure, lobe.name) for closure in lobe_closures(lobe, symbols(graph, WO)))
 
 
 def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]]:
-    """Sum closures that differ in nothing but weight, and leave out those without any."""
+    """Sum closures that differ in weight only, and leave out those whose weight is 0."""
     merged: dict[tuple[Any, ...], tuple[Closure, str]] = {}
     for closure, label in closures:
         if same(closure.weight, 0.0):
@@ -106,7 +96,7 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
             kind = "BsdfRefraction"
             properties["distribution"] = closure.kind.removesuffix("_refraction").upper()
             inputs["Roughness"] = built(builder, np.sqrt(closure.alpha_x))
-            # Cycles takes a surface seen from behind for the inside of a solid; ours are alike from both sides.
+            # For Cycles, a surface seen from behind is the inside of a solid; thin surfaces are alike from both sides.
             geometry = Link(builder.add("NewGeometry"), "Backfacing")
             behind = bound(graph, builder, "frame.behind", geometry, vector=False)
             inputs["IOR"] = built(builder, np.where(behind > 0.5, 1.0 / closure.ior, closure.ior))
@@ -118,7 +108,7 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
 
 
 def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: dict[str, Any]) -> Link:
-    """Add a metal, which has no colour to weigh it by."""
+    """Add a metal, whose node has no socket for a weight."""
     inputs |= {"Base Color": built(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
     inputs |= _glossy(builder, closure, frame)
     properties = {"distribution": "GGX", "fresnel_type": "F82"}
@@ -126,7 +116,7 @@ def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str,
 
 
 def _faded(builder: TreeBuilder, closure: Closure, node: str) -> Link:
-    """Weigh what no colour weighs: mix it with nothing."""
+    """Multiply a node without a socket for its weight by the closure's: mix it with nothing."""
     shader, weight = Link(node, "BSDF"), closure.weight[..., 0]
     if same(weight, 1.0):
         return shader
@@ -134,10 +124,9 @@ def _faded(builder: TreeBuilder, closure: Closure, node: str) -> Link:
 
 
 def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, Any]) -> Link:
-    """Add sheen: a black metal, weighed by a coat that is nothing but a colour.
+    """Add sheen: a black metal, multiplied by the tint of a coat.
 
-    The coat's index is the air's, so it reflects nothing; its normal is the viewer, so light goes through as much of it
-    as its tint is for.
+    The coat's index is 1, so it reflects nothing; its normal is the viewer's direction, where the tint applies as is.
     """
     inputs |= {"Base Color": (0.0, 0.0, 0.0), "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": (1.0, 1.0, 1.0)}
     inputs |= {"Coat Weight": 1.0, "Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Tint": color}
@@ -146,10 +135,10 @@ def _add_sheen(builder: TreeBuilder, color: Any, label: str, inputs: dict[str, A
 
 
 def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, Any]:
-    """Return roughness, anisotropy and tangent.
+    """Return roughness r, anisotropy a and tangent.
 
-    Of an anisotropy a, Cycles makes alpha_x = r^2 / s and alpha_y = r^2 s: of a metal s^2 = 1 - 0.9 a, as Disney's BRDF
-    does; of others s = 1 + a where a is negative.
+    Cycles has alpha_x = r^2 / s and alpha_y = r^2 s, where s^2 = 1 - 0.9 a for a metal, as Disney's BRDF; for other
+    closures s = 1 + a where a is negative.
     """
     x, y = closure.alpha_x, closure.alpha_y
     if same(x, y):
@@ -164,7 +153,6 @@ def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, A
 
 
 def _to_world(frame: Array, w: Array) -> Array:
-    """Express a vector (3,) of the surface's frame in the world."""
     if same(w, ZENITH):
         return frame[2]
     return scale(frame[0], w[0]) + scale(frame[1], w[1]) + scale(frame[2], w[2])

@@ -1,7 +1,7 @@
-"""A look as nodes that sample it exactly: one direction of the BSDF a hit, sent on through a ray portal.
+"""A look as nodes that sample its model exactly: at each hit, one direction of the BSDF passes a ray portal.
 
-The portal's weight is f times the cosine over the density, so that what its ray meets, the asset again or the light, is
-weighed without bias. No light is sampled, and no OSL is needed.
+The portal's weight is f times the cosine over the pdf: an unbiased estimator, whether the ray meets the asset again or
+the light. The light is not sampled, and no OSL is needed.
 """
 
 from __future__ import annotations
@@ -28,28 +28,19 @@ from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-# White noise of a place and a fourth number: with one that no coordinate is, the three channels never are one hash.
+# Fourth coordinate of the white noise: unlike any component of a place, so that the three channels differ.
 _SALT = 0.7548776662
 
 
 def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], *, bounces: int) -> NodeSource:
-    """Generate the nodes of a look that agree with its model exactly.
+    """Generate the nodes that sample a look; parameters as of `lookdev.codegen.osl.surface.generate_surface`.
 
-    Every ray that leaves the surface has passed a portal: `Light Path`'s transparent depth tells the world which.
-
-    Parameters
-    ----------
-    look
-        Constants in it are folded; lobes that vanish take their textures with them.
-    resolve
-        Turns a texture into its linear EXR file, a height map into that of its slopes.
-    bounces
-        Times that light may be reflected by the asset before it leaves it towards the camera.
+    Every ray that leaves the surface has passed a portal, which the world finds by `Light Path`'s transparent depth.
 
     Raises
     ------
     CodegenError
-        The surface is not wholly present: a ray that goes on unchanged looks like one that a portal has turned.
+        The surface is see-through: a ray that passes unchanged has a transparent depth, too.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
@@ -58,7 +49,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     (presence,) = elements_of(bsdf.presence)
     if isinstance(presence, Node) or presence < 1.0:
         raise CodegenError(
-            f"{look.name}: is see-through (presence below 1), which backend 'nodes-exact' cannot tell from the"
+            f"{look.name}: is see-through (presence below 1), which backend 'nodes-exact' cannot distinguish from the"
             " background; backend 'exact' or 'nodes' would be right"
         )
     weight, wi = sampled(graph, lobes)
@@ -78,7 +69,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
         builder.bind([f"{name}_{axis}" for axis in "xyz"], link)
     geometry = builder.add("NewGeometry")
     builder.bind([f"facet_{axis}" for axis in "xyz"], Link(geometry, "True Normal"))
-    # The place of a hit is new for every sample of a pixel.
+    # Each sample of a pixel has another place.
     place = Link(geometry, "Position")
     noise = builder.add("TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": place, "W": _SALT})
     channels = builder.add("SeparateColor", {"mode": "RGB"}, {"Color": Link(noise, "Color")})
@@ -99,12 +90,8 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
 def sampled(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
     """Trace one sample of lobes, at the symbols ``wo_x wo_y wo_z u1 u2``.
 
-    Returns
-    -------
-    weight : (3,)
-        f times the cosine over the density of all lobes; 0 where no lobe sends light.
-    wi : (3,)
-        The direction drawn, in the surface's frame.
+    Return its weight (3,), f times the cosine over the density of all lobes, 0 where no lobe sends light, and the
+    direction (3,) in the surface's frame.
     """
     if not lobes:
         return np.zeros(3), ZENITH
@@ -112,7 +99,7 @@ def sampled(graph: Graph, lobes: Sequence[Lobe]) -> tuple[Any, Any]:
     assume_positive(graph, mixture.wo[..., 2])
     numbers: Any = symbols(graph, ("u1", "u2"))
     u1, u2 = np.minimum(numbers, BELOW_ONE)
-    # From the last to the first: a number belongs to the first lobe whose part it is below the end of.
+    # From the last to the first: the first lobe for which `below` holds is chosen.
     *others, last = mixture.choices(u1)
     wi: Any = last.lobe.draw(last.stretched, u2)
     for choice in reversed(others):

@@ -1,4 +1,4 @@
-"""Fits (`lookdev.closures.fits`) as groups: a long polynomial that several lobes share is one node."""
+"""Fits (`lookdev.closures.fits`) as groups, so that a long polynomial of several lobes is one node in each."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _INPUTS = ("x", "y")
 
 
 def match_fit(node: Node) -> tuple[str, dict[str, Any]] | None:
-    """Return the group that computes a node, and what its sockets are given, if the node is a fit in two variables."""
+    """Return the group that computes a node, and the values of its sockets, if the node is a fit in two variables."""
     variables = _variables(node)
     if variables is None:
         return None
@@ -30,7 +30,6 @@ def match_fit(node: Node) -> tuple[str, dict[str, Any]] | None:
 
 
 def is_fit(group: str) -> bool:
-    """Tell whether a group's name is that of a fit."""
     return group.startswith(_PREFIX)
 
 

@@ -28,7 +28,7 @@ _OUTPUTS = {
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the axes of the shading frame are found: unit vectors in world space."""
+    """The outputs of the axes of the shading frame: unit vectors in world space."""
 
     normal: Link
     tangent: Link
@@ -36,7 +36,7 @@ class Frame:
 
 
 def add_frame(builder: TreeBuilder) -> Frame:
-    """Show the group of `frame_tree` in a tree, and bind ``wo_x wo_y wo_z``."""
+    """Add the group of `frame_tree` to a tree, and bind ``wo_x wo_y wo_z``."""
     node = builder.add("Group", group=GROUP)
     builder.bind(("wo_x", "wo_y", "wo_z"), Link(node, "Viewer"))
     return Frame(Link(node, "Normal"), Link(node, "Tangent"), Link(node, "Bitangent"))
@@ -45,11 +45,7 @@ def add_frame(builder: TreeBuilder) -> Frame:
 def frame_tree(*, leaning: bool) -> NodeTree:
     """Return the group that computes the shading frame.
 
-    Parameters
-    ----------
-    leaning
-        Normals of the look lean (bumps, normal maps): then it matters that a reflected instance has its bitangent on
-        the other side.
+    Where the look bends normals (`leaning`: bumps, normal maps), the bitangent of a reflected instance is reflected.
     """
     graph, builder = Graph(), TreeBuilder(GROUP)
 

@@ -15,28 +15,21 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 
 class Group:
-    """One group that is being built: what it computes is traced in a graph of its own."""
+    """One group that is being built from values traced in a graph of its own."""
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.graph = Graph()
         self.builder = TreeBuilder(name, match_fit)
-        # By the name of a socket, what the tree that shows the group sets it to: an array of the graph outside.
+        # By the name of a socket, its value: an array of the graph of the tree that shows the group.
         self._given: dict[str, Any] = {}
         self._sockets: list[GroupSocket] = []
         self._input = self.builder.add("NodeGroupInput")
 
     def take(self, parameters: Mapping[str, Parameter], values: Mapping[str, Any], panel: str = "") -> dict[str, Any]:
-        """Return what values are inside the group: symbols of sockets, or the constants that end a term's life.
+        """Return values of parameters inside the group: symbols of sockets, or constants at which terms vanish.
 
-        Parameters
-        ----------
-        parameters
-            Of the values, by name.
-        values
-            Tokens, and arrays of the graph outside.
-        panel
-            Where the sockets stand; part of their names, which are unique in a group.
+        `values` are tokens, and arrays of the graph outside. The name of a panel is part of the names of its sockets.
         """
         inside: dict[str, Any] = {}
         for name, value in values.items():
@@ -48,12 +41,12 @@ class Group:
         return inside
 
     def take_shader(self, name: str, panel: str = "") -> Link:
-        """Add a socket for a shader and return where it is inside."""
+        """Add a socket for a shader and return its output inside."""
         self._sockets.append(GroupSocket(name, "shader", panel=panel))
         return Link(self._input, name)
 
     def tree(self, shader: Link | None = None, values: Mapping[GroupSocket, Any] | None = None) -> NodeTree:
-        """Return the tree; its outputs are a shader, if any, and values of the graph inside."""
+        """Return the tree; its outputs are a shader, if any, and `values` of the graph inside."""
         values = values or {}
         self.builder.prepare(_vectors(values.values()))
         inputs: dict[str, Any] = {socket.name: built(self.builder, value) for socket, value in values.items()}
@@ -66,14 +59,14 @@ class Group:
         return self.builder.tree(self._sockets, outputs)
 
     def show(self, outside: TreeBuilder, tree: NodeTree, shaders: Mapping[str, Link] | None = None) -> str:
-        """Add a node that shows the finished tree to another, with all that its sockets are given; return its name."""
+        """Add a node that shows the finished tree to another tree, with its sockets' values; return its name."""
         given = self.wanted(tree)
         outside.prepare(_vectors(given.values()))
         inputs: dict[str, Any] = {name: built(outside, value) for name, value in given.items()}
         return outside.add("Group", inputs=inputs | dict(shaders or {}), group=self.name)
 
     def wanted(self, tree: NodeTree) -> dict[str, Any]:
-        """Return what the sockets of the finished tree are given."""
+        """Return the values of the finished tree's sockets, by name."""
         return {socket.name: self._given[socket.name] for socket in tree.inputs if socket.kind != "shader"}
 
     def _socket(self, parameter: Parameter, name: str, value: Any, panel: str) -> Any:
@@ -89,7 +82,7 @@ def socket_of(parameter: Parameter) -> GroupSocket:
 
 
 def bound(graph: Graph, builder: TreeBuilder, name: str, link: Link, *, vector: bool) -> Any:
-    """Return the array, () or (3,), of what a node gives, by symbols of that name."""
+    """Return symbols of a name that are bound to an output, as an array, () or (3,)."""
     value = symbols_of(graph, name, vector=vector)
     builder.bind([str(node.args[0]) for node in elements_of(value)], link)
     return value
@@ -101,13 +94,13 @@ def symbols_of(graph: Graph, name: str, *, vector: bool) -> Any:
 
 
 def built(builder: TreeBuilder, value: Any) -> Link | float | tuple[float, float, float]:
-    """Return where an array, () or (3,), is found in a tree."""
+    """Return the output in a tree that has an array, () or (3,), or its constants."""
     elements = elements_of(value)
     return builder.vector(elements) if len(elements) == 3 else builder.scalar(elements[0])
 
 
 def _folds(parameter: Parameter, value: Any) -> bool:
-    """Tell whether a value is a constant at which terms of the model vanish."""
+    """Return whether a value is a constant at which terms of the model vanish."""
     elements = elements_of(value)
     if any(isinstance(each, Node) for each in elements):
         return False

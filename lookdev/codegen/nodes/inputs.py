@@ -1,7 +1,7 @@
-"""What a look reads at a point, as nodes: textures, primvars and coordinates, for the symbols of `Inputs`.
+"""The symbols of `Inputs` as nodes: textures, primvars and coordinates.
 
-An image node wraps both axes alike. Where a texture does not, and in the sets of a UDIM, single look-ups are put
-together by arithmetic, the same as that of `lookdev/shaders/texture.h`.
+An image node wraps both axes alike. For other textures, and for sets of UDIM tiles, look-ups are combined by the
+arithmetic of `lookdev/shaders/texture.h`.
 """
 
 from __future__ import annotations
@@ -25,26 +25,9 @@ _IDENTITY = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 
 def bind_inputs(builder: TreeBuilder, inputs: Inputs, names: Iterable[str]) -> tuple[AttributeBinding, ...]:
-    """Add the nodes that give symbols of a look their values, and bind them.
+    """Bind symbols of a look to nodes added to a tree; symbols that `inputs` lacks are ignored.
 
-    Parameters
-    ----------
-    builder
-        The tree to add to.
-    inputs
-        Where the symbols come from.
-    names
-        The symbols that are wanted, and maybe others, which are left alone.
-
-    Returns
-    -------
-    tuple of AttributeBinding
-        What the nodes read from the mesh.
-
-    Raises
-    ------
-    TextureError
-        An image is missing or unreadable.
+    Return the attributes that the nodes read. A TextureError reports an image that is missing or unreadable.
     """
     names = list(names)
     attributes = tuple(inputs.read_by(names))
@@ -56,7 +39,7 @@ def bind_inputs(builder: TreeBuilder, inputs: Inputs, names: Iterable[str]) -> t
 
 
 def node_digest(trees: Sequence[NodeTree], attributes: Sequence[AttributeBinding]) -> str:
-    """Return the digest of trees, of what they read from a mesh, and of the content of their images."""
+    """Return the digest of trees, of the attributes they read, and of the content of their images."""
     digest = hashlib.sha256(repr(tuple(attributes)).encode())
     for tree in trees:
         digest.update(repr(replace(tree, nodes=())).encode())
@@ -85,7 +68,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     uv = symbols(graph, [f"{look_up.uv}[{i}]" for i in range(3)])
     a, b, c, d, e, f = texture.transform
     s, t = uv[0] * a + uv[1] * b + c, uv[0] * d + uv[1] * e + f
-    # An image has no third coordinate: the UV set's lets a place that is not transformed be the node's output itself.
+    # Images ignore the third coordinate; with the UV set's, the vector of an untransformed place is the set's output.
     third = uv[2] if texture.transform == _IDENTITY else np.array(0.0)
 
     def read(file: Content, place: Sequence[Any], wrap: str) -> Any:
@@ -99,7 +82,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
 
     wraps = texture.wrap_s, texture.wrap_t
     if 0 not in look_up.files:
-        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); where there is none, all is 0.
+        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); without a tile, all is 0.
         column, row = np.floor(s), np.floor(t)
         value = np.zeros(4)
         for number, file in look_up.files.items():
@@ -116,7 +99,7 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
     if look_up.slopes and 0 in look_up.files:
         value = value * np.stack([_wrap_slope(s, wraps[0]), _wrap_slope(t, wraps[1]), np.array(1.0), np.array(1.0)])
     *color, alpha = elements_of(value)
-    # An image was read for them: they are links, not constants.
+    # Values of an image are links, not constants.
     color_link: Any = builder.vector(color)
     alpha_link: Any = builder.scalar(alpha)
     builder.bind([f"{name}[{i}]" for i in range(3)], color_link)
@@ -128,10 +111,10 @@ def _is(coordinate: Any, whole: int) -> Any:
 
 
 def _copies(s: Any, wrap: str) -> tuple[Any, ...]:
-    """Give the places in an image, and beside it, whose sum is a wrapped look-up at s.
+    """Return the coordinates in an image, and beside it, at which look-ups add up to the wrapped one at s.
 
     Bilinear weights are tents about texel centres: an image that repeats or mirrors is the sum of its copies, of which
-    no more than two reach a place.
+    at most two overlap.
     """
     if wrap == "black":
         return (s,)
@@ -144,7 +127,7 @@ def _copies(s: Any, wrap: str) -> tuple[Any, ...]:
 
 
 def _wrap_slope(s: Any, wrap: str) -> Any:
-    """Return the derivative of an axis' wrapping: mirrored copies run backwards, a clamped edge changes nothing."""
+    """Return the derivative of an axis' wrapping: -1 in mirrored copies, 0 beyond a clamped edge."""
     if wrap == "mirror":
         whole = np.floor(s)
         return 1.0 - 2.0 * (whole - 2.0 * np.floor(0.5 * whole))

@@ -1,4 +1,4 @@
-"""Where the nodes of a tree stand: columns by their distance to the output, rows near what reads them."""
+"""Places of nodes: columns by the distance to the output, rows near the nodes that read them."""
 
 from __future__ import annotations
 
@@ -13,13 +13,7 @@ _HEADER, _ROW, _VECTOR = 90.0, 24.0, 90.0
 
 
 def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
-    """Return the upper left corner of every node, in Blender's units; nodes do not overlap.
-
-    Parameters
-    ----------
-    nodes
-        By name, each after those that it reads.
-    """
+    """Return the upper left corners of nodes, in Blender's units, without overlap; each node follows those it reads."""
     readers: dict[str, list[str]] = defaultdict(list)
     for name, node in nodes.items():
         for source in dict.fromkeys(link.node for link in node.inputs.values() if isinstance(link, Link)):
@@ -27,7 +21,7 @@ def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
     columns: dict[str, int] = {}
     for name in reversed(list(nodes)):
         columns[name] = 1 + max((columns[reader] for reader in readers[name]), default=-1)
-    # What the group is given stands left of everything.
+    # The group's inputs are leftmost.
     last = max(columns.values(), default=0)
     for name, node in nodes.items():
         if node.kind == "NodeGroupInput":
@@ -44,7 +38,7 @@ def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
         }
         members = sorted(by_column[column], key=lambda name: -wanted[name])
         heights = [_height(nodes[name]) for name in members]
-        # The column's middle stands where its nodes are wanted.
+        # The column is centred at the mean of the places wanted.
         top = (sum(heights) + _GAP * len(members)) / 2.0 + sum(wanted.values()) / len(members)
         for name, height in zip(members, heights, strict=True):
             places[name] = (-_COLUMN * column, round(top))
@@ -54,7 +48,7 @@ def laid_out(nodes: Mapping[str, ShaderNode]) -> dict[str, tuple[float, float]]:
 
 
 def _height(node: ShaderNode) -> float:
-    """Return about how tall a node is drawn; an unlinked vector has a field for each component."""
+    """Return the approximate height of a node; an unlinked vector has a field for each component."""
     if node.kind == "TexImage":
         return 300.0
     rows = sum(_VECTOR if isinstance(value, tuple) else _ROW for value in node.inputs.values())

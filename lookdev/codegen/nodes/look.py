@@ -1,8 +1,8 @@
-"""A look as Cycles' own closures: what the ``nodes`` backend renders, and what an artist opens in Blender.
+"""A look as Cycles' own closures, for backend ``nodes`` and for an artist in Blender.
 
-The material's tree has textures, primvars, mask expressions and the constants; groups have the models, and sockets that
-can be slid. Layers of one model are combined in one group, by the model's own rule or as parameters. From
-the first layer of another model on, shaders are blended.
+The material's tree has textures, primvars, mask expressions and constants; groups have the models, whose parameters are
+sockets. Layers of one model are combined in one group, by the model's rule or as blended parameters. From the first
+layer of another model on, shaders are blended.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _OF_PART = {"mask": MASK, "presence": _PRESENCE}
 
 @dataclass(frozen=True)
 class _Part:
-    """What stands for some of the layers: a shader, and how much of the surface is there, in the material's graph."""
+    """The shader of some of the layers, and their presence in the material's graph."""
 
     shader: Link
     presence: Real
@@ -43,14 +43,9 @@ class _Part:
 
 
 def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> NodeSource:
-    """Generate the closures of a look.
+    """Generate the closures of a look; parameters as of `lookdev.codegen.osl.surface.generate_surface`.
 
-    Parameters
-    ----------
-    look
-        Constants that end a term's life are folded; what is not needed then is not there, nor are its textures.
-    resolve
-        Turns a texture into its linear EXR file, a height map into that of its slopes.
+    Constants at which terms vanish are folded; other constants are values of sockets.
 
     Raises
     ------
@@ -74,10 +69,9 @@ class _Material:
         self._attributes: dict[AttributeBinding, None] = {}
 
     def source(self) -> NodeSource:
-        """Return the finished source."""
         stack = look_layers(self._look, self._inputs)
         names = _unique(layer.name for layer in self._look.layers)
-        # Layers must fit together, also those of which nothing is left.
+        # Raises if layers do not fit together, also layers that vanish.
         presence = stack_bsdf(stack).presence
         first, *others = runs(stack)
         if not others:
@@ -103,7 +97,7 @@ class _Material:
         )
 
     def _run(self, stack: Sequence[StackLayer], names: Sequence[str], part: str) -> _Part:
-        """Add what shades layers of one model; `part` names it where it is not all of the look."""
+        """Add the groups of layers of one model; `part` names them where they are not the whole look."""
         model = model_named(stack[0].model)
         if len(stack) == 1:
             group = Group(f"{_title(model)} {part}".strip())
@@ -132,7 +126,7 @@ class _Material:
         """Finish a group that blends the parameters of layers, and add one that shades by them."""
         model = model_named(stack[0].model)
         known, blended = model.parameters, model.blended(stack)
-        # Where the first group gives its outputs is known after the second has told which it reads.
+        # The outputs of the first group are the inputs that the second reads.
         between = {name: f"{layers.name} {name}" for name, value in blended.items() if isinstance(value, SymbolicArray)}
         outside = {
             name: symbols_of(self._graph, between[name], vector=known[name].kind != "float")
@@ -156,7 +150,7 @@ class _Material:
         group = Group(_LAYERS)
         above = len(parts) - 1
         panels = [names[0], *names[-above:]]
-        # Nothing is beneath the base.
+        # The base covers nothing: its mask has no effect.
         layers = [replace(stack[0], mask=np.array(1.0)), *stack[-above:]]
         shaders = {f"{panel} shader": part.shader for panel, part in zip(panels, parts, strict=True)}
         total: Link | None = None
@@ -172,7 +166,7 @@ class _Material:
         return _Part(Link(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
     def _show(self, group: Group, tree: NodeTree, shaders: Mapping[str, Link] | None = None) -> str:
-        """Add a finished group to the material's tree, and what it reads; return the node's name."""
+        """Add a finished group and the inputs that it reads to the material's tree; return the node's name."""
         self._groups.append(tree)
         elements = [element for value in group.wanted(tree).values() for element in elements_of(value)]
         names = [str(node.args[0]) for node in reachable(elements) if node.op == "symbol"]
@@ -183,14 +177,14 @@ class _Material:
 def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
     """Add the frame and the closures of a BSDF to a group; return their sum and whether light passes through."""
     frame = add_frame(group.builder)
-    # No parameter's name, nor a layer's, has a dot.
+    # Names of parameters and layers have no dot.
     axes = {"frame.tangent": frame.tangent, "frame.bitangent": frame.bitangent, "frame.normal": frame.normal}
     bases = [bound(group.graph, group.builder, name, link, vector=True) for name, link in axes.items()]
     return shade(group.graph, group.builder, bsdf, np.stack(bases))
 
 
 def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Real, covered: Real) -> Link | None:
-    """Lay a shader on another, which `covered` of is hidden."""
+    """Lay a shader on another, of which the share `covered` is hidden."""
     if below is not None and same(mask, covered) and not same(mask, 0.0) and not same(mask, 1.0):
         inputs = {"Fac": built(builder, mask), "Shader": below, "Shader_001": above}
         return Link(builder.add("MixShader", inputs=inputs), "Shader")
@@ -207,7 +201,7 @@ def _scaled(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | N
 
 
 def _taken(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = ("",)) -> list[StackLayer]:
-    """Return layers as they are inside a group; of more than one, each has a panel."""
+    """Return layers as they are inside a group; with several layers each has a panel, named by `names`."""
     taken = []
     for number, (layer, panel) in enumerate(zip(stack, names, strict=True)):
         mask = group.take({"mask": MASK}, {"mask": layer.mask}, panel)["mask"] if number else np.array(1.0)
@@ -221,7 +215,7 @@ def _title(model: Model) -> str:
 
 
 def _unique(names: Iterator[str]) -> list[str]:
-    """Number names that have been there before."""
+    """Number names that repeat."""
     unique: list[str] = []
     for name in names:
         number, new = 2, name

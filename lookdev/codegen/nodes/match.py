@@ -1,7 +1,7 @@
-"""What Blender's Math nodes call the operations of expression graphs, and which several of them one node can do.
+"""Operations of expression graphs as those of Blender's Math nodes; several operations may be one node.
 
-Their arithmetic differs from NumPy's only where models never go: a division by 0 gives 0, as do the square root and the
-logarithm of a negative number.
+Their arithmetic differs from NumPy's only outside the domain of models: a division by 0 gives 0, as do the square root
+and the logarithm of a negative number.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ _E = 2.718281828459045
 
 
 def match(node: Node, known: Container[Any] = ()) -> Match:
-    """Return the operation that computes a node, and what of.
+    """Return the operation that computes a node, and its operands.
 
-    A product that is added becomes part of the addition, unless it is `known`: there anyway.
+    A product that is added becomes part of the addition, unless it is `known`, computed anyway.
     """
     apply = node.graph.apply
     match node.op, node.args:
@@ -63,7 +63,7 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
         case "log", (a,):
             return "LOGARITHM", a, _E
         case "expm1", (a,):
-            # tanh(x / 2) (exp(x) + 1), which cancels nowhere.
+            # tanh(x / 2) (exp(x) + 1), without cancellation.
             half = Node("tanh", (apply("multiply", a, 0.5),), node.graph)
             return "MULTIPLY_ADD", half, apply("exp", a), half
         case "greater_equal", (a, b):
@@ -81,13 +81,13 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
 
 
 def depth_of(value: Any, depths: dict[Node, int]) -> None:
-    """Add to `depths` how many operations deep a node, and all that it needs, are."""
+    """Add the depths, in operations, of a node and of all that it needs to `depths`."""
     for node in in_order([value], stop=lambda each: each in depths):
         depths[node] = 1 + max((depths[each] for each in node.operands()), default=0)
 
 
 def _is_product(value: Any, known: Container[Any]) -> bool:
-    """Tell whether a value is a product that is needed for a sum only; what is divided by a length is a vector's."""
+    """Return whether a value is a product that only a sum needs; one with an inverse length belongs to a vector."""
     return (
         isinstance(value, Node)
         and value.op == "multiply"
@@ -103,7 +103,7 @@ def _match_multiply_add(a: Any, b: Any, known: Container[Any]) -> Match | None:
 
 
 def _factors(value: Any) -> Iterator[tuple[Any, Any]]:
-    """Give the ways to take a factor, the first, out of a value."""
+    """Yield the ways to write a value as a product of two."""
     if isinstance(value, Node) and value.op == "multiply":
         x, y = value.args
         yield x, y

@@ -1,8 +1,4 @@
-"""Expression graphs as OSL text.
-
-A `Block` is one scope of the emitted code: it knows which nodes already have a name there, gives a name to every
-node used more than once, and writes the rest inline. OSL computes in float32.
-"""
+"""Expression graphs as OSL text, by scopes."""
 
 from __future__ import annotations
 
@@ -12,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.codegen.trace.graph import Node, in_order, reachable
+from lookdev.codegen.trace.graph import Node, Scalar, in_order, reachable
 from lookdev.errors import CodegenError
 
 CODE: dict[str, str] = {
@@ -45,16 +41,14 @@ CODE: dict[str, str] = {
     "where": "({} ? {} : {})",
 }
 
-_BOOLEAN = frozenset(
-    ["greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"]
-)
+_BOOLEAN = {"greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"}
 
 # Longer expressions get a name, so that the generated shader can be read.
 _MAX_INLINE = 70
 
 
 def literal(value: float | bool) -> str:
-    """Write a constant; raises CodegenError where it is not finite, since OSL has no such literal."""
+    """Write a constant; a CodegenError if it is not finite, which has no literal in OSL."""
     if isinstance(value, bool | np.bool_):
         return "1" if value else "0"
     if not np.isfinite(value):
@@ -68,21 +62,17 @@ def bare(code: str) -> str:
 
 
 Spell = Callable[[str], str]
-"""From the name of a symbol to how it is written."""
+"""Returns the text of a symbol; it is called when the symbol is written."""
 
 
 class Block:
-    """One scope of emitted code."""
+    """One scope of emitted code: nodes used more than once become variables, which are `named`, others are inline."""
 
     def __init__(
-        self,
-        prefix: str,
-        indent: int,
-        named: Mapping[Node, str] | None = None,
-        spell: Spell = lambda symbol: symbol,
+        self, prefix: str, indent: int, named: Mapping[Node, str] | None = None, spell: Spell = lambda symbol: symbol
     ) -> None:
         self.lines: list[str] = []
-        self.named: dict[Node, str] = dict(named or {})
+        self.named = dict(named or {})
         self._prefix = prefix
         self._pad = "    " * indent
         self._spell = spell
@@ -90,15 +80,15 @@ class Block:
         self._chosen: dict[Node, str] = {}
 
     def inner(self, prefix: str, indent: int) -> Block:
-        """Return a scope inside this one, which knows all names that this one has now."""
+        """Return a scope inside this one, with the names that this one has now."""
         return Block(prefix, indent, self.named, self._spell)
 
     def write(self, text: str) -> None:
         """Append one line of code as it is."""
         self.lines.append(self._pad + text)
 
-    def define(self, name: str, value: Any, comment: str = "") -> None:
-        """Compute `value`, a number, into a variable of that name."""
+    def define(self, name: str, value: Scalar, comment: str = "") -> None:
+        """Compute a number into a variable of that name."""
         if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
             self._chosen[value] = name
             self.name(value)
@@ -107,22 +97,22 @@ class Block:
         self.lines[-1] += f"  // {comment}" if comment else ""
 
     def prepare(self, roots: Iterable[Any]) -> None:
-        """Count uses under `roots`, all that this block will ask for, so that shared nodes get a name."""
+        """Count uses under `roots`, all the expressions of this block, so that shared nodes get a name."""
         roots = list(roots)
         for node in reachable(roots, stop=self.named):
             if node not in self.named:
                 self._uses.update(node.operands())
         self._uses.update(root for root in roots if isinstance(root, Node))
 
-    def name(self, value: Any) -> str:
-        """Compute `value` into a variable of its own and return its name (or its literal)."""
+    def name(self, value: Scalar) -> str:
+        """Compute `value` into a variable of its own; return the variable's name, or the literal of a constant."""
         code = self.expression(value)
         if isinstance(value, Node) and value.op != "symbol" and value not in self.named:
             self._define(value, code)
             return self.named[value]
         return code
 
-    def expression(self, value: Any) -> str:
+    def expression(self, value: Scalar) -> str:
         """Return code for `value`, writing the variables it needs first."""
         inline: dict[Any, str] = {}
 

@@ -1,4 +1,4 @@
-"""The lobes of a model as OSL: what is computed once a shading point, once a direction, once a sample.
+"""A mixture of lobes as OSL: what is computed once a shading point, once a direction, once a sample.
 
 The emitted fragments share names with the shaders that include them (`lookdev/shaders/*.osl`):
 
@@ -6,8 +6,9 @@ The emitted fragments share names with the shaders that include them (`lookdev/s
 - evaluate reads ``wi_x wi_y wi_z`` and sets ``color f``, the BSDF times the cosine of each lobe, and ``float pdf``;
 - sample reads ``u1 u2`` and sets ``wi_x wi_y wi_z``.
 
-Where some lobes are aided by directions of the light, evaluate also sets ``float unaided_pdf``, the part of the others,
-and sample ``int aided``, whether it drew from one of them.
+Unoccluded light on a light-sampled lobe is estimated by directions of the light alone. Where a mixture has such lobes,
+evaluate also sets ``float bsdf_sampled_pdf``, the part of the other lobes in ``pdf``, and sample sets ``int
+light_sampled`` where it draws from a light-sampled lobe.
 """
 
 from __future__ import annotations
@@ -15,11 +16,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from lookdev.brdf import Lobe
 from lookdev.codegen.osl.block import Block, Spell, bare
-from lookdev.codegen.trace.graph import Graph, Node, depends_on, in_order, reachable
+from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
 from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
@@ -30,27 +30,21 @@ VARYING = frozenset((*WI, "u1", "u2"))
 class TracedLobe:
     """The scalar expressions of one lobe of a mixture.
 
-    name, transmits, share
-        Of the lobe; the share is a constant where the lobe is there everywhere.
-    value, density
-        As of `Term`: f times the cosine, and the share's part of the density.
-    below, wi
-        As of `Choice`: whether u1 is below the end of the lobe's part, and the direction drawn, in the surface's frame.
-    aided
-        Whether light that meets nothing on its way is left to directions of the light.
+    `value` (3) and `density` are those of `Term`, `below` that of `Choice`; `wi` (3) is the direction drawn, in the
+    surface's frame. `share` is a constant where the lobe is present at every point.
     """
 
     name: str
     transmits: bool
-    share: Any
-    value: tuple[Any, ...]
-    density: Any
-    below: Any
-    wi: tuple[Any, ...]
-    aided: bool = False
+    share: Scalar
+    value: tuple[Scalar, ...]
+    density: Scalar
+    below: Scalar
+    wi: tuple[Scalar, ...]
+    light_sampled: bool
 
-    def evaluated(self) -> tuple[Any, ...]:
-        """Return what is computed for each direction."""
+    def evaluated(self) -> tuple[Scalar, ...]:
+        """Return what is computed for each direction of the light."""
         return (*self.value, self.density)
 
 
@@ -58,8 +52,8 @@ class TracedLobe:
 class BrdfCode:
     """Emitted fragments, a list of lines each, and the run-time symbols they read.
 
-    `transmits` where light can come from the back; `see_through` where setup defines a ``float presence``; `aids` where
-    some lobes are aided by directions of the light.
+    `transmits` where light can come from the back; `see_through` where setup defines a ``float presence``;
+    `light_sampled` where some lobes are.
     """
 
     setup: tuple[str, ...]
@@ -68,23 +62,28 @@ class BrdfCode:
     inputs: frozenset[str]
     transmits: bool
     see_through: bool
-    aids: bool
+    light_sampled: bool
+
+    @property
+    def sections(self) -> dict[str, Sequence[str]]:
+        """The fragments by their names in templates."""
+        return {"setup": self.setup, "evaluate": self.evaluate, "sample": self.sample}
 
 
 @dataclass(frozen=True)
 class TracedMixture:
-    """The scalar expressions of a mixture: of its lobes, of the sum of their shares, and of densities, by name.
+    """The scalar expressions of a mixture: its lobes, the sum of their shares, and its densities by name.
 
-    A density is normalised from the sum that is the symbol of its name.
+    A density is normalised from the sum of the lobes' densities, a symbol of the same name.
     """
 
     lobes: tuple[TracedLobe, ...]
-    total: Any
-    densities: Mapping[str, Any]
+    total: Scalar
+    densities: Mapping[str, Scalar]
 
 
 def trace_lobes(
-    graph: Graph, lobes: Sequence[Lobe], aided: Callable[[Lobe], bool] = lambda lobe: False
+    graph: Graph, lobes: Sequence[Lobe], light_sampled: Callable[[Lobe], bool] = lambda lobe: False
 ) -> TracedMixture:
     """Trace the mixture of lobes at the symbols ``wo_x wo_y wo_z wi_x wi_y wi_z u1 u2``."""
     mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
@@ -101,20 +100,17 @@ def trace_lobes(
             density=elements_of(term.density)[0],
             below=elements_of(choice.below)[0],
             wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
-            aided=aided(lobe),
+            light_sampled=light_sampled(lobe),
         )
         for lobe, term, choice in zip(lobes, terms, choices, strict=True)
     )
-    sums = ("pdf", "unaided_pdf") if any(lobe.aided for lobe in traced) else ("pdf",)
+    sums = ("pdf", "bsdf_sampled_pdf") if any(lobe.light_sampled for lobe in traced) else ("pdf",)
     densities = {name: elements_of(mixture.normalised(symbol(graph, name)))[0] for name in sums}
     return TracedMixture(traced, elements_of(mixture.total)[0], densities)
 
 
-def emit_brdf(mixture: TracedMixture, presence: Any = 1.0, spell: Spell = lambda symbol: symbol) -> BrdfCode:
-    """Write the three fragments of a mixture, and the presence, a scalar, where it is not 1.
-
-    `spell` gives the name that a symbol has in the text; it is asked for a symbol as the symbol is written.
-    """
+def emit_brdf(mixture: TracedMixture, presence: Scalar = 1.0, spell: Spell = lambda symbol: symbol) -> BrdfCode:
+    """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`."""
     lobes = mixture.lobes
     see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.evaluated(), *lobe.wi, lobe.below)]
@@ -140,11 +136,11 @@ def emit_brdf(mixture: TracedMixture, presence: Any = 1.0, spell: Spell = lambda
         inputs=frozenset(inputs),
         transmits=any(lobe.transmits for lobe in lobes),
         see_through=see_through,
-        aids=any(lobe.aided for lobe in lobes),
+        light_sampled=any(lobe.light_sampled for lobe in lobes),
     )
 
 
-def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
+def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
     """Return the nodes to compute once a shading point: invariant operands of varying nodes, in a stable order."""
     roots = [value for value in values if isinstance(value, Node)]
     operands = [operand for node in in_order(roots, lambda node: node not in varying) for operand in node.operands()]
@@ -153,8 +149,8 @@ def _frontier(values: Iterable[Any], varying: set[Node]) -> list[Node]:
 
 def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
-    lobes, aids = mixture.lobes, len(mixture.densities) > 1
-    sides = {transmits: [lobe for lobe in lobes if lobe.transmits is transmits] for transmits in (False, True)}
+    split = len(mixture.densities) > 1
+    sides = {side: [lobe for lobe in mixture.lobes if lobe.transmits is side] for side in (False, True)}
     outer = setup.inner("", indent=2)
     outer.write("color f = 0;")
     for name in mixture.densities:
@@ -164,27 +160,27 @@ def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Itera
         if members:
             if both or transmits:
                 outer.write("if (wi_z < 0) {" if transmits else "if (wi_z > 0) {")
-            outer.lines += _evaluate_side(members, setup, varying, "t" if transmits else "e", 2 + both, aids)
+            outer.lines += _evaluate_side(members, setup, varying, "t" if transmits else "e", 2 + both, split)
             if both or transmits:
                 outer.write("}")
     for name, density in mixture.densities.items():
-        if density.op != "symbol":
+        if not isinstance(density, Node) or density.op != "symbol":
             outer.write(f"{name} = {bare(outer.expression(density))};")
     return outer.lines
 
 
 def _evaluate_side(
-    lobes: Sequence[TracedLobe], setup: Block, varying: set[Node], prefix: str, indent: int, aids: bool
+    lobes: Sequence[TracedLobe], setup: Block, varying: set[Node], prefix: str, indent: int, split: bool
 ) -> Iterable[str]:
-    """Sum lobes; what two of them share is computed before, a lobe's own part under a guard on its share."""
+    """Sum lobes: common subexpressions first, then each lobe's own part under a guard on its share.
+
+    With `split` the densities of lobes that are not light-sampled are summed by themselves, too.
+    """
     groups = [reachable(lobe.evaluated(), stop=setup.named) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
-    shared = {
-        node
-        for node, count in counts.items()
-        if count > 1 and node.op != "symbol" and node in varying and node not in setup.named
-    }
-    # Only those that a lobe's own part uses directly: the rest is reached through them.
+    shared = {node for node, count in counts.items() if count > 1 and node in varying and node not in setup.named}
+    shared = {node for node in shared if node.op != "symbol"}
+    # Only the nodes that a lobe's own part reads: these name the nodes below them where needed.
     direct: dict[Node, None] = {}
     for lobe, group in zip(lobes, groups, strict=True):
         roots = [value for value in lobe.evaluated() if isinstance(value, Node)]
@@ -202,14 +198,13 @@ def _evaluate_side(
         inner.prepare(lobe.evaluated())
         color = ", ".join(inner.expression(value) for value in lobe.value)
         density = bare(inner.expression(lobe.density))
-        # A scope of its own for each lobe, an `if` where the lobe may be absent at this point.
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
         outer.write(f"{guard}{{  // {lobe.name}")
         outer.lines += inner.lines
         outer.write(f"    f += color({color});")
-        if aids and not lobe.aided:
+        if split and not lobe.light_sampled:
             outer.write(f"    float own_pdf = {density};")
-            outer.write("    unaided_pdf += own_pdf;")
+            outer.write("    bsdf_sampled_pdf += own_pdf;")
             density = "own_pdf"
         outer.write(f"    pdf += {density};")
         outer.write("}")
@@ -221,7 +216,7 @@ def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
     outer = setup.inner("d", indent=3)
     outer.prepare([lobe.below for lobe in lobes[:-1]])
     conditions = [f"if ({bare(outer.expression(lobe.below))}) " for lobe in lobes[:-1]]
-    # The last lobe has what the others leave.
+    # The last lobe takes the numbers that the others leave.
     for index, (lobe, condition) in enumerate(zip(lobes, [*conditions, ""], strict=False)):
         inner = outer.inner(f"d{index}_", indent=4)
         outer.write(f"{'else ' * (index > 0)}{condition}{{  // {lobe.name}")
@@ -229,8 +224,8 @@ def _sample(lobes: Sequence[TracedLobe], setup: Block) -> Iterable[str]:
         wi = [inner.expression(value) for value in lobe.wi]
         for name, code in zip(WI, wi, strict=True):
             inner.write(f"{name} = {code};")
-        if lobe.aided:
-            inner.write("aided = 1;")
+        if lobe.light_sampled:
+            inner.write("light_sampled = 1;")
         outer.lines += inner.lines
         outer.write("}")
     return outer.lines

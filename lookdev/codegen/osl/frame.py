@@ -20,10 +20,9 @@ _GIVEN = ("mesh_normal", "mesh_tangent", "mesh_facet", "I")
 
 
 def emit_frame(*, leaning: bool) -> Sequence[str]:
-    """Write the lines that define ``vector t``, ``b``, ``n`` and ``facet``, and ``float wo_x``, ``wo_y``, ``wo_z``.
+    """Write the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
 
-    They read ``vector mesh_normal``, ``mesh_tangent``, ``mesh_facet`` and ``I``, and ``float hand`` where normals are
-    `leaning`.
+    They read ``vector mesh_normal mesh_tangent mesh_facet I``, and ``float hand`` where the look bends normals.
     """
     graph = Graph()
     given: list[Any] = [symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in _GIVEN]

@@ -18,7 +18,7 @@ class LookUpNames:
     given: dict[str, str] = field(default_factory=dict)
 
     def spell(self, symbol: str) -> str:
-        """Return how a symbol is written."""
+        """Return the text of a symbol."""
         source = self.inputs.look_up_of(symbol)
         if source is None:
             return symbol
@@ -35,7 +35,7 @@ def emit_look_up(name: str, look_up: LookUp) -> tuple[list[str], list[TextureBin
         wraps = f'"{_WRAP[texture.wrap_s]}", "{_WRAP[texture.wrap_t]}"'
         code = [f"float {name}_a; color {name} = {function}({name}_file, {s}, {t}, {wraps}, {name}_a);"]
         return code, [TextureBinding(f"{name}_file", look_up.files[0])]
-    # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); where there is none, all is 0.
+    # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); without a tile, all is 0.
     code = [f"float {name}_a = 0; color {name} = 0; float {name}_s = {s}; float {name}_t = {t};"]
     number = f"1001 + int({name}_s) + 10 * int(floor({name}_t))"
     code += [f"int {name}_tile = {name}_s < 0 || {name}_s >= 10 ? 0 : {number};"]

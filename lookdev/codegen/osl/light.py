@@ -1,9 +1,9 @@
 """A light in the shader of a look: the OSL of its kind, by sections.
 
-A kind's file is cut into sections by lines ``//@ section NAME``; `lookdev/shaders/surface.osl` has a place for each,
-``//@ light_NAME``. What stands ahead of the first section is a comment. All sections see the shader's globals (``P`` is
-relative to the center of the asset's bounding sphere), ``turn``, the rotation of the light about z in radians, and
-``IBL_SAMPLES``, 0 where directions are drawn from the BSDF alone: then no other macro or variable of sampling exists.
+A kind's file is divided by lines ``//@ section NAME``, after a comment; `lookdev/shaders/surface.osl` includes each
+section by ``//@ light_NAME``. Sections can read the shader's globals (``P`` is relative to the center of the asset's
+bounding sphere), ``turn``, the rotation of the light about z in radians, and ``IBL_SAMPLES``, 0 where directions are
+drawn from the BSDF alone: then no other macro or variable of sampling exists.
 
 ``parameters``
     Of the shader: their values are those of `LightCode`.
@@ -11,14 +11,14 @@ relative to the center of the asset's bounding sphere), ``turn``, the rotation o
     In front of the shader.
 ``setup``
     At each shading point, with ``IBL_SAMPLES > 0``. ``n`` is the shading normal, ``seed`` the point's scramble,
-    ``front_samples`` and ``back_samples`` count the directions that are drawn for light from the viewer's side of the
-    surface and, with ``TRANSMITS``, from the other side.
+    ``front_samples`` and ``back_samples`` are the numbers of directions for light from the viewer's side of the surface
+    and, with ``TRANSMITS``, from the other side.
 ``sample``
     Draws sample ``number`` of the pixel, for the other side where ``back`` is 1: sets ``wi``, ``radiance`` and, where
-    the probability of the draw is not exactly the pdf, ``ratio``, the pdf over that. A pixel asks for consecutive
-    numbers from 0; those of front and back are two sequences.
+    the probability of the draw is not exactly the pdf, ``ratio``, the pdf over the probability. Numbers of a pixel are
+    consecutive from 0, for front and back each.
 ``density``
-    Adds to ``density`` the pdf of ``wi`` at front and back, times the samples of each; ``radiance`` is known.
+    Adds the pdf of ``wi`` at front and back, times the samples of each, to ``density``; ``radiance`` is set.
 ``lookup``
     Sets ``radiance`` from ``wi``.
 """
@@ -49,7 +49,5 @@ def light_sections(light: Light) -> dict[str, list[str]]:
             lines.append(line)
     if different := sorted(sections.keys() ^ set(SECTIONS)):
         names = ", ".join(different)
-        raise CodegenError(
-            f"{osl.name}: the sections of a light are {', '.join(SECTIONS)}; unknown or missing: {names}"
-        )
+        raise CodegenError(f"{osl.name}: a light has sections {', '.join(SECTIONS)}; unknown or missing: {names}")
     return {f"light_{name}": lines for name, lines in sections.items()}

@@ -1,21 +1,20 @@
 """Scalar expression graphs: hash-consed nodes, folded as they are built.
 
 Vectors are traced component by component (`symbolic.py`), so that equal components share one computation and a
-component that is a constant folds by itself. Equal expressions are the same object; what costs nothing to compute
-is never a node.
+constant component folds. Equal expressions are the same object; a trivial operation is never a node.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from lookdev.errors import CodegenError
 
-Scalar = "Node | float | bool"
+Scalar: TypeAlias = "Node | float | bool"
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,44 +26,15 @@ class Node:
     graph: Graph
 
     def operands(self) -> tuple[Node, ...]:
-        """Return the nodes this one is computed from."""
         return tuple(arg for arg in self.args if isinstance(arg, Node))
 
 
 # Every ufunc a model may use, by NumPy's own name; the same names choose the code in each emitter.
-OPERATIONS: frozenset[str] = frozenset(
-    [
-        "add",
-        "subtract",
-        "multiply",
-        "divide",
-        "negative",
-        "positive",
-        "absolute",
-        "square",
-        "sqrt",
-        "exp",
-        "expm1",
-        "log",
-        "sin",
-        "cos",
-        "tan",
-        "arctan2",
-        "floor",
-        "power",
-        "maximum",
-        "minimum",
-        "greater",
-        "greater_equal",
-        "less",
-        "less_equal",
-        "equal",
-        "logical_and",
-        "logical_or",
-        "logical_not",
-        "where",
-    ]
-)
+OPERATIONS = frozenset({
+    "add", "subtract", "multiply", "divide", "negative", "positive", "absolute", "square", "sqrt", "exp", "expm1",
+    "log", "sin", "cos", "tan", "arctan2", "floor", "power", "maximum", "minimum", "greater", "greater_equal", "less",
+    "less_equal", "equal", "logical_and", "logical_or", "logical_not", "where",
+})  # fmt: skip
 
 # `&`, `|` and `~` on boolean arrays are NumPy's bitwise ufuncs.
 _ALIASES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not"}
@@ -78,7 +48,7 @@ class Graph:
         self._facts: dict[Node, bool] = {}
 
     def assume(self, condition: Node, value: bool = True) -> None:
-        """Fold a condition to a constant from now on: it holds wherever the traced code runs."""
+        """Fold a condition to a constant from now on: it has that value wherever the traced code runs."""
         self._facts[condition] = value
 
     def symbol(self, name: str) -> Node:
@@ -93,11 +63,12 @@ class Graph:
         Raises
         ------
         CodegenError
-            The operation is not one that emitters know.
+            `op` is not in `OPERATIONS`.
         """
         op = _ALIASES.get(op, op)
         if op not in OPERATIONS:
-            raise CodegenError(f"a model uses numpy.{op}, which has no generated counterpart; known: {_known()}")
+            known = ", ".join(sorted(OPERATIONS))
+            raise CodegenError(f"a model uses numpy.{op}, which has no generated counterpart; known: {known}")
         if not any(isinstance(arg, Node) for arg in args):
             function: Any = np.where if op == "where" else getattr(np, op)
             return function(*args).item()
@@ -113,16 +84,12 @@ class Graph:
         return self._facts.get(node, node)
 
 
-def _known() -> str:
-    return ", ".join(sorted(OPERATIONS))
-
-
 def _is(value: Any, constant: float) -> bool:
     return not isinstance(value, Node) and bool(value == constant)
 
 
 def _simplify(op: str, args: tuple[Any, ...]) -> Any:
-    """Return what `op` of `args` reduces to, or None. ``x * 0`` is 0: models never meet a non-finite x."""
+    """Return what `op` of `args` reduces to, or None. ``x * 0`` is 0, as x is finite in every model."""
     graph: Graph = next(arg.graph for arg in args if isinstance(arg, Node))
     match op, args:
         case "add", (a, b):
@@ -176,7 +143,7 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
 
 
 def in_order(roots: Iterable[Any], stop: Callable[[Node], bool] = lambda node: False) -> Iterator[Node]:
-    """Give every node under `roots` once, after its operands; not those at which to stop, nor what only they need.
+    """Yield each node under `roots` once, after its operands; where `stop` holds, neither the node nor its operands.
 
     Without recursion: nested expressions make graphs thousands of operations deep.
     """
@@ -202,7 +169,7 @@ def depends_on(roots: Iterable[Any], names: frozenset[str]) -> set[Node]:
 
 
 def reachable(roots: Iterable[Any], stop: Iterable[Node] = ()) -> dict[Node, None]:
-    """Return all nodes under `roots`, not looking below those in `stop`, in an order that is the same every run."""
+    """Return all nodes under `roots`, but none that only nodes in `stop` need, in a reproducible order."""
     stops = set(stop)
     seen: dict[Node, None] = {}
     stack = [root for root in roots if isinstance(root, Node)]

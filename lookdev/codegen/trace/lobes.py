@@ -1,4 +1,4 @@
-"""A traced BSDF: the lobes that are there, and what is known wherever their code runs."""
+"""A traced BSDF: its lobes, and the conditions that hold wherever their code runs."""
 
 from __future__ import annotations
 
@@ -14,23 +14,20 @@ WI = ("wi_x", "wi_y", "wi_z")
 
 
 def present_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
-    """Return the lobes whose share does not fold to zero, seen from the symbols `WO`; the others' inputs vanish."""
+    """Return the lobes whose share does not fold to zero, seen along the symbols `WO`."""
     shares = [(lobe, *elements_of(lobe.share)) for lobe in bsdf.lobes(symbols(graph, WO))]
     return [lobe for lobe, share in shares if isinstance(share, Node) or share > 0.0]
 
 
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
-    """Return the mixture of lobes seen from the symbols `WO`, above the horizon.
-
-    The code of a lobe runs only where its share is above zero.
-    """
+    """Return the mixture of lobes seen along the symbols `WO`, above the horizon, where each lobe has a share."""
     mixture = Mixture(lobes, symbols(graph, WO))
     assume_positive(graph, mixture.wo[..., 2], mixture.total, *(lobe.share for lobe in lobes))
     return mixture
 
 
 def assume_positive(graph: Graph, *values: Array | float) -> None:
-    """Fold comparisons of values, (), with zero: they are above it wherever the traced code runs."""
+    """Fold the comparison with zero of values () that are positive wherever the traced code runs."""
     for value in values:
         (condition,) = elements_of(value > 0.0)
         if isinstance(condition, Node):

@@ -1,7 +1,7 @@
-"""Symbolic arrays: what stands for a textured parameter or a direction while a model is traced.
+"""Symbolic arrays: the values of textured parameters and of directions while a model is traced.
 
 A `SymbolicArray` implements ``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18), so the NumPy code of a
-model runs on it unchanged. An operation whose every element folds to a constant gives an ordinary array back.
+model runs on it unchanged. An operation whose every element folds to a constant returns an ordinary array.
 """
 
 from __future__ import annotations
@@ -26,12 +26,10 @@ class SymbolicArray(NDArrayOperatorsMixin):
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape, as of an ordinary array."""
         return self.elements.shape
 
     @property
     def ndim(self) -> int:
-        """Number of axes."""
         return self.elements.ndim
 
     def __getitem__(self, index: Any) -> Any:
@@ -51,7 +49,7 @@ class SymbolicArray(NDArrayOperatorsMixin):
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         if func not in _FUNCTIONS:
             known = ", ".join(sorted(function.__name__ for function in _FUNCTIONS))
-            raise CodegenError(f"a model uses numpy.{func.__name__}, which symbolic arrays do not know; known: {known}")
+            raise CodegenError(f"a model uses numpy.{func.__name__}, which symbolic arrays lack; they have: {known}")
         return _FUNCTIONS[func](self.graph, *args, **kwargs)
 
 
@@ -110,10 +108,5 @@ def _clip(graph: Graph, a: Any, a_min: Any, a_max: Any) -> Any:
     return _elementwise(graph, "minimum", _elementwise(graph, "maximum", a, a_min), a_max)
 
 
-_FUNCTIONS: dict[Any, Callable[..., Any]] = {
-    np.sum: _sum,
-    np.stack: _stack,
-    np.expand_dims: _expand_dims,
-    np.where: _where,
-    np.clip: _clip,
-}
+_FUNCTIONS: dict[Any, Callable[..., Any]]
+_FUNCTIONS = {np.sum: _sum, np.stack: _stack, np.expand_dims: _expand_dims, np.where: _where, np.clip: _clip}

@@ -1,16 +1,14 @@
 """Dome light: an environment map at infinity, whose radiance is the same at every place.
 
-Radiance is looked up bilinearly: texel centres at ((i + 1/2) / W, (j + 1/2) / H), periodic along a row, clamped over
-rows; row j counts from the top of the image, at ``v = 1 - (j + 1/2) / H``. ``*.radiance.exr`` has it as R, G, B.
-
-`Dome.sample` draws directions in proportion to the radiance alone (`warp`). The shader draws them as the bin of the
-shading normal weighs the light (`bins`): it chooses a slot of the bin (`slots`), then a point of the slot (`points`).
-Slots and bins are array parameters of the shader, because a look-up in a texture costs ten times as much (CPU, Blender
-4.5). The points are too many for an array, and the radiance needs interpolation: both are textures.
+Radiance is looked up bilinearly (`warp.lookup`). `Dome.sample` draws directions in proportion to it. The shader samples
+radiance times the widened cosine of the shading normal's bin (`bins`): it chooses a slot of the bin (`slots`), then a
+point of the slot (`points`). Slots and bins are array parameters of the shader, because a look-up in a texture costs
+ten times as much (CPU, Blender 4.5). The points are too many for an array, and the radiance needs interpolation: both
+are textures.
 
 The shader numbers slots by reversed bits: any aligned block of 2^k sample numbers is spread evenly along the curve of
-the points, hence over the light. A picture that has converged is a quadrature with N points. Its expectation over the
-choice of the points is the integral; docs/accuracy.md states how far one set of points is off.
+the points, hence over the light. A converged picture is a quadrature with N points. Its expectation over the choice of
+the points is the integral; docs/accuracy.md states the error of one set of points.
 """
 
 from __future__ import annotations
@@ -39,10 +37,9 @@ TABLE_VERSION = 3
 
 @dataclass(frozen=True)
 class Dome:
-    """A `lookdev.light.Light` by the files that the shader reads.
+    """A `lookdev.light.Light` by the files that the shader reads: of its radiance, and of the tables if it samples.
 
-    `width` and `height` are those of the map. A light that is never sampled by a shader has no file but that of its
-    radiance. It is sampled in proportion to the mean of the channels, a black dome uniformly.
+    `width` and `height` are those of the map. `sample` is in proportion to the mean of the channels, uniform if black.
     """
 
     kind: ClassVar[str] = "dome"
@@ -91,22 +88,18 @@ class Dome:
             "SIN_RADIUS": repr(math.sin(bins.RADIUS)),
         }
         lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
-        if not sampled:
-            return LightCode(lines, {"dome_radiance": self.radiance_file})
-        assert self.points_file is not None
-        assert self.slots_file is not None
-        assert self.bins_file is not None
-        return LightCode(
-            lines,
-            {"dome_radiance": self.radiance_file, "dome_points": self.points_file},
-            {"dome_slots": self.slots_file, "dome_bins": self.bins_file},
-        )
+        textures, arrays = {"dome_radiance": self.radiance_file}, {}
+        if sampled:
+            assert self.points_file and self.slots_file and self.bins_file  # noqa: PT018
+            textures["dome_points"] = self.points_file
+            arrays = {"dome_slots": self.slots_file, "dome_bins": self.bins_file}
+        return LightCode(lines, textures, arrays)
 
 
 def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:
     """Write the files of a map's dome light to the cache, unless they are there.
 
-    Without `sampled` the tables by which a shader draws directions are not made: NumPy and Cycles' world do without.
+    Without `sampled` the tables by which a shader draws directions are not made: NumPy and Cycles' world need none.
 
     Raises
     ------

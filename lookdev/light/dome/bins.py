@@ -1,9 +1,8 @@
 """Bins of shading normals, a few degrees wide: each has its own sampling distribution of a dome light (`slots`).
 
-Bins are cells of nearly equal width in rows of latitude of equal height; `lookdev/shaders/dome.osl.h` finds them in the
-same way. A bin weighs the light by its `widened` cosine, the largest cosine between a direction and the normals of a
-cone about the bin's axis. The cone contains the bin: wherever a normal of the bin has a positive cosine, the weight is
-positive.
+Bins are cells of nearly equal width in rows of latitude of equal height, as in `lookdev/shaders/dome.osl.h`. The weight
+of a direction is the bin's `widened` cosine, the largest one to the normals of a cone about the bin's axis. The cone
+contains the bin: wherever a normal of the bin has a positive cosine, the weight is positive.
 """
 
 from __future__ import annotations
@@ -30,22 +29,12 @@ COUNT = sum(CELLS)
 _MARGIN = 1e-3
 
 
-def _axes() -> Floats:
-    return np.array(
-        [
-            _direction(np.pi * (row + 0.5) / ROWS, 2.0 * np.pi * (cell + 0.5) / cells)
-            for row, cells in enumerate(CELLS)
-            for cell in range(cells)
-        ]
-    )
-
-
 def _direction(theta: float, phi: float) -> tuple[float, float, float]:
     return float(np.sin(theta) * np.cos(phi)), float(np.sin(theta) * np.sin(phi)), float(np.cos(theta))
 
 
 def _radius() -> float:
-    """Return the largest angle between a bin's axis and its corners, which are its farthest places."""
+    """Return the largest angle between a bin's axis and its corners, the points farthest from it."""
     farthest = 0.0
     for row, cells in enumerate(CELLS):
         axis = np.array(_direction(np.pi * (row + 0.5) / ROWS, np.pi / cells))
@@ -54,7 +43,8 @@ def _radius() -> float:
     return farthest
 
 
-AXES = _axes()
+_PLACES = [(row, cell) for row, cells in enumerate(CELLS) for cell in range(cells)]
+AXES = np.array([_direction(np.pi * (r + 0.5) / ROWS, 2.0 * np.pi * (c + 0.5) / CELLS[r]) for r, c in _PLACES])
 """Axis of each bin, (COUNT, 3), in the light's frame."""
 
 RADIUS = _radius() + _MARGIN

@@ -29,18 +29,16 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
 
 @dataclass(frozen=True)
 class Repairs:
-    """The number of texels that were repaired, by kind of damage; a texel may have several kinds."""
+    """The number of repaired texels, by kind of damage; a texel may have several kinds."""
 
     negative: int = 0
     nan: int = 0
     infinite: int = 0
 
     def __bool__(self) -> bool:
-        """Return whether anything was repaired."""
         return bool(self.negative or self.nan or self.infinite)
 
     def __str__(self) -> str:
-        """Return the text of a message: ``12 negative and 1 infinite texels repaired``."""
         kinds = (("negative", self.negative), ("NaN", self.nan), ("infinite", self.infinite))
         found = [f"{count} {kind}" for kind, count in kinds if count]
         return f"{' and '.join(found) or 'no'} texels repaired"
@@ -48,11 +46,7 @@ class Repairs:
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
-    """An image-based light.
-
-    `radiance` (H, W, 3) float32, row 0 at the top (zenith), linear Rec.709, finite and nowhere negative.
-    `digest` is the SHA-256 of that array, shape included.
-    """
+    """An image of radiance (H, W, 3), row 0 at the zenith, linear Rec.709, finite and not negative, and its digest."""
 
     name: str
     radiance: Floats
@@ -73,8 +67,7 @@ def load_environment(file: Path | None = None, builtin: str | None = None) -> En
     Raises
     ------
     EnvironmentMapError
-        The file is missing, no EXR or HDR image, or has no finite value; the name is unknown; bpy is not
-        installed.
+        The file is missing, no EXR or HDR image, or has no finite value; the name is unknown; bpy is not installed.
     """
     if file is not None and builtin is None:
         return make_environment(file.stem, _read(file), str(file))
@@ -119,12 +112,10 @@ def _read_exr(file: Path) -> Floats:
                 if not set(wanted) <= part.channels.keys() or "RY" in part.channels:
                     continue
                 if not np.array_equal(part.header["dataWindow"], part.header["displayWindow"]):
-                    raise EnvironmentMapError(
-                        f"{file}: the data window is not the display window; save the map uncropped"
-                    )
+                    raise EnvironmentMapError(f"{file}: data and display window differ; save the map uncropped")
                 pixels = [part.channels[name].pixels for name in wanted]
                 return np.asarray(np.stack(pixels, axis=-1), dtype=np.float32)
-    except (RuntimeError, ValueError) as error:  # what OpenEXR raises for anything it cannot read
+    except (RuntimeError, ValueError) as error:  # OpenEXR raises both for files that it cannot read
         raise EnvironmentMapError(f"{file}: not a readable EXR image: {error}") from error
     # OpenEXR drops a part whose pixels it cannot decode.
     found = f"channels {', '.join(names)}" if names else "no readable pixels"
@@ -148,12 +139,7 @@ def make_environment(name: str, pixels: ArrayLike, where: str = "") -> Environme
     """Make a map of radiance (H, W, 3), row 0 at the zenith, repaired.
 
     Negative values become 0, infinite ones the largest finite value of the map, and NaN the mean of the neighbours that
-    are not NaN, or 0; `EnvironmentMap.repairs` counts them.
-
-    Raises
-    ------
-    EnvironmentMapError
-        No value is finite; the message names the map by `where`, or by its name.
+    are not NaN, or 0. If no value is finite, an EnvironmentMapError names the map by `where`, or by its name.
     """
     radiance, repairs = _repair(np.asarray(pixels, np.float32), where or name)
     digest = hashlib.sha256(repr(radiance.shape).encode() + radiance.tobytes()).hexdigest()
@@ -174,7 +160,7 @@ def _repair(pixels: Floats, where: str) -> tuple[Floats, Repairs]:
 
 
 def _neighbour_mean(radiance: Floats, nan: NDArray[np.bool_]) -> Floats:
-    """Mean over the 3x3 texels around each, periodic in u and clamped in v, of those that are not NaN."""
+    """Return the mean of the 3 x 3 texels around each, periodic in u and clamped in v, without those that are NaN."""
 
     def around(values: NDArray[np.float64]) -> NDArray[np.float64]:
         columns = convolve1d(values, np.ones(3), axis=0, mode="nearest")

@@ -1,4 +1,4 @@
-"""The files of a dome light, written whole or not at all."""
+"""The files of a dome light, written atomically; an EnvironmentMapError reports a failure."""
 
 from __future__ import annotations
 
@@ -17,15 +17,10 @@ _TILE_SIDE = 4096
 
 
 def write_exr(path: Path, channels: str, values: NDArray[np.float32]) -> None:
-    """Write an image (H, W, C) as a tiled EXR.
+    """Write an image (H, W, C) as an EXR of a single tile.
 
-    OpenImageIO, by which Blender 4.5 evaluates texture(), cuts an image without tiles into tiles of 64 x 64. A thread
-    keeps two tiles at hand, and a change of the tile costs more than the look-up: an image is a single tile.
-
-    Raises
-    ------
-    EnvironmentMapError
-        The file cannot be written.
+    OpenImageIO, by which Blender 4.5 evaluates texture(), divides an image without tiles into tiles of 64 x 64. A
+    thread caches two tiles, and changing the tile costs more than the look-up.
     """
     planes = {name: np.ascontiguousarray(values[..., i], dtype=np.float32) for i, name in enumerate(channels)}
     tile = OpenEXR.TileDescription()
@@ -37,19 +32,12 @@ def write_exr(path: Path, channels: str, values: NDArray[np.float32]) -> None:
 
 
 def write_npy(path: Path, values: NDArray[np.int32] | NDArray[np.float32]) -> None:
-    """Write an array; an EnvironmentMapError if that fails."""
     with _writing(path) as temporary, temporary.open("wb") as file:
         np.save(file, values)
 
 
 def read_exr(path: Path, channels: str) -> NDArray[np.float32]:
-    """Read an image (H, W, C) back.
-
-    Raises
-    ------
-    EnvironmentMapError
-        The file is missing or broken.
-    """
+    """Read an image (H, W, C)."""
     try:
         with OpenEXR.File(str(path), separate_channels=True) as exr:
             return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)

@@ -28,23 +28,11 @@ SOBOL_SEED = 20120808
 
 
 def draw_points(table: Floats, warp: BilinearWarp, side: int) -> tuple[NDArray[np.float32], Floats]:
-    """Draw ``side^2`` points of a map.
+    """Draw ``side^2`` points, a power of two, of a map: the pixels (side^2, 4) of the file, and the unit directions.
 
-    Parameters
-    ----------
-    table : (H, W, 3)
-        Its radiance, row 0 at the zenith.
-    warp
-        Draws in proportion to the mean of the channels of `table`.
-    side
-        A power of two.
-
-    Returns
-    -------
-    (side^2, 4), (side^2, 3)
-        The pixels of the file, and the unit directions.
+    `table` (H, W, 3) is the radiance, row 0 at the zenith, and `warp` that of the mean of its channels.
     """
-    # A power of two of Sobol points has one in each cell of the grid.
+    # Of a power of two of Sobol points, one is in each cell of the grid.
     u = qmc.Sobol(2, scramble=True, rng=SOBOL_SEED).random(side * side)
     u = u[np.argsort(along_hilbert(np.floor(u * side).astype(np.int64), side))]
     places = warp.places(u)

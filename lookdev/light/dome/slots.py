@@ -1,13 +1,13 @@
-"""The slots of a dome light: for each bin of normals, ranges of the light's points that are drawn equally often.
+"""The slots of a dome light: for each bin of normals, ranges of the light's points of equal probability.
 
-A surface with normal n samples best in proportion to radiance times cosine. The points (`points`) are already in
-proportion to the radiance. For each bin of normals (`bins`) their curve is cut into M *slots*, ranges of points with
-nearly the same sum of g, the bin's widened cosine. A sample chooses a slot uniformly, then one of its points uniformly:
-the probability of a point is 1 / (M c), c being the number of points in its slot. A point that outweighs a slot fills
+For a diffuse surface, the best pdf is in proportion to radiance times cosine. The points (`points`) are in proportion
+to the radiance. For each bin of normals (`bins`) their curve is cut into M *slots*, ranges of points with nearly the
+same sum of g, the bin's widened cosine. A sample chooses a slot uniformly, then one of its points uniformly: the
+probability p of a point is 1 / (M c), c being the number of points in its slot. A point that outweighs a slot fills
 several.
 
 That is nearly the pdf q = m g / integral, which needs no table, m being the mean of the channels of the radiance. q
-enters the weight of multiple importance sampling; the remaining factor q / p = g M c / sum(g) is close to 1.
+enters the weight of multiple importance sampling; the ratio q / p = g M c / sum(g), close to 1, corrects it to p.
 
 ``*.slots.npy``: slot n of bin b is integer b M + n, `packed`.
 ``*.bins.npy``: two numbers for each bin, 1 / integral, 0 where no light reaches it, and M / sum(g).
@@ -27,21 +27,21 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SLOTS = 2**12
-"""Of each bin, M."""
+"""Slots of each bin, M."""
 
 MOST_POINTS = 3583
 """The largest count of a slot that `packed` has a code for."""
 
 CODE_BITS = 12
-"""Of a packed slot; above them is its first point."""
+"""Bits of the code in a packed slot; the bits above are its first point."""
 
 _MOST_TIMES = 2**CODE_BITS - MOST_POINTS
-# A point counts for at least the sum of a slot over this, so that no slot has more than `MOST_POINTS`.
+# The weight of a point is at least the sum of a slot over this, so that no slot has more than `MOST_POINTS`.
 _FEW_POINTS = 2300
 
 
 def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Cut the curve of the points into the slots of each bin.
+    """Cut the curve of the points into the slots of each bin: the content (COUNT, M), (COUNT, 2) of the two files.
 
     Parameters
     ----------
@@ -49,11 +49,6 @@ def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDAr
         The directions of the points. N is at most 387 M, so that no slot has more than `MOST_POINTS`.
     integral
         Over the sphere, of the mean of the channels of the radiance.
-
-    Returns
-    -------
-    (COUNT, M), (COUNT, 2)
-        The content of the two files. Bins that no light reaches have empty slots.
     """
     slots, numbers = np.zeros((bins.COUNT, SLOTS), np.int32), np.zeros((bins.COUNT, 2), np.float32)
     # In float32, as in the shader: g is only a weight.
@@ -77,8 +72,7 @@ def packed(first: Ints, count: Ints, times: Ints) -> NDArray[np.int32]:
     """Pack ranges of `cut` into integers: 20 bits of the first point, 12 of a code.
 
     A code up to `MOST_POINTS` is the count of points; a greater one is a single point that fills
-    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot: a point that would fill more slots than there are codes for
-    leaves the rest of them empty.
+    ``code - MOST_POINTS + 1`` slots. 0 is an empty slot, such as those of a point that fill more than the largest code.
     """
     # Slots of one point are consecutive.
     place = np.arange(len(first)) - np.searchsorted(first, first)
@@ -113,9 +107,9 @@ def cut(values: Floats | NDArray[np.float32], number: int, least: float = 0.0) -
     within = np.arange(number) - np.repeat(np.cumsum(shares) - shares, shares)
     wanted = before[stretch] + mass[stretch] * within / shares[stretch]
     first = np.clip(np.searchsorted(reached, wanted, side="right"), begin[stretch], end[stretch] - 1)
-    # A value may be too small to change the sum.
+    # A value can be too small to change the sum.
     first = np.where(within == 0, begin[stretch], first)
-    # A value that outweighs a range fills several: all that begin with it, but the last if other values follow in that.
+    # A value that outweighs a range fills all ranges that begin with it, but the last if other values follow in that.
     starts, group, times = np.unique(first, return_inverse=True, return_counts=True)
     times = times[group]
     count = np.minimum(np.append(starts[1:], len(values))[group], end[stretch]) - first

@@ -1,4 +1,4 @@
-"""Directions in proportion to the bilinear look-up of a map over the sphere, by exact inversion."""
+"""Bilinear look-ups of a lat-long map, and directions drawn in proportion to them, by exact inversion."""
 
 from __future__ import annotations
 
@@ -10,24 +10,15 @@ from lookdev.light.mapping import direction_to_uv, uv_to_direction
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_NEWTON = 3  # steps: the start neglects the curvature of the sine over a row, each step squares the relative error
+_NEWTON = 3  # steps: the first guess neglects the curvature of the sine over a row, a step squares the relative error
 
 
 class BilinearWarp:
     """Map from the unit square to the lat-long square: uniform points become directions with a given pdf.
 
-    Over solid angle the pdf is the bilinear look-up (see `lookup`) of a map, over its `integral`. The cumulative
-    distribution, which contains the cosine of the latitude, is inverted over the rows first, then along a row.
-
-    Parameters
-    ----------
-    values : (H, W)
-        Not negative, row 0 at the zenith. A map of zeros counts as one of ones: its pdf is uniform.
-
-    Attributes
-    ----------
-    integral
-        Of the look-up over the sphere, in units of the values times steradians.
+    Over solid angle the pdf is the `lookup` of a map (H, W), not negative, over its `integral` over the sphere. A map
+    of zeros has a uniform pdf. The cumulative distribution, which contains the cosine of the latitude, is inverted over
+    the rows first, then along a row.
     """
 
     def __init__(self, values: Floats) -> None:
@@ -117,17 +108,7 @@ def place_directions(places: Floats) -> Floats:
 
 
 def lookup(table: ArrayLike, uv: ArrayLike) -> Floats:
-    """Look up a lat-long table bilinearly, periodic in u and clamped in v.
-
-    Parameters
-    ----------
-    table : (H, W, C), row 0 at v = 1.
-    uv : (..., 2).
-
-    Returns
-    -------
-    (..., C) float64.
-    """
+    """Look up a lat-long table (H, W, C), row 0 at v = 1, at uv (..., 2) bilinearly, periodic in u and clamped in v."""
     table = np.asarray(table)
     height, width = table.shape[:2]
     u, v = np.moveaxis(np.asarray(uv, dtype=np.float64), -1, 0)

@@ -1,0 +1,93 @@
+"""The shader that evaluates a stack of layers at listed points, whose numbers it reads from a table."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf import MODELS, Mode, StackLayer, stack_bsdf
+from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
+from lookdev.codegen.osl.surface import expand_template
+from lookdev.codegen.source import ShaderSource
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WI, WO, present_lobes
+from lookdev.codegen.trace.symbolic import symbol, symbols
+
+
+@dataclass(frozen=True)
+class PointLayer:
+    """The part of a layer at listed points that its code depends on.
+
+    `constants` has the numbers that are the same at every point: they fold as in the shader of a look. All others are
+    read from a table.
+    """
+
+    model: str
+    tokens: Mapping[str, str]
+    mode: Mode = "over"
+    constants: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
+        numbers = [parameter for parameter in MODELS[self.model].parameters.values() if parameter.kind != "token"]
+        return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
+
+
+def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
+    """Generate the shader of a stack of layers, or of some of its lobes.
+
+    A row of its table has `point_columns`, in `point_cells` texels of three channels.
+    """
+    graph = Graph()
+    stack = []
+    for number, layer in enumerate(layers):
+        values: dict[str, Any] = dict(layer.tokens)
+        for name, shape in layer.shapes().items():
+            if name in layer.constants:
+                values[name] = np.asarray(layer.constants[name], dtype=np.float64)
+            else:
+                names = _columns(number, name, shape)
+                values[name] = symbols(graph, names) if shape else symbol(graph, *names)
+        mask = values.pop("mask")
+        stack.append(StackLayer(layer.model, values, mask, layer.mode))
+    bsdf = stack_bsdf(stack)
+    kept = [lobe for lobe in present_lobes(graph, bsdf) if lobes is None or lobe.name in lobes]
+    code = emit_brdf(trace_lobes(graph, kept))
+    columns = point_columns(layers)
+    rows = [f"    float {name} = 0;" for name in columns]
+    for index in range(0, len(columns), 3):
+        rows.append(f"    cell = points_cell(points_file, {index // 3}, number);")
+        rows += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
+    constants = [
+        f"#define POINT_CELLS {point_cells(layers)}",
+        f"#define TRANSMITS {int(code.transmits)}",
+        f"#define TWO_SIDED {int(bsdf.two_sided)}",
+    ]
+    osl = expand_template("points.osl", {"constants": constants, "columns": rows, **code.sections})
+    return ShaderSource("points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest(), code.transmits)
+
+
+def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:
+    """Return the columns of a table of points: wo, wi, then the mask and inputs of each layer but its constants."""
+    columns = [*WO, *WI]
+    for number, layer in enumerate(layers):
+        for name, shape in layer.shapes().items():
+            if name not in layer.constants:
+                columns += _columns(number, name, shape)
+    return tuple(columns)
+
+
+def point_cells(layers: Sequence[PointLayer]) -> int:
+    """Return the number of texels of three channels in a row of a table of points.
+
+    A power of two: then texel centres are exact in float32, and a look-up that always interpolates returns the texel.
+    """
+    return 1 << (-(-len(point_columns(layers)) // 3) - 1).bit_length()
+
+
+def _columns(layer: int, name: str, shape: tuple[int, ...]) -> list[str]:
+    return [f"layer{layer}_{name}_{i}" for i in range(3)] if shape else [f"layer{layer}_{name}"]

@@ -1,0 +1,93 @@
+"""Analytic shapes, the built-in assets of the same names, as scenes of the reference renderer, each of one BSDF.
+
+A place is a point of the surface, known exactly, so that no tolerance decides whether a surface shades itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf import Bsdf
+
+Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Shape:
+    """The part of a `lookdev.reference.render.Scene` that shapes share."""
+
+    bsdf: Bsdf | None = field(default=None, kw_only=True)
+
+    def points(self, place: Floats) -> Floats:
+        return place
+
+    def bsdfs(self, place: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
+        assert self.bsdf is not None
+        yield np.arange(len(place)), self.bsdf
+
+
+@dataclass(frozen=True)
+class Sphere(Shape):
+    """The built-in ``sphere``, a closed thin shell: u runs around z, counter-clockwise from above."""
+
+    center: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    radius: float = 1.0
+
+    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+        """See `Scene.hit`; `origin` is outside."""
+        start = origin - np.array(self.center)
+        b = ray @ start
+        discriminant = b * b - (start @ start - self.radius**2)
+        hit = (discriminant > 0.0) & (b < 0.0)
+        distance = -b - np.sqrt(np.where(hit, discriminant, 0.0))
+        return hit, origin + distance[:, None] * ray
+
+    def onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
+        cosine = _dot(self._outward(place), direction)
+        return cosine[:, 0] < 0.0, place - 2.0 * self.radius * cosine * direction
+
+    def frame(self, place: Floats, wo: Floats) -> tuple[Floats, Floats]:
+        normal = self._outward(place)
+        azimuth = np.arctan2(normal[:, 1], normal[:, 0])
+        tangent = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], axis=-1)
+        return _facing(tangent, normal, wo)
+
+    def _outward(self, place: Floats) -> Floats:
+        normal = place - np.array(self.center)
+        # Not divided by the radius: rounding would grow from bounce to bounce.
+        return np.asarray(normal / np.linalg.norm(normal, axis=-1, keepdims=True))
+
+
+@dataclass(frozen=True)
+class Plane(Shape):
+    """The built-in ``plane``: a thin square card about the origin, 2 m wide, front along -y, u along +x."""
+
+    def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Floats]:
+        """See `Scene.hit`; a ray along the card misses it."""
+        ahead = origin[1] * ray[:, 1] < 0.0
+        distance = -origin[1] / np.where(ahead, ray[:, 1], 1.0)
+        point = (origin + distance[:, None] * ray) * (1.0, 0.0, 1.0)
+        return ahead & (np.abs(point) < 1.0).all(axis=-1), point
+
+    def onward(self, place: Floats, direction: Floats) -> tuple[Mask, Floats]:
+        return np.zeros(len(direction), np.bool_), place
+
+    def frame(self, place: Floats, wo: Floats) -> tuple[Floats, Floats]:
+        tangent, normal = (np.broadcast_to(np.array(axis), place.shape) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
+        return _facing(tangent, normal, wo)
+
+
+def _facing(tangent: Floats, normal: Floats, wo: Floats) -> tuple[Floats, Floats]:
+    frame = np.stack([tangent, np.cross(normal, tangent), normal], axis=1)
+    frame = np.where(_dot(normal, wo)[..., None] < 0.0, -frame, frame)
+    return frame, frame[:, 2]
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Return the dot product over the last axis, kept as an axis of length 1."""
+    return np.asarray(np.einsum("ni,ni->n", a, b)[:, None])
