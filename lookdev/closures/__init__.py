@@ -1,7 +1,6 @@
-"""Stand-ins: which of Cycles' own closures stand for a lobe where no other can be had, by model and lobe.
+"""Stand-ins: the closures of Cycles that approximate a lobe where only closures can be used, by model and lobe.
 
-Adding stand-ins for a lobe is one entry of `STAND_INS`. What depends on the light is fitted: ``python -m
-lookdev.closures.fitting`` makes the table of fits.
+``python -m lookdev.closures.fitting`` makes the table of fits.
 """
 
 from __future__ import annotations
@@ -22,24 +21,14 @@ STAND_INS: dict[tuple[str, str], StandIn] = {
     ("disney", "diffuse"): disney.diffuse,
     ("disney", "specular"): disney.specular,
     ("disney", "clearcoat"): disney.clearcoat,
-    ("pixar", "diffuse"): pixar.diffuse,
-    ("pixar", "specular"): pixar.highlight,
-    ("pixar", "reflection"): pixar.highlight,
-    ("pixar", "diffuseTransmission"): pixar.diffuse,
-    ("pixar", "specularTransmission"): pixar.highlight,
-    ("pixar", "refraction"): pixar.highlight,
+    **{("pixar", name): pixar.diffuse for name in ("diffuse", "diffuseTransmission")},
+    **{("pixar", name): pixar.highlight for name in ("specular", "reflection", "specularTransmission", "refraction")},
 }
 """By the names of a model and of a lobe."""
 
 
 def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return what stands for a lobe as seen from `wo`, (..., 3).
-
-    Raises
-    ------
-    CodegenError
-        Nothing stands for it.
-    """
+    """Return the closures that stand for a lobe seen from `wo`, (..., 3); a lobe without any raises CodegenError."""
     stand_in = STAND_INS.get((lobe.model, lobe.name))
     if stand_in is None:
         raise CodegenError(
@@ -49,4 +38,4 @@ def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return tuple(replace(closure, weight=scale(closure.weight, lobe.weight)) for closure in stand_in(lobe, wo))
 
 
-__all__ = ["STAND_INS", "Closure", "Kind", "StandIn", "closure_cosine", "lobe_closures"]
+__all__ = ["STAND_INS", "Closure", "Kind", "closure_cosine", "lobe_closures"]

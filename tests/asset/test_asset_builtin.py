@@ -75,8 +75,7 @@ def test_the_sphere_is_exact():
     u, v = mesh.uvs["st"].T
     latitude, longitude = np.pi * (v - 0.5), 2.0 * np.pi * u
     expected = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)],
-        axis=-1,
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
     )
     np.testing.assert_allclose(positions, expected, atol=1e-6)  # u in float32, times 2 pi
     around = np.stack([-np.sin(longitude), np.cos(longitude), 0 * longitude], axis=-1)

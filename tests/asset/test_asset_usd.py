@@ -11,32 +11,7 @@ from lookdev.asset.normals import area_vectors
 from lookdev.errors import AssetError
 
 CUBE_POINTS = [(x, y, z) for x, y, z in itertools.product((-1.0, 1.0), repeat=3)]
-CUBE_FACES = [
-    0,
-    1,
-    3,
-    2,
-    4,
-    6,
-    7,
-    5,
-    0,
-    4,
-    5,
-    1,
-    2,
-    3,
-    7,
-    6,
-    0,
-    2,
-    6,
-    4,
-    1,
-    5,
-    7,
-    3,
-]  # counter-clockwise outside
+CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]  # counter-clockwise outside
 TYPES = Sdf.ValueTypeNames
 
 
@@ -362,14 +337,8 @@ def test_instancers_nest(file):
         (lambda i: i.GetPositionsAttr().Set([(0, 0, 0)]), "has 1 positions, but 4 protoIndices"),
         (lambda i: i.GetScalesAttr().Set([(1, 1, 1)] * 3), "has 3 scales, but 4 protoIndices"),
         (lambda i: i.GetProtoIndicesAttr().Set([0, 1, 2, 0]), r"protoIndices must lie in 0\.\.1"),
-        (
-            lambda i: i.GetPrototypesRel().SetTargets(["/None", "/Library/Group"]),
-            "prototype /None is not there",
-        ),
-        (
-            lambda i: i.GetPrototypesRel().SetTargets(["/World", "/Library/Group"]),
-            "holds the instancer itself",
-        ),
+        (lambda i: i.GetPrototypesRel().SetTargets(["/None", "/Library/Group"]), "prototype /None is not there"),
+        (lambda i: i.GetPrototypesRel().SetTargets(["/World", "/Library/Group"]), "holds the instancer itself"),
     ],
 )
 def test_faults_of_an_instancer_are_located(file, spoil, message):
@@ -402,19 +371,13 @@ def test_animation_is_taken_at_its_start(file):
 @pytest.mark.parametrize(
     ("spoil", "message"),
     [
-        (lambda m: m.GetFaceVertexCountsAttr().Set([4] * 5), "ask for 20 corners, faceVertexIndices has 24"),
-        (lambda m: m.GetFaceVertexCountsAttr().Set([28, -4]), "ask for 24 corners"),
-        (
-            lambda m: m.GetFaceVertexIndicesAttr().Set([8, *CUBE_FACES[1:]]),
-            r"\[0\] is 8, but there are 8 points",
-        ),
+        (lambda m: m.GetFaceVertexCountsAttr().Set([4] * 5), "add up to 20 corners, faceVertexIndices has 24"),
+        (lambda m: m.GetFaceVertexCountsAttr().Set([28, -4]), "add up to 24 corners"),
+        (lambda m: m.GetFaceVertexIndicesAttr().Set([8, *CUBE_FACES[1:]]), r"\[0\] is 8, but there are 8 points"),
         (lambda m: m.GetFaceVertexIndicesAttr().Set([0, -1, *CUBE_FACES[2:]]), r"\[1\] is -1"),
         (lambda m: m.GetHoleIndicesAttr().Set([6]), r"holeIndices\[0\] is 6, but there are 6 faces"),
         (lambda m: m.GetPointsAttr().Set([*CUBE_POINTS[:-1], (0, np.nan, 0)]), r"points\[7\] is not finite"),
-        (
-            lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7),
-            "normals has 7 values; interpolation 'vertex' needs 8",
-        ),
+        (lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7), "normals has 7 values; interpolation 'vertex' needs 8"),
         (
             lambda m: primvar(m, "st", TYPES.TexCoord2fArray, "faceVarying", [(0, 0)] * 8),
             "primvars:st has 8 values; interpolation 'faceVarying' needs 24",

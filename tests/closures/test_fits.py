@@ -70,7 +70,7 @@ def goals() -> dict[str, Goal]:
         cones=FULL.cones[::4],
         bends=FULL.bends[[1, 3]],
     )
-    made = make_fits(table()["shapes"], few, lambda name, *_: fit(name))
+    made = make_fits(table()["shapes"], few, known=fit)
     return {name: goal for name, (_, goal) in made.items()}
 
 
@@ -92,10 +92,7 @@ def test_every_fit_is_within_a_hundredth() -> None:
     assert {name: value for name, value in largest.items() if value > 0.01} == {}
 
 
-@pytest.mark.parametrize(
-    ("name", "setups"),
-    [("clearcoat", coat_setups), ("highlight", highlight_setups)],
-)
+@pytest.mark.parametrize(("name", "setups"), [("clearcoat", coat_setups), ("highlight", highlight_setups)])
 def test_lobes_have_the_shapes_that_the_table_tells(
     name: str, setups: Callable[[Mapping[str, Any], Grid], list[Setup]]
 ) -> None:
