@@ -25,9 +25,9 @@ def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
 def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     """Estimate the relMSE of ``(a + b) / 2`` from two independent renders of equal cost.
 
-    The variance of the mean is estimated by ``((a - b) / 2)^2``. For the unknown reference in the denominator stands
+    The variance of the mean is estimated by ``((a - b) / 2)^2``. In place of the unknown reference, the denominator has
     the ninther of the 3 x 3 neighbours' colours times the pixel's own coverage, since the pixel itself would hide a
-    bright outlier; or the darker half where that is brighter, since a fine highlight is in both.
+    bright outlier, or the darker half where that is brighter, since a fine highlight is in both.
 
     a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
     """

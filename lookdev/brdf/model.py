@@ -113,9 +113,8 @@ class Model:
         """
         for name in given:
             if name not in self.parameters:
-                raise ModelError(
-                    f"{self.name}: unknown parameter '{name}' ({nearest_hint(name, list(self.parameters))})"
-                )
+                hint = nearest_hint(name, list(self.parameters))
+                raise ModelError(f"{self.name}: unknown parameter '{name}' ({hint})")
         return {
             name: _checked(self.name, parameter, given.get(name, parameter.default))
             for name, parameter in self.parameters.items()
@@ -126,10 +125,8 @@ def _blended(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
     if parameter.kind != "token":
         return mix(below, above, mask if parameter.kind == "float" else np.expand_dims(mask, -1))
     if below != above:
-        raise ModelError(
-            f"layers disagree on '{parameter.name}': '{below}' below, '{above}' above; all layers of a stack must use "
-            "the same"
-        )
+        values = f"'{below}' below, '{above}' above"
+        raise ModelError(f"layers disagree on '{parameter.name}': {values}; all layers of a stack must use the same")
     return below
 
 

@@ -117,8 +117,8 @@ def oren_nayar_g(cos_theta: Array) -> Array:
     sin_theta = np.sqrt(np.maximum(1.0 - cos_theta * cos_theta, 0.0))
     tan = sin_theta / np.maximum(cos_theta, 1e-6)
     theta = np.arctan2(sin_theta, cos_theta)
-    rest = 2.0 / 3.0 * tan * (1.0 - sin_theta**3)
-    return sin_theta * (theta - 2.0 / 3.0 - sin_theta * cos_theta) + rest  # type: ignore[no-any-return]
+    g: Array = sin_theta * (theta - 2.0 / 3.0 - sin_theta * cos_theta) + 2.0 / 3.0 * tan * (1.0 - sin_theta**3)
+    return g
 
 
 def _microfacets(closure: Closure, wo: Array, wi: Array) -> Array:

@@ -22,7 +22,7 @@ from lookdev.closures.fits import fit, shape
 
 
 def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for the diffuse lobe: by sheen, by the subsurface term where it has a share, and by Oren and Nayar's.
+    """Return closures for the diffuse lobe: sheen, the subsurface term where it has a share, and Oren and Nayar's.
 
     The shape of sheen is exact but for a factor 1 / (cos_theta_i + cos_theta_o).
     """
@@ -54,7 +54,7 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
 
 
 def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Stand for diffuse light of a directional albedo (..., 3) and a retroreflection that grows with `retro`, (...)."""
+    """Return a closure of a directional albedo (..., 3) and a retroreflection that grows with `retro`, (...)."""
     if same(retro, 0.0):
         return Closure("diffuse", reflected, frame=frame)
     sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
@@ -70,7 +70,7 @@ def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Fram
 # nearly that of the view alone. Its directional albedo is 1 - cos_theta ln(1 + 1 / cos_theta); that of the whole term
 # is quadratic in roughness.
 def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
-    """Stand for the subsurface term of a `color`, (..., 3): GGX of alpha 1, and Lambert where Fss is below 1."""
+    """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""
     # The mean of cos^2 theta_d is about 1/2.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
     wide, even = 2.5 * fss, 0.625 * (1.0 - fss)
@@ -84,7 +84,7 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for the specular lobe: a metal and GGX with its alphas."""
+    """Return closures for the specular lobe: a metal and GGX with its alphas."""
     p, wo = lobe.values, lobe.frame.to_local(wo)
     alphas, variant, cos_theta = (p["alpha_x"], p["alpha_y"]), p["variant"], wo[..., 2]
     seen = SeenAlphas(alphas[0], alphas[0], 1.0)
@@ -149,7 +149,7 @@ def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, floa
 
 
 def clearcoat(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for the clearcoat lobe: GTR1 as three GGX lobes."""
+    """Return closures for the clearcoat lobe: GTR1 as three GGX lobes."""
     weight, alpha, frame = lobe.values["weight"], lobe.values["alpha"], lobe.frame
     ratio = weight * fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
     return tuple(

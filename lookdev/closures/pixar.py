@@ -27,14 +27,14 @@ _LARGEST_RATIO = 1.25
 
 
 def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for a diffuse lobe; its directional albedo, the same for all views, is exact."""
+    """Return closures for a diffuse lobe; its directional albedo, the same for all views, is exact."""
     # The cosine-weighted mean of (1 - cos)^5 is 1/21.
     weight = lobe.values["at_normal"] * (20.0 / 21.0) + lobe.values["at_grazing"] * (1.0 / 21.0)
     return (Closure("translucent" if lobe.transmits else "diffuse", weight, frame=lobe.frame),)
 
 
 def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for a highlight, reflected or transmitted."""
+    """Return closures for a highlight, reflected or transmitted."""
     p = lobe.values
     # `view` is refracted where the lobe transmits.
     local, view = lobe.frame.to_local(wo), p["view"]

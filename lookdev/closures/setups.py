@@ -120,8 +120,7 @@ def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL)
     """Return setups of Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
     setups = []
     for angle in grid.angles:
-        wo = view_at(angle)
-        view = wo
+        wo = view = view_at(angle)
         if bend is not None:
             x = wo[0] / (1.0 + bend)
             view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if bend else wo

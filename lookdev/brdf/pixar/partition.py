@@ -218,7 +218,8 @@ def _refracted(wo: Array, bend: Real) -> Array:
 # Smits, "Specular": exp(-power sin^2 cone) = 0.1.
 def _power(cone: Real) -> Array:
     sine = _sin_degrees(cone)
-    return np.log(10.0) / (sine * sine)  # type: ignore[no-any-return]
+    power: Array = np.log(10.0) / (sine * sine)
+    return power
 
 
 def _sin_degrees(angle: Real) -> Array:
