@@ -1,4 +1,4 @@
-"""How wrong a frame is: relMSE, against a reference or from two independent halves."""
+"""The error of a frame: relMSE, against a reference or from two independent halves."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from scipy.ndimage import find_objects, uniform_filter
 Floats = NDArray[np.float32] | NDArray[np.float64]
 
 EPSILON = 0.01
-"""Added to the squared reference: what counts as black in the relative error."""
+"""Added to the squared reference, which bounds the relative error of dark pixels."""
 
 
 def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
@@ -25,9 +25,9 @@ def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
 def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     """Estimate the relMSE of ``(a + b) / 2`` from two independent renders of equal cost.
 
-    The variance of the mean is estimated by ``((a - b) / 2)^2``. The reference in the denominator is not known, and
-    the pixel itself would let a bright outlier excuse itself: the ninther of the 3 x 3 neighbours' colours, times the
-    pixel's own coverage, stands for it, or the darker half where that is brighter: a fine highlight is in both.
+    The variance of the mean is estimated by ``((a - b) / 2)^2``. In place of the unknown reference, the denominator has
+    the ninther of the 3 x 3 neighbours' colours times the pixel's own coverage, since the pixel itself would hide a
+    bright outlier, or the darker half where that is brighter, since a fine highlight is in both.
 
     a, b : (H, W, 3), premultiplied; alpha : (H, W), pixels with alpha > 0 count. 0 if there is none.
     """
@@ -38,7 +38,7 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     a, b, alpha = a[window].astype(np.float64), b[window].astype(np.float64), alpha[window].astype(np.float64)
     covered = alpha > 0
     color = (a + b) / 2 / np.where(covered, alpha, 1.0)[..., None]
-    # What is not covered takes the mean colour of what is nearby, so that a silhouette has neighbours on both sides.
+    # Pixels off the asset take the mean colour of covered neighbours, so that a silhouette is not beside black.
     weight = uniform_filter(covered.astype(np.float64), 3, mode="constant")[..., None]
     nearby = uniform_filter(color * covered[..., None], (3, 3, 1), mode="constant") / np.where(weight > 0, weight, 1.0)
     typical = _ninther(np.where(covered[..., None], color, nearby)) * alpha[..., None]
@@ -47,9 +47,7 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
 
 
 def _ninther(image: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the median of the medians of three rows around each pixel (Tukey 1978): robust, and ten times as fast
-    as the median of nine.
-    """
+    """Return the median of the medians of three rows around each pixel (Tukey 1978), a tenth of a median's time."""
     for axis in (0, 1):
         padded = np.pad(image, [(1, 1) if axis == k else (0, 0) for k in range(image.ndim)], mode="edge")
         size = image.shape[axis]

@@ -1,8 +1,7 @@
 """What is turned: geometry as arrays, from USD or built in.
 
-`mesh` says what an asset is; `usd` and `usd_mesh` read one from a file, `builtin` makes one (`revolve`,
-`shaderball`); `normals`, `tangents` and `bounds` work out what a file leaves unsaid; `store` gives an asset
-its digest and keeps it in the cache for the render worker.
+`mesh` defines an asset; `usd` and `usd_mesh` read one from a file, `builtin` makes one (`revolve`, `shaderball`);
+`normals`, `tangents` and `bounds` compute what a file lacks; `store` has its digest and its file in the cache.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | 
     Raises
     ------
     AssetError
-        Where not exactly one of `usd` and `builtin` is given, the name is unknown, or the file has a fault.
+        Not exactly one of `usd` and `builtin` is given, the name is unknown, or the file has a fault.
     """
     if (usd is None) == (builtin is None):
         raise AssetError(f"an asset is either a USD file or a built-in, got usd={usd} and builtin={builtin}")

@@ -1,4 +1,4 @@
-"""The smallest sphere around an asset: what the camera frames, so that a turntable never pumps."""
+"""The smallest sphere around an asset, which the camera frames, so that its size is constant over a turntable."""
 
 from __future__ import annotations
 
@@ -16,16 +16,15 @@ _TOLERANCE = 1e-7
 
 
 class _Cloud:
-    """All points of all instances, searched for the farthest one without visiting every instance."""
+    """All points of all instances; the search for the farthest one skips instances by their bounds."""
 
     def __init__(self, meshes: Sequence[Mesh], instances: Sequence[Instance]) -> None:
         self._points: list[Floats] = [meshes[instance.mesh].points for instance in instances]
-        boxes = [(mesh.points.min(axis=0), mesh.points.max(axis=0)) for mesh in meshes]
-        middles = [0.5 * (np.float64(low) + np.float64(high)) for low, high in boxes]
-        radii = [0.5 * float(np.linalg.norm(np.float64(high) - np.float64(low))) for low, high in boxes]
+        boxes = [_box(mesh) for mesh in meshes]
+        radii = [0.5 * float(np.linalg.norm(np.ptp(box, axis=0))) for box in boxes]
         self._linear = np.stack([instance.matrix[:3, :3] for instance in instances])
         self._offset = np.stack([instance.matrix[:3, 3] for instance in instances])
-        local = np.stack([middles[instance.mesh] for instance in instances])
+        local = np.stack([boxes[instance.mesh].mean(axis=0) for instance in instances])
         self.centers = np.einsum("kij,kj->ki", self._linear, local) + self._offset
         stretch = np.linalg.norm(self._linear, ord=2, axis=(1, 2))
         self._reach = stretch * np.array([radii[instance.mesh] for instance in instances])
@@ -48,9 +47,9 @@ class _Cloud:
 def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tuple[tuple[float, float, float], float]:
     """Return centre and radius, in metres, of the smallest sphere around all instanced points.
 
-    Starts with one point and adds the farthest point to the support again and again (Gärtner, "Fast and
-    Robust Smallest Enclosing Balls", 1999). The centre is rounded to a millionth of the radius, so that it
-    does not depend on the machine's linear algebra; the radius is exact for it: every point is inside.
+    Starts with one point and repeatedly adds the farthest point to the support (Gärtner, "Fast and Robust Smallest
+    Enclosing Balls", 1999). The centre is rounded to a millionth of the radius, so that it does not depend on the
+    machine's linear algebra; the radius is that of all points about the rounded centre.
     """
     cloud = _Cloud(meshes, instances)
     support, _ = cloud.farthest(cloud.centers.mean(axis=0))
@@ -67,14 +66,11 @@ def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tu
 
 
 def about_origin(asset: Asset) -> Asset:
-    """Return the asset moved so that its bounding sphere lies about the origin, and each mesh about its own.
+    """Return the asset moved so that its bounding sphere is about the origin, and each mesh about its own.
 
-    In float32, a metre that lies 100 km away is 128 steps long; a renderer that computes in it wants to be near.
-    The digest stays that of the asset as it was.
+    In float32, a metre at a distance of 100 km has 128 steps. The digest remains that of the asset before.
     """
-    middles = [
-        0.5 * (np.float64(mesh.points.min(axis=0)) + np.float64(mesh.points.max(axis=0))) for mesh in asset.meshes
-    ]
+    middles = [_box(mesh).mean(axis=0) for mesh in asset.meshes]
     meshes = [
         replace(mesh, points=(mesh.points - middle).astype(np.float32))
         for mesh, middle in zip(asset.meshes, middles, strict=True)
@@ -87,10 +83,15 @@ def about_origin(asset: Asset) -> Asset:
     return replace(asset, meshes=tuple(meshes), instances=tuple(instances), center=(0.0, 0.0, 0.0))
 
 
+def _box(mesh: Mesh) -> Doubles:
+    """Return the least and the greatest coordinates of a mesh's points, (2, 3)."""
+    return np.asarray([mesh.points.min(axis=0), mesh.points.max(axis=0)], np.float64)
+
+
 def _smallest_ball(support: Doubles, outside: Doubles) -> tuple[Doubles, Doubles, float]:
     """Return support (at most 4 points), centre and radius of the smallest ball of `support` and `outside`.
 
-    The point outside the old ball lies on the new one: its support is that point and up to three old ones.
+    The point outside the old ball is on the new one: the support is that point and up to three old ones.
     """
     points = np.vstack([support, outside])
     best: tuple[Doubles, Doubles, float] | None = None

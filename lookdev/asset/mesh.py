@@ -1,7 +1,7 @@
-"""Geometry as plain arrays, ready for any renderer.
+"""Geometry as plain arrays.
 
-World space is right-handed, z up, in metres. Everything that varies over the surface is stored per face corner
-(the loops of a polygon mesh), so that no interpolation rule is left to the renderer.
+World space is right-handed, z up, in metres. Everything that varies over the surface is stored per face corner (the
+loops of a polygon mesh), so that a renderer needs no interpolation rule.
 """
 
 from __future__ import annotations
@@ -20,10 +20,9 @@ class Mesh:
     """One polygon mesh in its own object space.
 
     points (n, 3) metres; corner_points (m,) index into points; face_sizes (f,) corners of each face, at least 3;
-    face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side that the winding
-    (counter-clockwise seen from outside) says; tangents (m, 3) unit, along increasing u of the first UV set,
-    orthogonal to the normal; uvs: UV set name to (m, 2), never empty, (0, 0) lower left; primvars: name to (m,)
-    or (m, 3).
+    face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side from which the winding
+    is counter-clockwise; tangents (m, 3) unit, along increasing u of the first UV set, orthogonal to the normal; uvs:
+    UV set name to (m, 2), never empty, (0, 0) lower left; primvars: name to (m,) or (m, 3).
     """
 
     name: str
@@ -60,11 +59,10 @@ class Slot:
 class Asset:
     """What is turned. `center` and `radius` are the bounding sphere in world space, in metres.
 
-    `convex` is True only where light that the surface reflects never meets it again, `sheet` only where light
-    that it transmits does not either: a closed surface meets that from inside, a flat card never. Both leave out
-    indirect light that is not there.
-    `revolved` is True only where turning it about the vertical through `center` moves it, slots included, onto itself.
-    `digest` is the SHA-256 over all arrays and placements.
+    `convex` is True only where reflected light never meets the surface again, `sheet` only where transmitted light does
+    not either, as with a flat card; such an asset has no indirect light. `revolved` is True only where turning about
+    the vertical through `center` moves it, slots included, onto itself. `digest` is the SHA-256 over all arrays and
+    placements.
     """
 
     name: str

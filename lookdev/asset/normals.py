@@ -18,7 +18,7 @@ def face_starts(face_sizes: Ints) -> NDArray[np.intp]:
 
 
 def next_corners(face_sizes: Ints) -> NDArray[np.intp]:
-    """Return for each corner (m,) the corner that follows it around its face."""
+    """Return the index (m,) of the corner that follows each one around its face."""
     following = np.arange(1, int(face_sizes.sum()) + 1)
     starts = face_starts(face_sizes)
     following[starts + face_sizes - 1] = starts
@@ -31,15 +31,15 @@ def area_vectors(corner_positions: Doubles, face_sizes: Ints) -> Doubles:
     `corner_positions` is (m, 3), counter-clockwise seen from outside.
     """
     starts = face_starts(face_sizes)
-    # Relative to a corner of the face: far from the origin the cross products would cancel badly.
+    # Relative to a corner of the face: far from the origin the cross products cancel.
     local = corner_positions - np.repeat(corner_positions[starts], face_sizes, axis=0)
     crosses = np.cross(local, local[next_corners(face_sizes)])
     return np.asarray(0.5 * np.add.reduceat(crosses, starts, axis=0))
 
 
 def unit_or(vectors: Doubles, fallback: Doubles) -> Doubles:
-    """Normalise vectors (..., 3); where one has no direction, take `fallback` (broadcast) instead."""
-    # Lengths made of float32 data, areas too, square without overflow or underflow in float64.
+    """Normalise vectors (..., 3); a vector of length 0 becomes `fallback` (broadcast)."""
+    # Squares of lengths and areas of float32 data neither overflow nor underflow in float64.
     squares = dot(vectors, vectors)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.where(squares > 0.0, vectors / np.sqrt(squares), fallback)
@@ -62,9 +62,6 @@ def flat_normals(areas: Doubles, face_sizes: Ints) -> Doubles:
 
 
 def smooth_normals(areas: Doubles, corner_points: Ints, face_sizes: Ints, point_count: int) -> Doubles:
-    """Return unit normals (m, 3): at each point the mean of its faces' normals, weighted by their area.
-
-    Where that mean vanishes (a fold onto itself), the corner takes its face's normal.
-    """
+    """Return unit normals (m, 3): at each point the area-weighted mean of its faces' normals; where 0, the face's."""
     sums = sum_by(corner_points, np.repeat(areas, face_sizes, axis=0), point_count)
     return unit_or(sums[corner_points], flat_normals(areas, face_sizes))

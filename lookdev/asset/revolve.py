@@ -14,8 +14,8 @@ from lookdev.asset.normals import Doubles
 class Profile:
     """A curve from the axis below to the axis above, the outside on its right.
 
-    points (k, 2): radius and height in metres, the first and last on the axis, no other; normals (k, 2):
-    unit, outward; v (k,): texture coordinate, from 0 to 1.
+    points (k, 2): radius and height in metres, only the first and the last on the axis; normals (k, 2): unit, outward;
+    v (k,): texture coordinate, from 0 to 1.
     """
 
     points: Doubles
@@ -24,10 +24,10 @@ class Profile:
 
 
 def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:
-    """Turn a profile about the z axis into a closed mesh with one UV set, ``st``.
+    """Revolve a profile about the z axis to a closed mesh with one UV set, ``st``.
 
-    u runs once around, counter-clockwise seen from above, from +x; the tangent is the exact direction around
-    the axis. Quads, and triangles at the two poles, whose corners have the u of their triangle's middle.
+    u grows around the axis, counter-clockwise seen from above, from +x; the tangent is the exact direction around the
+    axis. Faces are quads, and triangles at the two poles, whose corners have the u of their triangle's middle.
     """
     rings = len(profile.points) - 2
     angles = 2.0 * np.pi * np.arange(segments) / segments
@@ -36,7 +36,7 @@ def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:
     points = np.empty((rings, segments, 3))
     points[..., :2] = body[:, None, :1] * ring
     points[..., 2] = body[:, 1:]
-    poles = np.array([[0.0, 0.0, profile.points[0, 1]], [0.0, 0.0, profile.points[-1, 1]]])
+    poles = np.array([[0.0, 0.0, profile.points[end, 1]] for end in (0, -1)])
 
     # Corners by row of the profile and by column around; column `segments` is column 0 with u = 1.
     j, i = np.arange(segments), np.arange(1, rings)

@@ -1,12 +1,12 @@
 """The built-in shader ball: a ball with a groove, a raised rim and a recess around a core, on a turned base.
 
-Two surfaces of revolution, the ball's axis tilted towards the viewer of pose 0. Profiles are drawn as arcs
-and lines in metres; every corner gets a fillet, so that it catches a highlight as a real edge does, and
-normals are smooth all over.
+Two surfaces of revolution, the ball's axis tilted towards the viewer of pose 0. Profiles are arcs and lines in metres;
+every corner has a fillet, so that it catches a highlight as a real edge does, and normals are smooth everywhere.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,7 +26,7 @@ _FILLET_STEPS = 8
 
 
 def make_shaderball(segments: int = 256) -> Asset:
-    """Return the shader ball, standing on z = 0, about 2.2 m high; u runs around each part's axis."""
+    """Return the shader ball, standing on z = 0, about 2.2 m high; u grows around each part's axis."""
     ball = revolve("/shaderball/body", _ball_profile(), segments, slot=0)
     base = revolve("/shaderball/base", _base_profile(), segments, slot=1)
     azimuth, tilt = np.radians(_OPENING_AZIMUTH), np.radians(90.0 - _OPENING_ELEVATION)
@@ -42,11 +42,9 @@ def _ball_profile() -> Profile:
     def at(latitude: float, radius: float = 1.0) -> Point:
         return radius * np.cos(np.radians(latitude)), radius * np.sin(np.radians(latitude))
 
-    core_radius, core_height = 0.34, 0.46
-    floor = 0.38
+    core_radius, core_height, floor = 0.34, 0.46, 0.38
     seam = float(np.sqrt(core_radius**2 - (floor - core_height) ** 2))
     seam_latitude = float(np.degrees(np.arctan2(floor - core_height, seam)))
-    core = _arc((0.0, core_height), core_radius, seam_latitude, 90.0)
     return _profile(
         [
             (_arc((0.0, 0.0), 1.0, -90.0, 10.0), 0.012),
@@ -58,7 +56,7 @@ def _ball_profile() -> Profile:
             (_arc((0.0, 0.0), 1.04, 51.5, 54.5), 0.012),
             (np.array([at(54.5, 1.04), (0.52, floor)]), 0.07),
             (np.array([(0.52, floor), (seam, floor)]), 0.02),
-            (core, 0.0),
+            (_arc((0.0, core_height), core_radius, seam_latitude, 90.0), 0.0),
         ]
     )
 
@@ -82,7 +80,7 @@ def _base_profile() -> Profile:
 
 
 def _arc(center: Point, radius: float, start: float, stop: float) -> Doubles:
-    """Return points (k, 2) along a circle, from angle to angle in degrees, fine enough to be trimmed."""
+    """Return points (512, 2) along a circle, between angles in degrees."""
     angles = np.radians(np.linspace(start, stop, 512))
     return np.asarray(center + radius * np.stack([np.cos(angles), np.sin(angles)], axis=-1), np.float64)
 
@@ -91,13 +89,11 @@ def _profile(pieces: Sequence[tuple[Doubles, float]]) -> Profile:
     """Join pieces end to end, each with the radius of the fillet at its end, and sample them."""
     rounded: list[Doubles] = []
     trimmed = 0.0
-    for (piece, radius), following in zip(pieces, [*pieces[1:], None], strict=True):
-        if following is None:
-            rounded.append(_between(piece, trimmed, 0.0))
-            break
-        fillet, cut = _fillet(piece, following[0], radius)
+    for (piece, radius), (following, _) in itertools.pairwise(pieces):
+        fillet, cut = _fillet(piece, following, radius)
         rounded += [_between(piece, trimmed, cut), fillet]
         trimmed = cut
+    rounded.append(_between(pieces[-1][0], trimmed, 0.0))
     points = np.vstack([piece[:-1] for piece in rounded] + [rounded[-1][-1:]])
     points[[0, -1], 0] = 0.0
     return Profile(points, _curve_normals(points), _lengths(points) / _lengths(points)[-1])
@@ -113,7 +109,7 @@ def _walk(piece: Doubles, distances: Doubles) -> Doubles:
 
 
 def _between(piece: Doubles, head: float, tail: float) -> Doubles:
-    """Return what is left of a piece after `head` and `tail` metres are cut off, in even steps."""
+    """Return a piece without its first `head` and last `tail` metres, in even steps."""
     length = _lengths(piece)[-1] - head - tail
     assert length > 0.0, "fillets must fit on their piece"
     steps = max(2, int(np.ceil(length / _STEP)))
@@ -121,10 +117,10 @@ def _between(piece: Doubles, head: float, tail: float) -> Doubles:
 
 
 def _fillet(before: Doubles, after: Doubles, radius: float) -> tuple[Doubles, float]:
-    """Return a fillet between two pieces and how much of each it replaces.
+    """Return a fillet between two pieces, and the length of each that it replaces.
 
-    A rational quadratic Bézier curve with its control point in the corner: a circular arc between lines,
-    and so close to one between arcs of much larger radius that the tangents agree to a fraction of a degree.
+    A rational quadratic Bézier curve with its control point in the corner: a circular arc between lines; between arcs
+    of much larger radius the tangents agree to a fraction of a degree.
     """
     corner = after[0]
     incoming, outgoing = before[-1] - before[-2], after[1] - after[0]

@@ -1,4 +1,4 @@
-"""An asset's identity, and the file in which it travels to the render worker."""
+"""An asset's digest, and its file for the render worker."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
 
 _FORMAT = 3
+_FLAGS = ("convex", "sheet", "revolved")
 _ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals", "tangents")
 
 
@@ -32,12 +33,12 @@ def make_asset(
     sheet: bool = False,
     revolved: bool = False,
 ) -> Asset:
-    """Put an asset together, with its bounding sphere and its digest.
+    """Return an asset with its bounding sphere and its digest.
 
     Raises
     ------
     AssetError
-        Where there is nothing to frame: no instance, or all points in one place.
+        There is no instance, or all points are in one place.
     """
     if not instances:
         raise AssetError(f"{name}: has no surface to render; at least one mesh with a face is needed")
@@ -62,7 +63,7 @@ def save_asset(asset: Asset) -> Path:
     digest = asset.digest or asset_digest(asset)
     path = cache_dir("assets") / f"{digest}.npz"
     if not path.exists():
-        head = {**_description(asset), "center": asset.center, "radius": asset.radius, "digest": digest}
+        head = _description(asset) | {"center": asset.center, "radius": asset.radius, "digest": digest}
         contents: dict[str, Any] = {"head": np.array(json.dumps(head)), **dict(_arrays(asset))}
         with atomic_path(path) as temporary:
             np.savez(temporary, **contents)
@@ -75,10 +76,10 @@ def read_asset(path: Path) -> Asset:
     Raises
     ------
     AssetError
-        Where the file is missing, cut off or of another format.
+        The file is missing, cut off or of another format.
     """
     try:
-        # Opened here: np.load leaves the file open where it is no archive.
+        # np.load leaves a file open that is not an archive.
         with path.open("rb") as stream, np.load(stream) as arrays:
             return _assembled({key: arrays[key] for key in arrays.files})
     except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
@@ -90,10 +91,7 @@ def read_asset(path: Path) -> Asset:
 def _description(asset: Asset) -> dict[str, Any]:
     return {
         "format": _FORMAT,
-        "name": asset.name,
-        "convex": asset.convex,
-        "sheet": asset.sheet,
-        "revolved": asset.revolved,
+        **{name: getattr(asset, name) for name in ("name", *_FLAGS)},
         "slots": [[slot.path, slot.material] for slot in asset.slots],
         "meshes": [
             {"name": mesh.name, "uvs": list(mesh.uvs), "primvars": list(mesh.primvars)} for mesh in asset.meshes
@@ -107,7 +105,7 @@ def _arrays(asset: Asset) -> Iterator[tuple[str, NDArray[Any]]]:
     for i, mesh in enumerate(asset.meshes):
         for name in _ARRAYS:
             yield f"{i}.{name}", getattr(mesh, name)
-        # By number: a primvar's name may hold what a file name inside the archive may not.
+        # By number: a primvar's name may have characters that a file name in the archive may not.
         for kind, values in (("uv", mesh.uvs), ("primvar", mesh.primvars)):
             for j, array in enumerate(values.values()):
                 yield f"{i}.{kind}{j}", array
@@ -128,14 +126,9 @@ def _assembled(arrays: dict[str, NDArray[Any]]) -> Asset:
     )
     placements = zip(arrays["instance_meshes"].tolist(), arrays["instance_matrices"], strict=True)
     return Asset(
-        name=head["name"],
         meshes=meshes,
         instances=tuple(Instance(mesh, matrix) for mesh, matrix in placements),
         slots=tuple(Slot(slot, material) for slot, material in head["slots"]),
         center=tuple(head["center"]),
-        radius=head["radius"],
-        convex=head["convex"],
-        sheet=head["sheet"],
-        revolved=head["revolved"],
-        digest=head["digest"],
+        **{name: head[name] for name in ("name", "radius", "digest", *_FLAGS)},
     )

@@ -1,9 +1,9 @@
 """Tangents of a mesh: the direction in which u grows at constant v, one for each face corner, and their handedness.
 
-The rules are MikkTSpace's (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008) where they matter:
-corners are averaged that share position, normal, UV and the orientation of their UVs, so a mirrored or
-rotated UV island keeps its own direction along its seam. Two simplifications: a face has one tangent, exact
-for a triangle and the mean over a larger polygon, and the faces around a corner weigh the same.
+As in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008), corners are averaged that share
+position, normal, UV and the orientation of their UVs, so that a mirrored or rotated UV island keeps its own direction
+along its seam. Two simplifications: a face has one tangent, exact for a triangle and the mean over a larger polygon,
+and the faces around a corner have equal weights.
 """
 
 from __future__ import annotations
@@ -27,15 +27,7 @@ def perpendicular(normals: Doubles) -> Doubles:
 
 
 def corner_tangents(points: Floats, corner_points: Ints, face_sizes: Ints, normals: Floats, uvs: Floats) -> Floats:
-    """Return unit tangents (m, 3), orthogonal to the corner normals.
-
-    Parameters
-    ----------
-    points : (n, 3)
-    corner_points : (m,) indices into points
-    face_sizes : (f,) corners of each face
-    normals : (m, 3) unit shading normals
-    uvs : (m, 2) texture coordinates
+    """Return unit tangents (m, 3), orthogonal to the corner normals, of arrays as in `Mesh`, `uvs` (m, 2).
 
     Where the UVs cover no area or the faces around a corner cancel, it is `perpendicular` of the normal.
     """
@@ -46,17 +38,17 @@ def corner_tangents(points: Floats, corner_points: Ints, face_sizes: Ints, norma
     tangents = _orthogonal(np.repeat(faces, face_sizes, axis=0), n)
     group = _groups(positions, n, uvs, np.repeat(orientation, face_sizes))
     sums = sum_by(group, tangents, int(np.max(group)) + 1)[group]
-    # A sum of unit vectors this short is rounding, not a direction.
+    # A sum of unit vectors shorter than this is rounding.
     sums *= dot(sums, sums) > 1e-12
     # Normals of one group are equal only to float32: project once more for exact orthogonality.
     return unit_or(_orthogonal(sums, n), perpendicular(n)).astype(np.float32)
 
 
 def handedness(mesh: Mesh) -> Floats:
-    """Return for each corner (m,) where v grows: +1 along cross(normal, tangent), -1 where the UVs are mirrored.
+    """Return 1 for each corner (m,) where v grows along cross(normal, tangent), -1 where the UVs are mirrored.
 
-    Of the mesh's first UV set, constant over a face, +1 where its UVs cover no area. A normal map needs it: its
-    green channel leans along increasing v.
+    Of the mesh's first UV set, constant over a face, 1 where its UVs cover no area. The green channel of a normal map
+    leans along increasing v.
     """
     uvs = next(iter(mesh.uvs.values())).astype(np.float64)
     sign = np.where(_orientation(mesh.face_sizes, uvs) < 0.0, -1.0, 1.0)
@@ -98,11 +90,11 @@ def _orthogonal(vectors: Doubles, normals: Doubles) -> Doubles:
 def _groups(positions: Doubles, normals: Doubles, uvs: Floats, orientation: Doubles) -> NDArray[np.intp]:
     """Number the corners (m,) so that those equal in all columns have the same number.
 
-    Rows are compared by a 64-bit hash: sorting one integer column is ten times faster than sorting nine, and
-    among ten million corners a chance collision (odds 3e-6) merely averages two tangents.
+    Rows are compared by a 64-bit hash: sorting one integer column is ten times faster than sorting nine, and a
+    collision among ten million corners (probability 3e-6) averages two tangents.
     """
     columns = np.column_stack([positions, normals, uvs, orientation]).astype(np.float32)
-    columns += 0.0  # -0 and 0 are the same place
+    columns += 0.0  # -0 becomes 0
     key = np.zeros(len(columns), np.uint64)
     for column in columns.view(np.uint32).T:
         # The finaliser of SplitMix64 (Steele et al. 2014) after each column.

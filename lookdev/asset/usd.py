@@ -1,9 +1,9 @@
-"""A USD file as an asset: which meshes are seen, where they stand, what is bound to them.
+"""A USD file as an asset: its visible meshes, their placements and their bound materials.
 
-Every visible `UsdGeom.Mesh` of purpose default or render counts, at the earliest time; other geometry
-(curves, points, volumes, implicit shapes) and skinning do not. Scenegraph instances and point instances share
-one mesh for each mesh of their prototype, as long as the same materials are bound; its slots have the path of
-the first one met. Instances flattened to no volume (scale 0, the usual way to hide one) are left out.
+Every visible `UsdGeom.Mesh` of purpose default or render is read, at the earliest time; other geometry (curves, points,
+volumes, implicit shapes) and skinning are not. Scenegraph instances and point instances share one mesh for each mesh of
+their prototype where the same materials are bound; its slots have the path of the first one. Instances without volume
+(scale 0, the usual way to hide one) are left out.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from lookdev.asset.usd_mesh import TIME, MeshReader
 from lookdev.errors import AssetError
 
 _SCENE = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-# A prototype may be an `over` or a `class`, so that it is seen only through its instancer.
+# A prototype may be an `over` or a `class`, which is visible only through its instancer.
 _PROTOTYPE = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
 _Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
@@ -31,21 +31,18 @@ _Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0
 def read_usd(file: Path, prim: str | None = None) -> Asset:
     """Read the geometry of a USD file, or of one prim and what is below it, into world space: z up, metres.
 
-    Parameters
-    ----------
-    file : any USD file
-    prim : path of the prim to take, where it stands in the file; hidden ancestors do not hide it
+    `prim` is the path of the prim; its ancestors place it, and hidden ones do not hide it.
 
     Raises
     ------
     AssetError
-        Where the file cannot be opened, the prim is not there, geometry contradicts itself, or none is seen.
+        The file cannot be opened, there is no such prim, geometry contradicts itself, or none is visible.
     """
     try:
         stage = Usd.Stage.Open(str(file))
     except Tf.ErrorException as error:
-        said = "; ".join(part.commentary.strip() for part in error.args)
-        raise AssetError(f"{file}: cannot be opened as USD: {said}") from error
+        reasons = "; ".join(part.commentary.strip() for part in error.args)
+        raise AssetError(f"{file}: cannot be opened as USD: {reasons}") from error
     scene = _Scene(file, stage)
     for mesh, transforms in scene.seen(_root(file, stage, prim), _SCENE):
         scene.place(mesh, transforms)
@@ -75,7 +72,7 @@ def _root(file: Path, stage: Any, path: str | None) -> Any:
 
 @dataclass
 class _Scene:
-    """What has been found so far in one stage."""
+    """The meshes, instances and slots of one stage."""
 
     file: Path
     stage: Any
@@ -91,7 +88,7 @@ class _Scene:
         self._reader = MeshReader(self.file, self._unit, up=1 if self._y_up else 2)
 
     def seen(self, root: Any, predicate: Any) -> Iterator[tuple[Any, Doubles]]:
-        """Yield each mesh seen at or below `root` with its transforms (k, 4, 4), for row vectors."""
+        """Yield each visible mesh at or below `root` with its transforms (k, 4, 4), for row vectors."""
         prims = iter(Usd.PrimRange(root, predicate))
         for prim in prims:
             imageable = UsdGeom.Imageable(prim)
@@ -136,7 +133,7 @@ class _Scene:
         return np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64)
 
     def _instanced(self, instancer: Any) -> Iterator[tuple[Any, Doubles]]:
-        """Yield the meshes of a point instancer's prototypes, with a transform for every instance seen."""
+        """Yield the meshes of a point instancer's prototypes, with a transform for every visible instance."""
         where = f"{self.file}: {instancer.GetPath()}"
         targets = instancer.GetPrototypesRel().GetForwardedTargets()
         numbers = np.asarray(instancer.GetProtoIndicesAttr().Get(TIME) or [], np.int64)

@@ -18,20 +18,16 @@ from lookdev.errors import AssetError
 TIME = Usd.TimeCode.EarliestTime()
 Index = NDArray[np.intp]
 
-# What one value of a primvar is in USD's C++, and how many numbers that has.
-_WIDTHS = {
-    f"{prefix}{suffix}": width
-    for width, prefix, suffixes in ((2, "GfVec2", "fdh"), (3, "GfVec3", "fdh"))
-    for suffix in suffixes
-} | {"float": 1, "double": 1, "GfHalf": 1}
+# The numbers in one value of a primvar, by its type in USD's C++.
+_WIDTHS = {"float": 1, "double": 1, "GfHalf": 1} | {f"GfVec{width}{kind}": width for width in (2, 3) for kind in "fdh"}
 
 
 @dataclass(frozen=True, eq=False)
 class _Topology:
-    """The faces that are kept, and where each of their corners stood in the file.
+    """The faces that are kept, and the numbers of points, faces and corners in the file.
 
-    corner_source (m,): index among the file's corners; corner_points (m,); corner_faces (m,): index among the
-    file's faces; face_source (f,); face_sizes (f,).
+    corner_source (m,), corner_points (m,), corner_faces (m,): index of each kept corner among the file's corners, of
+    its point and of its face; face_source (f,): index of each kept face among the file's faces; face_sizes (f,).
     """
 
     point_count: int
@@ -57,17 +53,16 @@ class MeshReader:
     ) -> tuple[Mesh, list[Slot]] | None:
         """Return a mesh and its slots, numbered from `first_slot`, or None where no face is left.
 
-        `materials` are the material prims bound to the mesh itself and to each subset. Subdivision surfaces
-        are taken as the polygons they are given by, not subdivided. Without normals in the file, a mesh whose
-        subdivisionScheme is ``none`` gets those of its facets, any other area-weighted smooth ones. Normals
-        that mostly point against the faces' winding are turned: the winding decides, as USD says. A mesh
-        without texture coordinates gets a spherical ``st`` around the middle of its bounds, so that tangents
-        exist.
+        `materials` are the paths of the materials bound to the mesh itself and to each subset. Subdivision surfaces are
+        read as their control polygons. Without normals in the file, a mesh whose subdivisionScheme is ``none`` has
+        those of its facets, any other area-weighted smooth ones. Normals that mostly point against the faces' winding
+        are flipped: in USD the winding decides. A mesh without texture coordinates has a spherical ``st`` around the
+        middle of its bounds, so that tangents exist.
 
         Raises
         ------
         AssetError
-            Where counts, indices and sizes do not agree.
+            Counts, indices and sizes do not agree.
         """
         where = f"{self.file}: {mesh.GetPath()}"
         points = np.asarray(mesh.GetPointsAttr().Get(TIME) or [], np.float64).reshape(-1, 3) * self.unit
@@ -102,7 +97,7 @@ def _topology(mesh: Any, point_count: int, where: str) -> _Topology:
     holes = np.asarray(mesh.GetHoleIndicesAttr().Get(TIME) or [], np.intp)
     if sizes.sum() != len(indices) or (sizes < 0).any():
         raise AssetError(
-            f"{where}: faceVertexCounts ask for {sizes.sum()} corners, faceVertexIndices has {len(indices)}; "
+            f"{where}: faceVertexCounts add up to {sizes.sum()} corners, faceVertexIndices has {len(indices)}; "
             "they must agree"
         )
     _check_range(indices, point_count, f"{where}: faceVertexIndices", "points")
@@ -111,7 +106,7 @@ def _topology(mesh: Any, point_count: int, where: str) -> _Topology:
     faces = np.repeat(np.arange(len(sizes)), sizes)
     keep = sizes >= 3
     keep[holes] = False
-    # A face that meets a point twice has two equal numbers beside each other once they are sorted.
+    # A face with one point twice has two equal neighbours among its sorted numbers.
     keyed = np.sort(faces * max(point_count, 1) + indices)
     keep[keyed[1:][np.diff(keyed) == 0] // max(point_count, 1)] = False
 
@@ -140,18 +135,22 @@ def _check_range(indices: Index, count: int, what: str, of: str) -> None:
 
 
 def _to_corners(values: NDArray[Any], interpolation: str, topology: _Topology, what: str) -> Floats:
-    """Return one value for each corner that is kept, after checking that the file has as many as it must."""
+    """Return one value for each corner that is kept; a wrong number of values, or one not finite, raises AssetError."""
+    by_point = topology.point_count, topology.corner_points.astype(np.intp)
     rules: dict[str, tuple[int, Index]] = {
         UsdGeom.Tokens.constant: (1, np.zeros_like(topology.corner_source)),
         UsdGeom.Tokens.uniform: (topology.face_count, topology.corner_faces),
-        UsdGeom.Tokens.vertex: (topology.point_count, topology.corner_points.astype(np.intp)),
-        UsdGeom.Tokens.varying: (topology.point_count, topology.corner_points.astype(np.intp)),
+        UsdGeom.Tokens.vertex: by_point,
+        UsdGeom.Tokens.varying: by_point,
         UsdGeom.Tokens.faceVarying: (topology.corner_count, topology.corner_source),
     }
     count, index = rules[interpolation]
     if len(values) != count:
         raise AssetError(f"{what} has {len(values)} values; interpolation '{interpolation}' needs {count}")
-    return values[index].astype(np.float32)
+    corners = values[index].astype(np.float32)
+    if not np.isfinite(corners).all():
+        raise AssetError(f"{what} holds a value that is not finite; every value must be a number")
+    return corners
 
 
 def _primvar_values(primvar: Any, what: str) -> NDArray[Any]:
@@ -178,8 +177,6 @@ def _primvars(mesh: Any, topology: _Topology, where: str) -> tuple[dict[str, Flo
         if not primvar.HasValue() or len(values := _primvar_values(primvar, what)) == 0:
             continue
         corners = _to_corners(values, primvar.GetInterpolation(), topology, what)
-        if not np.isfinite(corners).all():
-            raise AssetError(f"{what} holds a value that is not finite; every value must be a number")
         if width == 2 or kind.role == Sdf.ValueRoleNames.TextureCoordinate:
             uvs[name] = corners[:, :2]
         else:
@@ -200,8 +197,6 @@ def _normals(mesh: Any, points: NDArray[np.float64], topology: _Topology, where:
     flat = flat_normals(areas, topology.face_sizes)
     if len(values):
         authored = _to_corners(values, interpolation, topology, what).astype(np.float64)
-        if not np.isfinite(authored).all():
-            raise AssetError(f"{what} holds a value that is not finite; every value must be a number")
         agreement = (authored * np.repeat(areas, topology.face_sizes, axis=0)).sum()
         normals = unit_or(-authored if agreement < 0.0 else authored, flat)
     elif mesh.GetSubdivisionSchemeAttr().Get(TIME) == UsdGeom.Tokens.none:
@@ -225,7 +220,7 @@ def _spherical(points: NDArray[np.float64], topology: _Topology, up: int) -> Flo
 def _slots(
     mesh: Any, subsets: list[Any], materials: list[str | None], topology: _Topology, where: str
 ) -> tuple[Ints, list[Slot]]:
-    """Return the slot of each face (f,) and the slots: the subsets, and the mesh for what they leave."""
+    """Return the slot of each face (f,) and the slots: the subsets, and the mesh for the faces in none."""
     slots = [Slot(str(prim.GetPath()), bound) for prim, bound in zip((mesh, *subsets), materials, strict=True)]
     owner = np.zeros(topology.face_count, np.intp)
     for number, subset in enumerate(subsets, start=1):

@@ -1,16 +1,16 @@
 """Reflectance models in plain NumPy, each written once and traced into every other language.
 
-A model is one record (`model.Model`) in one registry (`models.MODELS`); its file has its parameters and its lobes.
+A model is one record (`model.Model`) in one registry (`models.MODELS`); its file contains its parameters and lobes.
 Lobes are combined by `mixture`, layers by `stack`.
 """
 
 from lookdev.brdf.lobes import Bsdf, Lobe
 from lookdev.brdf.mixture import evaluate, evaluate_cosine, pdf, sample, seen_along
-from lookdev.brdf.model import Mode, Model, Preview, StackLayer
+from lookdev.brdf.model import Mode, Model, StackLayer
 from lookdev.brdf.models import MODELS, complete_parameters, layer_shaders, model_named
 from lookdev.brdf.parameters import MASK, Parameter, Value
 from lookdev.brdf.stack import runs, stack_bsdf, stranger
-from lookdev.brdf.vectors import Array, Parameters, Real
+from lookdev.brdf.vectors import Array, Real
 
 __all__ = [
     "MASK",
@@ -21,8 +21,6 @@ __all__ = [
     "Mode",
     "Model",
     "Parameter",
-    "Parameters",
-    "Preview",
     "Real",
     "StackLayer",
     "Value",

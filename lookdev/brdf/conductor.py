@@ -1,14 +1,12 @@
 """Conductors: the exact Fresnel reflectance, and the colour of metals from their measured eta and k.
 
-`METALS` names the metals and who published them; the numbers, in ``data/metals.csv``, are as in the
-refractiveindex.info database (public domain, CC0), from 365 to 821 nm, thinned where they are smooth.
+The numbers, in ``data/metals.csv``, are as in the refractiveindex.info database (public domain, CC0), from 365 to
+821 nm, thinned where they are smooth. Publications differ by some hundredths of reflectance, which depends on how the
+surface was made. Gold is a smooth film's, 0.05 brighter in green than Johnson and Christy's. Silver is a fit to several
+sources, 0.03 to 0.06 darker than Johnson and Christy's fresh film and slightly warm, as in the usual look-dev tables.
 
-Publications differ by some hundredths of reflectance: it depends on how the surface was made. Gold is a smooth
-film's, 0.05 brighter in green than Johnson and Christy's. Silver is a fit to several sources, 0.03 to 0.06 darker
-than Johnson and Christy's fresh film and slightly warm, as in the tables that look-dev commonly uses.
-
-A metal's colour is its reflectance at normal incidence, seen by the CIE 1931 observer under D65, the white of
-Rec.709: what reflects all light is exactly (1, 1, 1). Under an equal-energy light it would be tinted.
+A metal's colour is its reflectance at normal incidence, seen by the CIE 1931 observer under D65, the white of Rec.709:
+what reflects all light is exactly (1, 1, 1).
 
 References
 ----------
@@ -74,30 +72,17 @@ _LOBES = (
 )
 
 # ITU-R BT.709, primaries and white, inverted.
-_XYZ_TO_REC709 = np.array(
-    [
-        [3.2404542, -1.5371385, -0.4985314],
-        [-0.9692660, 1.8760108, 0.0415560],
-        [0.0556434, -0.2040259, 1.0572252],
-    ]
-)
+_XYZ_TO_REC709 = np.array([
+    [3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252],
+])  # fmt: skip
 
 
 # Born and Wolf, 14.2, from air: a + ib is the refracted wave vector along the normal, and |a + ib|^2 the length.
 def fresnel_conductor(cos_theta: Real, eta: Array, k: Array) -> Array:
-    """Return the reflectance of a conductor for unpolarised light that arrives from air.
+    """Return the reflectance (...), in [0, 1], of a conductor for unpolarised light that arrives from air.
 
-    Parameters
-    ----------
-    cos_theta : (...)
-        Cosine of the angle of incidence, in [0, 1].
-    eta, k : (...)
-        Real part (above 0) and imaginary part (at least 0) of the index of refraction.
-
-    Returns
-    -------
-    (...)
-        Reflectance, in [0, 1].
+    cos_theta : (...), cosine of the angle of incidence, in [0, 1].
+    eta, k : (...), real part (above 0) and imaginary part (at least 0) of the index of refraction.
     """
     cos2 = cos_theta * cos_theta
     sin2 = 1.0 - cos2
@@ -110,48 +95,30 @@ def fresnel_conductor(cos_theta: Real, eta: Array, k: Array) -> Array:
     # Where the index is that of air and light grazes, both are zero.
     reflectance_s = (s_sum - s_cross) / np.maximum(s_sum + s_cross, TINY)
     reflectance_p = reflectance_s * (p_sum - p_cross) / np.maximum(p_sum + p_cross, TINY)
-    reflectance: Array = 0.5 * (reflectance_s + reflectance_p)
-    return reflectance
+    return np.asarray(0.5 * (reflectance_s + reflectance_p))
 
 
 def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
-    """Interpolate a metal's measured index of refraction.
+    """Return eta and k, (...) each, of one of `METALS` at `wavelengths`, (...), in nanometres.
 
-    Parameters
-    ----------
-    name
-        One of `METALS`.
-    wavelengths : (...)
-        In nanometres, from 380 to 780.
-
-    Returns
-    -------
-    eta, k : (...), (...)
-
-    Raises
-    ------
-    ModelError
-        The metal is unknown, or a wavelength is outside the visible range.
+    An unknown metal, or a wavelength outside 380 to 780 nm, raises ModelError.
     """
     if name not in METALS:
         raise ModelError(f"unknown metal '{name}' ({nearest_hint(name, list(METALS))})")
     if np.any((wavelengths < _WAVELENGTHS[0]) | (wavelengths > _WAVELENGTHS[-1])):
         raise ModelError(f"{name}: a wavelength is outside 380 to 780 nm")
-    known, eta, k = _measured()[name].T
-    return np.interp(wavelengths, known, eta), np.interp(wavelengths, known, k)
+    measured, eta, k = _measured()[name].T
+    return np.interp(wavelengths, measured, eta), np.interp(wavelengths, measured, k)
 
 
 @cache
 def metal_reflectance(name: str) -> NDArray[np.float64]:
-    """Return a metal's colour at normal incidence: linear Rec.709, (3,), clipped to [0, 1].
+    """Return the colour at normal incidence of one of `METALS`: linear Rec.709, (3,), clipped to [0, 1].
 
-    Raises
-    ------
-    ModelError
-        The metal is unknown.
+    An unknown metal raises ModelError.
     """
     spectrum = np.asarray(fresnel_conductor(1.0, *metal_indices(name, _WAVELENGTHS)))
-    # The fitted observer's white is not exactly that of Rec.709.
+    # The white of the fitted observer is not exactly that of Rec.709.
     color = np.clip(_rec709(spectrum) / _rec709(np.ones_like(spectrum)), 0.0, 1.0)
     color.setflags(write=False)  # it is cached
     return color

@@ -5,7 +5,7 @@
 - Hanrahan, P. and Krueger, W. 1993. Reflection from Layered Surfaces due to Subsurface Scattering. SIGGRAPH.
 
 Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
-``specular = 0`` is not the absence of a specular lobe: Schlick's term still rises to 1 at grazing angles.
+``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles.
 """
 
 from __future__ import annotations
@@ -17,10 +17,8 @@ from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.parameters import Parameter, normal_parameter
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, scale
-
-PI = np.pi
 
 COAT_F0 = 0.04
 """Reflectance of the clearcoat at normal incidence: an index of 1.5 (Burley 2012, section 5.4)."""
@@ -44,13 +42,12 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         retro = roughness * d.cos_theta_d * d.cos_theta_d
         fd90 = 0.5 + 2.0 * retro
         diffuse = mix(1.0, fd90, fi) * mix(1.0, fd90, fo)
-        # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection by roughness,
-        # 1.25 keeps the albedo.
+        # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection, 1.25 keeps the albedo.
         fss = schlick_blend(1.0, retro, d.cos_theta_i) * schlick_blend(1.0, retro, d.cos_theta_o)
         subsurface = 1.25 * (fss * (1.0 / np.maximum(d.cos_theta_i + d.cos_theta_o, TINY) - 0.5) + 0.5)
         # Burley 2012, addenda, "Sheen details".
         sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))
-        return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / PI)) + sheen, dielectric)
+        return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / np.pi)) + sheen, dielectric)
 
     return Lobe(
         "disney",
@@ -58,17 +55,11 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         # Sheen reflects about a tenth of what it would if it did not fall off as (1 - cos theta_d)^5.
         dielectric * (mean(base_color) + 0.1 * mean(sheen_color)),
         evaluate,
-        pdf=lambda d: d.cos_theta_i * (1.0 / PI),
+        pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
         sample=mf.sample_cosine,
         frame=frame,
         broad=True,
-        values={
-            "base_color": base_color,
-            "roughness": roughness,
-            "subsurface": p["subsurface"],
-            "sheen_color": sheen_color,
-            "dielectric": dielectric,
-        },
+        values={**p, "sheen_color": sheen_color, "dielectric": dielectric},
     )
 
 
@@ -100,19 +91,13 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     return Lobe(
         "disney",
         "specular",
-        # Microfacets lean away from the normal: with F0 = 0 the lobe is dark, not absent, as seen along it.
+        # Microfacets lean away from the normal: with F0 = 0 the lobe is not black as seen along the normal.
         np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
         sample=lambda u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
         frame=frame,
-        values={
-            "f0": f0,
-            "roughness": roughness,
-            "alpha_x": alpha_x,
-            "alpha_y": alpha_y,
-            "variant": p["variant"],
-        },
+        values={**p, "f0": f0, "alpha_x": alpha_x, "alpha_y": alpha_y},
     )
 
 
@@ -156,25 +141,13 @@ _PARAMETERS: dict[str, Parameter] = {
             help="Incident specular amount: F0 = 0.08 specular; 0.5 is an index of refraction of 1.5.",
         ),
         Parameter("specularTint", "float", 0.0, help="Tints incident specular towards the base colour's hue."),
-        Parameter(
-            "roughness",
-            "float",
-            0.5,
-            help="Controls both diffuse and specular response; alpha is its square.",
-        ),
+        Parameter("roughness", "float", 0.5, help="Controls both diffuse and specular response; alpha is its square."),
         Parameter("anisotropic", "float", 0.0, help="Aspect ratio of the highlight, up to 10:1 at 1.", directed=True),
         Parameter("sheen", "float", 0.0, help="An additional grazing component, for cloth."),
         Parameter("sheenTint", "float", 0.5, help="Tints sheen towards the base colour's hue."),
         Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),
         Parameter("clearcoatGloss", "float", 1.0, help="Clearcoat glossiness: 0 satin, 1 gloss."),
-        Parameter(
-            "normal",
-            "normal",
-            (0.0, 0.0, 1.0),
-            hard=(-1.0, 1.0),
-            soft=(-1.0, 1.0),
-            help="Normal of all lobes, in the frame of tangent, bitangent and shading normal.",
-        ),
+        normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal."),
         Parameter(
             "variant",
             "token",
@@ -197,7 +170,7 @@ def _bsdf(parameters: Parameters) -> Bsdf:
 
 def _preview(p: Parameters) -> dict[str, Real]:
     return {
-        # The strength that the model gives its coat, and the root of its alpha.
+        # The model's weight of the clearcoat, and the root of its alpha.
         "clearcoat": 0.25 * p["clearcoat"],
         "clearcoatRoughness": np.sqrt(mix(0.1, 0.001, p["clearcoatGloss"])),
         "f0": 0.08 * p["specular"],
@@ -211,8 +184,9 @@ DISNEY = Model(
     parameters=_PARAMETERS,
     bsdf=_bsdf,
     identifier="LookdevDisney",
-    # Saturated tints are brighter than white, up to ten times, and a rough surface retroreflects: 2.5 was found.
+    # Saturated tints are up to ten times brighter than white, and a rough surface retroreflects: 2.5 was found.
     energy=lambda tokens: 4.0,
+    reciprocal=lambda tokens: ("diffuse", "specular", "clearcoat"),
     probe={"roughness": 0.4, "clearcoat": 0.5, "sheen": 0.5},
     preview=Preview({"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness"}, _preview),
 )

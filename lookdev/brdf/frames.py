@@ -1,4 +1,4 @@
-"""Frames of lobes inside the frame of the shading normal: the same frame, or one about a normal of the lobe's own.
+"""Frames of lobes inside the frame of the shading normal: that frame itself, or one about another normal.
 
 - Duff, T. et al. 2017. Building an Orthonormal Basis, Revisited. JCGT 6(1).
 """
@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
@@ -19,45 +19,29 @@ _LOWEST = 0.01
 _LEAN = 1e-4
 
 
-class Frame(Protocol):
-    """An orthonormal frame, given by its z axis; directions (..., 3) are those of the shading frame."""
-
-    @property
-    def normal(self) -> Array:
-        """The unit z axis, (..., 3), above the horizon of the shading frame."""
-
-    def to_local(self, w: Array) -> Array:
-        """Express directions in this frame."""
-
-    def from_local(self, w: Array) -> Array:
-        """Express directions of this frame in the shading frame."""
-
-    def facing(self, wo: Array) -> Frame:
-        """Return the frame bent towards unit views until ``normal . wo`` is positive."""
-
-
 @dataclass(frozen=True)
 class Upright:
     """The shading frame itself."""
 
-    @property
-    def normal(self) -> Array:
-        return ZENITH
+    normal: ClassVar[Array] = ZENITH
+    """The unit z axis, (..., 3), above the horizon of the shading frame."""
 
     def to_local(self, w: Array) -> Array:
+        """Express directions (..., 3) of the shading frame in this one."""
         return w
 
     def from_local(self, w: Array) -> Array:
+        """Express directions (..., 3) of this frame in the shading frame."""
         return w
 
     def facing(self, wo: Array) -> Upright:
-        # Views are above the horizon.
+        """Return the frame bent towards unit views (..., 3), above the horizon, until ``normal . wo`` is positive."""
         return self
 
 
 @dataclass(frozen=True, eq=False)
 class Leaning:
-    """The frame about a unit normal (..., 3) that is not the shading normal."""
+    """The frame about a unit normal (..., 3) that is not the shading normal; its methods are those of `Upright`."""
 
     normal: Array
 
@@ -74,7 +58,7 @@ class Leaning:
         bent = self.normal + scale(wo, np.maximum(np.minimum(wo[..., 2], _LEAN) - lean, 0.0))
         return Leaning(normalize(bent))
 
-    # Duff et al. 2017, listing 3, for z > -1: exactly the axes themselves where the normal is the zenith.
+    # Duff et al. 2017, listing 3, for z > -1: exactly the shading frame's axes where the normal is the zenith.
     def _axes(self) -> tuple[Array, Array]:
         x, y = self.normal[..., 0], self.normal[..., 1]
         a = -1.0 / (1.0 + self.normal[..., 2])
@@ -82,11 +66,11 @@ class Leaning:
         return vector(1.0 + x * x * a, xy, -x), vector(xy, 1.0 + y * y * a, -y)
 
 
-def frame_of(mapped: Array) -> Frame:
-    """Return the frame about the direction of vectors of a normal map, (..., 3).
+Frame: TypeAlias = Upright | Leaning
 
-    An overhang, or no vector at all, is pulled up to z = 0.01.
-    """
+
+def frame_of(mapped: Array) -> Frame:
+    """Return the frame about the direction of vectors of a normal map, (..., 3), with z at least 0.01."""
     normal = normalize(vector(mapped[..., 0], mapped[..., 1], np.maximum(mapped[..., 2], _LOWEST)))
     return Upright() if same(normal, ZENITH) else Leaning(normal)
 

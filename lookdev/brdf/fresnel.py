@@ -1,4 +1,4 @@
-"""Fresnel terms."""
+"""Schlick's approximation of Fresnel reflectance."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from lookdev.brdf.vectors import Array, Real, same
 # Schlick 1994, eq. 15, the weights of normal and of grazing incidence.
 def schlick_weights(cos_theta: Array) -> tuple[Array, Array]:
     """Return ``1 - (1 - cos_theta)^5`` and ``(1 - cos_theta)^5`` for cosines in [0, 1]."""
-    # The cosine of equal directions can round to above 1; the odd power would turn negative.
+    # The cosine of equal directions can round to above 1, where the odd power is negative.
     m = np.maximum(1.0 - cos_theta, 0.0)
     m2 = m * m
     m4 = m2 * m2
-    # The first as a geometric sum: taken from 1, nothing would be left of it at grazing angles in float32.
+    # The first is a geometric sum: 1 - m^5 cancels at grazing angles in float32.
     return cos_theta * ((1.0 + m) * (1.0 + m2) + m4), m4 * m
 
 
@@ -26,7 +26,7 @@ def schlick_weight(cos_theta: Array) -> Array:
 def schlick_blend(normal: Real, grazing: Real, cos_theta: Array) -> Array:
     """Blend numbers (...) from normal to grazing incidence by a cosine (...)."""
     if same(normal, grazing):
-        return normal + 0.0 * cos_theta  # of that shape, in as little code
+        return normal + 0.0 * cos_theta  # of the cosine's shape, in less generated code
     at_normal, at_grazing = schlick_weights(cos_theta)
     return normal * at_normal + grazing * at_grazing
 

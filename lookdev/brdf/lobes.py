@@ -1,8 +1,7 @@
-"""What every model is made of: lobes, and the surface that they belong to.
+"""Lobes, and the surface that they belong to.
 
-A `Bsdf` is a function from the viewing direction to its lobes, since weights may depend on the view. How lobes are
-chosen, summed and weighed is in `lookdev.brdf.mixture`. A lobe with share zero contributes nothing anywhere: a renderer
-skips it; code generation drops it when the zero is a constant, and guards it by an ``if`` when it varies.
+`lookdev.brdf.mixture` states how lobes are chosen, summed and weighted. A lobe with share 0 is 0 everywhere: code
+generation drops it where the 0 is constant, and guards it by an ``if`` where the share varies.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, scale, vect
 
 @dataclass(frozen=True)
 class Directions:
-    """A pair of unit directions in a lobe's frame, both above the horizon, and what all lobes need of it.
+    """A pair of unit directions (..., 3) in a lobe's frame, both above its horizon, with half vector and cosines (...).
 
     cos_theta_d is ``wi . wm``, the cosine between either direction and the half vector `wm`.
     """
@@ -32,12 +31,12 @@ class Directions:
 
     @classmethod
     def of(cls, wo: Array, wi: Array) -> Directions:
-        """Derive the half vector and the cosines from `wo` and `wi`, (..., 3)."""
+        """Derive the half vector and the cosines from `wo` and `wi`."""
         x, y, z = wo[..., 0] + wi[..., 0], wo[..., 1] + wi[..., 1], wo[..., 2] + wi[..., 2]
         # Opposite directions along the horizon: the floor's square is still a normal float32.
         half = vector(x, y, np.maximum(z, TINY))
         length = np.sqrt(dot(half, half))
-        # wi . wm is half the length of wo + wi; the dot product would cancel as wi nears -wo.
+        # wi . wm is half the length of wo + wi; the dot product cancels as wi nears -wo.
         return cls(wo, wi, scale(half, 1.0 / length), wo[..., 2], wi[..., 2], 0.5 * length)
 
 
@@ -46,26 +45,26 @@ class Lobe:
     """One term of a BSDF, at a viewing direction, in a `frame` of its own.
 
     model, name
-        The model and the term of it: what approximations of a lobe are looked up by.
+        Of the model, and of the lobe within it.
     share : (...)
-        How often the lobe is chosen when a direction is sampled, unnormalised, at least 0.
+        Unnormalised probability, at least 0, with which the lobe is chosen when a direction is sampled.
     evaluate
         From `Directions` to f in 1/sr, cosine and `weight` excluded, (..., 3).
     pdf
-        From `Directions` to the solid-angle density (...) of `sample`.
+        From `Directions` to the pdf (...) of `sample` over solid angle.
     sample
-        From two uniform numbers (...) to unit directions (..., 3) of the frame, which may fall below the horizon.
+        From two uniform numbers (...) to unit directions (..., 3) of the frame, which may be below the horizon.
     frame
         About the lobe's normal, facing the viewer.
     transmits
-        Light comes from the side that the viewer is not on. The lobe is written as a reflection: its `wi` is mirrored
-        to the viewer's side.
+        The light is on the other side than the viewer; the functions above take and return its direction mirrored to
+        the viewer's side.
     broad
         The lobe is nearly constant: samples in proportion to light times cosine suit it as well as its own.
     weight : (...)
-        What a blend with other surfaces leaves of the lobe, in [0, 1].
+        Factor in [0, 1] of f in a blend with other surfaces.
     values
-        The quantities that f is computed from, by name, for approximations of the lobe.
+        What f is computed from, by name, for stand-ins (`lookdev.closures`).
     """
 
     model: str
@@ -86,7 +85,7 @@ class Lobe:
         return isinstance(self.frame, Leaning)
 
     def blended(self, weight: Real) -> Lobe:
-        """Return the lobe as a part of a blend, (...) of it."""
+        """Return the lobe with a weight (...) in a blend."""
         return replace(self, share=self.share * weight, weight=self.weight * weight)
 
     def pair(self, wo: Array, wi: Array) -> tuple[Array, Array]:
@@ -95,10 +94,10 @@ class Lobe:
         return self.frame.to_local(wo), mirrored(wi) if self.transmits else wi
 
     def draw(self, u1: Array, u2: Array) -> Array:
-        """Draw a direction in the shading frame, with z = 0 where the lobe itself sends no light to it.
+        """Draw a direction in the shading frame, with z = 0 where the lobe itself is 0.
 
-        Another lobe may send light there. The density of the mixture does not count this lobe in such directions, so
-        they must not count as drawn.
+        The pdf of the mixture excludes this lobe there, so the direction must not be used, though another lobe may be
+        above 0.
         """
         drawn = self.sample(u1, u2)
         wi = self.frame.from_local(mirrored(drawn) if self.transmits else drawn)
@@ -110,11 +109,11 @@ class Lobe:
 
 @dataclass(frozen=True)
 class Bsdf:
-    """The lobes of a surface, by the viewing direction above its horizon, in the frame of the shading normal.
+    """The lobes of a surface as a function of the view (..., 3), above the horizon of the shading frame.
 
     `presence`, (...), is how much of the surface is there: a ray goes on unchanged with weight ``1 - presence``, which
-    the functions of `lookdev.brdf.mixture` do not include. A `two_sided` surface is thin, and its back looks like its
-    front: below the horizon, f is that of both directions flipped. Any other surface is black from below.
+    the functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: seen from below the horizon, f is
+    that of both directions flipped. Any other surface is black from below.
     """
 
     lobes: Callable[[Array], tuple[Lobe, ...]]

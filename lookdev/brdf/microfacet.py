@@ -15,24 +15,22 @@ import numpy as np
 
 from lookdev.brdf.vectors import Array, Real, normalize, vector
 
-PI = np.pi
-
 
 # Burley 2012, eq. 4.
 def gtr1(wm: Array, alpha: Real) -> Array:
     """D of the generalised Trowbridge-Reitz distribution with gamma = 1; alpha in (0, 1)."""
     alpha2 = alpha * alpha
     t = alpha2 * wm[..., 2] * wm[..., 2] + wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
-    return (alpha2 - 1.0) / (PI * np.log(alpha2) * t)
+    return (alpha2 - 1.0) / (np.pi * np.log(alpha2) * t)
 
 
 # Burley 2012, eq. 2 and 5. sin^2 theta_h = alpha^2 (alpha^(-2 u) - 1) / (1 - alpha^2) is eq. 5 without cancellation.
 def sample_gtr1(alpha: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with density ``D cos theta_h`` of `gtr1`."""
+    """Draw half vectors with pdf ``D cos theta_h`` of `gtr1`."""
     alpha2 = alpha * alpha
     sin2 = alpha2 * np.expm1(-u2 * np.log(alpha2)) / (1.0 - alpha2)
     sin_theta = np.sqrt(sin2)
-    phi = 2.0 * PI * u1
+    phi = 2.0 * np.pi * u1
     cos_theta = np.sqrt(np.maximum(1.0 - sin2, 0.0))
     return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), cos_theta)
 
@@ -42,7 +40,7 @@ def gtr2_aniso(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
     """D of the anisotropic GTR with gamma = 2 (GGX, Trowbridge-Reitz)."""
     x, y, z = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y, wm[..., 2]
     t = x * x + y * y + z * z
-    return 1.0 / (PI * alpha_x * alpha_y * t * t)
+    return 1.0 / (np.pi * alpha_x * alpha_y * t * t)
 
 
 # Heitz 2014, eq. 86 with eq. 72:
@@ -66,20 +64,20 @@ def smith_ggx(cos_theta: Array, alpha: Real) -> Array:
 
 # Dupuy and Benyoub 2023, listing 3.
 def sample_visible_ggx(wo: Array, alpha_x: Real, alpha_y: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors visible from `wo`: density ``G1(wo) D max(0, wo . wm) / cos_theta_o``."""
+    """Draw half vectors visible from `wo`: pdf ``G1(wo) D max(0, wo . wm) / cos_theta_o``."""
     standard = normalize(vector(wo[..., 0] * alpha_x, wo[..., 1] * alpha_y, wo[..., 2]))
-    phi = 2.0 * PI * u1
+    phi = 2.0 * np.pi * u1
     one_plus_z = (1.0 - u2) * (1.0 + standard[..., 2])
     z = one_plus_z - standard[..., 2]
     sin_theta = np.sqrt(np.maximum((1.0 - z) * (1.0 + z), 0.0))
     x = sin_theta * np.cos(phi) + standard[..., 0]
     y = sin_theta * np.sin(phi) + standard[..., 1]
-    # z + standard_z is one_plus_z exactly: written so, it never turns negative.
+    # z + standard_z is one_plus_z exactly, and so never negative.
     return normalize(vector(x * alpha_x, y * alpha_y, one_plus_z))
 
 
 def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
-    """Density over reflected directions of `sample_visible_ggx`: ``G1(wo) D / (4 cos_theta_o)``."""
+    """Pdf over reflected directions of `sample_visible_ggx`: ``G1(wo) D / (4 cos_theta_o)``."""
     return 0.5 * d * smith_ggx_aniso(wo, alpha_x, alpha_y)
 
 
@@ -87,19 +85,19 @@ def visible_ggx_pdf(wo: Array, d: Array, alpha_x: Real, alpha_y: Real) -> Array:
 def sin_gaussian(wm: Array, power: Real) -> Array:
     """D of a Gaussian of ``sin theta_h``."""
     sin2 = wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
-    return power / (-PI * np.expm1(-power)) * np.exp(-power * sin2)
+    return power / (-np.pi * np.expm1(-power)) * np.exp(-power * sin2)
 
 
 def sample_sin_gaussian(power: Real, u1: Array, u2: Array) -> Array:
-    """Draw half vectors with density ``D cos theta_h`` of `sin_gaussian`, by inversion in ``sin^2 theta_h``."""
+    """Draw half vectors with pdf ``D cos theta_h`` of `sin_gaussian`, by inversion in ``sin^2 theta_h``."""
     sin2 = np.clip(-np.log(1.0 + u1 * np.expm1(-power)) / power, 0.0, 1.0)
     sin_theta = np.sqrt(sin2)
-    phi = 2.0 * PI * u2
+    phi = 2.0 * np.pi * u2
     return vector(sin_theta * np.cos(phi), sin_theta * np.sin(phi), np.sqrt(1.0 - sin2))
 
 
 def sample_cosine(u1: Array, u2: Array) -> Array:
-    """Draw directions of the upper hemisphere with density ``cos theta / pi``."""
+    """Draw directions of the upper hemisphere with pdf ``cos theta / pi``."""
     r = np.sqrt(u1)
-    phi = 2.0 * PI * u2
+    phi = 2.0 * np.pi * u2
     return vector(r * np.cos(phi), r * np.sin(phi), np.sqrt(np.maximum(1.0 - u1, 0.0)))

@@ -1,7 +1,7 @@
-"""The mixture of lobes: how they are chosen, summed and weighed.
+"""The mixture of lobes: how they are chosen, summed and weighted.
 
-`Mixture` is the one definition. The functions below evaluate it over arrays; code generation traces it and adds nothing
-but control flow, which lobes to skip at a point.
+`Mixture` is the one definition. The functions below evaluate it over arrays; code generation traces it and adds only
+the control flow that skips lobes at a point.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ from lookdev.brdf.vectors import TINY, Array, Mask, Real, scale
 Floats = NDArray[np.float64]
 
 BELOW_ONE = 0.99999994
-"""The largest float32 below 1: what a uniform number may be rounded or stretched to."""
+"""The largest float32 below 1, an upper limit of uniform numbers."""
 
 
 @dataclass(frozen=True)
 class Term:
-    """What one lobe adds to the mixture for a pair of directions.
+    """The terms of one lobe in the mixture's sums, for a pair of directions.
 
     valid : (...)
-        Where the lobe sends light; the rest counts there alone.
+        Where both directions are on the lobe's sides; `f`, `cosine` and `density` have a meaning only there.
     f : (..., 3)
         In 1/sr, cosine excluded.
     cosine, density : (...)
-        Cosine of the light's direction to the lobe's own normal; share times the solid-angle density of its samples.
+        Cosine of the light's direction to the lobe's own normal; share times the pdf of the lobe's samples.
     """
 
     lobe: Lobe
@@ -44,18 +44,18 @@ class Term:
 
     @property
     def value(self) -> Array:
-        """f times the cosine, (..., 3), 0 where no light is sent: what a renderer integrates."""
+        """f times the cosine, (..., 3), 0 where not valid."""
         return scale(self.f, np.where(self.valid, self.cosine, 0.0))
 
 
 @dataclass(frozen=True)
 class Choice:
-    """One lobe of the mixture, chosen for the uniform numbers below its part's end that no lobe before it has.
+    """One lobe of the mixture and its interval of the uniform numbers, which begins where that of the lobe before ends.
 
     below : (...)
-        Whether the number is below that end.
+        Whether the number is below the interval's end.
     stretched : (...)
-        The number stretched over the lobe's part, in [0, 1): stratified numbers stay stratified within each lobe.
+        The number's place in the interval, in [0, 1): stratified numbers stay stratified within each lobe.
     """
 
     lobe: Lobe
@@ -65,7 +65,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Mixture:
-    """The lobes of a surface as seen from `wo`, (..., 3), unit, above the horizon: each is chosen by its share."""
+    """The lobes of a surface seen from `wo`, (..., 3), unit, above the horizon; probabilities are as the shares."""
 
     lobes: Sequence[Lobe]
     wo: Array
@@ -76,7 +76,7 @@ class Mixture:
         return functools.reduce(operator.add, (lobe.share for lobe in self.lobes), 0.0)
 
     def terms(self, wi: Array) -> Iterator[Term]:
-        """Yield what each lobe adds for light from `wi`, (..., 3), unit."""
+        """Yield the terms of each lobe for light from `wi`, (..., 3), unit."""
         known: dict[tuple[int, bool], tuple[Directions, Mask]] = {}
         for lobe in self.lobes:
             key = id(lobe.frame), lobe.transmits
@@ -84,19 +84,19 @@ class Mixture:
                 known[key] = _directions(lobe, self.wo, wi)
             directions, valid = known[key]
             f = scale(lobe.evaluate(directions), lobe.weight)
-            # A single lobe has the whole mixture, whatever its share is.
+            # A single lobe has probability 1, whatever its share is.
             share = lobe.share if len(self.lobes) > 1 else np.where(lobe.share > 0.0, 1.0, 0.0)
             density = np.where(valid, share * lobe.pdf(directions), 0.0)
             yield Term(lobe, valid, f, directions.cos_theta_i, density)
 
     def normalised(self, density: Array) -> Array:
-        """Return the density (...) of the mixture from the sum of its terms' densities."""
+        """Return the pdf (...) of the mixture from the sum of its terms' densities."""
         if len(self.lobes) < 2:
             return density
         return density / np.where(self.total > 0.0, self.total, 1.0)
 
     def choices(self, u: Array) -> Iterator[Choice]:
-        """Yield the lobes in the order in which they divide the uniform numbers (...) among them."""
+        """Yield the lobes in the order of their intervals of the uniform numbers (...)."""
         if len(self.lobes) == 1:
             yield Choice(self.lobes[0], self.lobes[0].share + 0.0 * u > 0.0, u)
             return
@@ -112,7 +112,7 @@ class Mixture:
 
 
 def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
-    """Return directions in the frame of a lobe, and where they are valid; elsewhere both are its normal."""
+    """Return directions in the frame of a lobe, and where they are valid; elsewhere both are the normal."""
     local_o, local_i = lobe.pair(wo, wi)
     valid = (wi[..., 2] < 0.0) if lobe.transmits else (wi[..., 2] > 0.0)
     if lobe.leans:
@@ -122,7 +122,7 @@ def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
 
 
 def _seen(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
-    """Return the mixture seen along `wo`, the light's directions on its side, and where there is a viewer, (...)."""
+    """Return the mixture seen along `wo`, flipped where seen from behind, as is `wi`, and where f may be above 0."""
     if bsdf.two_sided:
         behind = wo[..., 2:] < 0.0
         wo, wi = np.where(behind, -wo, wo), np.where(behind, -wi, wi)
@@ -132,38 +132,30 @@ def _seen(bsdf: Bsdf, wo: Array, wi: Array) -> tuple[Mixture, Array, Mask]:
 
 
 def seen_along(bsdf: Bsdf, wo: Floats) -> Bsdf:
-    """Return a BSDF for this one view, (..., 3), above the horizon or of a two-sided surface: lobes derived once."""
+    """Return a BSDF for this view, (..., 3), above the horizon unless two-sided: its lobes are derived once."""
     lobes = bsdf.lobes(np.where(wo[..., 2:] < 0.0, -wo, wo) if bsdf.two_sided else wo)
     return replace(bsdf, lobes=lambda _: tuple(lobes))
 
 
 def evaluate(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Evaluate a BSDF.
+    """Return f in 1/sr without the cosine, (..., 3), for unit directions to the viewer and to the light, (..., 3).
 
-    Parameters
-    ----------
-    wo, wi : (..., 3)
-        Unit directions to the viewer and to the light; z is the shading normal.
-
-    Returns
-    -------
-    (..., 3)
-        f in 1/sr without the cosine; exactly 0 where either direction is on the horizon, or where no lobe sends
-        light. A lobe with a normal of its own has its cosine over that of the shading normal as a factor.
+    z is the shading normal. f is exactly 0 where either direction is on the horizon. A lobe about another normal has
+    the factor of its cosine over that of the shading normal.
     """
     mixture, light, above = _seen(bsdf, wo, wi)
     cosine = np.abs(light[..., 2])
     total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
     for term in mixture.terms(light):
-        # The quotient first: it is exactly 1 without a normal of its own, however small the cosines are. With one, it
-        # has no bound at the horizon: the floor keeps it finite.
+        # The quotient first: about the shading normal it is exactly 1, however small the cosines are. About another it
+        # has no bound at the horizon; the floor keeps it finite.
         ratio = term.cosine / np.maximum(cosine, TINY * term.cosine)
         total = total + scale(term.f, np.where(above & term.valid, ratio, 0.0))
     return np.asarray(total)
 
 
 def evaluate_cosine(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Return f times the cosine of `wi`, each lobe's by its own normal, (..., 3): what a renderer integrates."""
+    """Return the sum of f times the cosine of `wi` to each lobe's own normal, (..., 3): what a renderer integrates."""
     mixture, light, above = _seen(bsdf, wo, wi)
     total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
     for term in mixture.terms(light):
@@ -172,7 +164,7 @@ def evaluate_cosine(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 
 
 def pdf(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
-    """Return the solid-angle density, (...), with which `sample` draws `wi`; 0 where no lobe sends light."""
+    """Return the pdf over solid angle, (...), with which `sample` draws `wi`."""
     mixture, light, above = _seen(bsdf, wo, wi)
     density: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape)[:-1])
     for term in mixture.terms(light):
@@ -181,21 +173,12 @@ def pdf(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 
 
 def sample(bsdf: Bsdf, wo: Floats, u: Floats) -> Floats:
-    """Draw directions.
+    """Draw unit directions to the light, (..., 3), for unit views (..., 3) that are not on the horizon.
 
-    Parameters
-    ----------
-    wo : (..., 3)
-        Unit directions to the viewer, not on the horizon.
-    u : (..., 2)
-        Uniform numbers in [0, 1). The first also chooses the lobe.
-
-    Returns
-    -------
-    (..., 3)
-        Unit directions to the light. One that its lobe sends no light to has z = 0, and so neither value nor density.
+    `u`, (..., 2), are uniform numbers in [0, 1); the first also chooses the lobe. Where the chosen lobe is 0 in the
+    direction, its z is 0, and so are f and pdf.
     """
-    # The same number of float32: one that rounds to 1 belongs to no lobe's part.
+    # A number that float32 rounds to 1 is in no lobe's interval.
     u1, u2 = np.minimum(u[..., 0], BELOW_ONE), u[..., 1]
     mixture, _, _ = _seen(bsdf, wo, wo)
     wi = np.zeros(wo.shape)

@@ -8,10 +8,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lookdev.brdf.layering import blend_parameters
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.parameters import Parameter, Value
-from lookdev.brdf.vectors import Parameters, Real
+from lookdev.brdf.vectors import Parameters, Real, mix
 from lookdev.errors import ModelError, nearest_hint
 
 Mode = Literal["over", "transmit"]
@@ -32,7 +31,7 @@ class StackLayer:
 
 @dataclass(frozen=True)
 class Preview:
-    """A model's likeness in UsdPreviewSurface.
+    """A model's approximation by UsdPreviewSurface.
 
     `same` maps its inputs to the parameters that have the same meaning, ``opacity`` to the presence of a layer.
     `derived` computes ``clearcoat``, ``clearcoatRoughness``, ``opacity`` and ``f0``, the reflectance at normal
@@ -45,7 +44,7 @@ class Preview:
 
 @dataclass(frozen=True)
 class Model:
-    """All that the program knows of a reflectance model.
+    """A reflectance model.
 
     name, title, text
         The token in files and messages, the short name for readers, and a sentence with the publication.
@@ -56,18 +55,20 @@ class Model:
     combine
         From layers of this model, base first, to one surface; None: their parameters are blended by the masks.
     identifier
-        Of the UsdShade shader, `info:id`.
+        `info:id` of the UsdShade shader.
     energy
-        From tokens, by name, to an upper bound of the directional albedo over all other parameters; above 1 where the
-        published model does not conserve energy.
+        From tokens, by name, to an upper bound of the directional albedo where no normal leans and no number whose
+        default is at most 1 is above 1; the bound is above 1 where the published model does not conserve energy.
+    reciprocal
+        From tokens, by name, to the names of the lobes with f(wo, wi) = f(wi, wo) where no normal leans.
     modes
         How a layer may lie on layers of the same model.
     two_sided
         Whether the surface is thin and looks alike from both sides.
     probe
-        Parameters, the rest at their defaults, with which every lobe is there and nothing is directed.
+        Parameters, the rest at their defaults, for which no lobe has share 0 and the surface is isotropic.
     preview
-        The likeness in UsdPreviewSurface.
+        The approximation by UsdPreviewSurface.
     """
 
     name: str
@@ -77,6 +78,7 @@ class Model:
     bsdf: Callable[[Parameters], Bsdf]
     identifier: str
     energy: Callable[[Mapping[str, str]], float] = lambda tokens: 1.0
+    reciprocal: Callable[[Mapping[str, str]], tuple[str, ...]] = lambda tokens: ()
     combine: Callable[[Sequence[StackLayer]], Bsdf] | None = None
     modes: tuple[Mode, ...] = ("over",)
     two_sided: bool = False
@@ -84,27 +86,20 @@ class Model:
     preview: Preview = field(default_factory=Preview)
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
-        """Combine layers of this model, base first, into one surface.
-
-        Raises
-        ------
-        ModelError
-            Layers differ in a token.
-        """
+        """Combine layers of this model, base first, into one surface; tokens that differ raise ModelError."""
         return self.combine(layers) if self.combine else self.bsdf(self.blended(layers))
 
     def blended(self, layers: Sequence[StackLayer]) -> Parameters:
-        """Blend the parameters of layers, base first, by their masks.
+        """Blend the parameters of layers, base first, by their masks (Burley 2012, section 5.7).
 
-        Raises
-        ------
-        ModelError
-            Layers differ in a token.
+        The result is exactly the upper layer's value where its mask is 1, exactly the value beneath where it is 0.
+        Tokens that differ raise ModelError.
         """
-        parameters = layers[0].parameters
+        blended = dict(layers[0].parameters)
         for layer in layers[1:]:
-            parameters = blend_parameters(self.parameters, parameters, layer.parameters, layer.mask)
-        return parameters
+            for name, parameter in self.parameters.items():
+                blended[name] = _blended(parameter, blended[name], layer.parameters[name], layer.mask)
+        return blended
 
     def complete(self, given: Mapping[str, object]) -> dict[str, Any]:
         """Check constant parameters and fill in the defaults.
@@ -118,13 +113,21 @@ class Model:
         """
         for name in given:
             if name not in self.parameters:
-                raise ModelError(
-                    f"{self.name}: unknown parameter '{name}' ({nearest_hint(name, list(self.parameters))})"
-                )
+                hint = nearest_hint(name, list(self.parameters))
+                raise ModelError(f"{self.name}: unknown parameter '{name}' ({hint})")
         return {
             name: _checked(self.name, parameter, given.get(name, parameter.default))
             for name, parameter in self.parameters.items()
         }
+
+
+def _blended(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
+    if parameter.kind != "token":
+        return mix(below, above, mask if parameter.kind == "float" else np.expand_dims(mask, -1))
+    if below != above:
+        values = f"'{below}' below, '{above}' above"
+        raise ModelError(f"layers disagree on '{parameter.name}': {values}; all layers of a stack must use the same")
+    return below
 
 
 def _checked(model: str, parameter: Parameter, value: object) -> Any:
@@ -139,8 +142,7 @@ def _checked(model: str, parameter: Parameter, value: object) -> Any:
     except (TypeError, ValueError):
         array = np.empty(0)
     if isinstance(value, (str, bool)) or array.shape != shape:
-        wanted = "three numbers" if shape else "a number"
-        raise ModelError(f"{place} is {value!r}; {wanted} would be right")
+        raise ModelError(f"{place} is {value!r}; {'three numbers' if shape else 'a number'} would be right")
     low, high = parameter.hard
     if not np.all((array >= low) & (array <= high)):
         raise ModelError(f"{place} is {value!r}; its range is {low:g} to {high:g}")

@@ -10,21 +10,12 @@ from lookdev.brdf.model import Model
 from lookdev.brdf.pixar import PIXAR
 from lookdev.errors import ModelError, nearest_hint
 
-MODELS: dict[str, Model] = {
-    "disney": DISNEY,
-    "pixar": PIXAR,
-}
+MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, PIXAR)}
 """Every model by its name."""
 
 
 def model_named(name: str) -> Model:
-    """Return a model.
-
-    Raises
-    ------
-    ModelError
-        There is no model of that name.
-    """
+    """Return a model; an unknown name raises ModelError."""
     if name not in MODELS:
         raise ModelError(f"unknown model '{name}' ({nearest_hint(name, list(MODELS))})")
     return MODELS[name]
@@ -36,11 +27,5 @@ def layer_shaders() -> dict[str, str]:
 
 
 def complete_parameters(model: str, given: Mapping[str, object]) -> dict[str, Any]:
-    """Check constant parameters of a model and fill in the defaults, as `Model.complete` does.
-
-    Raises
-    ------
-    ModelError
-        The model is unknown, or as `Model.complete`.
-    """
+    """Return `Model.complete` of the model of this name; an unknown name raises ModelError."""
     return model_named(model).complete(given)

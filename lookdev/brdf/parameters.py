@@ -1,6 +1,6 @@
 """Parameters of a model: type, default, ranges and help.
 
-The one source of truth: `shaders/shaderDefs.usda`, the generated OSL and every error message follow it.
+`shaders/shaderDefs.usda`, the generated OSL and every message about a parameter follow these records.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ Value = float | tuple[float, float, float] | str
 class Parameter:
     """One input of a reflectance model.
 
-    `hard` is the range outside which the model has no meaning: a value outside it is an error at load time.
-    `soft` is what a slider offers. A ``"token"`` chooses between forms of the model at code-generation time, so
-    it must be constant; `choices` lists its values. Colours are linear Rec.709 and the ranges hold per channel. A
-    ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of any length but zero. A `directed`
-    number distinguishes a direction along the surface unless it is 0.
+    `hard` is the range outside which the model has no meaning: a constant outside it is an error at load time. `soft`
+    is the range of a slider. Colours are linear Rec.709 and their ranges hold per channel. A ``"token"`` is one of
+    `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
+    in the frame of tangent, bitangent and shading normal, of any length but zero. A `directed` number makes the model
+    anisotropic unless it is 0.
     """
 
     name: str
@@ -30,6 +30,11 @@ class Parameter:
     choices: tuple[str, ...] = ()
     help: str = ""
     directed: bool = False
+
+
+def normal_parameter(name: str, help: str) -> Parameter:
+    """Return a normal, by default the shading normal."""
+    return Parameter(name, "normal", (0.0, 0.0, 1.0), hard=(-1.0, 1.0), soft=(-1.0, 1.0), help=help)
 
 
 MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")

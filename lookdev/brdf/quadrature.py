@@ -1,4 +1,4 @@
-"""Directions and weights to integrate over the light with: for lobes that have their peak near a mirrored view."""
+"""Quadrature over directions of light, for lobes that peak at half vectors near the normal, and for smooth ones."""
 
 from __future__ import annotations
 
@@ -11,18 +11,10 @@ Floats = NDArray[np.float64]
 def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tuple[Floats, Floats]:
     """Return directions (n, 3) above the horizon, and their quadrature weights (n,) in steradians.
 
-    Two Gauss nodes a cell along slope and azimuth of the half vector. With ``t = tan^2 theta_h`` the first coordinate
-    is ``log(1 + t / t0) / L``: even within a lobe of width `alpha`, logarithmic beyond. A direction above the horizon
-    has ``tan theta_h < 2 / view_z``, which is where the grid ends.
-
-    Parameters
-    ----------
-    view : (3,)
-        Unit direction, above the horizon.
-    alpha
-        Width of the lobe, or of the narrowest of several.
-    cells
-        Along slope and azimuth.
+    Two Gauss nodes a cell along slope and azimuth of the half vector; `cells` are their numbers. With
+    ``t = tan^2 theta_h`` the first coordinate is ``log(1 + t / t0) / L``: even within a lobe of width `alpha`,
+    logarithmic beyond. The grid ends at ``tan theta_h = 2 / view_z``, above which no direction is above the horizon.
+    `view`, (3,), is a unit direction above the horizon.
     """
     t0 = (0.5 * alpha) ** 2
     nodes, weights = np.polynomial.legendre.leggauss(2)  # type: ignore[no-untyped-call]
@@ -46,11 +38,11 @@ def half_vector_grid(view: Floats, alpha: float, cells: tuple[int, int]) -> tupl
 
 
 def hemisphere_grid(nodes: int) -> tuple[Floats, Floats]:
-    """Return directions (n, 3) and weights (n,) in steradians for what is smooth over the hemisphere."""
+    """Return directions (n, 3) and weights (n,) in steradians for functions that are smooth over the hemisphere."""
     x, w = np.polynomial.legendre.leggauss(nodes)  # type: ignore[no-untyped-call]
     cos = 0.5 * (x + 1.0)
     sin = np.sqrt(1.0 - cos * cos)
-    # Periodic, so that the midpoint rule converges as Gauss does.
+    # The azimuth is periodic: the midpoint rule converges as Gauss's does.
     azimuth = 2.0 * np.pi * (np.arange(nodes) + 0.5) / nodes
     directions = np.stack(
         [np.outer(sin, np.cos(azimuth)), np.outer(sin, np.sin(azimuth)), np.outer(cos, np.ones(nodes))], axis=-1

@@ -1,7 +1,7 @@
 """Stacks of layers as one BSDF, whatever their models.
 
-From the base up, a layer of the same model as all beneath it is combined with them by the model's own rule. From the
-first layer of another model on, evaluated BSDFs are blended by the masks.
+From the base up, layers of the base's model are combined by that model's rule. From the first layer of another model
+on, evaluated BSDFs are blended by the masks.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
         raise ModelError("a stack has no layers; a base would be right")
     for number, layer in enumerate(layers):
         if stranger(layer.mode, [each.model for each in layers[: number + 1]]) is not None:
-            takers = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
-            raise ModelError(f"layer {number}: mode '{layer.mode}' needs {takers} layers only, here and beneath")
+            models = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
+            raise ModelError(f"layer {number}: mode '{layer.mode}' needs {models} layers only, here and beneath")
     first, *others = runs(layers)
     bsdf = model_named(layers[0].model).stack(first)
     for (layer,) in others:
@@ -45,9 +45,9 @@ def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
 
 
 def stranger(mode: Mode, models: Sequence[str]) -> int | None:
-    """Return the index of a model that keeps the uppermost layer from having its mode, None where it may have it.
+    """Return the index of the model that rules out the mode of the uppermost layer, or None.
 
-    `models` are those of all layers, base first. Any layer may lie ``"over"`` any other; in the other modes a layer and
+    `models` are those of all layers, base first. Any layer may lie ``"over"`` any other; in another mode a layer and
     all beneath it are of one model, which has that mode.
     """
     if mode == "over":
@@ -62,10 +62,8 @@ def _blend(below: Bsdf, above: Bsdf, mask: Real) -> Bsdf:
     covered = mask * above.presence
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
-        return (
-            *(lobe.blended(1.0 - covered) for lobe in below.lobes(wo)),
-            *(lobe.blended(mask) for lobe in above.lobes(wo)),
-        )
+        parts = (below, 1.0 - covered), (above, mask)
+        return tuple(lobe.blended(weight) for bsdf, weight in parts for lobe in bsdf.lobes(wo))
 
     presence = 1.0 - (1.0 - covered) * (1.0 - below.presence)
     return Bsdf(lobes, presence, below.two_sided or above.two_sided)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 
 class Mask(Protocol):
-    """What a comparison of arrays gives: an array of truth values, or a symbolic one."""
+    """The result of comparing arrays: an array of truth values, or a symbolic one."""
 
     def __array__(self, dtype: None = ..., /) -> NDArray[np.bool_]: ...
     def __array_ufunc__(self, ufunc: np.ufunc, method: Any, *inputs: Any, **kwargs: Any) -> Any: ...
@@ -24,9 +24,9 @@ class Mask(Protocol):
 
 
 class Array(Protocol):
-    """What a model computes with: a float64 array, or a symbolic array in its place.
+    """A float64 array, or a symbolic array in its place.
 
-    Shapes in docstrings are those of the array: ``(...)`` a number at each point, ``(..., 3)`` a vector or a colour.
+    Shapes in docstrings: ``(...)`` is a number at each point, ``(..., 3)`` a vector or a colour.
     """
 
     @property
@@ -58,11 +58,11 @@ Parameters: TypeAlias = Mapping[str, Any]
 """Values of a model's parameters by name: arrays, and strings for tokens."""
 
 TINY = 1e-18
-"""A floor for divisors: its square and the inverse of its square are normal numbers in float32 too."""
+"""A floor for divisors: its square and the inverse of its square are normal float32 numbers."""
 
 
 def vector(x: Array, y: Array, z: Array) -> Array:
-    """Put components (...) together to vectors (..., 3)."""
+    """Stack components (...) to vectors (..., 3)."""
     return np.stack([x, y, z], axis=-1)
 
 
@@ -72,23 +72,21 @@ def scale(vectors: Array, factor: Real) -> Array:
 
 
 def mix(a: Real, b: Real, t: Real) -> Real:
-    """Interpolate linearly: exactly `a` at t = 0 and `b` at t = 1, however far apart they are."""
-    # Not a + (b - a) t: where a is far larger than b, its rounding error would be all that is left near t = 1.
+    """Interpolate linearly: exactly `a` at t = 0 and exactly `b` at t = 1."""
+    # Not a + (b - a) t: for a far larger than b, the rounding error of a exceeds b.
     return a + 0.0 * t if same(a, b) else a * (1.0 - t) + b * t
 
 
 def mix_color(a: Array, b: Array, t: Real) -> Array:
     """Interpolate colours (..., 3) by scalars (...)."""
-    blended: Array = mix(a, b, np.expand_dims(t, -1))  # type: ignore[assignment]
-    return blended
+    return mix(a, b, np.expand_dims(t, -1))  # type: ignore[return-value]
 
 
 def dot(a: Array, b: Array) -> Array:
     """Dot product over the last axis."""
     # Not numpy.sum, which takes three times as long over an axis of three.
     product = a * b
-    total: Array = product[..., 0] + product[..., 1] + product[..., 2]
-    return total
+    return product[..., 0] + product[..., 1] + product[..., 2]
 
 
 def cross(a: Array, b: Array) -> Array:
@@ -109,11 +107,10 @@ def reflect(w: Array, wm: Array) -> Array:
 
 def mean(color: Array) -> Array:
     """Mean of the three channels, (...)."""
-    total: Array = (color[..., 0] + color[..., 1] + color[..., 2]) * (1.0 / 3.0)
-    return total
+    return (color[..., 0] + color[..., 1] + color[..., 2]) * (1.0 / 3.0)
 
 
 def same(a: Real, b: Real) -> bool:
-    """Return whether two values are known to be equal; of symbolic ones only where their difference folds to zero."""
+    """Return whether two values are equal everywhere; symbolic ones are where their difference folds to 0."""
     difference = a - b
     return isinstance(difference, np.ndarray | np.floating | float) and not np.any(difference)

@@ -1,4 +1,4 @@
-"""Stand-ins: which of Cycles' own closures stand for a lobe where no other can be had, by model and lobe.
+"""Stand-ins: the closures of Cycles that approximate a lobe where only closures can be used, by model and lobe.
 
 Stand-ins for a lobe are one function and its entry in the table of the model's file. What depends on the light is
 fitted: ``python -m lookdev.closures.fitting`` makes the table of fits.
@@ -22,13 +22,7 @@ STAND_INS: dict[tuple[str, str], StandIn] = {
 
 
 def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return what stands for a lobe as seen from `wo`, (..., 3).
-
-    Raises
-    ------
-    CodegenError
-        Nothing stands for it.
-    """
+    """Return the closures that stand for a lobe seen from `wo`, (..., 3); a lobe without any raises CodegenError."""
     stand_in = STAND_INS.get((lobe.model, lobe.name))
     if stand_in is None:
         raise CodegenError(
@@ -38,4 +32,4 @@ def lobe_closures(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     return tuple(replace(closure, weight=scale(closure.weight, lobe.weight)) for closure in stand_in(lobe, wo))
 
 
-__all__ = ["STAND_INS", "Closure", "Kind", "StandIn", "closure_cosine", "lobe_closures"]
+__all__ = ["STAND_INS", "Closure", "Kind", "closure_cosine", "lobe_closures"]

@@ -1,10 +1,8 @@
-"""Stock closures of Cycles as stand-ins for lobes: what the node backend renders, and how far it is from the model.
+"""Closures of Cycles, evaluated as in Cycles, so that their distance from the lobes they stand for can be computed.
 
-A lobe's view-dependent factors go into the weight of its closures exactly; what depends on the light as well is fitted
-(`lookdev.closures.fits`): the shape of the lobe, and a factor over the view that restores its directional albedo.
-
-The closures are written here as Cycles has them (intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2),
-so that the distance can be computed:
+A lobe's view-dependent factors are in the weights of its closures exactly. The rest is fitted
+(`lookdev.closures.fits`): the shape of the lobe, and a factor over the view that restores its directional albedo. The
+formulas are those of intern/cycles/kernel/closure/bsdf_microfacet.h, Blender 4.5 and 5.2:
 
 - Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
 - Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
@@ -26,20 +24,11 @@ from lookdev.brdf.microfacet import gtr2_aniso
 from lookdev.brdf.vectors import TINY, Array, Real, dot, mix_color, normalize, scale
 
 Kind = Literal[
-    "diffuse",
-    "rough_diffuse",
-    "translucent",
-    "ggx",
-    "beckmann",
-    "metal",
-    "sheen",
-    "ggx_refraction",
-    "beckmann_refraction",
-]
+    "diffuse", "rough_diffuse", "translucent",
+    "ggx", "beckmann", "metal", "sheen", "ggx_refraction", "beckmann_refraction",
+]  # fmt: skip
 
 Floats = NDArray[np.float64]
-
-PI = np.pi
 
 
 @dataclass(frozen=True)
@@ -48,20 +37,20 @@ class Closure:
 
     kind
         ``"diffuse"`` (Lambert), ``"rough_diffuse"`` (Oren and Nayar), ``"translucent"`` (Lambert on the other side),
-        ``"ggx"`` and ``"beckmann"`` (microfacets that reflect everything, each light once, height-correlated
-        shadowing), ``"metal"`` (GGX with Schlick's Fresnel), ``"sheen"`` (a metal of alpha 1 and `f0` 0),
-        ``"ggx_refraction"`` and ``"beckmann_refraction"`` (microfacets that all light goes through).
+        ``"ggx"`` and ``"beckmann"`` (reflecting microfacets, single scattering, height-correlated shadowing),
+        ``"metal"`` (GGX with Schlick's Fresnel), ``"sheen"`` (a metal of alpha 1 and `f0` 0), ``"ggx_refraction"`` and
+        ``"beckmann_refraction"`` (microfacets that transmit all light).
     weight : (..., 3)
-        At least 0; grey and at most 1 of a metal and of a rough diffuse one.
+        At least 0; of a metal and of a rough diffuse one grey and at most 1.
     alpha_x, alpha_y : (...)
         Along the first two axes of `frame`, in [0.001, 1], the first 1 to 10 times the second; without meaning for
-        Lambert's and sheen. Cycles takes a microfacet for a mirror where their product is below 2e-10.
+        Lambert's and sheen. Where their product is below 2e-10, Cycles renders a mirror.
     frame
         About the closure's normal.
     ior : (...)
-        Index of refraction of the other side, of a refraction.
+        Of a refraction, the index of refraction of the other side.
     f0 : (..., 3)
-        What a metal reflects at normal incidence, in [0, 1]; the colour of a rough diffuse one, at least 0.
+        Of a metal, its reflectance at normal incidence, in [0, 1]; of a rough diffuse one its colour, at least 0.
     roughness : (...)
         Of a rough diffuse one, in [0, 1].
     """
@@ -86,18 +75,10 @@ StandIn = Callable[[Lobe, Array], tuple[Closure, ...]]
 
 
 def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
-    """Evaluate a closure as Cycles does, times the cosine.
+    """Return a closure's weight times f in 1/sr times the cosine by its normal, (..., 3), as in Cycles.
 
-    Parameters
-    ----------
-    wo, wi : (..., 3)
-        Unit directions to the viewer, above the horizon, and to the light; z is the shading normal.
-
-    Returns
-    -------
-    (..., 3)
-        The weight times f in 1/sr times the cosine by the closure's normal; 0 where light comes from the wrong side of
-        that normal or of the surface.
+    `wo` and `wi`, (..., 3), are unit directions to the viewer, above the horizon, and to the light; z is the shading
+    normal. It is 0 where light comes from the wrong side of the closure's normal or of the surface.
     """
     o, i = closure.frame.to_local(wo), closure.frame.to_local(wi)
     side = -1.0 if closure.transmits else 1.0
@@ -107,7 +88,7 @@ def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
     color = closure.weight
     value: Array
     if closure.kind in ("diffuse", "translucent", "rough_diffuse"):
-        value = np.abs(i[..., 2]) / PI
+        value = np.abs(i[..., 2]) / np.pi
     else:
         value = _microfacets(closure, o, i)
     if closure.kind == "rough_diffuse":
@@ -117,25 +98,24 @@ def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
     return np.asarray(scale(color, np.where(valid, value, 0.0)))
 
 
-# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model; light that is scattered again as of OpenPBR 1.1.
+# Fujii, Y. A tiny improvement of Oren-Nayar reflectance model; multiple scattering as of OpenPBR 1.1.
 def _oren_nayar(closure: Closure, wo: Array, wi: Array) -> Array:
-    """Return what Oren and Nayar's is to Lambert's, (..., 3)."""
+    """Return the ratio of Oren and Nayar's f to Lambert's, (..., 3)."""
     sigma, nv, nl = closure.roughness, wo[..., 2], wi[..., 2]
-    once = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * PI)))
+    once = 1.0 / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
     t = dot(wo, wi) - nl * nv
     t = np.where(t > 0.0, t / np.maximum(np.maximum(nl, nv), TINY), t)
     ev, el = (rough_diffuse_albedo(sigma, oren_nayar_g(cosine)) for cosine in (nv, nl))
-    mean = once * (1.0 + sigma * (2.0 - 5.6 / PI) / 3.0)
+    mean = once * (1.0 + sigma * (2.0 - 5.6 / np.pi) / 3.0)
     color = np.clip(closure.f0, 0.0, 1.0)
     again = color * color * np.expand_dims(mean / np.maximum(1.0 - mean, TINY) * (1.0 - ev) * (1.0 - el), -1)
     again = again / (1.0 - color * np.expand_dims(1.0 - mean, -1))
-    scattered: Array = closure.f0 * (np.expand_dims(once * (1.0 + sigma * t), -1) + again)
-    return scattered
+    return np.multiply(closure.f0, np.expand_dims(once * (1.0 + sigma * t), -1) + again)
 
 
 def rough_diffuse_albedo(sigma: Real, g: Real) -> Real:
-    """Return what is scattered once, (...), of `g` as `oren_nayar_g` has it."""
-    return (1.0 + sigma * g * (1.0 / PI)) / (1.0 + sigma * (0.5 - 2.0 / (3.0 * PI)))
+    """Return the albedo (...) of single scattering, by `g` of `oren_nayar_g`."""
+    return (1.0 + sigma * g * (1.0 / np.pi)) / (1.0 + sigma * (0.5 - 2.0 / (3.0 * np.pi)))
 
 
 def oren_nayar_g(cos_theta: Array) -> Array:
@@ -183,4 +163,4 @@ def _beckmann_lambda(slope2: Array) -> Array:
 def _beckmann(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
     z2 = np.maximum(wm[..., 2] * wm[..., 2], TINY)
     x, y = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y
-    return np.exp(-(x * x + y * y) / z2) / (PI * alpha_x * alpha_y * z2 * z2)
+    return np.exp(-(x * x + y * y) / z2) / (np.pi * alpha_x * alpha_y * z2 * z2)

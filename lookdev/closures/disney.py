@@ -22,31 +22,23 @@ from lookdev.closures.fits import fit, shape
 
 
 def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for the diffuse lobe: sheen, and light from under the surface, where there is any, and Oren and Nayar's."""
+    """Return closures for the diffuse lobe: sheen, the subsurface term where it has a share, and Oren and Nayar's.
+
+    The shape of sheen is exact but for a factor 1 / (cos_theta_i + cos_theta_o).
+    """
     p, cos_theta = lobe.values, lobe.frame.to_local(wo)[..., 2]
     dielectric, under, roughness = p["dielectric"], p["subsurface"], p["roughness"]
-    closures: tuple[Closure, ...] = (sheen_closure(scale(p["sheen_color"], dielectric), cos_theta, lobe.frame),)
+    sheen = scale(scale(p["sheen_color"], dielectric), fit("sheen")(cos_theta))
+    closures: tuple[Closure, ...] = (Closure("sheen", sheen, frame=lobe.frame),)
     if not same(under, 0.0):
-        color = scale(p["base_color"], dielectric * under)
-        closures += subsurface_closures(color, cos_theta, roughness, lobe.frame)
+        color = scale(p["baseColor"], dielectric * under)
+        closures += _subsurface(color, cos_theta, roughness, lobe.frame)
     if not same(under, 1.0):
-        color = scale(p["base_color"], dielectric * (1.0 - under))
-        albedo = diffuse_albedo(cos_theta, roughness)
-        closures += (diffuse_closure(color, albedo, roughness, cos_theta, lobe.frame),)
+        color = scale(p["baseColor"], dielectric * (1.0 - under))
+        closures += (
+            _rough_diffuse(scale(color, diffuse_albedo(cos_theta, roughness)), roughness, cos_theta, lobe.frame),
+        )
     return closures
-
-
-def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for the specular lobe."""
-    p = lobe.values
-    alphas = p["alpha_x"], p["alpha_y"]
-    return specular_closures(p["f0"], p["roughness"], alphas, p["variant"], lobe.frame.to_local(wo), lobe.frame)
-
-
-def clearcoat(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for the clearcoat lobe."""
-    p = lobe.values
-    return clearcoat_closures(p["weight"], p["alpha"], lobe.frame.to_local(wo)[..., 2], lobe.frame)
 
 
 # The integral of Burley 2012, section 5.3, times the cosine over all lights. With X = 1 + wi . wo = 2 cos^2 theta_d,
@@ -61,95 +53,78 @@ def diffuse_albedo(cos_theta: Array, roughness: Array) -> Array:
     return 1.0 + at_light + schlick_weight(cos_theta) * (at_view + at_both)
 
 
-def subsurface_albedo(cos_theta: Array, roughness: Array) -> Real:
-    """Directional albedo of the subsurface term for a white base colour, (...): fitted, exactly quadratic in y."""
-    return fit("subsurface")(cos_theta, roughness)
-
-
-def diffuse_closure(color: Array, albedo: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Stand for diffuse light of a `color`, (..., 3), that reflects `albedo` times it.
-
-    retro : (...), the roughness by which light comes back to where it is from.
-    """
-    wanted = scale(color, albedo)
+def _rough_diffuse(reflected: Array, retro: Array, cos_theta: Array, frame: Frame) -> Closure:
+    """Return a closure of a directional albedo (..., 3) and a retroreflection that grows with `retro`, (...)."""
     if same(retro, 0.0):
-        return Closure("diffuse", wanted, frame=frame)
+        return Closure("diffuse", reflected, frame=frame)
     sigma = shape("retro")["strength"] * retro * (1.0 - cos_theta) * _square(1.0 - cos_theta)
-    # Cycles divides by what even less roughness takes from the albedo, in float32.
+    # The floor: Cycles divides by 1 minus an albedo that is nearly 1, in float32.
     sigma = np.maximum(sigma, 0.01)
-    # Of white, what is not scattered once is scattered again; of others, by about the square of their colour.
+    # White scatters again all that it does not scatter once, other colours about the square of themselves.
     once = np.expand_dims(rough_diffuse_albedo(sigma, fit("retro")(cos_theta)), -1)
-    own = wanted / mix(once, 1.0, _square(np.minimum(wanted, 1.0)))
+    own = reflected / mix(once, 1.0, _square(np.minimum(reflected, 1.0)))
     return Closure("rough_diffuse", np.ones(3), frame=frame, f0=own, roughness=sigma)
 
 
-# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)): the term of Hanrahan and Krueger 1993 but for Fss, which is
-# nearly what it is for the view alone. Its directional albedo is 1 - cos_theta ln(1 + 1 / cos_theta).
-def subsurface_closures(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
-    """Stand for the subsurface term of a `color`, (..., 3): GGX of alpha 1, and Lambert where Fss is below 1."""
+# GGX of alpha 1 is 1 / (2 pi (cos_theta_i + cos_theta_o)), the term of Hanrahan and Krueger 1993 but for Fss, which is
+# nearly that of the view alone. Its directional albedo is 1 - cos_theta ln(1 + 1 / cos_theta); that of the whole term
+# is quadratic in roughness.
+def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) -> tuple[Closure, ...]:
+    """Return closures for the subsurface term of a `color`, (..., 3): GGX of alpha 1, Lambert where Fss is below 1."""
     # The mean of cos^2 theta_d is about 1/2.
     fss = schlick_blend(1.0, 0.5 * roughness, cos_theta)
     wide, even = 2.5 * fss, 0.625 * (1.0 - fss)
     c = np.maximum(cos_theta, TINY)
     reflected = wide * (1.0 - c * np.log(1.0 + 1.0 / c)) + even
-    ratio = subsurface_albedo(cos_theta, roughness) / reflected
+    ratio = fit("subsurface")(cos_theta, roughness) / reflected
     return (
         Closure("ggx", scale(color, ratio * wide), frame=frame),
         Closure("diffuse", scale(color, ratio * even), frame=frame),
     )
 
 
-def sheen_closure(color: Array, cos_theta: Array, frame: Frame) -> Closure:
-    """Stand for sheen of a `color`, (..., 3): an exact shape but for a factor 1 / (cos_theta_i + cos_theta_o)."""
-    return Closure("sheen", scale(color, fit("sheen")(cos_theta)), frame=frame)
-
-
-def specular_closures(
-    f0: Array, roughness: Array, alphas: tuple[Array, Array], variant: str, wo: Array, frame: Frame
-) -> tuple[Closure, ...]:
-    """Stand for the specular lobe: a metal and GGX with its alphas, seen along `wo`, (..., 3), in the lobe's frame.
-
-    f0 : (..., 3), the reflectance at normal incidence.
-    """
-    cos_theta = wo[..., 2]
+def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Return closures for the specular lobe: a metal and GGX with its alphas."""
+    p, wo = lobe.values, lobe.frame.to_local(wo)
+    alphas, variant, cos_theta = (p["alpha_x"], p["alpha_y"]), p["variant"], wo[..., 2]
     seen = SeenAlphas(alphas[0], alphas[0], 1.0)
     x, y = alphas
     within: Real = 1.0
     if not same(*alphas):
         seen = seen_alphas(alphas, wo, shape("anisotropic"))
-        # Cycles' alphas end at 1.
+        # Cycles' alphas are at most 1.
         x, y = np.minimum(x, 1.0), np.minimum(y, 1.0)
-        # Of a wider lobe, about as much as is wider is shadowed; in 2012 shadowing does not know of it.
+        # Shadowing removes about the part of a wider lobe that is beyond; that of 2012 does not depend on the alphas.
         within = x / alphas[0]
     ratio, grazing = (fit(f"specular_{name}{variant}")(cos_theta, seen.ratio) for name in ("", "grazing_"))
     # The cosine of a typical light to the half vector.
     typical = np.clip(fit(f"specular_cosine_{variant}")(cos_theta, seen.cosine), 0.0, 1.0)
     if variant == "2012":
-        within = shadowing_2012(cos_theta, roughness) * shadowing_2012(typical, roughness)
+        within = shadowing_2012(cos_theta, p["roughness"]) * shadowing_2012(typical, p["roughness"])
     ratio, grazing = (np.clip(within * each, 0.001, 1.0) for each in (ratio, grazing))
     mean = schlick_weight(typical) * seen.skew
     # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
     # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
     own_mean = ratio * mean / grazing
-    wanted = scale(mix_color(f0, np.ones(3), mean), ratio)
-    own_f0 = (wanted / np.expand_dims(grazing, -1) - np.expand_dims(own_mean, -1)) / np.expand_dims(
+    reflected = scale(mix_color(p["f0"], np.ones(3), mean), ratio)
+    own_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(own_mean, -1)) / np.expand_dims(
         np.maximum(1.0 - own_mean, 0.001), -1
     )
-    # What f in [0, 1] does not reach is reflected alike by all microfacets.
-    rest = np.maximum(wanted - np.expand_dims(grazing, -1), 0.0)
+    # All microfacets reflect alike what f in [0, 1] does not reach.
+    rest = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
     return (
-        Closure("metal", weight, x, y, frame, f0=np.clip(own_f0, 0.0, 1.0)),
-        Closure("ggx", rest, x, y, frame),
+        Closure("metal", weight, x, y, lobe.frame, f0=np.clip(own_f0, 0.0, 1.0)),
+        Closure("ggx", rest, x, y, lobe.frame),
     )
 
 
 @dataclass(frozen=True)
 class SeenAlphas:
-    """Alphas of the isotropic lobes that an anisotropic one is like as seen from one side, (...).
+    """Alphas (...) of the isotropic lobes that an anisotropic one resembles as seen from one direction.
 
     ratio, cosine : for the fits of those names.
-    skew : what Schlick's mean weight has to be multiplied by.
+    skew : factor of Schlick's mean weight.
     """
 
     ratio: Array
@@ -160,12 +135,12 @@ class SeenAlphas:
 def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, float]) -> SeenAlphas:
     """Return the alphas for a view `wo`, (..., 3): along its azimuth as it grazes, their mean from above.
 
-    `shape` has the `azimuth`, how much of that the ratio follows, and the `skew` of a lobe of mean alpha 1 as it
-    grazes, and how much `skew_rise` there is up to a view from above.
+    `shape` has the `azimuth`, how much of that the ratio follows, the `skew` of a lobe of mean alpha 1 as the view
+    grazes, and the `skew_rise` up to a view from above.
     """
     mean2 = alphas[0] * alphas[1]
     along2 = _square(alphas[0] * wo[..., 0]) + _square(alphas[1] * wo[..., 1]) + mean2 * _square(wo[..., 2])
-    # None on the diagonals.
+    # 0 on the diagonals.
     towards = _square(wo[..., 0]) - _square(wo[..., 1])
     strength = (shape["skew"] + shape["skew_rise"] * wo[..., 2]) * np.sqrt(mean2)
     skew = np.power(alphas[0] / alphas[1], -strength * towards)
@@ -173,9 +148,10 @@ def seen_alphas(alphas: tuple[Array, Array], wo: Array, shape: Mapping[str, floa
     return SeenAlphas(ratio, cosine, skew)
 
 
-def clearcoat_closures(weight: Array, alpha: Array, cos_theta: Array, frame: Frame) -> tuple[Closure, ...]:
-    """Stand for the clearcoat lobe, `weight` (...) times what Burley 2012 says: GTR1 as three GGX lobes."""
-    ratio = weight * fit("clearcoat")(cos_theta, alpha)
+def clearcoat(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Return closures for the clearcoat lobe: GTR1 as three GGX lobes."""
+    weight, alpha, frame = lobe.values["weight"], lobe.values["alpha"], lobe.frame
+    ratio = weight * fit("clearcoat")(frame.to_local(wo)[..., 2], alpha)
     return tuple(
         Closure("metal", np.expand_dims(share * ratio, -1) * np.ones(3), a, a, frame, f0=COAT_F0 * np.ones(3))
         for share, a in coat_mix(alpha, shape("clearcoat"))
@@ -193,7 +169,7 @@ def coat_mix(alpha: Array, shape: Mapping[str, Sequence[float]]) -> list[tuple[f
 
 # Burley 2012, section 5.6.
 def shadowing_2012(cos_theta: Array, roughness: Array) -> Array:
-    """Smith's G1 as of 2012, for one direction, (...)."""
+    """Smith's G1 of the 2012 variant, for one direction, (...)."""
     return 2.0 * cos_theta * smith_ggx(cos_theta, _square(0.5 + 0.5 * roughness))
 
 

@@ -1,8 +1,6 @@
-"""Fits: what closures need to know of integrals that have no closed form, as small rationals.
+"""Fits of integrals that have no closed form, as small rationals in plain arithmetic, which can be traced.
 
-They are fits, made by ``python -m lookdev.closures.fitting``, which says what each one is of and writes the table
-``data/closure_fits.json``: coefficients, domain and residuals. Here they are evaluated, in plain arithmetic, so that
-they can be traced; where a variable is a constant, a row of coefficients folds into one.
+`lookdev.closures.fitting` defines each one and writes the table ``data/closure_fits.json``: coefficients and residuals.
 """
 
 from __future__ import annotations
@@ -17,14 +15,14 @@ from typing import Any
 from lookdev.brdf.vectors import Real
 
 DATA = Path(__file__).parent / "data" / "closure_fits.json"
-"""Where the table is."""
+"""The file of the table."""
 
 Rows = Sequence[Sequence[float]]
 
 
 @dataclass(frozen=True)
 class Rational:
-    """A quotient of two polynomials in x and y; a row holds the coefficients of one power of x, by powers of y."""
+    """A quotient of two polynomials in x and y; a row has the coefficients of one power of x, by powers of y."""
 
     numerator: Rows
     denominator: Rows
@@ -47,19 +45,19 @@ def polynomial(rows: Rows, x: Real, y: Real) -> Real:
 
 @cache
 def table() -> dict[str, Any]:
-    """Return the whole table as it is in the file."""
+    """Return the whole table."""
     loaded: dict[str, Any] = json.loads(DATA.read_text())
     return loaded
 
 
 @cache
 def fit(name: str) -> Rational:
-    """Return a fit by its name in the table."""
+    """Return a fit of the table."""
     entry = table()["fits"][name]
     return Rational(entry["numerator"], entry["denominator"])
 
 
 def shape(name: str) -> Mapping[str, Any]:
-    """Return the numbers that a mix of closures is made by."""
-    shapes: Mapping[str, Any] = table()["shapes"][name]
-    return shapes
+    """Return the parameters of a mix of closures."""
+    numbers: Mapping[str, Any] = table()["shapes"][name]
+    return numbers

@@ -1,11 +1,10 @@
 """Make the fits of `lookdev.closures.fits`: ``python -m lookdev.closures.fitting`` writes ``data/closure_fits.json``.
 
-From the lobes themselves and the closures as Cycles has them, by quadrature; some seconds, the same result every time.
-First the shapes: mixes of closures, by the smallest L1 distance of directional energy from the lobe's, a mean over
-views. Then the ratios: what a lobe's directional albedo is to that of its mix, and the cosine at which Schlick's weight
-is what it is on the lobe's mean. Views up to 85 degrees weigh equally, those beyond less and less. A residual is the
-largest and the root mean square error of the directional albedo up to 85 degrees, relative, but not to less than 0.1
-(of 0.1, 1 % is an error of 0.001).
+It integrates lobes and closures by quadrature, in some seconds, and is deterministic. First the shapes: mixes of
+closures, by the smallest mean over views of the L1 distance of directional energy from the lobe's. Then the ratios: a
+lobe's directional albedo by that of its mix, and the cosine at which Schlick's weight is its mean over the lobe. Views
+up to 85 degrees have equal weights, those beyond less and less. A residual is the largest and the root mean square
+error of the directional albedo up to 85 degrees, relative to at least 0.1.
 """
 
 from __future__ import annotations
@@ -53,36 +52,35 @@ _SHAPE_GRID = replace(FULL, angles=SHAPE_ANGLES)
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A problem, and the relative error of the albedo that a rational would leave, (n,); `angle` is of the view."""
+    """A problem, the relative error of the albedo by the values (n,) of a fit, and the angle of the view, (n,)."""
 
     problem: Problem
     error: Callable[[Floats], Floats]
     angle: Floats
 
 
-# Views beyond 85 degrees count less and less, so that they do not spoil what is seen more.
 def _loosened(angle: Floats) -> Floats:
     return np.where(angle > 85.0, np.exp2(angle - 84.0), 1.0)
 
 
 def ratio_goal(a: Albedos, x: Floats, target: Floats) -> Goal:
-    """Seek a factor of the weight: `target` is right."""
+    """Return the goal of a factor of the weight, which should be `target`."""
     relative = a.whole / np.maximum(a.whole, _FLOOR)
     tolerance = _TOLERANCE * target * _loosened(a.angle)
     return Goal(Problem(x, a.alpha, target, tolerance), lambda got: np.abs(got / target - 1.0) * relative, a.angle)
 
 
-def grazing_goal(a: Albedos, known: Floats) -> Goal:
-    """Seek what the lobe, weighted by Schlick, reflects to what the mix does, weighted so; a factor of it is known."""
-    # Where it is a small part of the whole, it need not be known as well.
+def grazing_goal(a: Albedos, factor: Floats) -> Goal:
+    """Return the goal of the lobe's albedo by the mix's, both with Schlick's weight, divided by a known factor."""
+    # A small part of the whole has a larger tolerance.
     relative = np.maximum(np.minimum(a.weighted / _FLOOR, 1.0), _TOLERANCE / 0.3)
-    target = a.weighted / a.mix_weighted / known
+    target = a.weighted / a.mix_weighted / factor
     problem = Problem(a.cosine, a.alpha, target, _TOLERANCE * target / relative * _loosened(a.angle))
     return Goal(problem, lambda got: np.abs(got / target - 1.0) * relative, a.angle)
 
 
 def cosine_goal(a: Albedos) -> Goal:
-    """Seek the cosine at which Schlick's weight is its mean over the lobe."""
+    """Return the goal of the cosine at which Schlick's weight is its mean over the lobe."""
     mean = a.weighted / a.whole
     allowed = _TOLERANCE * np.maximum(mean, _FLOOR / a.whole)
     root = mean**0.2
@@ -92,7 +90,7 @@ def cosine_goal(a: Albedos) -> Goal:
 
 
 def diffuse_goal(grid: Grid, closure: Closure, base_color: float, roughness: Sequence[float], **given: float) -> Goal:
-    """Seek the weight of a closure for Disney's diffuse lobe, by the cosine of the view and roughness."""
+    """Return the goal of the weight of a closure for Disney's diffuse lobe, by the cosine of the view and roughness."""
     wi, weight = hemisphere_grid(96)
     rows = []
     for angle in grid.angles:
@@ -108,16 +106,16 @@ def diffuse_goal(grid: Grid, closure: Closure, base_color: float, roughness: Seq
 
 
 def retro_goal(grid: Grid) -> Goal:
-    """Seek what Oren and Nayar's rough term reflects, by the cosine of the view."""
+    """Return the goal of the albedo of Oren and Nayar's rough term, by the cosine of the view."""
     x = np.cos(np.radians(grid.angles))
     target = np.asarray(oren_nayar_g(x))
     problem = Problem(x, np.zeros_like(x), target, _TOLERANCE * _loosened(grid.angles))
-    # Of an albedo, it is the part that roughness has, at most.
+    # The rough term is at most 1 / pi of an albedo.
     return Goal(problem, lambda got: np.abs(got - target) / np.pi, grid.angles)
 
 
 def retro_shape() -> dict[str, Any]:
-    """Search how rough Oren and Nayar's is at grazing views, for Disney's diffuse lobe of roughness 1."""
+    """Search the roughness of Oren and Nayar's closure at grazing views for Disney's diffuse lobe of roughness 1."""
     wi, weight = hemisphere_grid(48)
     lobes = []
     for angle, roughness in product((50.0, 65.0, 75.0, 83.0), (0.5, 0.75, 1.0)):
@@ -128,16 +126,15 @@ def retro_shape() -> dict[str, Any]:
 
     def distances(strength: float) -> list[float]:
         found = []
-        for wo, roughness, wanted in lobes:
+        for wo, roughness, lobe in lobes:
             sigma = strength * roughness * (1.0 - wo[2]) ** 3
             closure = Closure("rough_diffuse", ONE, f0=0.5 * ONE, roughness=sigma)
             energy = closure_cosine(closure, wo, wi)[:, 0] * weight
-            found.append(float(0.5 * np.abs(energy / energy.sum() - wanted).sum()))
+            found.append(float(0.5 * np.abs(energy / energy.sum() - lobe).sum()))
         return found
 
     best = min((round(0.02 * k, 2) for k in range(40)), key=lambda strength: float(np.mean(distances(strength))))
-    found = distances(best)
-    return {"strength": best, "distance": {"largest": _rounded(max(found)), "mean": _rounded(float(np.mean(found)))}}
+    return {"strength": best, "distance": _summary(distances(best))}
 
 
 def coat_shape() -> dict[str, Any]:
@@ -146,10 +143,8 @@ def coat_shape() -> dict[str, Any]:
     few = replace(FULL, angles=SHAPE_ANGLES, gloss=np.array([0.0, 0.5, 0.9, 1.0]))
     powers = [round(0.05 * k, 2) for k in range(2, 21)]
     lobes = _normalised_lobes(
-        [
-            (setup, [Closure("metal", ONE, a, a, f0=COAT_F0 * ONE) for a in (setup.width**power for power in powers)])
-            for setup in coat_setups({"shares": [1.0], "powers": [1.0]}, few)
-        ]
+        coat_setups({"shares": [1.0], "powers": [1.0]}, few),
+        lambda alpha: [Closure("metal", ONE, alpha**k, alpha**k, f0=COAT_F0 * ONE) for k in powers],
     )
     tenths = range(1, 9)
     shares = np.array([(a, b, 10 - a - b) for a in tenths for b in tenths if a + b < 10]) / 10.0
@@ -165,20 +160,15 @@ def coat_shape() -> dict[str, Any]:
 
 
 def highlight_shape() -> dict[str, Any]:
-    """Search where GGX takes over from Beckmann as a highlight widens, how fast, and how wide it is."""
+    """Search the share of GGX beside Beckmann as a highlight widens, and its width."""
     widths = (0.8, 0.85, 0.9, 0.95, 1.0)
     setups = highlight_setups({"start": 1.0, "slope": 1.0, "width": 1.0}, grid=_SHAPE_GRID)
     lobes = _normalised_lobes(
-        [
-            (
-                each,
-                [
-                    Closure("beckmann", ONE, each.alpha, each.alpha),
-                    *(Closure("ggx", ONE, width * each.alpha, width * each.alpha) for width in widths),
-                ],
-            )
-            for each in setups
-        ]
+        setups,
+        lambda alpha: [
+            Closure("beckmann", ONE, alpha, alpha),
+            *(Closure("ggx", ONE, k * alpha, k * alpha) for k in widths),
+        ],
     )
 
     def mean_distance(shape: Shape) -> float:
@@ -198,46 +188,40 @@ def highlight_shape() -> dict[str, Any]:
     return min(shapes, key=mean_distance)
 
 
-def _normalised_lobes(cases: Sequence[tuple[Setup, Sequence[Closure]]]) -> list[tuple[Floats, Floats]]:
-    """Return the energy of each lobe, (n,), and of each of its closures, (k, n), by direction, all of sum 1."""
+def _normalised_lobes(
+    setups: Sequence[Setup], closures: Callable[[float], Sequence[Closure]]
+) -> list[tuple[Floats, Floats]]:
+    """Return the energy by direction, of sum 1, of each lobe, (n,), and of the closures of its alpha, (k, n)."""
     lobes = []
-    for setup, closures in cases:
+    for setup in setups:
         wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
         whole = setup_values(setup, wi)[0] * weight
-        parts = np.stack([closure_cosine(each, setup.wo, wi)[:, 0] * weight for each in closures])
+        parts = np.stack([closure_cosine(each, setup.wo, wi)[:, 0] * weight for each in closures(setup.alpha)])
         lobes.append((whole / whole.sum(), parts / parts.sum(axis=1, keepdims=True)))
     return lobes
 
 
 def make_shapes() -> dict[str, dict[str, Any]]:
-    """Search the shapes, and tell how far from the lobes they are."""
+    """Search the shapes, and add their distances from the lobes."""
     shapes = {"clearcoat": coat_shape(), "highlight": highlight_shape()}
     for name, setups in {
         "clearcoat": coat_setups(shapes["clearcoat"], _SHAPE_GRID),
         "highlight": highlight_setups(shapes["highlight"], grid=_SHAPE_GRID),
     }.items():
-        distances = [distance(each) for each in setups]
-        shapes[name]["distance"] = {"largest": _rounded(max(distances)), "mean": _rounded(float(np.mean(distances)))}
+        shapes[name]["distance"] = _summary([distance(each) for each in setups])
     return shapes
 
 
-Find = Callable[[str, Goal, Degree, Degree], Rational]
-
-
-def fit_goal(name: str, goal: Goal, above: Degree, below: Degree) -> Rational:
-    """Fit what a goal asks for; `name` does not matter."""
-    return fit_rational(goal.problem, above, below)
-
-
 def make_fits(
-    shapes: Mapping[str, Shape], grid: Grid = FULL, find: Find = fit_goal
+    shapes: Mapping[str, Shape], grid: Grid = FULL, known: Callable[[str], Rational] | None = None
 ) -> dict[str, tuple[Rational, Goal]]:
-    """Find every fit that the mixes of these shapes need, and tell what each is to meet."""
+    """Return every fit for mixes of these shapes, with its goal; `known` returns fits by name instead of new ones."""
     fits: dict[str, tuple[Rational, Goal]] = {}
 
     def add(name: str, goal: Goal, above: Degree, below: Degree) -> Rational:
-        fits[name] = find(name, goal, above, below), goal
-        return fits[name][0]
+        found = known(name) if known else fit_rational(goal.problem, above, below)
+        fits[name] = found, goal
+        return found
 
     add("sheen", diffuse_goal(grid, Closure("sheen", ONE), 0.0, [0.0], sheen=1.0), Degree(4, 0, 4), _NONE)
     add("retro", retro_goal(grid), Degree(4, 0, 4), _NONE)
@@ -256,7 +240,7 @@ def make_fits(
 
     a = measure(specular_setups("2012", grid))
     typical = add("specular_cosine_2012", cosine_goal(a), Degree(3, 3, 3), Degree(2, 2, 2))(a.cosine, a.alpha)
-    # Smith's factors of 2012 are in the weight: the view's, and the light's at a typical light.
+    # The weight contains Smith's factors of 2012: of the view, and of a typical light.
     roughness = np.tile(grid.roughness, len(grid.angles))
     both = (shadowing_2012(cosine, roughness) for cosine in (a.cosine, np.clip(typical, 0.0, 1.0)))
     shadowing = np.prod([*both], axis=0)
@@ -276,7 +260,7 @@ def make_fits(
 
 
 def anisotropic_shape(fits: Mapping[str, Rational]) -> dict[str, Any]:
-    """Search how anisotropic lobes deviate from isotropic ones, dielectric and metal."""
+    """Search the deviation of anisotropic lobes, dielectric and metal, from isotropic ones."""
     cases = []
     for roughness, anisotropic, angle, azimuth in product(
         (0.3, 0.45, 0.6), (0.3, 0.6, 0.9), (40, 60, 75, 85), (0, 45, 90)
@@ -319,7 +303,7 @@ def _relative_goal(a: Albedos) -> Goal:
 
 
 def _tilt_goal(shape: Shape, bent: Sequence[Albedos], straight: Rational) -> Goal:
-    """Seek what a bent view adds to the ratio of a wide lobe, over the tilt: 1 minus the cosine to the unbent view."""
+    """Return the goal of the change of a wide lobe's ratio by a bent view, by the tilt, 1 minus the bend's cosine."""
     a = Albedos(*(np.concatenate(each) for each in zip(*(vars(one).values() for one in bent), strict=True)))
     factor = a.tilt * a.alpha * np.asarray(ggx_share(a.alpha, shape))
     a = Albedos(*(each[factor > 0.0] for each in vars(a).values()))
@@ -339,12 +323,16 @@ def _residual(error: Floats) -> dict[str, float]:
     return {"largest": _rounded(float(error.max())), "rms": _rounded(float(np.sqrt(np.mean(error * error))))}
 
 
+def _summary(distances: Sequence[float]) -> dict[str, float]:
+    return {"largest": _rounded(max(distances)), "mean": _rounded(float(np.mean(distances)))}
+
+
 def _rounded(value: float) -> float:
     return float(f"{value:.3g}")
 
 
 def make_table() -> dict[str, Any]:
-    """Make the table."""
+    """Return the table."""
     shapes = make_shapes()
     fits = make_fits(shapes)
     shapes["retro"] = retro_shape()
@@ -355,7 +343,7 @@ def make_table() -> dict[str, Any]:
 def main() -> None:
     """Write the table."""
     text = json.dumps(make_table(), indent=1)
-    # A row of numbers on a line.
+    # One row of numbers a line.
     text = re.sub(r"\[[^][]+\]", lambda row: " ".join(row[0].split()).replace("[ ", "[").replace(" ]", "]"), text)
     DATA.write_text(text + "\n")
 

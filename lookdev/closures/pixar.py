@@ -1,10 +1,9 @@
 """Closures of Cycles that stand for the lobes of Pixar's model (`lookdev.brdf.pixar`): highlights are fitted.
 
-A sin-Gaussian is a Beckmann lobe while it is narrow, with ``alpha^2 = 1 / power``; a wide one, which ends at the
-horizon, is mixed with GGX. A transmitted highlight is a refraction whose normal is the refracted view and whose index
-is so high that light leaves along the microfacet's normal, whatever the view. Mirrored directions are twice as far from
-their mean as half vectors are in the plane of incidence, and less across it: its alpha is twice as large, times the
-root of the cosine.
+A narrow sin-Gaussian is a Beckmann lobe with ``alpha^2 = 1 / power``; a wide one, which ends at the horizon, is mixed
+with GGX. A transmitted highlight is a refraction whose normal is the refracted view and whose index is so high that
+light leaves along the microfacet's normal, whatever the view. Mirrored directions are twice as far from their mean as
+half vectors in the plane of incidence, and less across it: alpha is twice as large, times the root of the cosine.
 """
 
 from __future__ import annotations
@@ -26,23 +25,18 @@ IOR = 1000.0
 
 _LARGEST_RATIO = 1.25
 
-_KINDS: dict[bool, tuple[Kind, Kind]] = {
-    False: ("beckmann", "ggx"),
-    True: ("beckmann_refraction", "ggx_refraction"),
-}
-
 
 def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for a diffuse lobe; its directional albedo, the same from everywhere, is exact."""
+    """Return closures for a diffuse lobe; its directional albedo, the same for all views, is exact."""
     # The cosine-weighted mean of (1 - cos)^5 is 1/21.
     weight = lobe.values["at_normal"] * (20.0 / 21.0) + lobe.values["at_grazing"] * (1.0 / 21.0)
     return (Closure("translucent" if lobe.transmits else "diffuse", weight, frame=lobe.frame),)
 
 
 def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Stand for a highlight, reflected or transmitted."""
+    """Return closures for a highlight, reflected or transmitted."""
     p = lobe.values
-    # As the lobe takes the view: refracted where it transmits.
+    # `view` is refracted where the lobe transmits.
     local, view = lobe.frame.to_local(wo), p["view"]
     alpha, cos_theta = 1.0 / np.sqrt(p["power"]), view[..., 2]
     relative = relative_cosine(cos_theta, alpha)
@@ -52,7 +46,7 @@ def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
         ratio = fit("transmitted")(relative, alpha) + factor * fit("transmitted_tilt")(tilt, cos_theta)
     else:
         ratio = fit("highlight")(relative, alpha)
-    # Within the last half degree the fits are not to be trusted.
+    # In the last half degree the fits are far off.
     ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
     typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
     fresnel = fresnel_blend(p["at_normal"], p["at_grazing"], typical)
@@ -65,15 +59,15 @@ def highlight_mix(
 ) -> tuple[Closure, ...]:
     """Return the closures of a highlight with their shares, (...), as weights.
 
-    `shape` has the `start` and `slope` by which GGX takes over as alpha grows, and its `width` relative to Beckmann's.
+    `shape` has the `start` and `slope` of GGX's share over alpha, and its `width` relative to Beckmann's.
     """
     share = ggx_share(alpha, shape)
+    kinds: tuple[Kind, Kind] = ("beckmann", "ggx")
     ior = 1.0
     if transmits:
         alpha = 2.0 * alpha * np.sqrt(view[..., 2])
-        frame, ior = Leaning(frame.from_local(view)), IOR
-    beckmann, ggx = _KINDS[transmits]
-    parts = (beckmann, 1.0 - share, alpha), (ggx, share, shape["width"] * alpha)
+        frame, ior, kinds = Leaning(frame.from_local(view)), IOR, ("beckmann_refraction", "ggx_refraction")
+    parts = (kinds[0], 1.0 - share, alpha), (kinds[1], share, shape["width"] * alpha)
     return tuple(
         Closure(kind, part, np.minimum(a, 1.0), np.minimum(a, 1.0), frame, ior)
         for kind, part, a in parts
@@ -82,7 +76,7 @@ def highlight_mix(
 
 
 def ggx_share(alpha: Array, shape: Mapping[str, float]) -> Array:
-    """Return how much of a highlight's mix is GGX, (...): exactly none where it is narrow."""
+    """Return the share of GGX in a highlight's mix, (...): exactly 0 where it is narrow."""
     return np.clip(shape["slope"] * (alpha - shape["start"]), 0.0, 1.0)
 
 

@@ -1,8 +1,7 @@
-"""Least squares for rationals, for the script that makes the fits (`lookdev.closures.fitting`).
+"""Least squares for rationals, for `lookdev.closures.fitting`.
 
 Levenberg-Marquardt with an analytic Jacobian, reweighted between rounds towards the smallest largest error (Lawson's
-way). A step is taken only where the denominator keeps above a floor on all of the box that the variables can be in, so
-there is no pole.
+algorithm). A step is taken only where the denominator is above a floor on the whole domain, so that there is no pole.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ _ROUNDS, _STEPS, _TRIES = 8, 40, 8
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """What is fitted: values `target` at `x` and `y`, each to be met within its `tolerance`, all (n,)."""
+    """Values `target` at `x` and `y` and their tolerances, all (n,)."""
 
     x: Floats
     y: Floats
@@ -32,7 +31,7 @@ class Problem:
 
 @dataclass(frozen=True)
 class Degree:
-    """Which powers a polynomial has: of x and of y up to, and together up to."""
+    """The highest powers of x, of y and of both together in a polynomial."""
 
     x: int
     y: int
@@ -44,22 +43,22 @@ class Degree:
 
 
 def fit_rational(problem: Problem, numerator: Degree, denominator: Degree) -> Rational:
-    """Fit a rational; the best of all steps counts."""
+    """Fit a rational: of all steps, the one with the smallest largest error."""
     above, below = numerator.terms(), denominator.terms()[1:]
     n = _powers(above, problem.x, problem.y) / problem.tolerance[:, None]
     d = _powers(below, problem.x, problem.y)
     guard = _powers(below, *_box(problem))
-    wanted = problem.target / problem.tolerance
+    target = problem.target / problem.tolerance
     size = len(above)
-    c = np.concatenate([np.linalg.lstsq(n, wanted, rcond=None)[0], np.zeros(len(below))])
-    weight = np.ones_like(wanted)
+    c = np.concatenate([np.linalg.lstsq(n, target, rcond=None)[0], np.zeros(len(below))])
+    weight = np.ones_like(target)
     best, smallest = c, np.inf
     for _ in range(_ROUNDS):
         root, damping = np.sqrt(weight), 1e-3
         for _ in range(_STEPS):
             q = 1.0 + d @ c[size:]
             value = n @ c[:size] / q
-            error = value - wanted
+            error = value - target
             if np.abs(error).max() < smallest:
                 best, smallest = c, float(np.abs(error).max())
             jacobian = np.hstack([n, -value[:, None] * d]) * (root / q)[:, None]
@@ -70,7 +69,7 @@ def fit_rational(problem: Problem, numerator: Degree, denominator: Degree) -> Ra
                 step = np.linalg.lstsq(damped, np.append(-error * root, np.zeros(len(c))), rcond=None)[0] / scale
                 tried = c + step
                 q = 1.0 + d @ tried[size:]
-                moved = (weight * (n @ tried[:size] / q - wanted) ** 2).sum()
+                moved = (weight * (n @ tried[:size] / q - target) ** 2).sum()
                 if moved < loss and (1.0 + guard @ tried[size:]).min() > _FLOOR:
                     break
                 damping *= 4.0
@@ -79,11 +78,10 @@ def fit_rational(problem: Problem, numerator: Degree, denominator: Degree) -> Ra
             c, damping = tried, max(damping / 6.0, 1e-9)
             if loss - moved < 1e-4 * loss:
                 break
-        error = np.abs(n @ c[:size] / (1.0 + d @ c[size:]) - wanted)
+        error = np.abs(n @ c[:size] / (1.0 + d @ c[size:]) - target)
         weight = weight * (error / error.max() + 0.03)
         weight /= weight.mean()
     top, bottom = best[:size], np.append(1.0, best[size:])
-    # Only the quotient counts.
     largest = np.abs(bottom).max()
     return Rational(_rows(above, top / largest), _rows(denominator.terms(), bottom / largest))
 
@@ -93,7 +91,7 @@ def _powers(terms: list[tuple[int, int]], x: Floats, y: Floats) -> Floats:
 
 
 def _box(problem: Problem) -> tuple[Floats, Floats]:
-    """Return points (n,) of all that a fit may be evaluated at: x from 0 to 1, y from the least to the greatest."""
+    """Return points (n,) of the whole domain: x from 0 to 1, y from the least to the greatest."""
     x, y = np.meshgrid(np.linspace(0.0, 1.0, 101), np.linspace(problem.y.min(), problem.y.max(), 41))
     return x.ravel(), y.ravel()
 

@@ -1,4 +1,4 @@
-"""What the fits of closures are made from: lobes of the models, from all angles, and mixes of closures for them."""
+"""Setups of the fits: lobes of the models seen from all angles, and the mixes of closures that stand for them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from lookdev.closures.rational import Floats
 
 ONE = np.ones(3)
 SHAPE_ANGLES = np.array([0.0, 30.0, 50.0, 65.0])
-"""Where shapes are compared."""
+"""Angles of the view, in degrees, at which shapes are compared."""
 
 COARSE = (24, 16)
 _CELLS = (48, 32)
@@ -30,7 +30,7 @@ _CELLS = (48, 32)
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where lobes are measured: angles of the view and cones in degrees; `bends` are indices of refraction minus 1."""
+    """Values at which lobes are measured: views and cones in degrees; `bends` are indices of refraction minus 1."""
 
     angles: Floats
     roughness: Floats
@@ -40,37 +40,7 @@ class Grid:
 
 
 FULL = Grid(
-    np.array(
-        [
-            0,
-            10,
-            20,
-            28,
-            35,
-            42,
-            48,
-            54,
-            58,
-            62,
-            65,
-            68,
-            70,
-            72,
-            74,
-            76,
-            78,
-            80,
-            82,
-            83.5,
-            85,
-            86,
-            87,
-            88,
-            89,
-            89.5,
-            89.97,
-        ]
-    ),
+    np.array([0, 10, 20, 28, 35, 42, 48, 54, 58, 62, 65, *range(68, 84, 2), 83.5, 85, 86, 87, 88, 89, 89.5, 89.97]),
     np.array([0.0, 0.05, 0.1, *np.linspace(0.15, 1.0, 18)]),
     np.linspace(0.0, 1.0, 11),
     np.array([0.25, 0.5, 1, 1.5, 2, 3, 4, 6, 8, 10, 12, 15, 18, 21, 25, 30, 35, 40, 45, 50, 54]),
@@ -82,12 +52,12 @@ Shape = Mapping[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """A lobe seen from one angle, and what shall stand for it.
+    """A lobe seen from one angle, and the closures for it.
 
-    angle : degrees, of the view `wo`; `view` is the same, or refracted where the lobe takes it so.
-    width, alpha : of the narrowest lobe, by which the quadrature is scaled; by which the fit is looked up.
-    whole, weighted : the lobe where it reflects all light, and where it reflects by Schlick's weight alone.
-    mix : closures, without the ratio that is sought.
+    angle : degrees, of the view `wo`; `view` is `wo`, refracted where the lobe transmits.
+    width, alpha : the scale of the quadrature, of the narrowest lobe; the variable of the fit.
+    whole, weighted : the lobe where its Fresnel term is 1, and where it is Schlick's weight.
+    mix : closures, without the ratio that is fitted.
     """
 
     angle: float
@@ -102,7 +72,7 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Albedos:
-    """Setups as arrays (n,): directional albedos of the whole lobe and of the mix, and of both weighted by Schlick."""
+    """Setups as arrays (n,): directional albedos of the whole lobe and of the mix, and both with Schlick's weight."""
 
     angle: Floats
     cosine: Floats
@@ -115,7 +85,7 @@ class Albedos:
 
 
 def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
-    """Set up Disney's specular lobe, isotropic."""
+    """Return setups of Disney's specular lobe, isotropic."""
     return [
         Setup(
             angle,
@@ -133,7 +103,7 @@ def specular_setups(variant: str, grid: Grid = FULL) -> list[Setup]:
 
 
 def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
-    """Set up the clearcoat, as it is."""
+    """Return setups of the clearcoat."""
     setups = []
     for angle in grid.angles:
         wo = view_at(angle)
@@ -147,11 +117,10 @@ def coat_setups(shape: Shape, grid: Grid = FULL) -> list[Setup]:
 
 
 def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL) -> list[Setup]:
-    """Set up Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
+    """Return setups of Pixar's highlights: reflected, or transmitted with an index of refraction of 1 + `bend`."""
     setups = []
     for angle in grid.angles:
-        wo = view_at(angle)
-        view = wo
+        wo = view = view_at(angle)
         if bend is not None:
             x = wo[0] / (1.0 + bend)
             view = np.array([x, 0.0, np.sqrt((1.0 - x) * (1.0 + x))]) if bend else wo
@@ -168,7 +137,7 @@ def highlight_setups(shape: Shape, bend: float | None = None, grid: Grid = FULL)
 
 
 def measure(setups: Sequence[Setup]) -> Albedos:
-    """Integrate what is set up."""
+    """Integrate the lobes and mixes of setups."""
     rows = []
     for each in setups:
         wi, weight = half_vector_grid(each.view, each.width, _CELLS)
@@ -176,7 +145,7 @@ def measure(setups: Sequence[Setup]) -> Albedos:
         whole, weighted, mix = values @ weight
         mix_weighted = (values[2] * schlick_weight(Directions.of(each.view, wi).cos_theta_d)) @ weight
         if each.whole.transmits:
-            # A refraction is even around its own normal, twice as wide as half vectors.
+            # A refraction is symmetric about its own normal, twice as wide as half vectors.
             wi, weight = half_vector_grid(view_at(0.0), each.width, _CELLS)
             light = -np.asarray(Leaning(each.view).from_local(wi))
             mix = sum(closure_cosine(one, each.wo, light)[:, 0] for one in each.mix) @ weight
@@ -187,14 +156,14 @@ def measure(setups: Sequence[Setup]) -> Albedos:
 
 
 def distance(setup: Setup) -> float:
-    """Return the L1 distance of a mix from its lobe over directions of light, both scaled to 1: 0 to 1."""
+    """Return half the L1 distance of a mix from its lobe over directions of light, both normalised: 0 to 1."""
     wi, weight = half_vector_grid(setup.view, setup.width, COARSE)
     whole, _, mix = setup_values(setup, wi) * weight
     return float(0.5 * np.abs(whole / whole.sum() - mix / mix.sum()).sum())
 
 
 def setup_values(setup: Setup, wi: Floats) -> Floats:
-    """Evaluate the whole lobe, the weighted one and the mix, (3, n), times the cosine; `wi` as if all reflected."""
+    """Return the whole lobe, the weighted one and the mix, (3, n), times the cosine, for reflected `wi`, (n, 3)."""
     d = Directions.of(setup.wo, wi)
     light = np.asarray(mirrored(wi)) if setup.whole.transmits else wi
     mix = sum(closure_cosine(each, setup.wo, light)[:, 0] for each in setup.mix)
@@ -203,6 +172,7 @@ def setup_values(setup: Setup, wi: Floats) -> Floats:
 
 
 def view_at(angle: float, azimuth: float = 0.0) -> Floats:
+    """Return a unit direction, (3,), from degrees off the normal and around it."""
     theta, phi = np.radians(angle), np.radians(azimuth)
     return np.array([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)])
 

@@ -1,7 +1,4 @@
-"""The shading frame at a point of a surface, and how it is flipped to the viewer's side.
-
-Written once, over float64 arrays; `lookdev.codegen` traces it into OSL and shader nodes.
-"""
+"""The shading frame at a point of a surface, on the viewer's side; `lookdev.codegen` traces it into OSL and nodes."""
 
 from __future__ import annotations
 
@@ -12,12 +9,12 @@ import numpy as np
 from lookdev.brdf.vectors import Array, Real, cross, dot, scale, vector
 
 LEAST_COSINE = 1e-4
-"""Cosine between the viewer and a normal that has been bent towards the viewer."""
+"""Cosine between the viewer and a normal that is bent towards the viewer."""
 
 
 @dataclass(frozen=True)
 class ShadingFrame:
-    """An orthonormal frame on the viewer's side, and the facet's normal there: unit vectors (..., 3) of the world."""
+    """An orthonormal frame, and the facet's normal, on the viewer's side: unit vectors (..., 3) in the world."""
 
     tangent: Array
     bitangent: Array
@@ -25,16 +22,16 @@ class ShadingFrame:
     facet: Array
 
     def to_local(self, w: Array) -> Array:
-        """Express directions (..., 3) of the world in the frame."""
+        """Express world directions (..., 3) in the frame."""
         return vector(dot(w, self.tangent), dot(w, self.bitangent), dot(w, self.normal))
 
 
 def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, hand: Real = 1.0) -> ShadingFrame:
     """Return the frame in which a BSDF is evaluated.
 
-    From behind, the frame is flipped through the point: normal, tangent and bitangent change sign together, so that a
-    bump seen from behind is a dent, and a thin surface looks alike from both sides. An interpolated normal that leans
-    away from a viewer who sees the facet is bent until it does not.
+    Seen from behind, the frame is flipped: normal, tangent and bitangent change sign together, so that a bump seen from
+    behind is a dent, and a thin surface looks alike from both sides. An interpolated normal that leans away from the
+    viewer is bent until its cosine is `LEAST_COSINE`.
 
     Parameters
     ----------
@@ -43,7 +40,7 @@ def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, ha
     facet, viewer : (..., 3)
         Unit normal of the triangle, and unit direction to the viewer.
     hand : (...)
-        -1 where the instance is reflected, so that the bitangent is on the other side; else 1.
+        -1 where the instance's matrix reflects, which flips the bitangent; else 1.
     """
     facet = scale(facet, np.where(dot(facet, viewer) < 0.0, -1.0, 1.0))
     side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)

@@ -52,14 +52,14 @@ def test_contains_all_points_and_none_smaller_does(seed):
     center, radius = sphere_of(points)
     distances = np.linalg.norm(points - center, axis=1)
     assert distances.max() <= radius * (1 + 1e-12)
-    # A ball is the smallest one if its centre is in the hull of the points on its boundary: then a step in
-    # any direction moves away from one of them.
+    # A ball is the smallest if its centre is in the hull of the points on its boundary: a step in any direction moves
+    # away from one of them.
     rim = points[distances >= radius * (1 - 1e-5)]
     for direction in rng.normal(size=(200, 3)):
         assert ((rim - center) @ direction).min() <= 1e-4 * radius * np.linalg.norm(direction)
 
 
-def test_instances_count_where_they_stand():
+def test_instances_are_enclosed_in_the_world():
     center, radius = sphere_of(CUBE, moved(-4, 0, 0), moved(6, 0, 0, scale=3.0), moved(1, 0, 0))
     everything = np.concatenate([np.add(CUBE, [-4, 0, 0]), np.add(CUBE * 3, [6, 0, 0]), np.add(CUBE, [1, 0, 0])])
     expected_center, expected_radius = sphere_of(everything)

@@ -2,11 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from asset_arrays import check_asset, face_areas, facets, world_points
 from scipy.spatial import cKDTree
 
 from lookdev.asset import BUILTINS, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.normals import area_vectors, next_corners
+from lookdev.asset.normals import next_corners
 from lookdev.errors import AssetError
 
 
@@ -15,12 +16,8 @@ def assets():
     return {name: load_asset(builtin=name) for name in BUILTINS}
 
 
-def face_areas(mesh):
-    return area_vectors(mesh.points[mesh.corner_points].astype(np.float64), mesh.face_sizes)
-
-
 @pytest.mark.parametrize("name", BUILTINS)
-def test_it_is_what_a_mesh_must_be(assets, name, check_asset):
+def test_invariants_and_flags(assets, name):
     asset = assets[name]
     check_asset(asset)
     assert asset.name == name
@@ -35,8 +32,7 @@ def test_it_is_what_a_mesh_must_be(assets, name, check_asset):
 def test_normals_agree_with_the_winding_and_the_winding_faces_outwards(assets, name):
     for mesh in assets[name].meshes:
         areas = face_areas(mesh)
-        along = (mesh.normals * np.repeat(areas, mesh.face_sizes, axis=0)).sum(axis=1)
-        assert (along > 0.0).mean() > 0.999
+        assert ((mesh.normals * np.repeat(areas, mesh.face_sizes, axis=0)).sum(axis=1) > 0.0).mean() > 0.999
         # The divergence theorem: positive where the faces look out of the volume.
         first = mesh.points[mesh.corner_points][np.cumsum(mesh.face_sizes) - mesh.face_sizes]
         assert (areas * first).sum() > 0.0
@@ -75,8 +71,7 @@ def test_the_sphere_is_exact():
     u, v = mesh.uvs["st"].T
     latitude, longitude = np.pi * (v - 0.5), 2.0 * np.pi * u
     expected = np.stack(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)],
-        axis=-1,
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)], axis=-1
     )
     np.testing.assert_allclose(positions, expected, atol=1e-6)  # u in float32, times 2 pi
     around = np.stack([-np.sin(longitude), np.cos(longitude), 0 * longitude], axis=-1)
@@ -93,11 +88,7 @@ def test_the_default_sphere_is_fine(assets):
 def test_the_shaderball_stands_on_the_floor_and_has_its_parts(assets):
     asset = assets["shaderball"]
     assert asset.slots == (Slot("/shaderball/body"), Slot("/shaderball/base"))
-    world = [
-        asset.meshes[instance.mesh].points @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
-        for instance in asset.instances
-    ]
-    assert min(points[:, 2].min() for points in world) == 0.0
+    assert min(points[:, 2].min() for points in world_points(asset)) == 0.0
     assert 100_000 < sum((mesh.face_sizes - 2).sum() for mesh in asset.meshes) < 250_000
     ball = asset.meshes[0].points
     distance = np.linalg.norm(ball, axis=1)
@@ -109,25 +100,18 @@ def test_the_shaderball_stands_on_the_floor_and_has_its_parts(assets):
 
 def test_the_shaderball_has_rounded_edges(assets):
     for mesh in assets["shaderball"].meshes:
-        areas = face_areas(mesh)
-        facets = areas / np.linalg.norm(areas, axis=1, keepdims=True)
-        cosine = (mesh.normals * np.repeat(facets, mesh.face_sizes, axis=0)).sum(axis=1)
-        # A right angle in eight steps turns a normal by about 11 degrees from a facet to the next.
+        cosine = (mesh.normals * facets(mesh)).sum(axis=1)
+        # A right angle in eight steps: normals of neighbouring facets differ by about 11 degrees.
         assert np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))).max() < 12.0
 
 
 @pytest.mark.parametrize("name", BUILTINS)
 def test_what_is_revolved_and_nothing_else_is_turned_onto_itself(assets, name):
     asset = assets[name]
-    points = np.vstack(
-        [
-            asset.meshes[each.mesh].points @ each.matrix[:3, :3].T + each.matrix[:3, 3] - asset.center
-            for each in asset.instances
-        ]
-    )
+    points = np.vstack(world_points(asset)) - asset.center
     turned = points @ np.array([[np.cos(1.0), np.sin(1.0), 0.0], [-np.sin(1.0), np.cos(1.0), 0.0], [0.0, 0.0, 1.0]])
     distance, _ = cKDTree(points).query(turned[::7])
-    # Half a segment of 512 is 0.0062: where the neighbours of a point are.
+    # Half a segment of 512 is 0.0062, the distance to a point's neighbour.
     assert (distance.max() < 0.007 * asset.radius) == asset.revolved
 
 
@@ -140,6 +124,6 @@ def test_what_is_revolved_and_nothing_else_is_turned_onto_itself(assets, name):
         ({"usd": "a.usd", "builtin": "sphere"}, "either a USD file or a built-in"),
     ],
 )
-def test_wrong_requests_are_told(arguments, message):
+def test_wrong_requests_are_errors(arguments, message):
     with pytest.raises(AssetError, match=message):
         load_asset(**arguments)

@@ -1,4 +1,4 @@
-"""An asset moved to where float32 has its digits: the same surface about the origin."""
+"""An asset moved to the origin, where float32 is precise, has the same surface."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from asset_arrays import world_points
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, Instance
@@ -14,13 +15,6 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 
 FAR = np.array([1e5, -5e4, 2e4])
-
-
-def world_points(asset: Asset) -> list[NDArray[np.float64]]:
-    return [
-        asset.meshes[instance.mesh].points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
-        for instance in asset.instances
-    ]
 
 
 def pair(at: NDArray[np.float64], scale: float = 1.0) -> Asset:

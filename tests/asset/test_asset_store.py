@@ -1,9 +1,10 @@
 from __future__ import annotations
 
-import dataclasses
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from asset_arrays import check_asset
 
 from lookdev.asset import Slot, read_asset, save_asset
 from lookdev.asset.builtin import make_sphere
@@ -18,7 +19,7 @@ FLAGS = {"convex": True, "sheet": True, "revolved": True}
 def asset():
     sphere = make_sphere(8, 4)
     mesh = sphere.meshes[0]
-    mesh = dataclasses.replace(
+    mesh = replace(
         mesh,
         uvs={"st": mesh.uvs["st"], "second:set": mesh.uvs["st"] * 2},
         primvars={"wear/../x": mesh.uvs["st"][:, 0].copy(), "displayColor": mesh.normals.copy()},
@@ -26,7 +27,7 @@ def asset():
     return make_asset("thing", [mesh], sphere.instances, [Slot("/thing", "/Looks/Paint")], **FLAGS)
 
 
-def test_what_is_saved_is_read_back(asset, check_asset):
+def test_what_is_saved_is_read_back(asset):
     path = save_asset(asset)
     assert path == cache_dir("assets") / f"{asset.digest}.npz"
     again = read_asset(path)
@@ -47,22 +48,24 @@ def test_a_saved_asset_is_not_written_again(asset):
     assert [path.name for path in cache_dir("assets").iterdir()] == [f"{asset.digest}.npz"]
 
 
+def _with_mesh(asset, **changes):
+    return replace(asset, meshes=(replace(asset.meshes[0], **changes),))
+
+
 def _other_point(asset):
-    mesh = asset.meshes[0]
-    points = mesh.points.copy()
+    points = asset.meshes[0].points.copy()
     points[3, 1] = np.nextafter(points[3, 1], np.float32(9.0))
-    return dataclasses.replace(asset, meshes=(dataclasses.replace(mesh, points=points),))
+    return _with_mesh(asset, points=points)
 
 
 def _other_matrix(asset):
     (instance,) = asset.instances
-    return dataclasses.replace(asset, instances=(dataclasses.replace(instance, matrix=instance.matrix * 2),))
+    return replace(asset, instances=(replace(instance, matrix=instance.matrix * 2),))
 
 
 def _other_uv_name(asset):
-    mesh = asset.meshes[0]
-    uvs = {"map1": mesh.uvs["st"], "second:set": mesh.uvs["second:set"]}
-    return dataclasses.replace(asset, meshes=(dataclasses.replace(mesh, uvs=uvs),))
+    uvs = asset.meshes[0].uvs
+    return _with_mesh(asset, uvs={"map1": uvs["st"], "second:set": uvs["second:set"]})
 
 
 @pytest.mark.parametrize(
@@ -71,9 +74,9 @@ def _other_uv_name(asset):
         _other_point,
         _other_matrix,
         _other_uv_name,
-        *(lambda asset, flag=flag: dataclasses.replace(asset, **{flag: False}) for flag in FLAGS),
-        lambda asset: dataclasses.replace(asset, name="other"),
-        lambda asset: dataclasses.replace(asset, slots=(Slot("/thing"),)),
+        *(lambda asset, flag=flag: replace(asset, **{flag: False}) for flag in FLAGS),
+        lambda asset: replace(asset, name="other"),
+        lambda asset: replace(asset, slots=(Slot("/thing"),)),
     ],
 )
 def test_every_part_is_in_the_digest(asset, change):
@@ -93,9 +96,9 @@ def test_a_damaged_file_is_named(asset, tmp_path, damage):
         read_asset(path)
 
 
-def test_nothing_and_a_point_are_no_assets(asset):
+def test_an_asset_without_surface_or_extent_is_an_error(asset):
     with pytest.raises(AssetError, match="thing: has no surface to render"):
         make_asset("thing", asset.meshes, [], asset.slots)
-    mesh = dataclasses.replace(asset.meshes[0], points=asset.meshes[0].points * 0 + 1)
+    mesh = replace(asset.meshes[0], points=asset.meshes[0].points * 0 + 1)
     with pytest.raises(AssetError, match="all points lie in one place"):
         make_asset("thing", [mesh], asset.instances, asset.slots)

@@ -52,7 +52,7 @@ def test_triangles_are_averaged_where_position_normal_and_uv_agree():
 
 @pytest.mark.parametrize("same", ["flat", "mirrored"])
 def test_islands_keep_their_own_tangent_along_a_seam(same):
-    # Two squares side by side; the second island's u is turned, or runs backwards.
+    # Two squares side by side; the second island's u is rotated, or reversed.
     points = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]])
     corners = [0, 1, 2, 3, 1, 4, 5, 2]
     uvs = points[corners][:, :2].copy()
@@ -76,8 +76,8 @@ def test_uvs_without_area_get_the_basis_of_the_normal(uvs):
     np.testing.assert_array_equal(tangents_of(uvs), np.tile([1.0, 0.0, 0.0], (4, 1)))
 
 
-def test_handedness_tells_the_mirrored_island_and_nothing_else():
-    # Three squares in a row: as they are, mirrored, and on a line; with a second UV set that must not matter.
+def test_handedness_is_negative_on_the_mirrored_island_alone():
+    # Three squares in a row: not mirrored, mirrored, and with UVs on a line; a second UV set has no effect.
     points = np.float32([[x, y, 0] for x in range(4) for y in range(2)])
     corners = np.concatenate([[2 * i, 2 * i + 2, 2 * i + 3, 2 * i + 1] for i in range(3)]).astype(np.int32)
     sizes, normals = np.full(3, 4, np.int32), np.tile(np.float32([0, 0, 1]), (12, 1))
@@ -97,13 +97,13 @@ def test_handedness_tells_the_mirrored_island_and_nothing_else():
     sign = handedness(mesh)
     assert sign.dtype == np.float32
     np.testing.assert_array_equal(sign, np.repeat([1.0, -1.0, 1.0], 4))
-    # What it means: the bitangent points to increasing v, which is +y on both islands.
+    # The bitangent points to increasing v, which is +y on both islands.
     bitangents = sign[:, None] * np.cross(mesh.normals, mesh.tangents)
     np.testing.assert_allclose(bitangents[:8], np.tile([0.0, 1.0, 0.0], (8, 1)), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", ["plane", "sphere", "shaderball"])
-def test_what_is_made_here_is_mirrored_nowhere(name):
+def test_builtins_are_mirrored_nowhere(name):
     for mesh in BUILTINS[name]().meshes:
         np.testing.assert_array_equal(handedness(mesh), 1.0)
 
@@ -111,7 +111,7 @@ def test_what_is_made_here_is_mirrored_nowhere(name):
 def test_anything_gives_unit_orthogonal_tangents():
     rng = np.random.default_rng(3)
     points = rng.normal(size=(30, 3)).astype(np.float32) * np.float32(1e-3)
-    corners = rng.integers(0, 30, 3000).astype(np.int32)  # with faces that meet a point twice
+    corners = rng.integers(0, 30, 3000).astype(np.int32)  # some faces have a point twice
     normals = rng.normal(size=(3000, 3))
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)).astype(np.float32)
     uvs = rng.integers(0, 3, (3000, 2))
@@ -125,8 +125,7 @@ def test_on_a_sphere_they_run_around_the_axis():
     mesh = make_sphere(segments, 32).meshes[0]
     got = corner_tangents(mesh.points, mesh.corner_points, mesh.face_sizes, mesh.normals, mesh.uvs["st"])
     quads = np.repeat(mesh.face_sizes == 4, mesh.face_sizes)
-    # Inside the mesh the faces on both sides cancel each other's error; along the seam, where u jumps, one
-    # side is left: half a segment.
+    # Inside the mesh the errors of both sides cancel; along the seam, where u jumps, half a segment remains.
     cosine = (got * mesh.tangents).sum(axis=1)[quads]
     assert np.arccos(np.clip(cosine, -1, 1)).max() <= np.pi / segments * 1.01
     inside = (mesh.uvs["st"][quads, 0] % 1.0) != 0.0

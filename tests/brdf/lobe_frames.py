@@ -1,4 +1,4 @@
-"""A lobe in its own frame, where it is written as a reflection and is even about one view."""
+"""A lobe in its own frame, where it is a reflection and symmetric about one view."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ Floats = NDArray[np.float64]
 
 
 def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
-    """Return the view (3,), of the lobe's frame, by whose half vectors the lobe falls off."""
+    """Return the view (3,) in the lobe's frame whose half vectors the lobe depends on."""
     if lobe.name in ("specularTransmission", "refraction"):
-        # The middle of the highlight, where the half vector is the normal, is opposite to the refracted view.
+        # The middle of the highlight, where the half vector is the normal, mirrors the refracted view.
         return np.ravel(lobe.sample(np.zeros(1), np.zeros(1))) * [-1.0, -1.0, 1.0]
     return np.ravel(lobe.frame.to_local(wo))
 
 
 def sent(lobe: Lobe, wo: Floats, wi: Floats, cut: bool = True) -> Floats:
-    """Return f times the lobe's own cosine, (..., 3), towards directions of the lobe's frame.
+    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame.
 
-    Where `cut`, only what is on the lobe's side of the surface too.
+    With `cut`, it is 0 where the direction is not on the lobe's side of the surface.
     """
     local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
     there = wi[..., 2] > 0.0

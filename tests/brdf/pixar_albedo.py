@@ -1,10 +1,10 @@
-"""Directional albedo of Pixar's highlight lobes by a quadrature that knows where their horizon is.
+"""Directional albedo of Pixar's highlight lobes by a quadrature that ends at the horizon.
 
 The integral of ``D F / (4 (cos_i^2 + cos_o^2 - cos_i cos_o)) cos_i`` over the hemisphere, over half vectors instead:
 ``s = sin^2 theta_h`` and the azimuth phi, ``d omega_i = 4 cos_d d omega_h = 2 cos_d / cos_h ds dphi``. As
 ``cos_i = cos_o cos 2 theta_h + sin_o sin 2 theta_h cos phi``, directions up to ``s = (1 - sin_o) / 2`` are above the
-horizon whatever phi is, those beyond ``(1 + sin_o) / 2`` are not, and between them phi has an end. Gauss-Legendre on
-each piece, stretched so that what happens within cos_o of the horizon has nodes of its own.
+horizon for all phi, those beyond ``(1 + sin_o) / 2`` for none, and between them phi has a limit. Gauss-Legendre on each
+piece, denser within cos_o of the horizon.
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
-"""Quadrature over the sphere of directions for lobes of any width: a grid in half-vector space, logarithmic in slope.
+"""Quadrature over directions for lobes of any width, as in `lookdev.brdf.quadrature`, in bins and with an error bound.
 
-With ``t = tan^2 theta_h`` the first coordinate is ``a = log(1 + t / t0) / L``: cells are even within ``t0``, the width
-of the narrowest lobe, and logarithmic beyond it. A direction above the horizon has ``|wo + wi| <= 2`` and
-``(wo + wi)_z > wo_z``, so ``tan theta_h < 2 / wo_z`` and a = 1 can be put there. The second coordinate is the azimuth
-of the half vector.
+With ``t = tan^2 theta_h`` the first coordinate of a cell is ``a = log(1 + t / t0) / L``, the second the azimuth of the
+half vector. A direction above the horizon has ``|wo + wi| <= 2`` and ``(wo + wi)_z > wo_z``, so a = 1 is at
+``tan theta_h = 2 / wo_z``.
 """
 
 from __future__ import annotations
@@ -78,7 +77,7 @@ class HalfVectorGrid:
         )
         cells = np.zeros(self._bin.size)
         cells[self._inside], cells[self._edge] = inner, outer
-        # A curve through n x n midpoints leaves at most about 1 / n of a cell in doubt.
+        # The horizon through n x n midpoints leaves about 1 / n of a cell uncertain.
         return Integral(np.bincount(self._bin, cells), float(cells.sum()), float(outer.sum()) / _EDGE_NODES)
 
     def bin_of(self, wi: Floats) -> NDArray[np.intp]:

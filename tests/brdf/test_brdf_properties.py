@@ -1,4 +1,4 @@
-"""What holds for a reflectance model whatever its parameters, and what its distributions promise."""
+"""What holds for a reflectance model whatever its parameters; distributions are normalised."""
 
 from __future__ import annotations
 
@@ -8,57 +8,80 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from random_parameters import EVERY, directions, random_parameters
+from random_parameters import EVERY, VARIANTS, directions, near_the_mirror_image, random_parameters
 
-from lookdev.brdf import MODELS, Bsdf, complete_parameters, evaluate, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
-from lookdev.brdf.layering import blend_parameters
+from lookdev.brdf.frames import ZENITH
 from lookdev.errors import ModelError
+from lookdev.reference.albedo import integrate_albedo
 
 Floats = NDArray[np.float64]
+FUNCTIONS = (evaluate, evaluate_cosine, pdf)
 
 
-@pytest.mark.parametrize("variant", MODELS["disney"].parameters["variant"].choices)
-def test_light_may_go_either_way(variant: str) -> None:
+@pytest.mark.parametrize(
+    ("model", "tokens", "name"),
+    [(*each, name) for each in VARIANTS for name in MODELS[each[0]].reciprocal(each[1])],
+    ids=str,
+)
+def test_reciprocal_lobes(model: str, tokens: dict[str, str], name: str) -> None:
     rng = np.random.default_rng(1)
-    wo, wi = directions(rng, 4000), directions(rng, 4000)
-    bsdf = MODELS["disney"].bsdf(random_parameters(rng, "disney", {"variant": variant}, 4000, leaning=0.0))
-    np.testing.assert_allclose(evaluate(bsdf, wo, wi), evaluate(bsdf, wi, wo), rtol=1e-12)
-
-
-def _turned_down(above: Floats, z: float) -> Floats:
-    """Return the same azimuths at height `z`."""
-    return above * [1.0, 1.0, 0.0] / np.hypot(above[:, :1], above[:, 1:2]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
-
-
-def _are_dark(bsdf: Bsdf, wo: Floats, wi: Floats) -> bool:
-    return not any(np.any(function(bsdf, wo, wi)) for function in (evaluate, evaluate_cosine, pdf))
+    wo = directions(rng, 8000)
+    wi = np.concatenate([directions(rng, 4000), near_the_mirror_image(rng, wo[4000:])])
+    whole = MODELS[model].bsdf(random_parameters(rng, model, tokens, 8000, leaning=0.0))
+    bsdf = Bsdf(lambda wo: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name))
+    f = evaluate(bsdf, wo, wi)
+    assert np.count_nonzero(f.max(axis=-1) > 1e-6) > 200
+    np.testing.assert_allclose(f, evaluate(bsdf, wi, wo), rtol=1e-12)
 
 
 @EVERY
-@pytest.mark.parametrize("z", [0.0, -0.0])
-def test_nothing_on_the_horizon(model: str, tokens: dict[str, str], z: float) -> None:
+def test_the_albedo_is_below_the_bound_of_the_model(model: str, tokens: dict[str, str]) -> None:
+    rng = np.random.default_rng(7)
+    drawn = random_parameters(rng, model, tokens, 12, leaning=0.0)
+    for name, parameter in MODELS[model].parameters.items():
+        if parameter.kind == "float" and parameter.default <= 1.0:
+            drawn[name] = np.minimum(drawn[name], 1.0)
+    for index, wo in enumerate(directions(rng, 12)):
+        bsdf = MODELS[model].bsdf({name: value if name in tokens else value[index] for name, value in drawn.items()})
+        albedo = integrate_albedo(bsdf, wo, (64, 48))
+        assert (albedo.value.sum(axis=0) <= MODELS[model].energy(tokens) + albedo.error.sum(axis=0)).all()
+
+
+@pytest.mark.parametrize("z", [0.0, -0.0, -5e-324, -1e-9, -0.7])
+@EVERY
+def test_black_on_the_horizon_and_below_it_if_one_sided(model: str, tokens: dict[str, str], z: float) -> None:
     rng = np.random.default_rng(2)
     above = directions(rng, 500)
-    level = _turned_down(above, z)
+    low = above * [1.0, 1.0, 0.0] / np.hypot(above[:, :1], above[:, 1:2]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
     bsdf = MODELS[model].bsdf(random_parameters(rng, model, tokens, 500))
-    for wo, wi in ((above, level), (level, above), (level, level), (-above, level), (level, -above)):
-        assert _are_dark(bsdf, wo, wi)
+    if z == 0.0 or not bsdf.two_sided:
+        for wo, wi in ((above, low), (low, above), (low, low), (-above, low), (low, -above)):
+            assert not any(function(bsdf, wo, wi).any() for function in FUNCTIONS)
 
 
-@pytest.mark.parametrize("variant", MODELS["disney"].parameters["variant"].choices)
-@pytest.mark.parametrize("z", [-5e-324, -1e-9, -0.7])
-def test_disney_is_dark_below_the_horizon(variant: str, z: float) -> None:
-    rng = np.random.default_rng(2)
-    above = directions(rng, 500)
-    below = _turned_down(above, z)
-    bsdf = MODELS["disney"].bsdf(random_parameters(rng, "disney", {"variant": variant}, 500))
-    for wo, wi in ((above, below), (below, above), (below, below)):
-        assert _are_dark(bsdf, wo, wi)
+@EVERY
+def test_light_from_where_the_view_goes_is_finite_and_alike_from_both_sides(model: str, tokens: dict[str, str]) -> None:
+    rng = np.random.default_rng(24)
+    bsdf = MODELS[model].bsdf(random_parameters(rng, model, tokens, 1000))
+    wo, u = directions(rng, 1000), rng.random((1000, 2))
+    anywhere = directions(rng, 1000) * rng.choice([-1.0, 1.0], (1000, 1))
+    for wi in (wo, -wo, wo * [-1.0, -1.0, 1.0], wo * [1.0, 1.0, -1.0], anywhere):
+        for function in FUNCTIONS:
+            values = function(bsdf, wo, wi)
+            assert np.isfinite(values).all()
+            assert (values >= 0.0).all()
+            if bsdf.two_sided:
+                np.testing.assert_array_equal(function(bsdf, -wo, -wi), values)
+    assert bsdf.two_sided == MODELS[model].two_sided
+    assert all(function(bsdf, wo, anywhere).any() for function in FUNCTIONS)
+    if bsdf.two_sided:
+        np.testing.assert_array_equal(sample(bsdf, -wo, u), -sample(bsdf, wo, u))
 
 
 def _extreme_pairs() -> tuple[Floats, Floats]:
-    """Return pairs of every height and every kind of opposition, down to denormal cosines."""
+    """Return pairs of every height and azimuth, down to denormal cosines."""
     heights = [1.0, 0.5, 1e-3, 1e-7, 1e-18, 1e-160, 5e-324]
     turns = [0.0, 1e-9, 1.0, np.pi - 1e-7, np.pi]
     pairs = []
@@ -71,10 +94,10 @@ def _extreme_pairs() -> tuple[Floats, Floats]:
 
 
 @EVERY
-def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
+def test_finite_and_not_negative(model: str, tokens: dict[str, str]) -> None:
     wo, wi = _extreme_pairs()
     rng = np.random.default_rng(3)
-    # Corners of the parameter space, and what is just beside them.
+    # Corners of the parameter space, and points just beside them.
     count = 40
     values: dict[str, Any] = dict(tokens)
     for name, parameter in MODELS[model].parameters.items():
@@ -84,7 +107,7 @@ def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
         column[:2] = [[0.0], [1.0]]
         low, high = parameter.hard
         if parameter.kind == "normal":
-            # Straight ones, then such as lean anywhere, some of them upside down.
+            # Upright, then leaning anywhere, some upside down.
             column = rng.choice([-1.0, 0.0, 5e-324, 1e-12, 1.0], (count, 1, 3))
             column[: count // 2] = [0.0, 0.0, 1.0]
             column[~column.any(axis=-1)] = [0.0, 0.0, -1.0]
@@ -96,7 +119,7 @@ def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
     numbers = np.broadcast_to(rng.choice([0.0, 5e-324, 0.5, 1.0 - 2**-53], (count, len(wo), 2)), (count, len(wo), 2))
     wos = np.broadcast_to(wo, (count, *wo.shape))
     drawn = sample(bsdf, wos, numbers)
-    # Unit directions, or flat ones that carry no light: all are, where a surface reflects nothing.
+    # Unit directions, or z = 0 where f is 0; always where all shares are 0.
     length = np.linalg.norm(drawn, axis=-1)
     assert np.isfinite(length).all()
     np.testing.assert_allclose(length[drawn[..., 2] != 0.0], 1.0, rtol=1e-9)
@@ -106,18 +129,16 @@ def test_no_input_gives_nonsense(model: str, tokens: dict[str, str]) -> None:
     lobes = bsdf.lobes(wo[None])
     for chosen in (*((lobe,) for lobe in lobes), lobes):
         part = Bsdf(lambda _, chosen=chosen: chosen, two_sided=bsdf.two_sided)
-        for light, function in product((wi[None], -wi[None], drawn), (evaluate, evaluate_cosine, pdf)):
+        for light, function in product((wi[None], -wi[None], drawn), FUNCTIONS):
             result = function(part, wo[None], light)
             assert np.isfinite(result).all()
             assert (result >= 0.0).all()
 
 
 def test_what_can_reflect_can_be_sampled() -> None:
-    # As published, specular = 0 keeps Schlick's rise, also seen along the normal; on black nothing else reflects.
+    # As published, specular = 0 keeps Schlick's term, also seen along the normal; on black it is all that reflects.
     bsdf = MODELS["disney"].bsdf(complete_parameters("disney", {"baseColor": (0.0, 0.0, 0.0), "specular": 0.0}))
-    wo, wi = np.array([0.0, 0.0, 1.0]), np.array([0.6, 0.0, 0.8])
-    assert (evaluate(bsdf, wo, wi) > 0.0).all()
-    assert pdf(bsdf, wo, wi) > 0.0
+    assert all((function(bsdf, ZENITH, np.array([0.6, 0.0, 0.8])) > 0.0).all() for function in FUNCTIONS)
 
 
 def _half_vectors(alpha: float) -> tuple[Floats, Floats]:
@@ -133,18 +154,14 @@ def _half_vectors(alpha: float) -> tuple[Floats, Floats]:
     return wm, (0.25 * weight * alpha**2 * grown * length)[:, None] * (2.0 * np.pi / 720)
 
 
-@pytest.mark.parametrize("alpha", [0.001, 0.01, 0.1, 0.25, 0.9])
-def test_gtr1_is_normalised(alpha: float) -> None:
-    wm, weight = _half_vectors(alpha)
-    assert (mf.gtr1(wm, alpha) * weight).sum() == pytest.approx(1.0, rel=1e-9)
+_ALPHA_PAIRS = [(0.001, 0.001), (0.003, 0.001), (0.06, 0.02), (0.3, 0.3), (0.7, 0.9), (1.0, 1.0)]
 
 
-@pytest.mark.parametrize(
-    ("alpha_x", "alpha_y"), [(0.001, 0.001), (0.003, 0.001), (0.06, 0.02), (0.3, 0.3), (0.7, 0.9), (1.0, 1.0)]
-)
-def test_gtr2_is_normalised(alpha_x: float, alpha_y: float) -> None:
-    wm, weight = _half_vectors(np.sqrt(alpha_x * alpha_y))
-    assert (mf.gtr2_aniso(wm, alpha_x, alpha_y) * weight).sum() == pytest.approx(1.0, rel=1e-9)
+@pytest.mark.parametrize("alphas", [*((alpha,) for alpha in (0.001, 0.01, 0.1, 0.25, 0.9)), *_ALPHA_PAIRS])
+def test_gtr_is_normalised(alphas: tuple[float, ...]) -> None:
+    wm, weight = _half_vectors(np.prod(alphas) ** (1.0 / len(alphas)))
+    d = mf.gtr1 if len(alphas) == 1 else mf.gtr2_aniso
+    assert (d(wm, *alphas) * weight).sum() == pytest.approx(1.0, rel=1e-9)
 
 
 @pytest.mark.parametrize("cone", [0.25, 1.0, 10.0, 35.0, 70.0])
@@ -154,8 +171,7 @@ def test_the_sin_gaussian_is_normalised(cone: float) -> None:
     assert (mf.sin_gaussian(wm, power) * weight).sum() == pytest.approx(1.0, rel=1e-9)
     # At the cone angle it has fallen to a tenth.
     at_cone = np.array([np.sin(np.radians(cone)), 0.0, np.cos(np.radians(cone))])
-    straight = np.array([0.0, 0.0, 1.0])
-    assert mf.sin_gaussian(at_cone, power) == pytest.approx(0.1 * mf.sin_gaussian(straight, power), rel=1e-12)
+    assert mf.sin_gaussian(at_cone, power) == pytest.approx(0.1 * mf.sin_gaussian(ZENITH, power), rel=1e-12)
 
 
 def test_shadowing_lies_between_nothing_and_everything() -> None:
@@ -164,7 +180,7 @@ def test_shadowing_lies_between_nothing_and_everything() -> None:
     alphas = np.array([0.001, 0.1, 0.5, 1.0])[:, None]
     for g1 in (2.0 * cos * mf.smith_ggx(cos, alphas), 2.0 * cos * mf.smith_ggx_aniso(w, alphas, alphas)):
         assert ((g1 > 0.0) & (g1 <= 1.0)).all()
-        assert (np.diff(g1, axis=0) < 0.0).all()  # the rougher, the more is hidden
+        assert (np.diff(g1, axis=0) < 0.0).all()
     np.testing.assert_allclose(mf.smith_ggx_aniso(w, alphas, alphas), mf.smith_ggx(cos, alphas), rtol=1e-12)
     assert mf.smith_ggx(0.0, 0.25) == 4.0
 
@@ -190,18 +206,22 @@ def test_the_variants_differ_in_the_shadowing_of_the_specular_lobe_only() -> Non
     np.testing.assert_allclose(old, new * (g_2012 / g_2014)[:, None], rtol=1e-12)
 
 
-def test_a_mask_of_nothing_or_everything_is_exact() -> None:
+def _blended(below: Any, above: Any, mask: Any) -> Any:
+    return MODELS["disney"].blended([StackLayer("disney", below), StackLayer("disney", above, mask)])
+
+
+def test_a_mask_of_0_or_1_is_exact() -> None:
     rng = np.random.default_rng(6)
-    known = {name: MODELS["disney"].parameters[name] for name in ("roughness", "baseColor", "variant")}
     # Three points: a float's (3,) is no colour.
-    below, above = ({"roughness": rng.random(3), "baseColor": rng.random((3, 3)), "variant": "2014"} for _ in range(2))
-    for mask, wanted in ((0.0, below), (1.0, above)):
+    below, above = (random_parameters(rng, "disney", {}, 3) for _ in range(2))
+    for mask, parameters in ((0.0, below), (1.0, above)):
         for given in (np.asarray(mask), np.full(3, mask)):
-            blended = blend_parameters(known, below, above, given)
+            blended = _blended(below, above, given)
             assert blended["variant"] == "2014"
-            np.testing.assert_array_equal(blended["roughness"], wanted["roughness"])
+            for name in ("roughness", "baseColor"):
+                np.testing.assert_array_equal(blended[name], parameters[name])
     plain, rough = complete_parameters("disney", {}), complete_parameters("disney", {"roughness": 1.0})
-    half = blend_parameters(MODELS["disney"].parameters, plain, rough, 0.5)
+    half = _blended(plain, rough, 0.5)
     assert half["roughness"] == 0.75
     np.testing.assert_array_equal(half["baseColor"], [0.8, 0.8, 0.8])
 
@@ -209,7 +229,7 @@ def test_a_mask_of_nothing_or_everything_is_exact() -> None:
 def test_layers_agree_on_tokens() -> None:
     layers = [complete_parameters("disney", {"variant": variant}) for variant in ("2014", "2012")]
     with pytest.raises(ModelError, match="layers disagree on 'variant': '2014' below, '2012' above"):
-        blend_parameters(MODELS["disney"].parameters, *layers, np.asarray(0.5))
+        _blended(*layers, np.asarray(0.5))
 
 
 @pytest.mark.parametrize(
@@ -238,14 +258,14 @@ def test_layers_agree_on_tokens() -> None:
         ("pixar", {"highlightNormal": (0.0, 0.0, 0.0)}, "pixar.highlightNormal is .*; a vector with a direction"),
     ],
 )
-def test_a_wrong_parameter_is_told(model: str, given: dict[str, object], message: str) -> None:
+def test_a_wrong_parameter_is_an_error(model: str, given: dict[str, object], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         complete_parameters(model, given)
 
 
 def test_defaults_are_complete() -> None:
-    for model, parameters in ((name, each.parameters) for name, each in MODELS.items()):
-        complete = complete_parameters(model, {})
-        assert list(complete) == list(parameters)
-        for name, parameter in parameters.items():
+    for model in MODELS.values():
+        complete = model.complete({})
+        assert list(complete) == list(model.parameters)
+        for name, parameter in model.parameters.items():
             np.testing.assert_array_equal(complete[name], parameter.default)

@@ -1,8 +1,7 @@
-"""Conductors: the exact Fresnel formula, the observer, and metals against the tables that look-dev uses."""
+"""Conductors: the exact Fresnel formula, the observer, and metals against published look-dev tables."""
 
 from __future__ import annotations
 
-import csv
 from itertools import pairwise
 
 import numpy as np
@@ -44,7 +43,7 @@ def test_fresnel_at_its_limits() -> None:
     np.testing.assert_allclose(fresnel_conductor(1.0, eta, k), normal, rtol=1e-14)
     np.testing.assert_allclose(fresnel_conductor(0.0, eta, k), 1.0, rtol=1e-14)
     brewster = np.cos(np.arctan(1.5))
-    s = ((1.5**2 - 1.0) / (1.5**2 + 1.0)) ** 2  # what is left of the light there
+    s = ((1.5**2 - 1.0) / (1.5**2 + 1.0)) ** 2  # p is 0 there
     np.testing.assert_allclose(fresnel_conductor(brewster, 1.5, 0.0), 0.5 * s, rtol=1e-13)
 
 
@@ -58,8 +57,8 @@ def test_fresnel_stays_within_bounds() -> None:
 
 
 def test_the_observer_is_the_cie_s() -> None:
-    # CIE 1931, tabulated: x, y and z at three wavelengths, and the integral of each, 106.86 in steps of 1 nm. The fit's
-    # authors give errors of up to 0.03.
+    # CIE 1931: x, y and z at three wavelengths, and the integral of each, 106.86 in steps of 1 nm. The fit's authors
+    # state errors of up to 0.03.
     tabulated = {450.0: (0.3362, 0.0380, 1.77211), 550.0: (0.43345, 0.99495, 0.00875), 600.0: (1.0622, 0.631, 0.0008)}
     for wavelength, values in tabulated.items():
         np.testing.assert_allclose(color_matching(wavelength), values, atol=0.03)
@@ -73,32 +72,25 @@ def test_the_light_is_d65() -> None:
 
 @pytest.mark.parametrize("name", METALS)
 def test_a_metal_is_measured_over_the_visible_range(name: str) -> None:
-    with conductor._DATA.open(newline="") as file:
-        rows = [row for row in csv.DictReader(file) if row["metal"] == name]
-    wavelengths = [float(row["wavelength_nm"]) for row in rows]
+    wavelengths = conductor._measured()[name][:, 0]
     assert wavelengths[0] <= 380.0
     assert wavelengths[-1] >= 780.0
     assert all(0.0 < b - a <= 70.0 for a, b in pairwise(wavelengths))
-    eta, k = metal_indices(name, np.array(wavelengths[1:-1]))
+    eta, k = metal_indices(name, wavelengths[1:-1])
     assert np.all((eta > 0.0) & (eta < 5.0))
     assert np.all((k > 1.0) & (k < 10.0))
-
-
-def test_the_data_hold_no_other_metal() -> None:
-    with conductor._DATA.open(newline="") as file:
-        assert {row["metal"] for row in csv.DictReader(file)} == set(METALS)
-
-
-@pytest.mark.parametrize("name", METALS)
-def test_metal_reflectance_is_a_colour(name: str) -> None:
     color = metal_reflectance(name)
     assert color.shape == (3,)
     assert np.all((color > 0.3) & (color <= 1.0))
 
 
+def test_the_data_have_no_other_metal() -> None:
+    assert set(conductor._measured()) == set(METALS)
+
+
 @pytest.mark.parametrize(("name", "color"), TABLES.items())
 def test_metals_look_as_in_the_tables(name: str, color: tuple[float, float, float]) -> None:
-    # Measurements of one metal differ by this much.
+    # Measurements of the same metal differ by this much.
     np.testing.assert_allclose(metal_reflectance(name), color, atol=0.03)
 
 
@@ -109,7 +101,7 @@ def test_white_stays_white(monkeypatch: pytest.MonkeyPatch) -> None:
     np.testing.assert_allclose(metal_reflectance.__wrapped__("silver"), 1.0, rtol=1e-11)
 
 
-def test_errors_say_what_would_be_right() -> None:
+def test_unknown_metals_and_wavelengths_are_errors() -> None:
     with pytest.raises(ModelError, match=r"unknown metal 'gould' \(did you mean 'gold'"):
         metal_reflectance("gould")
     with pytest.raises(ModelError, match="gold: a wavelength is outside 380 to 780 nm"):

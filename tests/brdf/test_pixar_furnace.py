@@ -1,7 +1,7 @@
-"""The white furnace: what a stack of Pixar layers sends everywhere, of the light that comes from one direction.
+"""The white furnace: the light that leaves a stack of Pixar layers in all directions, of that from one direction.
 
-Where every scale and tint is at most 1, no more may leave than arrives. The option ``energy = "conserving"`` keeps to
-that; the published rules do not, and here is where, by how much and why.
+Where every scale and tint is at most 1, no more should leave than arrives. That holds with ``energy = "conserving"``;
+with the published rules it does not in the cases below.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ from lookdev.brdf.lobes import Bsdf, Lobe
 from lookdev.brdf.pixar.layering import layer
 from lookdev.brdf.pixar.partition import THROUGH, Partition, family, layer_partition, partition_lobes
 from lookdev.brdf.vectors import dot, scale
+from lookdev.closures.setups import view_at
 
 Floats = NDArray[np.float64]
 
@@ -37,7 +38,7 @@ _ROUNDING = 1e-6
 
 
 def _partition(layers: Sequence[StackLayer], wo: Floats) -> Partition:
-    """Fold a stack as `stack_bsdf` does (see the first test)."""
+    """Combine a stack as `stack_bsdf` does (see the first test)."""
     combined = layer_partition(layers[0].parameters, wo)
     for each in layers[1:]:
         combined = layer(layer_partition(each.parameters, wo), combined, each.mask, each.mode)
@@ -63,7 +64,7 @@ def _sums(partition: Partition) -> dict[str, Floats]:
 
 
 def _leaving(layers: Sequence[StackLayer], wo: Floats) -> Floats:
-    """Return all that leaves, (n,) of the channel with the most: reflected, transmitted and unhindered."""
+    """Return the light that leaves, (n,), of the brightest channel: reflected, transmitted and past the surface."""
     partition = _partition(layers, wo)
     everything = sum(_sums(partition).values()) + np.expand_dims(1.0 - partition.presence, -1)
     return np.broadcast_to(everything, wo.shape).max(axis=-1)
@@ -73,45 +74,40 @@ def _random_layer(rng: np.random.Generator, count: int, energy: str, mode: Any) 
     parameters = random_parameters(rng, "pixar", {"energy": energy}, count, leaning=0.15)
     for name, parameter in MODELS["pixar"].parameters.items():
         if name.endswith(("Scale", "Tint")) or name == "presence":
-            # Of what an artist may turn up or down, half stays at 1, and nothing is above it.
+            # Half of the scales, tints and presences are 1, none is above.
             value = parameters[name] / parameter.hard[1]
             parameters[name] = np.where(rng.random((count, *[1] * (value.ndim - 1))) < 0.5, value, 1.0)
-    # An index of up to 10 is in range, but few have one above 2.
+    # Half of the indices are below 2; the range is up to 10.
     parameters["ior"] = np.where(rng.random(count) < 0.5, rng.uniform(1.0, 2.0, count), parameters["ior"])
     return StackLayer("pixar", parameters, np.clip(rng.uniform(-0.3, 1.3, count), 0.0, 1.0), mode)
 
 
-def _view(degrees: float, azimuth: Any = 0.0) -> Floats:
-    theta = np.radians(degrees)
-    sin, cos = np.sin(theta), np.cos(theta)
-    return np.stack([sin * np.cos(azimuth), sin * np.sin(azimuth), cos + 0.0 * np.asarray(azimuth)], axis=-1)
-
-
 @dataclass(frozen=True)
 class _Furnace:
-    """What leaves (stacks, views), and which stacks are opaque, which have straight normals only."""
+    """The light that leaves, (stacks, views), and the stacks that are opaque and whose normals are all upright."""
 
     leaving: Floats
     opaque: NDArray[np.bool_]
-    straight: NDArray[np.bool_]
+    upright: NDArray[np.bool_]
 
 
 @lru_cache
 def _furnace(energy: str) -> _Furnace:
     rng = np.random.default_rng(2006)
-    leaving, opaque, straight = [], [], []
+    leaving, opaque, upright = [], [], []
     for number, modes in enumerate(_MODES):
         count = _STACKS * (number + 1) // len(_MODES) - _STACKS * number // len(_MODES)
         layers = [_random_layer(rng, count, energy, mode) for mode in modes]
         clear = rng.random(count) < 0.7
         for each in layers:
             each.parameters["clear"] *= clear
-        azimuth = rng.uniform(0.0, 2.0 * np.pi, count)
-        leaving.append(np.stack([_leaving(layers, _view(degrees, azimuth)) for degrees in _VIEWS], axis=-1))
+        azimuths = np.degrees(rng.uniform(0.0, 2.0 * np.pi, count))
+        views = (np.array([view_at(degrees, azimuth) for azimuth in azimuths]) for degrees in _VIEWS)
+        leaving.append(np.stack([_leaving(layers, wo) for wo in views], axis=-1))
         opaque.append(np.all([each.parameters["clear"] == 0.0 for each in layers], axis=0))
         normals = [each.parameters[f"{kind}Normal"] for each in layers for kind in ("diffuse", "highlight")]
-        straight.append(np.all(np.stack(normals) == ZENITH, axis=(0, 2)))
-    return _Furnace(np.concatenate(leaving), np.concatenate(opaque), np.concatenate(straight))
+        upright.append(np.all(np.stack(normals) == ZENITH, axis=(0, 2)))
+    return _Furnace(*map(np.concatenate, (leaving, opaque, upright)))
 
 
 @pytest.mark.parametrize("energy", ["published", "conserving"])
@@ -119,12 +115,12 @@ def _furnace(energy: str) -> _Furnace:
 def test_the_furnace_integrates_the_lobes_themselves(energy: str, modes: tuple[Any, ...]) -> None:
     rng = np.random.default_rng(7)
     layers = [_random_layer(rng, 1, energy, mode) for mode in modes]
-    # The topmost has all lobes, some of them leaning.
+    # The topmost layer has all lobes, some of them leaning.
     given = {"roughness": [0.2], "clear": [0.5], "back": [0.4], "highlightNormal": [[0.2, 0.1, 1.0]], "ior": [1.3]}
     top = {name: np.array(value) for name, value in given.items()}
     layers[-1] = replace(layers[-1], parameters=layers[-1].parameters | top, mask=np.array([0.7]))
     for degrees in (0.0, 60.0, 85.0):
-        wo = _view(degrees)[None]
+        wo = view_at(degrees)[None]
         partition = _partition(layers, wo)
         lobes = partition_lobes(partition)
         wi = directions(rng, 1000) * rng.choice([-1.0, 1.0], (1000, 1))
@@ -138,7 +134,7 @@ def test_the_furnace_integrates_the_lobes_themselves(energy: str, modes: tuple[A
 
 
 def _integral(lobe: Lobe, wo: Floats, cut: bool = False) -> list[float]:
-    """Integrate a lobe over its hemisphere; where `cut`, only what is on its side of the surface."""
+    """Integrate a lobe over its hemisphere; with `cut`, only over its side of the surface."""
     grid = HalfVectorGrid(half_vector_view(lobe, wo))
     return [grid.integrate(lambda _, wi, k=k: sent(lobe, wo, wi, cut)[..., k]).total for k in range(3)]
 
@@ -147,13 +143,13 @@ def test_no_conserving_stack_sends_more_than_it_receives() -> None:
     leaving = _furnace("conserving").leaving
     assert leaving.shape == (_STACKS, len(_VIEWS))
     assert leaving.max() <= 1.0 + _ROUNDING
-    # A furnace worth its name: some lose next to nothing.
+    # Some stacks lose nearly nothing.
     assert np.count_nonzero(leaving > 1.0 - _ROUNDING) > 100
 
 
-def test_published_stacks_keep_energy_if_opaque_and_straight() -> None:
+def test_published_stacks_conserve_energy_if_opaque_and_upright() -> None:
     furnace = _furnace("published")
-    plain = furnace.leaving[furnace.opaque & furnace.straight]
+    plain = furnace.leaving[furnace.opaque & furnace.upright]
     assert len(plain) > 200
     assert plain.max() <= 1.0 + _ROUNDING
 
@@ -164,15 +160,15 @@ def test_some_published_stacks_send_more_than_they_receive() -> None:
     assert (np.count_nonzero(over), over.size) == (75, 12000)
 
 
-# A case for each reason why the published rules exceed 1: the view in degrees, its layers, and what leaves.
+# A case for each reason why the published rules exceed 1: the view in degrees, the layers, and the light that leaves.
 _WHITE = (1.0, 1.0, 1.0)
 _LACQUER = {"roughness": 0.0, "clear": 1.0, "surfaceColor": _WHITE}
 _EXCESSES: dict[str, tuple[float, list[dict[str, Any]], float]] = {
-    # Reflection has Schlick's term of the view, refraction that of the refracted view, which never grazes.
+    # Reflection has Schlick's term of the view, refraction that of the refracted view, which does not graze.
     "refraction": (85.0, [_LACQUER], 1.599638),
-    # What a lacquer refracts meets a diffuser: the product's Schlick term follows the light, no longer the view.
+    # Light that a lacquer refracts meets a diffuser: the product's Schlick term depends on the light, not on the view.
     "product": (85.0, [{"roughness": 1.0, "surfaceColor": _WHITE}, _LACQUER | {"ior": 1.0}], 1.555385),
-    # A diffuse normal that leans towards the viewer lets in what a straight highlight already reflects.
+    # A diffuse normal that leans towards the viewer admits light that an upright highlight already reflects.
     "normals": (85.0, [{"roughness": 0.0, "surfaceColor": _WHITE, "diffuseNormal": (1.0, 0.0, 1.0)}], 1.395061),
 }
 
@@ -180,7 +176,7 @@ _EXCESSES: dict[str, tuple[float, list[dict[str, Any]], float]] = {
 @pytest.mark.parametrize("reason", _EXCESSES)
 def test_published_exceeds_1_here(reason: str) -> None:
     degrees, layers, wanted = _EXCESSES[reason]
-    wo = _view(degrees)[None]
+    wo = view_at(degrees)[None]
     published, conserving = (_stack(energy, *layers) for energy in ("published", "conserving"))
     assert _cut(published, wo) == pytest.approx(wanted, abs=1e-4)
     assert _leaving(conserving, wo)[0] <= 1.0 + _ROUNDING
@@ -189,13 +185,13 @@ def test_published_exceeds_1_here(reason: str) -> None:
 
 
 def _stack(energy: str, *layers: dict[str, Any]) -> list[StackLayer]:
-    """Return layers that transmit, each over all beneath it."""
+    """Return layers in mode ``transmit``."""
     complete = [complete_parameters("pixar", {"energy": energy} | each) for each in layers]
     return [StackLayer("pixar", each, 1.0, "transmit" if place else "over") for place, each in enumerate(complete)]
 
 
 def _cut(layers: Sequence[StackLayer], wo: Floats) -> float:
-    """Return what leaves, of the first channel: leaning lobes cut at the surface's own horizon, on a grid."""
+    """Return the light that leaves, of the first channel: leaning lobes cut at the surface's horizon, on a grid."""
     return sum(_integral(lobe, wo, cut=True)[0] for lobe in stack_bsdf(layers).lobes(wo) if lobe.share > 0.0)
 
 
@@ -204,13 +200,11 @@ def test_conserving_changes_the_fresnel_terms_of_highlights_only(modes: tuple[An
     rng = np.random.default_rng(11)
     layers = [_random_layer(rng, 500, "published", mode) for mode in modes]
     for each in layers:
-        straight = np.broadcast_to(ZENITH, (500, 3))
-        each.parameters.update({"diffuseNormal": straight, "highlightNormal": straight})
+        each.parameters.update(dict.fromkeys(("diffuseNormal", "highlightNormal"), np.broadcast_to(ZENITH, (500, 3))))
     wo = directions(rng, 500)
     published = _partition(layers, wo)
-    conserving = _partition(
-        [replace(each, parameters=each.parameters | {"energy": "conserving"}) for each in layers], wo
-    )
+    layers = [replace(each, parameters=each.parameters | {"energy": "conserving"}) for each in layers]
+    conserving = _partition(layers, wo)
     for name, term in conserving.terms.items():
         other = published.terms[name]
         np.testing.assert_allclose(term.cone, other.cone, rtol=1e-9)
@@ -225,7 +219,7 @@ def test_conserving_changes_the_fresnel_terms_of_highlights_only(modes: tuple[An
 
 def test_conserving_keeps_the_normals_of_a_layer() -> None:
     rng = np.random.default_rng(12)
-    parameters = random_parameters(rng, "pixar", {"energy": "published"}, 500, leaning=1.0)
+    parameters = random_parameters(rng, "pixar", {}, 500, leaning=1.0)
     wo = directions(rng, 500)
     published = layer_partition(parameters, wo).frames
     conserving = layer_partition(parameters | {"energy": "conserving"}, wo).frames

@@ -1,7 +1,8 @@
-"""Stacks: parameters of Disney's layers, lobes of Pixar's, evaluated BSDFs of both."""
+"""Stacks of layers: of Disney's the parameters are blended, of Pixar's the lobes, of different models the BSDFs."""
 
 from __future__ import annotations
 
+from itertools import permutations
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,11 @@ from numpy.typing import NDArray
 from random_parameters import directions, random_parameters
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, stack_bsdf
-from lookdev.brdf.layering import blend_parameters
 from lookdev.errors import ModelError
 
 Floats = NDArray[np.float64]
 
 _COUNT = 500
-_TOKENS = {"disney": {"variant": "2014"}, "pixar": {"energy": "published"}}
 
 
 def _directions(rng: np.random.Generator) -> tuple[Floats, Floats]:
@@ -25,37 +24,38 @@ def _directions(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _random(rng: np.random.Generator, model: str, **given: Any) -> dict[str, Any]:
-    return random_parameters(rng, model, _TOKENS[model], _COUNT) | given
+    return random_parameters(rng, model, {}, _COUNT) | given
 
 
 def test_disney_layers_are_blended_as_parameters() -> None:
     rng = np.random.default_rng(41)
     below, above = _random(rng, "disney"), _random(rng, "disney")
     mask = rng.random(_COUNT)
-    blended = MODELS["disney"].bsdf(blend_parameters(MODELS["disney"].parameters, below, above, mask))
-    stack = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above, mask)])
+    layers = [StackLayer("disney", below), StackLayer("disney", above, mask)]
+    blended, stack = MODELS["disney"].bsdf(MODELS["disney"].blended(layers)), stack_bsdf(layers)
     wo, wi = _directions(rng)
     np.testing.assert_array_equal(evaluate(stack, wo, wi), evaluate(blended, wo, wi))
     np.testing.assert_array_equal(pdf(stack, wo, wi), pdf(blended, wo, wi))
 
 
-@pytest.mark.parametrize(("base", "top"), [("disney", "pixar"), ("pixar", "disney")])
+@pytest.mark.parametrize(("base", "top"), [*permutations(MODELS, 2)])
 def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> None:
     rng = np.random.default_rng(42)
     below, above = _random(rng, base), _random(rng, top)
     mask = rng.random(_COUNT)
     wo, wi = _directions(rng)
     stack = stack_bsdf([StackLayer(base, below), StackLayer(top, above, mask)])
-    # Pixar's f is of what is present of it already.
+    # f is already multiplied by the presence of its surface.
     parts = {model: MODELS[model].bsdf(parameters) for model, parameters in ((base, below), (top, above))}
     covered = mask * parts[top].presence
     for function in (evaluate, evaluate_cosine):
         wanted = mask[:, None] * function(parts[top], wo, wi) + (1.0 - covered)[:, None] * function(parts[base], wo, wi)
         np.testing.assert_allclose(function(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(stack.presence, covered + (1.0 - covered) * parts[base].presence, rtol=1e-12)
-    # Thin where one of them is: both sides look alike.
-    np.testing.assert_array_equal(evaluate(stack, -wo, -wi), evaluate(stack, wo, wi))
-    assert evaluate(stack, wo, wi)[wi[:, 2] < 0.0].any()
+    assert stack.two_sided == (MODELS[base].two_sided or MODELS[top].two_sided)
+    if stack.two_sided:
+        np.testing.assert_array_equal(evaluate(stack, -wo, -wi), evaluate(stack, wo, wi))
+        assert evaluate(stack, wo, wi)[wi[:, 2] < 0.0].any()
 
 
 def test_from_the_first_other_model_on_layers_are_blended_one_by_one() -> None:
@@ -109,6 +109,6 @@ def _layer(model: str, mode: Any = "over", **given: Any) -> StackLayer:
         ([_layer("disney"), _layer("disney", variant="2012")], "layers disagree on 'variant'"),
     ],
 )
-def test_layers_that_do_not_fit_are_told(layers: list[StackLayer], message: str) -> None:
+def test_layers_that_do_not_fit_are_errors(layers: list[StackLayer], message: str) -> None:
     with pytest.raises(ModelError, match=message):
         stack_bsdf(layers)

@@ -1,8 +1,6 @@
-"""Directional albedo of the closures that stand for a BSDF, by quadrature; and the looks to try it on."""
+"""Directional albedo of the closures that stand for a BSDF, by quadrature; looks as BSDFs at random points."""
 
 from __future__ import annotations
-
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,17 +10,17 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
 from lookdev.checks.samples import constant_look, sample_layers, varying
 from lookdev.closures import Closure, closure_cosine, lobe_closures
+from lookdev.closures.setups import view_at
 from lookdev.material import Look
 from lookdev.material.values import look_bsdf
 
 Floats = NDArray[np.float64]
 
-MATERIALS = Path(__file__).parents[2] / "materials"
 CELLS = (32, 32)
 
 
 def closures_albedo(bsdf: Bsdf, wo: Floats) -> Floats:
-    """Return what the closures of a BSDF reflect and transmit to a viewer, (2, 3)."""
+    """Return the albedos of the closures of a BSDF for a view (3,): reflected and transmitted, (2, 3)."""
     total = np.zeros((2, 3))
     for lobe in bsdf.lobes(wo):
         for closure in lobe_closures(lobe, wo):
@@ -39,7 +37,7 @@ def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
     elif not closure.transmits:
         wi, weight = half_vector_grid(closure.frame.to_local(wo), width, CELLS)
     else:
-        # Light leaves along the microfacets' normals, which the zenith's half vectors are half as far from it as.
+        # Light leaves along the microfacets' normals, twice as far from the zenith as its half vectors.
         wi, weight = half_vector_grid(ZENITH, 0.5 * width, CELLS)
     side = -1.0 if closure.transmits else 1.0
     return side * closure.frame.from_local(wi), weight
@@ -47,12 +45,11 @@ def _directions(closure: Closure, wo: Floats) -> tuple[Floats, Floats]:
 
 def view(angle: float, azimuth: float = 0.35) -> Floats:
     """Return a unit direction, from degrees off the normal and radians around it."""
-    theta = np.radians(angle)
-    return np.array([np.sin(theta) * np.cos(azimuth), np.sin(theta) * np.sin(azimuth), np.cos(theta)])
+    return view_at(angle, np.degrees(azimuth))
 
 
 def bsdfs_of(look: Look, points: int, seed: int = 0) -> list[Bsdf]:
-    """Return a look as the constant surfaces that it is at random points; one where nothing varies."""
+    """Return the constant surfaces of a look at random points, or the one where nothing varies."""
     rng = np.random.default_rng(seed)
     layers = sample_layers(look, points, rng)
     count = points if any(varying(layer) for layer in layers) else 1

@@ -1,21 +1,24 @@
-"""Closures of Cycles: their formulas against closed forms, and their albedo against that of what they stand for."""
+"""Closures of Cycles: their formulas against closed forms, and their albedo against that of the lobes."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from closure_albedo import MATERIALS, bsdfs_of, closures_albedo, view
-from random_parameters import EVERY, random_parameters
+from closure_albedo import bsdfs_of, closures_albedo, view
+from random_parameters import VARIANTS, random_parameters
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.frames import ZENITH, Leaning
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.closures import Closure, Kind, closure_cosine, lobe_closures
+from lookdev.closures import STAND_INS, Closure, Kind, closure_cosine, lobe_closures
 from lookdev.closures.disney import diffuse_albedo
+from lookdev.closures.setups import disney_lobe
+from lookdev.errors import CodegenError
 from lookdev.material import Look
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import new_look
@@ -23,15 +26,17 @@ from lookdev.material.usd import read_look
 from lookdev.reference.albedo import integrate_albedo
 
 ONE = np.ones(3)
+MATERIALS = Path(__file__).parents[2] / "materials"
 PRESETS = sorted((MATERIALS / "presets").glob("*.usda"))
 LOOKS = sorted(MATERIALS.glob("*.usda"))
-# As the issue says: 1 %, and 0.001 of what is darker than 0.1. The quadratures are good to a twentieth of that.
+STOOD_IN = dict.fromkeys(model for model, _ in STAND_INS)
+# 1 %, and 0.001 of albedos below 0.1. The errors of the quadratures are a twentieth of that.
 TOLERANCE = 0.01
 CELLS = (48, 32)
 
 
 def deviation(bsdf: Bsdf, wo: np.ndarray[Any, Any]) -> float:
-    """Return how far closures are from the BSDF in albedo, relative to at least 0.1, on either side of the surface."""
+    """Return the largest error of the closures' albedo on either side of the surface, relative to at least 0.1."""
     wanted = integrate_albedo(bsdf, wo, CELLS).value
     return float((np.abs(closures_albedo(bsdf, wo) - wanted) / np.maximum(wanted, 0.1)).max())
 
@@ -42,6 +47,18 @@ def preset_looks(tmp_path_factory: pytest.TempPathFactory) -> dict[Path, Look]:
     for file in PRESETS:
         new_look(folder / file.name, read_preset(file))
     return {file: read_look(folder / file.name) for file in PRESETS}
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_lobe_has_stand_ins_or_an_error_that_names_it(model: str) -> None:
+    wo = view(40.0)
+    for lobe in MODELS[model].bsdf(complete_parameters(model, MODELS[model].probe)).lobes(wo):
+        absent = lobe
+        if (model, lobe.name) in STAND_INS:
+            assert lobe_closures(lobe, wo)
+            absent = replace(lobe, name="other")
+        with pytest.raises(CodegenError, match=f"stand for lobe '{absent.name}' of model '{model}'"):
+            lobe_closures(absent, wo)
 
 
 @pytest.mark.parametrize("kind", ["ggx", "beckmann"])
@@ -60,20 +77,18 @@ def test_ggx_of_alpha_1_is_the_term_of_hanrahan_and_krueger() -> None:
 
 @pytest.mark.parametrize("roughness", [0.0, 0.5, 1.0])
 @pytest.mark.parametrize(("angle", "most"), [(0.0, 0.02), (50.0, 0.03), (83.0, 0.07)])
-def test_the_shape_of_light_from_under_the_surface(roughness: float, angle: float, most: float) -> None:
+def test_the_shape_of_the_subsurface_term(roughness: float, angle: float, most: float) -> None:
     wo = view(angle)
-    parameters = complete_parameters("disney", {"baseColor": ONE, "roughness": roughness, "subsurface": 1.0})
-    (lobe,) = (each for each in MODELS["disney"].bsdf(parameters).lobes(wo) if each.name == "diffuse")
+    lobe = disney_lobe("diffuse", wo, baseColor=ONE, roughness=roughness, subsurface=1.0)
     wi, weight = hemisphere_grid(64)
-    directions = Directions.of(np.broadcast_to(wo, wi.shape), wi)
-    model = lobe.evaluate(directions)[:, 0] * wi[:, 2] * weight
+    model = lobe.evaluate(Directions.of(wo, wi))[:, 0] * wi[:, 2] * weight
     closures = sum(closure_cosine(each, wo, wi)[:, 0] for each in lobe_closures(lobe, wo)) * weight
     assert 0.5 * np.abs(model / model.sum() - closures / closures.sum()).sum() < most
 
 
 @pytest.mark.parametrize(("kind", "alpha"), [("ggx", 0.05), ("ggx", 0.6), ("beckmann", 0.05), ("beckmann", 0.6)])
 def test_a_microfacet_closure_seen_from_above_is_its_distribution(kind: Kind, alpha: float) -> None:
-    # From above, G1 of the view is 1 and f cos_i = D G1(wi) / 4; nearly along the normal the light's G1 is 1 too.
+    # For this view G1 is 1 and f cos_i = D G1(wi) / 4; for light nearly along the normal G1 is nearly 1.
     theta_h = 0.05
     wi = np.array([np.sin(2.0 * theta_h), 0.0, np.cos(2.0 * theta_h)])
     t2, cos4 = np.tan(theta_h) ** 2, np.cos(theta_h) ** 4
@@ -94,7 +109,7 @@ def test_a_refraction_sends_light_along_its_normal(kind: Kind) -> None:
     wi = -frame.from_local(wi)
     energy = closure_cosine(closure, view(60.0), wi)[:, 0] * weight
     assert not closure_cosine(closure, view(60.0), -wi).any()
-    # A 1000th of the view's sine is left of the view, in radians.
+    # The deviation is a 1000th of the view's sine, in radians.
     mean = energy @ wi / energy.sum()
     assert np.linalg.norm(mean / np.linalg.norm(mean) + normal) < 2e-3
 
@@ -113,7 +128,7 @@ def test_lambert_reflects_its_weight(kind: Kind, side: float) -> None:
 def test_a_white_rough_surface_loses_nothing(sigma: float, angle: float) -> None:
     wi, weight = hemisphere_grid(48)
     closure = Closure("rough_diffuse", 0.5 * ONE, f0=ONE, roughness=sigma)
-    # The mean that Cycles divides by is rounded to 0.2 % of what is scattered again.
+    # The mean albedo in Cycles is rounded to 0.2 % of multiple scattering.
     np.testing.assert_allclose(weight @ closure_cosine(closure, view(angle), wi), 0.5, rtol=2e-3)
 
 
@@ -133,13 +148,9 @@ def test_metals_are_ggx_by_schlick() -> None:
 @pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
 @pytest.mark.parametrize("angle", [0.0, 40.0, 85.0, 89.9])
 def test_the_diffuse_albedo_is_exact(roughness: float, angle: float) -> None:
-    lobe = (
-        MODELS["disney"]
-        .bsdf(complete_parameters("disney", {"roughness": roughness, "baseColor": ONE}))
-        .lobes(view(angle))
-    )
+    lobe = disney_lobe("diffuse", view(angle), roughness=roughness, baseColor=ONE)
     wi, weight = hemisphere_grid(32)
-    wanted = weight @ (lobe[0].evaluate(Directions.of(view(angle), wi))[:, 0] * wi[:, 2])
+    wanted = weight @ (lobe.evaluate(Directions.of(view(angle), wi))[:, 0] * wi[:, 2])
     np.testing.assert_allclose(diffuse_albedo(view(angle)[2], np.array(roughness)), wanted, rtol=1e-12)
 
 
@@ -166,28 +177,26 @@ def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float, pre
     assert {name: value for name, value in found.items() if value > TOLERANCE} == {}
 
 
-@EVERY
+@pytest.mark.parametrize(("model", "tokens"), [each for each in VARIANTS if each[0] in STOOD_IN], ids=str)
 def test_the_albedo_of_random_isotropic_surfaces(model: str, tokens: dict[str, str]) -> None:
     count = 12
     parameters = random_parameters(np.random.default_rng(3), model, tokens, count, leaning=0.0)
-    if model == "disney":
-        parameters["anisotropic"] = np.zeros(count)
-    else:
+    parameters |= {name: np.zeros(count) for name, each in MODELS[model].parameters.items() if each.directed}
+    if "ior" in parameters:
         parameters["ior"] = np.clip(parameters["ior"], 1.0, 2.5)
     found = []
     for index in range(count):
         at = {name: value if isinstance(value, str) else value[index] for name, value in parameters.items()}
         found.append(max(deviation(MODELS[model].bsdf(at), view(angle)) for angle in (20.0, 70.0, 85.0)))
-    # Wide cones behind a bent view are 2 % off.
+    # The error of wide cones of a bent view is 2 %.
     assert np.mean(np.array(found) <= TOLERANCE) >= 0.9
     assert max(found) <= 0.03
 
 
 def test_weights_stay_bounded_however_a_view_grazes() -> None:
     rng = np.random.default_rng(5)
-    for model, parameters in ((name, each.parameters) for name, each in MODELS.items()):
-        tokens = {name: each.choices[0] for name, each in parameters.items() if each.kind == "token"}
-        given = random_parameters(rng, model, tokens, 50)
+    for model in STOOD_IN:
+        given = random_parameters(rng, model, {}, 50)
         if model == "pixar":
             given |= {name: np.ones(50) for name in given if name.endswith("Scale") and "Cone" not in name}
         for angle in (85.0, 89.0, 89.9, 89.99, 89.9999):
@@ -196,7 +205,7 @@ def test_weights_stay_bounded_however_a_view_grazes() -> None:
                 for closure in lobe_closures(lobe, wo):
                     weight = np.asarray(closure.weight)
                     assert (weight >= 0.0).all(), (lobe.name, angle)
-                    # Sheen is as strong as its tint, the inverse of the luminance of a pure blue.
+                    # The weight of sheen is up to its tint, the inverse of the luminance of a pure blue.
                     assert (weight <= (80.0 if closure.kind == "sheen" else 2.5)).all(), (lobe.name, angle)
                     if closure.kind == "metal":
                         assert (weight <= 1.0).all(), (lobe.name, angle)

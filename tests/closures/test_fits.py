@@ -1,4 +1,4 @@
-"""The table of fits: what the script that makes it would say of it, and that it is safe to evaluate anywhere."""
+"""The table of fits agrees with the script that makes it, and has no pole in the domain."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def test_a_polynomial_is_the_sum_of_its_terms() -> None:
     np.testing.assert_allclose(polynomial(rows, x, y), wanted, rtol=1e-15)
 
 
-def test_a_rational_is_found_again() -> None:
+def test_a_rational_is_recovered() -> None:
     x, y = (each.ravel() for each in np.meshgrid(np.linspace(0, 1, 12), np.linspace(0, 1, 9)))
     wanted = Rational([[1.0, -0.5], [0.25]], [[1.0, 0.8], [0.6]])
     problem = Problem(x, y, wanted(x, y), np.full(x.size, 0.01))
@@ -54,23 +54,16 @@ def test_no_pole_and_no_rounding_in_the_whole_domain(name: str) -> None:
     bottom = polynomial(seen.denominator, x, y)
     assert (bottom > 0.0).all()
     assert narrow.dtype == np.float32
-    # A tenth of what the fits themselves are off by.
+    # A tenth of the error of the fits.
     inside = x >= np.cos(np.radians(85.0))
     np.testing.assert_allclose(narrow[inside], wide[inside], rtol=1e-3, atol=1e-5)
 
 
 @pytest.fixture(scope="module")
 def goals() -> dict[str, Goal]:
-    """What each fit is to meet, at a few of its points; with the fits as they are in the file."""
-    few = replace(
-        FULL,
-        angles=FULL.angles[[0, 6, 12, 20]],
-        roughness=FULL.roughness[1::5],
-        gloss=FULL.gloss[::5],
-        cones=FULL.cones[::4],
-        bends=FULL.bends[[1, 3]],
-    )
-    made = make_fits(table()["shapes"], few, lambda name, *_: fit(name))
+    """Return the goals of the fits of the file, at a few points."""
+    few = Grid(FULL.angles[[0, 6, 12, 20]], FULL.roughness[1::5], FULL.gloss[::5], FULL.cones[::4], FULL.bends[[1, 3]])
+    made = make_fits(table()["shapes"], few, known=fit)
     return {name: goal for name, (_, goal) in made.items()}
 
 
@@ -79,24 +72,21 @@ def test_residuals_are_those_of_the_coefficients(name: str, goals: dict[str, Goa
     goal = goals[name]
     error = goal.error(fit(name)(goal.problem.x, goal.problem.y))
     stored = FITS[name]["residual"]
-    # The points are some of those that the residual is the largest of.
+    # The points are some of those of the residual.
     assert error.max() <= 1.001 * stored["largest"] + 1e-6
     assert 0.2 * stored["rms"] <= np.sqrt(np.mean(error * error)) <= 3.0 * stored["rms"]
 
 
 def test_every_fit_is_within_a_hundredth() -> None:
-    # But for wide cones behind a bent view, and smooth surfaces of 2012 that graze: docs/models.md tells of both.
+    # But for wide cones of a bent view, and smooth surfaces of 2012 at grazing views (docs/models.md).
     largest = {name: entry["residual"]["largest"] for name, entry in FITS.items()}
     assert largest.pop("transmitted_tilt") < 0.02
     assert largest.pop("specular_2012") < 0.012
     assert {name: value for name, value in largest.items() if value > 0.01} == {}
 
 
-@pytest.mark.parametrize(
-    ("name", "setups"),
-    [("clearcoat", coat_setups), ("highlight", highlight_setups)],
-)
-def test_lobes_have_the_shapes_that_the_table_tells(
+@pytest.mark.parametrize(("name", "setups"), [("clearcoat", coat_setups), ("highlight", highlight_setups)])
+def test_the_distances_of_the_table_are_those_of_its_shapes(
     name: str, setups: Callable[[Mapping[str, Any], Grid], list[Setup]]
 ) -> None:
     shape = table()["shapes"][name]
@@ -111,5 +101,5 @@ def test_the_script_makes_the_table_again() -> None:
     made = make_table()
     assert made["shapes"] == table()["shapes"]
     for name, entry in made["fits"].items():
-        # Another linear algebra library rounds otherwise, and may end at coefficients a little different.
+        # Coefficients differ by the rounding of the linear algebra library.
         np.testing.assert_allclose(entry["residual"]["rms"], FITS[name]["residual"]["rms"], rtol=0.1)

@@ -27,9 +27,8 @@ from mask_edges import (
 from plot_mask_edges import PAGE, kinds_table, tables, written
 from scipy.stats import qmc
 
-from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, StackLayer, evaluate_cosine, pdf, sample
 from lookdev.brdf.disney import DISNEY
-from lookdev.brdf.layering import blend_parameters
 from lookdev.brdf.pixar.layering import layer
 from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.light import BUILTIN_LIGHTS, load_environment, prepare_light
@@ -85,7 +84,7 @@ def test_no_parameter_leaves_its_range(presets: dict[str, Preset]) -> None:
         for side in (0, 1)
     )
     below["variant"] = above["variant"] = "2014"
-    for name, value in blend_parameters(MODELS["disney"].parameters, below, above, MASKS).items():
+    for name, value in DISNEY.blended([StackLayer("disney", below), StackLayer("disney", above, MASKS)]).items():
         if name != "variant":
             low, high = MODELS["disney"].parameters[name].hard
             assert value.shape[:2] == (len(pairs), len(MASKS))

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.lobes import Bsdf, Lobe
+from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.model import Model, Preview, StackLayer
 from lookdev.brdf.pixar.layering import layer
 from lookdev.brdf.pixar.parameters import PARAMETERS
-from lookdev.brdf.pixar.partition import Partition, layer_partition, partition_lobes
+from lookdev.brdf.pixar.partition import FRONT, Partition, layer_partition, partition_lobes
 from lookdev.brdf.vectors import Array, Parameters, Real
 from lookdev.errors import ModelError
 
@@ -25,11 +25,8 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
             combined = layer(layer_partition(each.parameters, wo), combined, each.mask, each.mode)
         return combined
 
-    def lobes(wo: Array) -> tuple[Lobe, ...]:
-        return partition_lobes(partition(wo))
-
     # Presence is the same from every direction.
-    return Bsdf(lobes, partition(ZENITH).presence, two_sided=True)
+    return Bsdf(lambda wo: partition_lobes(partition(wo)), partition(ZENITH).presence, two_sided=True)
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
@@ -43,8 +40,9 @@ PIXAR = Model(
     parameters=PARAMETERS,
     bsdf=lambda parameters: _combine([StackLayer("pixar", parameters)]),
     identifier="LookdevPixar",
-    # As published; docs/models.md has the case where 1.87 is reached.
+    # docs/models.md has the published case that reaches 1.87.
     energy=lambda tokens: 1.0 if tokens["energy"] == "conserving" else 2.0,
+    reciprocal=lambda tokens: FRONT if tokens["energy"] == "published" else (),
     combine=_combine,
     modes=("over", "transmit"),
     two_sided=True,

@@ -1,8 +1,8 @@
 """Layering of Pixar's model: partitions of light combined into one (Smits, "Layering").
 
 "Layering is simply a matter of taking two (or more) sets of lobe weights and cone angles and normals along with a layer
-weight for each layer and producing a single set." Weights are premultiplied by presence, as in compositing, so a
-layer over a hole, or a hole under a layer, needs no rule of its own.
+weight for each layer and producing a single set." Weights are premultiplied by presence, as in compositing, so that
+layers of presence 0 need no rule of their own.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from lookdev.brdf.vectors import Array, Real, normalize, same, scale
 
 @dataclass(frozen=True)
 class _Share:
-    """What one interaction adds to a lobe: weights, shape and normal, and the energy by which the last are averaged."""
+    """One interaction's part of a lobe: weights, shape and frame, and the energy that weights shape and frame."""
 
     name: str
     term: Term
@@ -31,26 +31,19 @@ class _Share:
 
 
 def outcome(incoming: str, lobe: str) -> str:
-    """Return the lobe that comes out where transmitted light meets a lobe of the layer beneath.
+    """Return the lobe of transmitted light that has met a lobe of the layer beneath (Smits, table in "Layering").
 
-    It is on the lobe's side, and as blurred as the blurrier of the two (Smits, table in "Layering").
+    It is on that lobe's side, and as blurred as the blurrier of the two.
     """
     side = FRONT if lobe in FRONT else THROUGH
     return side[max(THROUGH.index(incoming), side.index(lobe))]
 
 
 def layer(above: Partition, below: Partition, mask: Real, mode: Mode) -> Partition:
-    """Lay one partition on another, seen from the same direction.
+    """Lay one partition on another, seen from the same direction, by a mask (...) in [0, 1].
 
-    Parameters
-    ----------
-    above, below
-        Seen from the same direction.
-    mask : (...)
-        In [0, 1]: how much of `above` there is, times its own presence.
-    mode
-        ``"over"``: simple layering, A over B. ``"transmit"``: what `above` transmits also meets all six lobes of
-        `below`, instead of leaving on the other side.
+    In mode ``"over"`` it is simple layering, A over B. In mode ``"transmit"``, what `above` transmits meets all six
+    lobes of `below` instead of leaving on the other side.
     """
     uncovered = 1.0 - mask * above.presence
     shares = list(_scaled(above, FRONT, mask))
@@ -58,21 +51,17 @@ def layer(above: Partition, below: Partition, mask: Real, mode: Mode) -> Partiti
     if mode == "over":
         shares += _scaled(above, THROUGH, mask)
     else:
-        # Through a hole beneath, transmitted light leaves as it would without that layer.
+        # Where `below` is absent, transmitted light leaves as without it.
         shares += _scaled(above, THROUGH, mask * below.absence)
         shares += _interactions(above, below, mask)
     names = (*FRONT, *THROUGH)
     absence = uncovered * below.absence
-    return Partition(
-        above.wo,
-        {name: _sum([share for share in shares if share.name == name]) for name in names},
-        {
-            kind: _mean_frame([share for share in shares if family(share.name) == kind])
-            for kind in ("diffuse", "highlight")
-        },
-        1.0 - absence,
-        absence,
-    )
+    terms = {name: _sum([share for share in shares if share.name == name]) for name in names}
+    frames = {
+        kind: _mean_frame([share for share in shares if family(share.name) == kind])
+        for kind in ("diffuse", "highlight")
+    }
+    return Partition(above.wo, terms, frames, 1.0 - absence, absence)
 
 
 def _scaled(partition: Partition, names: Sequence[str], weight: Real) -> Iterator[_Share]:
@@ -83,13 +72,13 @@ def _scaled(partition: Partition, names: Sequence[str], weight: Real) -> Iterato
 
 
 def _interactions(above: Partition, below: Partition, mask: Real) -> Iterator[_Share]:
-    """Let the three transmitted lobes meet six: one, three and five interactions to the front, as many through."""
+    """Yield the 18 interactions of the transmitted lobes: one, three and five with each side, by what comes out."""
     for incoming in _scaled(above, THROUGH, mask):
         for name, term in below.terms.items():
             result = outcome(incoming.name, name)
             a, b = THROUGH.index(incoming.name), (FRONT if name in FRONT else THROUGH).index(name)
             cone = incoming.term.cone if b < a else np.maximum(incoming.term.cone, term.cone) if b == a else term.cone
-            # The lobe beneath "replaces the direction": it brings the index of refraction and the normal.
+            # The lobe beneath "replaces the direction": index of refraction and normal are its.
             made = Term(incoming.term.normal * term.normal, incoming.term.grazing * term.grazing, cone, term.bend)
             yield _Share(result, made, below.frames[family(result)], made.energy(below.cosine(result)))
 
@@ -97,22 +86,22 @@ def _interactions(above: Partition, below: Partition, mask: Real) -> Iterator[_S
 def _sum(shares: Sequence[_Share]) -> Term:
     energies = [share.energy for share in shares]
     return Term(
-        _total([share.term.normal for share in shares]),
-        _total([share.term.grazing for share in shares]),
+        functools.reduce(operator.add, (share.term.normal for share in shares)),
+        functools.reduce(operator.add, (share.term.grazing for share in shares)),
         _mean([share.term.cone for share in shares], energies),
         _mean([share.term.bend for share in shares], energies),
     )
 
 
 def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
-    """Average by energy, (...); without any energy plainly, as the value then has no effect."""
-    # Equal values, and lobes without energy, cost no code.
+    """Average by energy, (...); where there is none, the value has no effect."""
+    # Equal values, and lobes without energy, generate no code.
     kept = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
     kept = kept or list(zip(values, energies, strict=True))
     first, weight = kept[0]
     for value, energy in kept[1:]:
         total = weight + energy
-        # Not by mix(), which would take the first fraction from 1: a bend may be all but averaged away.
+        # Not by mix(): 1 minus a fraction near 1 cancels.
         if not same(first, value):
             first = first * _fraction(weight, total) + value * _fraction(energy, total)
         weight = total
@@ -133,11 +122,7 @@ def _mean_frame(shares: Sequence[_Share]) -> Frame:
     weighted = sum(
         (scale(share.frame.normal, share.energy) for share in kept[1:]), scale(kept[0].frame.normal, kept[0].energy)
     )
-    # Energies may be as small as a weight is; only their proportions matter.
+    # Divided by the total: energies may be as small as a weight is.
     total = sum((share.energy for share in kept[1:]), kept[0].energy)
     lit = np.expand_dims(total > 0.0, -1)
     return Leaning(normalize(np.where(lit, scale(weighted, 1.0 / np.where(total > 0.0, total, 1.0)), ZENITH)))
-
-
-def _total(values: Sequence[Array]) -> Array:
-    return functools.reduce(operator.add, values)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.parameters import Parameter, normal_parameter
 
 _WHITE = (1.0, 1.0, 1.0)
 
-_SCALE = (0.0, 10.0)
-_CONE_SCALE = (0.0, 2.0)
-_CONE_SOFT = (0.5, 1.5)
+
+def _scale(lobe: str, of: str) -> Parameter:
+    return Parameter(f"{lobe}Scale", "float", 1.0, hard=(0.0, 10.0), help=f"Scales {of}.")
+
+
+def _cone_scale(lobe: str, of: str) -> Parameter:
+    return Parameter(f"{lobe}ConeScale", "float", 1.0, (0.0, 2.0), (0.5, 1.5), help=f"Scales the {of}.")
+
 
 PARAMETERS: dict[str, Parameter] = {
     parameter.name: parameter
@@ -34,61 +39,28 @@ PARAMETERS: dict[str, Parameter] = {
         Parameter("grazingScale", "float", 1.0, help="Scales the reflectance at grazing angles."),
         Parameter("specularTint", "color", _WHITE, help="Multiplies the specular and reflection lobes."),
         Parameter("transmissionTint", "color", _WHITE, help="Multiplies specular transmission and refraction."),
-        Parameter("diffuseScale", "float", 1.0, hard=_SCALE, help="Scales the diffuse lobe."),
-        Parameter("specularScale", "float", 1.0, hard=_SCALE, help="Scales the specular lobe."),
-        Parameter("reflectionScale", "float", 1.0, hard=_SCALE, help="Scales the reflection lobe."),
-        Parameter("diffuseTransmissionScale", "float", 1.0, hard=_SCALE, help="Scales diffuse transmission."),
-        Parameter("specularTransmissionScale", "float", 1.0, hard=_SCALE, help="Scales specular transmission."),
-        Parameter("refractionScale", "float", 1.0, hard=_SCALE, help="Scales the refraction lobe."),
-        Parameter(
-            "specularConeScale", "float", 1.0, _CONE_SCALE, _CONE_SOFT, help="Scales the specular lobe's cone angle."
+        _scale("diffuse", "the diffuse lobe"),
+        _scale("specular", "the specular lobe"),
+        _scale("reflection", "the reflection lobe"),
+        _scale("diffuseTransmission", "diffuse transmission"),
+        _scale("specularTransmission", "specular transmission"),
+        _scale("refraction", "the refraction lobe"),
+        _cone_scale("specular", "specular lobe's cone angle"),
+        _cone_scale("reflection", "reflection lobe's cone angle"),
+        _cone_scale(
+            "specularTransmission", "specular transmission lobe's cone angle, over what specularConeScale does"
         ),
-        Parameter(
-            "reflectionConeScale",
-            "float",
-            1.0,
-            _CONE_SCALE,
-            _CONE_SOFT,
-            help="Scales the reflection lobe's cone angle.",
-        ),
-        Parameter(
-            "specularTransmissionConeScale",
-            "float",
-            1.0,
-            _CONE_SCALE,
-            _CONE_SOFT,
-            help="Scales the specular transmission lobe's cone angle, over what specularConeScale does.",
-        ),
-        Parameter(
-            "refractionConeScale",
-            "float",
-            1.0,
-            _CONE_SCALE,
-            _CONE_SOFT,
-            help="Scales the refraction lobe's cone angle, over what reflectionConeScale does.",
-        ),
+        _cone_scale("refraction", "refraction lobe's cone angle, over what reflectionConeScale does"),
         Parameter(
             "presence",
             "float",
             1.0,
             help="How much of the layer is there; what is beneath it, or behind, shows through.",
         ),
-        Parameter(
-            "diffuseNormal",
-            "normal",
-            (0.0, 0.0, 1.0),
-            hard=(-1.0, 1.0),
-            soft=(-1.0, 1.0),
-            help="Normal of the diffuse lobes, in the frame of tangent, bitangent and shading normal.",
+        normal_parameter(
+            "diffuseNormal", "Normal of the diffuse lobes, in the frame of tangent, bitangent and shading normal."
         ),
-        Parameter(
-            "highlightNormal",
-            "normal",
-            (0.0, 0.0, 1.0),
-            hard=(-1.0, 1.0),
-            soft=(-1.0, 1.0),
-            help="Normal of the four highlight lobes, in the same frame.",
-        ),
+        normal_parameter("highlightNormal", "Normal of the four highlight lobes, in the same frame."),
         Parameter(
             "energy",
             "token",

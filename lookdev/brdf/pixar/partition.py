@@ -3,10 +3,10 @@
 - Smits, B. Reflection Model Design for Wall-E and Up. Pixar Animation Studios.
 
 "Pick a fixed set of reflection lobes ... and then determine how to partition the incoming energy between those lobes
-in such a way that energy is conserved." Six lobes, each with two weights, for normal and for grazing incidence, between
-which Schlick's curve blends; four of them have a cone angle; two normals, for diffuse lobes and for highlights. A
-`Partition` is all of that once the viewing direction is fixed; layers are combined as partitions
-(`lookdev.brdf.pixar.layering`) before any lobe is built.
+in such a way that energy is conserved." There are six lobes, each with weights at normal and at grazing incidence,
+blended by Schlick's term; four of them, the highlights, have a cone angle; there are two normals, of diffuse lobes and
+of highlights. A `Partition` holds all of that for a view; layers are combined as partitions
+(`lookdev.brdf.pixar.layering`) before lobes are built.
 """
 
 from __future__ import annotations
@@ -23,8 +23,6 @@ from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
 from lookdev.brdf.lobes import Directions, Lobe
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
-PI = np.pi
-
 FRONT = ("reflection", "specular", "diffuse")
 """The lobes on the viewer's side, by how much they blur: "reflection/refraction blurs less than specular, which
 blurs less than diffuse" (Smits, "Layering")."""
@@ -32,7 +30,7 @@ blurs less than diffuse" (Smits, "Layering")."""
 THROUGH = ("refraction", "specularTransmission", "diffuseTransmission")
 """The lobes on the other side, in the same order."""
 
-# Degrees: "0 (or epsilon in practice)", and where a lobe's directional albedo would begin to rise above 1, at 89.999.
+# Degrees: "0 (or epsilon in practice)", and the angle from which a lobe's albedo exceeds 1 at a view of 89.999 degrees.
 _CONES = (0.25, 54.0)
 
 
@@ -42,8 +40,7 @@ class Term:
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
     cone : (...), degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
-    bend : (...), the index of refraction minus 1, of a transmitted highlight: float32 keeps what is left of it where
-        the index is an average near 1. 0 for the other lobes.
+    bend : (...), of a transmitted highlight, the index of refraction minus 1, which is exact in float32 near 0; else 0.
     """
 
     normal: Array
@@ -52,18 +49,17 @@ class Term:
     bend: Real = 0.0
 
     def energy(self, cos_theta: Array) -> Array:
-        """Mean over RGB of the weight at a cosine (...): what cones and normals are averaged by."""
+        """Mean over RGB of the weight at a cosine (...); cones and normals are averaged by it."""
         return mean(fresnel_blend(self.normal, self.grazing, cos_theta))
 
 
 @dataclass(frozen=True)
 class Partition:
-    """How a surface divides light among the six lobes, seen from `wo`.
+    """How a surface divides light among the six lobes, seen from `wo`, (..., 3).
 
     terms : the six lobes by name, weights multiplied by `presence`.
     frames : about the normals of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
-    presence, absence : (...), how much of the surface is there, and how much is not: in float32, 1 minus a small one of
-        them loses its digits.
+    presence, absence : (...), how much of the surface is there, and 1 minus that, without cancellation.
     """
 
     wo: Array
@@ -73,7 +69,7 @@ class Partition:
     absence: Real
 
     def cosine(self, name: str) -> Array:
-        """Cosine of the view to the normal of a lobe, (...), 0 where it faces away."""
+        """Cosine of the view to the normal of a lobe, (...), at least 0."""
         return view_cosine(self.frames[family(name)], self.wo)
 
 
@@ -89,34 +85,26 @@ def view_cosine(frame: Frame, wo: Array) -> Array:
 
 
 def layer_partition(p: Parameters, wo: Array) -> Partition:
-    """Divide light among the six lobes of one layer.
-
-    Parameters
-    ----------
-    p
-        Every parameter of the model: floats (...), colours and normals (..., 3), `energy` a string.
-    wo : (..., 3)
-        Unit directions to the viewer, above the horizon.
-    """
+    """Divide light among the lobes of one layer of parameters `p` for unit views (..., 3), above the horizon."""
     frames = {name: frame_of(p[f"{name}Normal"]) for name in ("diffuse", "highlight")}
     cosines = {name: view_cosine(frame, wo) for name, frame in frames.items()}
     conserving = p["energy"] == "conserving"
     color, rough, clear, back = p["surfaceColor"], p["roughness"], p["clear"], p["back"]
     smooth = 1.0 - rough
 
-    # Smits, "Diffuse" and "Transmission". A scaled reflectance ends at 1.
+    # Smits, "Diffuse" and "Transmission". A scaled reflectance is at most 1.
     n_diffuse = np.minimum(p["normalScale"] * mix(0.05, 1.0, p["metallic"]), 1.0)
     g_refl = p["grazingScale"]
-    # One interface lets the light in: conserving, it is that of the highlights for the diffuse lobes too.
+    # Conserving, light enters by the Fresnel term of the highlights for the diffuse lobes too.
     at_interface = cosines["highlight" if conserving else "diffuse"]
     enters = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
     d_n = scale(color, mix(enters * (1.0 - n_diffuse), 1.0, rough))
     d_g = scale(color, mix(enters * (1.0 - g_refl), 1.0, rough))
 
-    # Smits, "Specular" and "Transmission": "reflRatio", and what it divides.
+    # Smits, "Specular" and "Transmission": "reflRatio".
     m = np.maximum(1.0 - 2.0 * rough, 0.0)
     ratio = m * m * m
-    # 1 - ratio, of which float32 would leave nothing where the surface is smooth.
+    # 1 - ratio, without cancellation where the surface is smooth.
     rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
     n_refl = np.minimum(scale(mix_color(0.05 * np.ones(3), color, p["metallic"]), p["normalScale"]), 1.0)
     reflected: tuple[Array, Array] = n_refl, np.expand_dims(g_refl, -1) * np.ones(3)
@@ -133,6 +121,8 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     broad, tight = smooth * rest, smooth * ratio
     specular_cone = (30.0 * rough + 5.0) * p["specularConeScale"]
     reflection_cone = 10.0 * rough * p["reflectionConeScale"]
+    through_specular_cone = specular_cone * p["specularTransmissionConeScale"]
+    refraction_cone = reflection_cone * p["refractionConeScale"]
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
     terms = {
         "diffuse": term((d_n, d_g), (1.0 - back) * p["diffuseScale"], white),
@@ -140,38 +130,27 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         "reflection": term(reflected, tight * p["reflectionScale"], tint, reflection_cone),
         "diffuseTransmission": term((d_n, d_g), back * p["diffuseTransmissionScale"], white),
         "specularTransmission": term(
-            through,
-            broad * p["specularTransmissionScale"],
-            tint_t,
-            specular_cone * p["specularTransmissionConeScale"],
-            p["ior"] - 1.0,
+            through, broad * p["specularTransmissionScale"], tint_t, through_specular_cone, p["ior"] - 1.0
         ),
-        "refraction": term(
-            through,
-            tight * p["refractionScale"],
-            tint_t,
-            reflection_cone * p["refractionConeScale"],
-            p["ior"] - 1.0,
-        ),
+        "refraction": term(through, tight * p["refractionScale"], tint_t, refraction_cone, p["ior"] - 1.0),
     }
     return Partition(wo, terms, frames, p["presence"], 1.0 - p["presence"])
 
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
     """Build the six lobes."""
-    frames = {name: frame.facing(partition.wo) for name, frame in partition.frames.items()}
-    lobes = []
-    for name in ("diffuse", "specular", "reflection", "diffuseTransmission", "specularTransmission", "refraction"):
-        frame, transmits = frames[family(name)], name in THROUGH
-        build = _diffuse if family(name) == "diffuse" else _highlight
-        lobes.append(build(name, partition.terms[name], partition.wo, frame, transmits))
-    return tuple(lobes)
+    frames = {kind: frame.facing(partition.wo) for kind, frame in partition.frames.items()}
+    builders = {"diffuse": _diffuse, "highlight": _highlight}
+    return tuple(
+        builders[kind := family(name)](name, partition.terms[name], partition.wo, frames[kind], name in THROUGH)
+        for name in (*FRONT[::-1], *THROUGH[::-1])
+    )
 
 
 def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
     def evaluate(d: Directions) -> Array:
-        # Smits, "Diffuse", in units where a perfect diffuser is 1: divided by pi.
-        return fresnel_blend(term.normal, term.grazing, d.cos_theta_i) * (1.0 / PI)
+        # Smits, "Diffuse", where f of a perfect diffuser is 1: divided by pi.
+        return fresnel_blend(term.normal, term.grazing, d.cos_theta_i) * (1.0 / np.pi)
 
     # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
     share = mean(term.normal) * (20.0 / 21.0) + mean(term.grazing) * (1.0 / 21.0)
@@ -180,7 +159,7 @@ def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) ->
         name,
         share,
         evaluate,
-        pdf=lambda d: d.cos_theta_i * (1.0 / PI),
+        pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
         sample=mf.sample_cosine,
         frame=frame,
         transmits=transmits,
@@ -193,7 +172,7 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
     power = _power(term.cone)
 
     def seen(d: Directions) -> Directions:
-        # The view that would reflect to where this one is refracted (Smits, "Transmission").
+        # The view whose reflection is the refraction of this one (Smits, "Transmission").
         return Directions.of(_refracted(d.wo, term.bend), d.wi) if transmits else d
 
     def evaluate(d: Directions) -> Array:
@@ -213,7 +192,7 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
     def sample(u1: Array, u2: Array) -> Array:
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
 
-    # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is dark, not absent.
+    # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is not black.
     share = term.energy(view[..., 2]) + 0.001 * mean(term.normal + term.grazing)
     return Lobe(
         "pixar",
@@ -244,7 +223,7 @@ def _power(cone: Real) -> Array:
 
 
 def _sin_degrees(angle: Real) -> Array:
-    x = angle * (PI / 180.0)
+    x = angle * (np.pi / 180.0)
     # OSL's sin() is good to 6e-8 however small the angle; the series is good to 3e-14 of the sine here.
     square = x * x
     small = x * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))

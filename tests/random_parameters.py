@@ -1,4 +1,4 @@
-"""Parameters of every model drawn from the whole of their hard ranges, and directions to go with them."""
+"""Random parameters of every model from their whole hard ranges, and random directions."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from lookdev.brdf.frames import ZENITH
 Floats = NDArray[np.float64]
 
 # Every token of a model, in every combination.
-_VARIANTS = [
-    (model, dict(zip(tokens, values, strict=True)))
-    for model, parameters in ((name, each.parameters) for name, each in MODELS.items())
-    for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
-    for values in product(*(parameters[name].choices for name in tokens))
+VARIANTS = [
+    (name, dict(zip((token.name for token in tokens), values, strict=True)))
+    for name, model in MODELS.items()
+    for tokens in [[each for each in model.parameters.values() if each.kind == "token"]]
+    for values in product(*(token.choices for token in tokens))
 ]
-EVERY = pytest.mark.parametrize(("model", "tokens"), _VARIANTS, ids=str)
+EVERY = pytest.mark.parametrize(("model", "tokens"), VARIANTS, ids=str)
 
 
 def directions(rng: np.random.Generator, count: int) -> Floats:
@@ -32,16 +32,24 @@ def directions(rng: np.random.Generator, count: int) -> Floats:
     return np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
 
 
+def near_the_mirror_image(rng: np.random.Generator, wo: Floats) -> Floats:
+    """Draw directions above the horizon around the reflection of `wo`, where tight lobes are not 0."""
+    wi = wo * [-1.0, -1.0, 1.0] + rng.normal(0.0, 1.0, wo.shape) * rng.choice([0.01, 0.1, 1.0], (len(wo), 1))
+    wi[:, 2] = np.abs(wi[:, 2])
+    return wi / np.linalg.norm(wi, axis=-1, keepdims=True)
+
+
 def random_parameters(
     rng: np.random.Generator, model: str, tokens: dict[str, str], count: int, leaning: float = 0.5
 ) -> dict[str, Any]:
-    """Draw parameters: half of the numbers at an end of their range, where formulas meet their special cases.
+    """Draw parameters: half of the numbers at an end of their range, where formulas have special cases.
 
-    Normals are straight but for a fraction of them, which lean anywhere.
+    Of the normals, the fraction `leaning` leans anywhere, the rest are upright. Tokens not given have their defaults.
     """
-    values: dict[str, Any] = dict(tokens)
+    values: dict[str, Any] = {}
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
+            values[name] = tokens.get(name, parameter.default)
             continue
         shape = (count,) if parameter.kind == "float" else (count, 3)
         low, high = parameter.hard

@@ -1,0 +1,55 @@
+"""Invariants of an asset, and arrays that follow from its arrays."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, Mesh
+from lookdev.asset.normals import area_vectors
+
+
+def face_areas(mesh: Mesh) -> NDArray[np.float64]:
+    """Return each face's area times its unit normal, (f, 3)."""
+    return area_vectors(mesh.points[mesh.corner_points].astype(np.float64), mesh.face_sizes)
+
+
+def facets(mesh: Mesh) -> NDArray[np.float64]:
+    """Return the unit normal of each corner's face, (m, 3)."""
+    areas = face_areas(mesh)
+    return np.repeat(areas / np.linalg.norm(areas, axis=1, keepdims=True), mesh.face_sizes, axis=0)
+
+
+def world_points(asset: Asset) -> list[NDArray[np.float64]]:
+    """Return the points of each instance in the world, (n, 3)."""
+    return [
+        asset.meshes[each.mesh].points.astype(np.float64) @ each.matrix[:3, :3].T + each.matrix[:3, 3]
+        for each in asset.instances
+    ]
+
+
+def check_asset(asset: Asset) -> None:
+    """Assert the invariants that `lookdev.asset.mesh` states."""
+    for mesh in asset.meshes:
+        corners = int(mesh.face_sizes.sum())
+        for array in (mesh.points, mesh.normals, mesh.tangents, *mesh.uvs.values(), *mesh.primvars.values()):
+            assert array.dtype == np.float32
+            assert np.isfinite(array).all()
+        for array in (mesh.corner_points, mesh.face_sizes, mesh.face_slots):
+            assert array.dtype == np.int32
+        assert mesh.face_sizes.min() >= 3
+        assert mesh.corner_points.shape == (corners,)
+        assert 0 <= mesh.corner_points.min() <= mesh.corner_points.max() < len(mesh.points)
+        assert mesh.face_slots.shape == mesh.face_sizes.shape
+        assert 0 <= mesh.face_slots.min() <= mesh.face_slots.max() < len(asset.slots)
+        assert mesh.normals.shape == mesh.tangents.shape == (corners, 3)
+        assert mesh.uvs
+        assert all(uv.shape == (corners, 2) for uv in mesh.uvs.values())
+        # Three products of float32 unit components: a few rounding errors of 6e-8.
+        np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=5e-7)
+        np.testing.assert_allclose(np.linalg.norm(mesh.tangents, axis=1), 1.0, atol=5e-7)
+        np.testing.assert_allclose((mesh.normals * mesh.tangents).sum(axis=1), 0.0, atol=5e-7)
+    for points in world_points(asset):
+        # In float64 from float32 points: the sum of squares rounds in the last digits.
+        assert np.linalg.norm(points - asset.center, axis=1).max() <= asset.radius * (1.0 + 1e-12)
+    assert len(asset.digest) == 64

@@ -1,0 +1,55 @@
+"""USD files made by tests."""
+
+from __future__ import annotations
+
+import itertools
+
+from asset_arrays import check_asset
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from lookdev.asset import load_asset
+
+CUBE_POINTS = [(x, y, z) for x, y, z in itertools.product((-1.0, 1.0), repeat=3)]
+CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]  # counter-clockwise outside
+TYPES = Sdf.ValueTypeNames
+
+
+class File:
+    """A stage, by default z up and in metres, that is read back through a file."""
+
+    def __init__(self, path):
+        self.path = path
+        self.stage = Usd.Stage.CreateNew(str(path))
+        UsdGeom.SetStageUpAxis(self.stage, UsdGeom.Tokens.z)
+        UsdGeom.SetStageMetersPerUnit(self.stage, 1.0)
+
+    def mesh(self, path, points=CUBE_POINTS, faces=CUBE_FACES, sizes=None):
+        mesh = UsdGeom.Mesh.Define(self.stage, path)
+        mesh.GetPointsAttr().Set(Vt.Vec3fArray([Gf.Vec3f(*point) for point in points]))
+        mesh.GetFaceVertexCountsAttr().Set(Vt.IntArray(sizes or [4] * (len(faces) // 4)))
+        mesh.GetFaceVertexIndicesAttr().Set(Vt.IntArray(faces))
+        return mesh
+
+    def square(self, path="/Square"):
+        """Two squares side by side in the plane z = 0: six points, two faces, eight corners."""
+        points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
+        return self.mesh(path, points, [0, 1, 4, 3, 1, 2, 5, 4])
+
+    def material(self, path, *users):
+        material = UsdShade.Material.Define(self.stage, path)
+        for user in users:
+            UsdShade.MaterialBindingAPI.Apply(self.stage.GetPrimAtPath(user)).Bind(material)
+        return material
+
+    def load(self, prim=None):
+        self.stage.GetRootLayer().Save()
+        asset = load_asset(usd=self.path, prim=prim)
+        check_asset(asset)
+        return asset
+
+
+def primvar(mesh, name, kind, interpolation, values, indices=None):
+    made = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar(name, kind, interpolation)
+    made.Set(values)
+    if indices is not None:
+        made.SetIndices(Vt.IntArray(indices))
