@@ -10,10 +10,7 @@ from lookdev.brdf.model import Model
 from lookdev.brdf.pixar import PIXAR
 from lookdev.errors import ModelError, nearest_hint
 
-MODELS: dict[str, Model] = {
-    "disney": DISNEY,
-    "pixar": PIXAR,
-}
+MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, PIXAR)}
 """Every model by its name."""
 
 
