@@ -4,9 +4,9 @@ from typing import Annotated
 
 from pydantic import Field
 
-from lookdev.output.display import composite, to_display, write_pixels, write_png
+from lookdev.output.display import composite, to_display, write_png
 from lookdev.output.exr import read_frame, read_header, write_frame
-from lookdev.output.record import Frames, Output
+from lookdev.output.record import Frames, Output, write_picture
 from lookdev.output.sheet import write_overview, write_sheet, write_turntable
 
 _COLUMNS = Field(default=None, description="Looks in a row of an overview; default: what fills a page of 16:10.")
@@ -14,22 +14,8 @@ _COLUMNS = Field(default=None, description="Looks in a row of an overview; defau
 OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
-        Output(
-            "png",
-            "A display picture beside each EXR.",
-            "frame",
-            ".png",
-            lambda path, frames: write_pixels(path, next(frames.pictures())),
-            default=True,
-        ),
-        Output(
-            "sheet",
-            "A contact sheet for each turntable.",
-            "turntable",
-            ".sheet.png",
-            write_turntable,
-            default=True,
-        ),
+        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True),
+        Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_turntable, True),
         Output(
             "overview",
             "A sheet of all looks side by side, for each light and turntable: the first frame of each look.",
@@ -43,14 +29,6 @@ OUTPUTS: dict[str, Output] = {
 """Every output but the EXR frames, by its name."""
 
 __all__ = [
-    "OUTPUTS",
-    "Frames",
-    "Output",
-    "composite",
-    "read_frame",
-    "read_header",
-    "to_display",
-    "write_frame",
-    "write_png",
+    "OUTPUTS", "Frames", "Output", "composite", "read_frame", "read_header", "to_display", "write_frame", "write_png",
     "write_sheet",
-]
+]  # fmt: skip

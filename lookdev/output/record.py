@@ -12,7 +12,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lookdev.output.display import Floats, Pixels, to_display
+from lookdev.output.display import Floats, Pixels, to_display, write_pixels
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,7 @@ class Frames:
     def pictures(self, largest: int | None = None) -> Iterator[Pixels]:
         """Yield each frame as display pixels in the view, (H, W, 3) uint8.
 
-        Frames larger than `largest` pixels are averaged down on reading, to a longer side below twice that: a page
-        of many never fills the memory.
+        The longer side is averaged down to less than twice `largest`, so that a page of many fits into memory.
         """
         for file in self.files:
             rgb = self.light(file)
@@ -59,9 +58,9 @@ class Output:
     suffix
         What follows the name of the frame, or of the turntable, in the name of the file.
     write
-        Writes the file, whole or not at all; an OutputError if it cannot be written.
+        Writes the file, whole or not at all, or raises OutputError.
     default
-        Whether a job has it without naming it.
+        Whether it is on without its key.
     options
         Further keys of ``[outputs]``, each with its type and its pydantic field.
     """
@@ -73,6 +72,11 @@ class Output:
     write: Callable[[Path, Frames], None]
     default: bool = False
     options: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+
+
+def write_picture(path: Path, frames: Frames) -> None:
+    """Write the only frame as PNG."""
+    write_pixels(path, *frames.pictures())
 
 
 def _shrunk(rgb: Floats, largest: int) -> Floats:
