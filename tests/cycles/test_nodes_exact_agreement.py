@@ -57,8 +57,7 @@ ALL = [
 
 
 @pytest.mark.parametrize(
-    ("ibl", "look", "bounces"),
-    [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL],
+    ("ibl", "look", "bounces"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
 )
 def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int, worker: Worker, light_of) -> None:
     light, samples = light_of(ibl), 128
