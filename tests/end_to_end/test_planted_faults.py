@@ -237,9 +237,7 @@ NONE = {look: Fault({}, look=look) for look in ("paint", "lacquer")}
 
 def write_looks(folder: Path) -> Path:
     rng = np.random.default_rng(5)
-    image = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.UINT8))
-    image.set_pixels(image.roi, rng.integers(20, 230, (8, 8, 3)).astype(np.uint8))
-    assert image.write(str(folder / "color.png"))
+    assert oiio.ImageBuf(rng.integers(20, 230, (8, 8, 3)).astype(np.uint8)).write(str(folder / "color.png"))
     (folder / "paint.usda").write_text(PAINT)
     (folder / "lacquer.usda").write_text(LACQUER)
     return folder
