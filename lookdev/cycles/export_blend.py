@@ -22,11 +22,7 @@ from lookdev.errors import LookdevError, RenderError
 from lookdev.render.blend import BLEND_TASK, BlendTask
 from lookdev.render.task import SceneTask
 
-_VIEWS = {
-    "ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"),
-    "Un-tone-mapped": ("Standard",),
-    "Raw": ("Raw",),
-}
+_VIEWS = {"ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"), "Un-tone-mapped": ("Standard",), "Raw": ("Raw",)}
 """Blender's names of the views of a job; the first one that Blender has is used."""
 
 

@@ -12,12 +12,6 @@ from lookdev.codegen import GroupSocket, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.cycles import version
 from lookdev.errors import ContentError, RenderError, nearest_hint
 
-_SOCKETS = {
-    "float": "NodeSocketFloat",
-    "color": "NodeSocketColor",
-    "vector": "NodeSocketVector",
-    "shader": "NodeSocketShader",
-}
 # Blender numbers the sockets of a group: their identifiers are not ours.
 _BY_NAME = ("ShaderNodeGroup", "NodeGroupInput", "NodeGroupOutput")
 
@@ -75,9 +69,8 @@ def _build_group(source: NodeSource, tree: NodeTree, groups: dict[str, Any]) -> 
 
 
 def _add_socket(interface: Any, socket: GroupSocket, in_out: str, panel: Any) -> None:
-    made = interface.new_socket(
-        socket.name, description=socket.help, in_out=in_out, socket_type=_SOCKETS[socket.kind], parent=panel
-    )
+    kind = f"NodeSocket{socket.kind.title()}"
+    made = interface.new_socket(socket.name, description=socket.help, in_out=in_out, socket_type=kind, parent=panel)
     if in_out == "OUTPUT" or socket.kind == "shader":
         return
     if socket.kind != "color":

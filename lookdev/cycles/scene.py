@@ -62,7 +62,8 @@ class Scene:
         asset = about_origin(asset)
         attributes = {binding for source in task.shaders for binding in source.attributes}
         self.root, self.objects = _add_asset(self.scene, asset, self._materials(), attributes)
-        self.camera = _add_camera(self.scene)
+        self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+        self.scene.collection.objects.link(self.camera)
         if self.by_user:
             shade_by_normals(self.objects, asset)
         else:
@@ -227,13 +228,6 @@ def _add_attribute(data: Any, name: str, values: Any) -> None:
     kind, field = ("FLOAT", "value") if values.ndim == 1 else ("FLOAT_VECTOR", "vector")
     attribute = data.attributes.new(name, kind, "CORNER")
     attribute.data.foreach_set(field, np.ascontiguousarray(values, dtype=np.float32).ravel())
-
-
-def _add_camera(scene: Any) -> Any:
-    camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
-    scene.collection.objects.link(camera)
-    scene.camera = camera
-    return camera
 
 
 def _place_camera(item: Any, camera: Camera, orbit: float) -> None:

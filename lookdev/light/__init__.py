@@ -12,19 +12,13 @@ from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.dome import Dome, example_dome, prepare_light
-from lookdev.light.dome.environment import (
-    BUILTIN_LIGHTS,
-    EnvironmentMap,
-    Repairs,
-    load_environment,
-    make_environment,
-)
+from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_environment, make_environment
 from lookdev.light.protocol import Emitter, Light, LightCode, LightKind, Turned
 
 LIGHT_KINDS: dict[str, LightKind] = {
     "dome": LightKind(
         Dome, files("lookdev") / "shaders" / "dome.osl.h", example_dome, world=attrgetter("radiance_file")
-    ),
+    )
 }
 
 
@@ -65,7 +59,6 @@ __all__ = [
     "Light",
     "LightCode",
     "LightKind",
-    "Repairs",
     "Turned",
     "load_environment",
     "make_environment",

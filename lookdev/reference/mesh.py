@@ -92,7 +92,8 @@ class MeshScene:
         n = np.einsum("nji,nj->ni", self._inverse[owner], self._mean(self._normals[corners], place))
         t = np.einsum("nij,nj->ni", self._linear[owner], self._mean(self._tangents[corners], place))
         hand = np.where(self._reflected[owner], -1.0, 1.0)
-        frame = shading_frame(_unit(n), t, self._facets[triangle], wo, hand)
+        n /= np.linalg.norm(n, axis=-1, keepdims=True)
+        frame = shading_frame(n, t, self._facets[triangle], wo, hand)
         axes = (frame.tangent, frame.bitangent, frame.normal)
         return np.stack([np.asarray(axis) for axis in axes], axis=1), np.asarray(frame.facet)
 
@@ -255,7 +256,3 @@ def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
 def _dot(a: Floats, b: Floats) -> Floats:
     """Return the dot product over the last axis, kept as an axis of length 1."""
     return np.asarray(np.einsum("ni,ni->n", a, b)[:, None])
-
-
-def _unit(vectors: Floats) -> Floats:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

@@ -48,9 +48,7 @@ def picture(tmp_path: Path) -> Path:
 
 def write(file: Path, seed: int) -> Path:
     pixels = np.random.default_rng(seed).uniform(-1.0, 2.0, (3, 5, 4)).astype(np.float32)
-    buffer = oiio.ImageBuf(oiio.ImageSpec(5, 3, 4, oiio.FLOAT))
-    buffer.set_pixels(buffer.roi, pixels)
-    assert buffer.write(str(file))
+    assert oiio.ImageBuf(pixels).write(str(file))
     return file
 
 

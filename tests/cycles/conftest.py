@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
@@ -38,16 +39,13 @@ def worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
 def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Dome]:
     """Return a function that prepares a built-in light, or ``slopes``.
 
-    That is of another colour from everywhere, three times as bright here as there: where a light with small lamps is
-    not sampled as such, its noise is not Student's. Its first and last row are alike: at a pole Cycles' world
-    interpolates between them.
+    The colour of ``slopes`` varies slowly, by a factor of three: unsampled, small lamps make noise that is not
+    Student's. Its first and last row are alike: at a pole Cycles' world interpolates between them.
     """
     azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 129)[:-1], np.linspace(1.0, -1.0, 64))
     channels = (1.0 + 0.5 * np.sin(azimuth), 1.0 + 0.5 * np.cos(azimuth), 1.0 + 0.5 * np.cos(np.pi * height))
     slopes = tmp_path_factory.mktemp("light") / "slopes.exr"
-    buffer = oiio.ImageBuf(oiio.ImageSpec(128, 64, 3, oiio.FLOAT))
-    buffer.set_pixels(buffer.roi, np.stack(channels, axis=-1).astype(np.float32))
-    assert buffer.write(str(slopes))
+    assert oiio.ImageBuf(np.stack(channels, axis=-1).astype(np.float32)).write(str(slopes))
     return lambda name: prepare_light(load_environment(slopes) if name == "slopes" else load_environment(builtin=name))
 
 
@@ -56,25 +54,13 @@ def render(worker: Worker) -> RenderScene:
     """Return a function that renders layers, the same over all of an asset or of a built-in one."""
 
     def render_one(
-        which: str | Asset,
-        layers: Sequence[Layer],
-        light: Dome,
-        *,
-        pose: Pose = POSE,
-        samples: int,
-        seed: int = 0,
-        size: int = 48,
-        bounces: int = 2,
-        error: float | None = None,
-        brdf_samples: int = 2,
-        ibl_samples: int = 4,
+        which: str | Asset, layers: Sequence[Layer], light: Dome, *, pose=POSE, size=48, backend="exact", **given: Any
     ) -> Rendered:
         asset = load_asset(builtin=which) if isinstance(which, str) else which
-        look = Look("look", tuple(layers))
-        sampling = Sampling(samples, error, brdf_samples, ibl_samples, bounces, seed)
-        scene = Scene.of_look(asset, look, light, (size, size), orbit_camera(asset.center, asset.radius))
-        task = one_frame(scene_task(scene, sampling), pose, f"{asset.name}{samples}{seed}")
+        look, camera = Look("look", tuple(layers)), orbit_camera(asset.center, asset.radius)
+        sampling = Sampling(**{"brdf_samples": 2, "ibl_samples": 4} | given)
+        scene = scene_task(Scene.of_look(asset, look, light, (size, size), camera), sampling, backend)
         worker.start()
-        return worker.render(task, lambda progress: None)
+        return worker.render(one_frame(scene, pose, asset.name), lambda progress: None)
 
     return render_one

@@ -8,10 +8,19 @@ emission of each shader, (n, 3), averaged over the samples.
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scripts import run_script
 
 from lookdev.codegen import ShaderSource
+
+Floats = NDArray[np.float64]
+Probes = Mapping[str, tuple[Floats, str]]
+"""Tables (n, up to 12) and code that sets `value` from a row `in`, by name."""
 
 TEMPLATE = """
 #define SAMPLES %(samples)d
@@ -35,6 +44,28 @@ shader probe(string points_file = "", int columns = 1, int rows = 1, %(arrays)s 
     surface = value * emission();
 }
 """
+
+
+def evaluate(
+    folder: Path,
+    probes: Probes,
+    headers: str,
+    parameters: str = "",
+    arrays: Mapping[str, Any] | None = None,
+    samples: Mapping[str, int] | None = None,
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Return the tables as Cycles gets them, in float32, and the values; one sample a pixel where none are given."""
+    request: dict[str, Any] = {f"array.{name}": array for name, array in (arrays or {}).items()}
+    tables = {name: table.astype(np.float32) for name, (table, _) in probes.items()}
+    for name, (_, code) in probes.items():
+        count = (samples or {}).get(name, 1)
+        osl = TEMPLATE % {"samples": count, "headers": headers, "arrays": parameters, "code": code}
+        request |= {f"{name}.osl": osl, f"{name}.table": tables[name], f"{name}.samples": count}
+    np.savez(folder / "request.npz", **request)
+    run_script("osl_probe.py", folder / "request.npz", folder / "answer.npz")
+    with np.load(folder / "answer.npz") as stored:
+        values = {name: stored[name].astype(np.float64) for name in stored.files}
+    return {name: table.astype(np.float64) for name, table in tables.items()}, values
 
 
 def main(request: str, answer: str) -> None:

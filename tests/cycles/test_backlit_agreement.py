@@ -32,8 +32,7 @@ ALL = list(product(SHAPES, ("leaf", "frosted", "glassy", "net", "tilted", "lacqu
 
 
 @pytest.mark.parametrize(
-    ("asset", "look"),
-    [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL],
+    ("asset", "look"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
 )
 def test_backlit_shapes_agree_within_their_own_noise(asset: str, look: str, render: RenderScene, light_of) -> None:
     light = light_of(LIGHTS.get((asset, look), "sunset"))

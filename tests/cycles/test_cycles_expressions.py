@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import re
-import subprocess
-import sys
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenEXR
 import pytest
 from numpy.typing import NDArray
-from osl_probe import TEMPLATE
+from osl_probe import evaluate
 
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.block import Block
@@ -33,7 +30,7 @@ Floats = NDArray[np.float64]
 # Every function and operator; x and y in [-2, 3], z in [0, 1], a third of them whole numbers or halves.
 EXPRESSIONS = [
     "abs(x) + min(x, y) * max(y, z)",
-    "atan2(y, abs(x) + 0.1)",  # at its cut, the sign of a zero decides, which float32 code does not keep
+    "atan2(y, abs(x) + 0.1)",  # at its cut the sign of a zero decides, which float32 code does not keep
     "bias(z, 0.3) + gamma(z, 2.2) + contrast(z, 0.8)",
     "boxstep(x, y)",
     "linearstep(x, 0, 2) + smoothstep(y, -1, 1)",
@@ -93,19 +90,9 @@ def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
             pixels = rng.random((4, 8, 4)).astype(np.float32)
             OpenEXR.File({}, {"RGBA": pixels}).write(str(folder / f"dirt.{tile}.exr"))
         texture = Texture(folder / "dirt.<UDIM>.exr", "rgb", "raw", transform=(0.5, 0.05, 0.9, -0.05, 0.5, 1.0))
-        headers = expand_template("texture.h", {})
-        codes = {f"e{number}": _code(text) for number, text in enumerate(EXPRESSIONS)} | {"tiles": _tiles_code(texture)}
-        request: dict[str, Any] = {}
-        for name, code in codes.items():
-            request[f"{name}.osl"] = TEMPLATE % {"arrays": "", "samples": 1, "headers": headers, "code": code}
-            request[f"{name}.table"] = _points().astype(np.float32)
-            request[f"{name}.samples"] = 1
-        np.savez(folder / "request.npz", **request)
-        script = Path(__file__).with_name("osl_probe.py")
-        command = [sys.executable, str(script), str(folder / "request.npz"), str(folder / "answer.npz")]
-        subprocess.run(command, check=True, timeout=300, capture_output=True)
-        with np.load(folder / "answer.npz") as stored:
-            found: dict[str, Any] = {name: stored[name].astype(np.float64) for name in stored.files}
+        probes = {f"e{number}": (_points(), _code(text)) for number, text in enumerate(EXPRESSIONS)}
+        probes["tiles"] = _points(), _tiles_code(texture)
+        _, found = evaluate(folder, probes, expand_template("texture.h", {}))
         return found | {"wanted tiles": sample_texture(texture, _points()[:, :2])}
 
 

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import pickle
-import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scripts import tree_pictures
 
 from lookdev.brdf.vectors import dot, mix, mix_color, normalize
 from lookdev.codegen import Link, NodeSource
@@ -20,7 +17,6 @@ from lookdev.codegen.trace.symbolic import elements_of, symbols
 
 pytestmark = pytest.mark.cycles
 
-PROBE = Path(__file__).with_name("tree_probe.py")
 SIDE = 32
 
 
@@ -76,14 +72,7 @@ def source(name: str) -> NodeSource:
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    folder = tmp_path_factory.mktemp("trees")
-    request, out = folder / "sources.pickle", folder / "pictures.npz"
-    request.write_bytes(pickle.dumps({name: source(name) for name in EXPRESSIONS}))
-    command = [sys.executable, str(PROBE), str(request), str(out)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
-    with np.load(out, allow_pickle=False) as stored:
-        return dict(stored)
+    return tree_pictures({name: source(name) for name in EXPRESSIONS}, tmp_path_factory.mktemp("trees"))
 
 
 @pytest.mark.parametrize("name", EXPRESSIONS)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import pickle
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,6 +10,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from scripts import tree_pictures
 
 from lookdev.brdf.parameters import Parameter
 from lookdev.codegen import Link, NodeSource, NodeTree
@@ -28,7 +26,6 @@ from lookdev.material.values import Values
 
 pytestmark = pytest.mark.cycles
 
-PROBE = Path(__file__).with_name("tree_probe.py")
 WRAPS: tuple[Any, ...] = ("black", "clamp", "repeat", "mirror")
 # The probe's square reaches from -1 to 1: coordinates from -2.3 to 2.9.
 TRANSFORM = (2.0, 0.4, 0.1, -0.4, 2.2, 0.3)
@@ -39,9 +36,7 @@ COLOR = Parameter("x", "color", (0.0, 0.0, 0.0), hard=(0.0, 1e3))
 
 def picture(file: Path, seed: int) -> Path:
     pixels = np.random.default_rng(seed).uniform(-1.0, 2.0, (3, 5, 4)).astype(np.float32)
-    buffer = oiio.ImageBuf(oiio.ImageSpec(5, 3, 4, oiio.FLOAT))
-    buffer.set_pixels(buffer.roi, pixels)
-    assert buffer.write(str(file))
+    assert oiio.ImageBuf(pixels).write(str(file))
     return file
 
 
@@ -62,8 +57,8 @@ def emitting(source: Any) -> NodeSource:
     """Return a material that emits what a look would read."""
     inputs = Inputs(Graph(), image_file)
     if isinstance(source, Bump):
-        x, y, _ = inputs._bump(source)
-        value = elements_of(np.stack([x, y, np.array(0.0)]) + 20.0)
+        x, y, _ = elements_of(Values(inputs)._bump(source) + 20.0)
+        value = [x, y, 20.0]
     else:
         value = elements_of(Values(inputs).of(source, COLOR))
     builder = TreeBuilder("emitting")
@@ -92,23 +87,17 @@ def test_cycles_looks_up_what_the_reference_does(tmp_path: Path, monkeypatch: py
     place = Formula(parse("st + 2"), {"st": Coordinates("st")}, {"st": "color"})
     sources = {name: emitting(each) for name, each in {**textures, **bumps, "place": place}.items()}
 
-    request, out = tmp_path / "sources.pickle", tmp_path / "out.npz"
-    request.write_bytes(pickle.dumps(sources))
-    done = subprocess.run(
-        [sys.executable, str(PROBE), str(request), str(out)], capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    with np.load(out) as pictures:
-        st = pictures["place"][..., :2].astype(np.float64) - 2.0
-        # Coordinates of a few units, and values of a few, in float32; slopes between texels of about 10 a unit.
-        for name, texture in textures.items():
-            wanted = sample_texture(texture, st)
-            wanted = wanted[..., None] * np.ones(3) if wanted.ndim == 2 else wanted
-            np.testing.assert_allclose(pictures[name], wanted, rtol=0.0, atol=2e-5, err_msg=name)
-        m = np.reshape(TRANSFORM, (2, 3))
-        image = st @ m[:, :2].T + m[:, 2]
-        # Away from the lines where slopes turn about, whose side the last digit of a coordinate decides.
-        clear = (np.abs(image - np.round(image)) > 1e-5).all(axis=-1)
-        for name, bump in bumps.items():
-            wanted = 20.0 - sample_slopes(bump.height, st)
-            np.testing.assert_allclose(pictures[name][clear, :2], wanted[clear], rtol=0.0, atol=3e-4, err_msg=name)
+    pictures = tree_pictures(sources, tmp_path)
+    st = pictures["place"][..., :2].astype(np.float64) - 2.0
+    # Coordinates of a few units, and values of a few, in float32; slopes between texels of about 10 a unit.
+    for name, texture in textures.items():
+        wanted = sample_texture(texture, st)
+        wanted = wanted[..., None] * np.ones(3) if wanted.ndim == 2 else wanted
+        np.testing.assert_allclose(pictures[name], wanted, rtol=0.0, atol=2e-5, err_msg=name)
+    m = np.reshape(TRANSFORM, (2, 3))
+    image = st @ m[:, :2].T + m[:, 2]
+    # Away from the lines where slopes jump, at which the last digit of a coordinate decides.
+    clear = (np.abs(image - np.round(image)) > 1e-5).all(axis=-1)
+    for name, bump in bumps.items():
+        wanted = 20.0 - sample_slopes(bump.height, st)
+        np.testing.assert_allclose(pictures[name][clear, :2], wanted[clear], rtol=0.0, atol=3e-4, err_msg=name)

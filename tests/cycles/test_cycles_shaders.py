@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import product
@@ -14,7 +12,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from numpy.typing import NDArray
-from osl_probe import TEMPLATE
+from osl_probe import evaluate
 
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.surface import expand_template
@@ -155,19 +153,8 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
             asked[name] = np.arange(4096.0)[:, None] % count, code
         parameters = "int dome_slots[DOME_ALL_SLOTS] = {0}, float dome_bins[DOME_BIN_NUMBERS] = {0},"
         arrays = {"slots": np.load(light.slots_file.path), "numbers": np.load(light.bins_file.path)}
-        request: dict[str, Any] = {"array.dome_slots": arrays["slots"], "array.dome_bins": arrays["numbers"]}
-        for name, (table, code) in asked.items():
-            text = {"samples": samples.get(name, 1), "headers": headers, "arrays": parameters, "code": code}
-            request |= {f"{name}.osl": TEMPLATE % text, f"{name}.samples": text["samples"]}
-            request[f"{name}.table"] = table.astype(np.float32)
-        np.savez(folder / "request.npz", **request)
-        command = [sys.executable, str(Path(__file__).parent / "osl_probe.py"), "request.npz", "answer.npz"]
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
-        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-        # NumPy gets the rounded numbers that Cycles got.
-        rounded = {name: table.astype(np.float32).astype(np.float64) for name, (table, _) in asked.items()}
-        with np.load(folder / "answer.npz") as stored:
-            values = {name: stored[name].astype(np.float64) for name in stored.files}
+        given = {"dome_slots": arrays["slots"], "dome_bins": arrays["numbers"]}
+        rounded, values = evaluate(folder, asked, headers, parameters, given, samples)
         points = _read(light.points_file.path, "RGBA").reshape(-1, 4)
         yield Probes(rounded, values, image, light, points, **arrays)
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from numpy.typing import NDArray
+from scripts import run_script
 
 from lookdev.batch.export import export_blend
 from lookdev.batch.prepare import Prepared, prepare_job
@@ -131,12 +130,9 @@ def reopen(
     renders = [
         word
         for (look, world, frame), out in zip(frames, files, strict=True)
-        for word in (look, world, str(frame), str(64 * SEED), str(SAMPLES // 2), str(out))
+        for word in (look, world, frame, 64 * SEED, SAMPLES // 2, out)
     ]
-    script = Path(__file__).with_name("reopen_blend.py")
-    command = (sys.executable, str(script), str(file), str(facts), *renders)
-    done = subprocess.run(command, capture_output=True, text=True, timeout=200, check=False)
-    assert done.returncode == 0, done.stderr[-2000:]
+    run_script("reopen_blend.py", file, facts, *renders)
     pictures = [np.asarray(oiio.ImageBuf(str(out)).get_pixels(oiio.FLOAT), np.float32) for out in files]
     return json.loads(facts.read_text()), dict(zip(frames, pictures, strict=True))
 

@@ -27,9 +27,7 @@ def image(file: Path, seed: int) -> Path:
     """Write a noise of 8 x 8 blocks, so that no look-up depends on the last digit of a coordinate."""
     blocks = np.random.default_rng(seed).integers(0, 256, (8, 8, 3)).astype(np.uint8)
     pixels = np.kron(blocks, np.ones((2, 2, 1), np.uint8))
-    buffer = oiio.ImageBuf(oiio.ImageSpec(16, 16, 3, oiio.UINT8))
-    buffer.set_pixels(buffer.roi, pixels)
-    assert buffer.write(str(file))
+    assert oiio.ImageBuf(pixels).write(str(file))
     return file
 
 
@@ -90,7 +88,7 @@ def assert_agreement(render: RenderScene, asset: Asset, layers: tuple[Layer, ...
 
     found = agreement(BOUNCES)
     assert found.passed, "\n".join((found.summary, *found.details))
-    # What was compared was known well enough for a fault of a few percent to show.
+    # The comparison is accurate enough for a fault of a few percent to show.
     assert found.figures["bias_limit"] < 0.05
-    # Light that is not there: the same frame without its indirect part is another.
+    # Without its indirect light the frame is another.
     assert not agreement(0).passed

@@ -11,18 +11,15 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from agreement import assert_agreement, check_mesh, relative_difference
-from conftest import POSE, orbit_camera
+from conftest import RenderScene
 from looks import LOOKS
 
-from lookdev.asset import Asset, load_asset
+from lookdev.asset import load_asset
 from lookdev.checks.finding import Finding
 from lookdev.light import Dome
-from lookdev.material import Coordinates, Formula, Layer, Look
+from lookdev.material import Coordinates, Formula, Layer
 from lookdev.material.expression import parse
-from lookdev.render.scene import scene_task
-from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
-from lookdev.scene import Sampling, Scene
+from lookdev.render.worker import Rendered
 
 pytestmark = pytest.mark.cycles
 
@@ -30,13 +27,10 @@ SIZE, SEEDS = 48, 8
 
 
 def frames(
-    worker: Worker, asset: Asset, layers: Sequence[Layer], light: Dome, *, samples: int, bounces: int
+    render: RenderScene, which: str, layers: Sequence[Layer], light: Dome, samples: int, bounces: int
 ) -> list[Rendered]:
-    worker.start()
-    look = Look("look", tuple(layers))
-    shown = Scene.of_look(asset, look, light, (SIZE, SIZE), orbit_camera(asset.center, asset.radius))
-    scene = scene_task(shown, Sampling(samples, bounces=bounces), "nodes-exact")
-    return [worker.render(one_frame(scene, POSE, str(seed), seed=seed), lambda progress: None) for seed in range(SEEDS)]
+    options = {"backend": "nodes-exact", "samples": samples, "size": SIZE, "bounces": bounces}
+    return [render(which, layers, light, seed=seed, **options) for seed in range(SEEDS)]
 
 
 QUICK = [("slopes", "coated", 0)]
@@ -57,13 +51,12 @@ ALL = [
 
 
 @pytest.mark.parametrize(
-    ("ibl", "look", "bounces"),
-    [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL],
+    ("ibl", "look", "bounces"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
 )
-def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int, worker: Worker, light_of) -> None:
-    light, samples = light_of(ibl), 128
-    rendered = frames(worker, load_asset(builtin="sphere"), LOOKS[look], light, samples=samples, bounces=bounces)
-    # The background is black and wholly transparent, though the world is there for rays of portals.
+def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int, render: RenderScene, light_of) -> None:
+    light = light_of(ibl)
+    rendered = frames(render, "sphere", LOOKS[look], light, 128, bounces)
+    # The background is black and transparent, though rays of portals see the world.
     assert not rendered[0].a[rendered[0].alpha == 0.0].any()
     assert rendered[0].alpha[SIZE // 2, SIZE // 2] == 1.0
     assert_agreement(rendered, LOOKS[look], "sphere", light, bounces=bounces)
@@ -71,8 +64,8 @@ def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int,
 
 @pytest.mark.slow
 @pytest.mark.parametrize("look", ["polished", "chrome"])
-def test_a_shiny_sphere_agrees(look: str, worker: Worker, light_of) -> None:
-    rendered = frames(worker, load_asset(builtin="sphere"), LOOKS[look], light_of("slopes"), samples=128, bounces=0)
+def test_a_shiny_sphere_agrees(look: str, render: RenderScene, light_of) -> None:
+    rendered = frames(render, "sphere", LOOKS[look], light_of("slopes"), 128, 0)
     difference = relative_difference(rendered, LOOKS[look], light_of("slopes"))
     # Their noise is smaller than the rounding of a direction near the map's pole to float32. On average over 300
     # pixels, each known to 2e-3, they agree to three times the error that is left.
@@ -81,12 +74,12 @@ def test_a_shiny_sphere_agrees(look: str, worker: Worker, light_of) -> None:
 
 
 @pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 1, marks=pytest.mark.slow)])
-def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, worker: Worker, light_of) -> None:
+def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, render: RenderScene, light_of) -> None:
     light, asset = light_of("white"), load_asset(builtin=name)
     wave = parse("0.3 + 0.5 * smoothstep(8 * st[0] - floor(8 * st[0]), 0.4, 0.6)")
     stripes = Formula(wave, {"st": Coordinates("st")}, {"st": "color"})
     layers = (Layer("Striped", "disney", {"baseColor": stripes, "roughness": 0.6, "normal": (0.2, 0.3, 0.9)}),)
-    rendered = frames(worker, asset, layers, light, samples=128, bounces=bounces)
+    rendered = frames(render, name, layers, light, 128, bounces)
 
     def agreement(bounces: int) -> Finding:
         return check_mesh(rendered, asset, layers, light, samples=128, bounces=bounces)

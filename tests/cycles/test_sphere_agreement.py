@@ -22,8 +22,7 @@ ALL = [(ibl, look) for ibl in LIGHTS for look in REFLECTING if not (ibl == "whit
 
 
 @pytest.mark.parametrize(
-    ("ibl", "look"),
-    [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL],
+    ("ibl", "look"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
 )
 def test_sphere_agrees_within_its_own_noise(ibl: str, look: str, render: RenderScene, light_of) -> None:
     light = light_of(ibl)

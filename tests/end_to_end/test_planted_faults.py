@@ -212,8 +212,7 @@ FAULTS = {
     "pi missing": Fault({"points": 16, "albedo": 1, "image": 6}, _instead(r"0\.3183098861837907", "1.0", 1)),
     # Where directions enter the local frame, and where they leave it.
     "alpha_x and alpha_y swapped": Fault(
-        {"points": 16, "albedo": 2, "image": 100},
-        _instead(r"\bw[oi]_[xy] = (?:cell|dot).*|\bwi = wi_x.*", _other_axis),
+        {"points": 16, "albedo": 2, "image": 100}, _instead(r"\bw[oi]_[xy] = (?:cell|dot).*|\bwi = wi_x.*", _other_axis)
     ),
     "a lobe's pdf 2 % too large": Fault(
         {"points": 16, "albedo": 1, "image": inf}, _instead(r"pdf \+= share_1 \*", "pdf += 1.02 * share_1 *")
@@ -228,8 +227,7 @@ FAULTS = {
     ),
     "the light mirrored": Fault({"image": 6}, plant=_light_mirrored),
     "a texture not linearised": Fault(
-        {"image": 6},
-        _instead(r"(color texture0 = lookdev_texture\([^;]*;)", r"\1 texture0 = pow(texture0, 1 / 2.2);"),
+        {"image": 6}, _instead(r"(color texture0 = lookdev_texture\([^;]*;)", r"\1 texture0 = pow(texture0, 1 / 2.2);")
     ),
     "3 % of the light lost": Fault({"albedo": 1, "image": 25}, _instead(r"direct \+= f", "direct += 0.97 * f")),
 }
@@ -239,9 +237,7 @@ NONE = {look: Fault({}, look=look) for look in ("paint", "lacquer")}
 
 def write_looks(folder: Path) -> Path:
     rng = np.random.default_rng(5)
-    image = oiio.ImageBuf(oiio.ImageSpec(8, 8, 3, oiio.UINT8))
-    image.set_pixels(image.roi, rng.integers(20, 230, (8, 8, 3)).astype(np.uint8))
-    assert image.write(str(folder / "color.png"))
+    assert oiio.ImageBuf(rng.integers(20, 230, (8, 8, 3)).astype(np.uint8)).write(str(folder / "color.png"))
     (folder / "paint.usda").write_text(PAINT)
     (folder / "lacquer.usda").write_text(LACQUER)
     return folder

@@ -10,7 +10,8 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import BUILTIN_LIGHTS, Repairs, load_environment
+from lookdev.light import BUILTIN_LIGHTS, load_environment
+from lookdev.light.dome.environment import Repairs
 
 
 def write_exr(path: Path, header: dict[str, object] | None = None, **channels: np.ndarray) -> Path:

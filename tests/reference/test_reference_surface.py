@@ -51,9 +51,7 @@ def points():
 def image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     pixels = np.random.default_rng(2).integers(0, 256, (5, 4, 3)).astype(np.uint8)
-    buffer = oiio.ImageBuf(oiio.ImageSpec(4, 5, 3, oiio.UINT8))
-    buffer.set_pixels(buffer.roi, pixels)
-    assert buffer.write(str(tmp_path / "image.png"))
+    assert oiio.ImageBuf(pixels).write(str(tmp_path / "image.png"))
     return tmp_path / "image.png"
 
 

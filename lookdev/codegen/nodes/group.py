@@ -36,8 +36,12 @@ class Group:
             parameter = parameters[name]
             if parameter.kind == "token" or _folds(parameter, value):
                 inside[name] = value
-            else:
-                inside[name] = self._socket(parameter, f"{panel} {name}" if panel else name, value, panel)
+                continue
+            place = f"{panel} {name}" if panel else name
+            self._sockets.append(replace(socket_of(parameter), name=place, panel=panel))
+            self._given[place] = value
+            vector = parameter.kind != "float"
+            inside[name] = bound(self.graph, self.builder, place, Link(self._input, place), vector=vector)
         return inside
 
     def take_shader(self, name: str, panel: str = "") -> Link:
@@ -68,11 +72,6 @@ class Group:
     def wanted(self, tree: NodeTree) -> dict[str, Any]:
         """Return the values of the finished tree's sockets, by name."""
         return {socket.name: self._given[socket.name] for socket in tree.inputs if socket.kind != "shader"}
-
-    def _socket(self, parameter: Parameter, name: str, value: Any, panel: str) -> Any:
-        self._sockets.append(replace(socket_of(parameter), name=name, panel=panel))
-        self._given[name] = value
-        return bound(self.graph, self.builder, name, Link(self._input, name), vector=parameter.kind != "float")
 
 
 def socket_of(parameter: Parameter) -> GroupSocket:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.brdf import MASK, Bsdf, Model, Parameter, Real, StackLayer, model_named, runs, stack_bsdf
+from lookdev.brdf import MASK, Bsdf, Parameter, Real, StackLayer, model_named, runs, stack_bsdf
 from lookdev.brdf.vectors import same
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
@@ -100,7 +100,7 @@ class _Material:
         """Add the groups of layers of one model; `part` names them where they are not the whole look."""
         model = model_named(stack[0].model)
         if len(stack) == 1:
-            group = Group(f"{_title(model)} {part}".strip())
+            group = Group(f"Lookdev {model.title} {part}".strip())
             return self._shaded(group, _taken(group, stack), part)
         group = Group(f"{_LAYERS} {part}".strip())
         layers = _taken(group, stack, names)
@@ -134,7 +134,7 @@ class _Material:
             else value
             for name, value in blended.items()
         }
-        group = Group(f"{_title(model)} {part}".strip())
+        group = Group(f"Lookdev {model.title} {part}".strip())
         shading = replace(stack[0], parameters=group.take(known, outside))
         shader, _ = _closures(group, stack_bsdf([shading]))
         tree = group.tree(shader)
@@ -208,10 +208,6 @@ def _taken(group: Group, stack: Sequence[StackLayer], names: Sequence[str] = (""
         parameters = group.take(model_named(layer.model).parameters, layer.parameters, panel)
         taken.append(replace(layer, mask=mask, parameters=parameters))
     return taken
-
-
-def _title(model: Model) -> str:
-    return f"Lookdev {model.title}"
 
 
 def _unique(names: Iterator[str]) -> list[str]:
