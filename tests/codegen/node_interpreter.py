@@ -3,13 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lookdev.codegen import GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.codegen import HANDEDNESS, GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.material import Primvar
 
 F = np.float32
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Points that carry primvars and the handedness, by name: a `lookdev.material.values.Surface` without UVs."""
+
+    values: Mapping[str, Any]
+
+    def primvar(self, primvar: Primvar) -> Any:
+        return self.values[primvar.name].astype(np.float64)
+
+    def handedness(self) -> Any:
+        return self.values[HANDEDNESS].astype(np.float64)
 
 
 def _where_valid(valid: Any, function: Callable[[], Any]) -> Any:
