@@ -12,9 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import Bsdf
+from lookdev.scene import Camera, Pose
 
 Floats = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+
+POSE = Pose(30.0, 75.0)
+CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
+SIZE = (64, 64)
+INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cover whole in POSE
 
 
 @dataclass(frozen=True)

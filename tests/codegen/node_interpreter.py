@@ -1,15 +1,30 @@
-"""Node trees evaluated as Blender would, in float32: what the tests compare with NumPy."""
+"""Node trees evaluated as by Blender, in float32, to compare with NumPy."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from lookdev.codegen import GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.codegen import HANDEDNESS, GroupSocket, Link, NodeTree, ShaderNode
+from lookdev.material import Primvar
 
 F = np.float32
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Points that carry primvars and the handedness, by name: a `lookdev.material.values.Surface` without UVs."""
+
+    values: Mapping[str, Any]
+
+    def primvar(self, primvar: Primvar) -> Any:
+        return self.values[primvar.name].astype(np.float64)
+
+    def handedness(self) -> Any:
+        return self.values[HANDEDNESS].astype(np.float64)
 
 
 def _where_valid(valid: Any, function: Callable[[], Any]) -> Any:
@@ -60,18 +75,10 @@ VECTOR_MATH: dict[str, Callable[..., Any]] = {
     "DOT_PRODUCT": _dot,
 }
 
-_SCALARS = {"Value", "Value_001", "Value_002", "X", "Y", "Z", "Scale", "Factor_Float", "A_Float", "B_Float"}
-_SCALARS |= {
-    "Roughness",
-    "Anisotropy",
-    "Rotation",
-    "IOR",
-    "Fac",
-    "Metallic",
-    "Coat Weight",
-    "Coat Roughness",
-    "Coat IOR",
-}
+_SCALARS = {
+    "Value", "Value_001", "Value_002", "X", "Y", "Z", "Scale", "Factor_Float", "A_Float", "B_Float", "Roughness",
+    "Anisotropy", "Rotation", "IOR", "Fac", "Metallic", "Coat Weight", "Coat Roughness", "Coat IOR",
+}  # fmt: skip
 
 
 def shape_input(socket: str, value: Any, *, scalar: bool | None = None) -> Any:
@@ -91,16 +98,16 @@ Given = Callable[[ShaderNode], Mapping[str, Any] | None]
 
 
 class Interpreter:
-    """Evaluates trees; `given` answers for nodes that read the scene, by the identifiers of their outputs."""
+    """Evaluates trees; `given` returns the outputs of nodes that read the scene, by identifier."""
 
     def __init__(self, trees: tuple[NodeTree, ...], given: Given = lambda node: None) -> None:
         self.trees = {tree.name: tree for tree in trees}
         self.given = given
 
     def run(self, name: str, inputs: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Return what the output node of a tree is given, by socket.
+        """Return the values of the sockets of a tree's output node.
 
-        A shader is a list of closures: (kind, distribution, what its sockets are given).
+        A shader is a list of closures: (kind, distribution, values of its sockets).
         """
         tree = self.trees[name]
         values: dict[str, Mapping[str, Any]] = {}
@@ -157,11 +164,11 @@ def _node(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
             return {"Shader": [*sockets["Shader"], *sockets["Shader_001"]]}
         case kind if kind.startswith("Bsdf"):
             return {"BSDF": [(kind, str(node.properties.get("distribution", "")), dict(sockets))]}
-    raise AssertionError(f"the interpreter does not know {node.kind}")
+    raise AssertionError(f"the interpreter has no {node.kind}")
 
 
 def _faded(shader: list[Any], factor: Any) -> list[Any]:
-    """Weigh closures by a weight of their own: a colour may be more than one."""
+    """Multiply closures by a weight that is no colour: colours may be above 1."""
     return [
         (*kind, {**sockets, "Weight": sockets.get("Weight", F(1.0)) * factor[..., None]}) for *kind, sockets in shader
     ]

@@ -1,4 +1,4 @@
-"""A look as nodes has the closures that its lobes name, with the weights that NumPy gives them."""
+"""A look as nodes has the closures of its lobes, with the weights computed by NumPy."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from node_interpreter import Interpreter
+from node_interpreter import Carried, Interpreter
 
-from lookdev.brdf import MODELS, StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf import MODELS
 from lookdev.brdf.frames import Leaning
 from lookdev.closures import Closure, closure_cosine, lobe_closures
 from lookdev.codegen import HANDEDNESS, Link, NodeSource, NodeTree, ShaderNode
@@ -18,6 +18,7 @@ from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.errors import ModelError
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
+from lookdev.material.values import look_bsdf
 
 COUNT = 40
 PURE_SHEEN = {"Base Color": 0.0, "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": 1.0, "Coat Weight": 1.0}
@@ -135,16 +136,7 @@ def check(layers: tuple[Layer, ...], values: Mapping[str, Any] | None = None, se
     source = generate(*layers)
     wo, wi = directions(rng, above=True), directions(rng, above=False).astype(np.float64)
     attributes = {HANDEDNESS: np.ones(COUNT, dtype=np.float32)} | dict(values or {})
-    stack = []
-    for layer in layers:
-        constants = {name: value for name, value in layer.inputs.items() if not isinstance(value, Primvar)}
-        parameters = complete_parameters(layer.model, constants)
-        for name, value in layer.inputs.items():
-            if isinstance(value, Primvar):
-                parameters[name] = attributes[value.name].astype(np.float64)
-        mask = attributes[layer.mask.name].astype(np.float64) if isinstance(layer.mask, Primvar) else layer.mask
-        stack.append(StackLayer(layer.model, parameters, mask, layer.mode))
-    bsdf = stack_bsdf(stack)
+    bsdf = look_bsdf(Look("look", layers), Carried(attributes))
     wanted = np.zeros((COUNT, 3))
     for lobe in bsdf.lobes(wo.astype(np.float64)):
         for closure in lobe_closures(lobe, wo.astype(np.float64)):
@@ -292,12 +284,12 @@ def test_a_black_surface_has_no_closures() -> None:
     ("inputs", "transmits", "see_through"),
     [({}, False, False), ({"back": 0.5}, True, False), ({"clear": 0.5}, True, False), ({"presence": 0.5}, False, True)],
 )
-def test_what_passes_through_is_told(inputs: dict[str, Any], transmits: bool, see_through: bool) -> None:
+def test_light_that_passes_through_is_reported(inputs: dict[str, Any], transmits: bool, see_through: bool) -> None:
     source = generate(Layer("base", "pixar", inputs))
     assert (source.exact, source.transmits, source.see_through) == (False, transmits, see_through)
 
 
-def test_a_normal_that_leans_asks_for_the_handedness() -> None:
+def test_a_normal_that_leans_reads_the_handedness() -> None:
     source = check((Layer("base", "disney", {"normal": (0.2, 0.3, 1.0)}),))
     assert [binding.attribute for binding in source.attributes] == [HANDEDNESS]
     crossed = [node for node in tree_of(source, "Lookdev Frame").nodes if node.kind == "VectorTransform"]

@@ -9,9 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from node_interpreter import Interpreter
+from node_interpreter import Carried, Interpreter
 
-from lookdev.brdf import Bsdf, StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.mixture import evaluate_cosine, pdf, sample
 from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
 from lookdev.codegen.nodes.exact import generate_nodes_exact
@@ -19,6 +18,7 @@ from lookdev.codegen.nodes.frame import frame_tree
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Formula, Input, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
+from lookdev.material.values import look_bsdf
 
 COUNT = 400
 
@@ -43,19 +43,6 @@ LOOKS: dict[str, tuple[Layer, ...]] = {
     "lacquered": (LEAF, layer("pixar", 0.8, "transmit", surfaceColor=(0.9, 0.5, 0.2), roughness=0.15, clear=0.9)),
     "mixed": (LEAF, COAT),
 }
-
-
-def bsdf_of(layers: tuple[Layer, ...], values: Mapping[str, Any]) -> Bsdf:
-    def known(value: Any) -> Any:
-        return values[value.name].astype(np.float64) if isinstance(value, Primvar) else value
-
-    stack = []
-    for each in layers:
-        constants = {name: value for name, value in each.inputs.items() if not isinstance(value, Primvar)}
-        parameters = complete_parameters(each.model, constants)
-        parameters |= {name: known(value) for name, value in each.inputs.items() if isinstance(value, Primvar)}
-        stack.append(StackLayer(each.model, parameters, known(each.mask), each.mode))
-    return stack_bsdf(stack)
 
 
 def unit(vectors: Any) -> Any:
@@ -91,7 +78,7 @@ def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
 
 @pytest.fixture
 def given() -> dict[str, Any]:
-    """What nodes that read the scene answer: a frame that is turned in the world, the facet like the shading normal."""
+    """Outputs of nodes that read the scene: a rotated shading frame, whose normal is the facet's, too."""
     rng = np.random.default_rng(4)
     axes, _ = np.linalg.qr(rng.normal(size=(3, 3)))
     wo = rng.normal(size=(COUNT, 3))
@@ -111,7 +98,7 @@ def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSour
     """Compare the nodes of a look with `evaluate_cosine`, `pdf` and `sample` of its model."""
     source = generate_nodes_exact(Look("look", layers), no_textures, bounces=2)
     weight, world = run(source, given)
-    bsdf = bsdf_of(layers, given)
+    bsdf = look_bsdf(Look("look", layers), Carried(given))
     wo = given["wo"].astype(np.float64)
     wi = world @ np.linalg.inv(given["axes"].astype(np.float64))
     drawn = sample(bsdf, wo, given["u"][..., :2].astype(np.float64))
@@ -121,7 +108,8 @@ def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSour
     assert used.mean() > 0.8
     wi = wi[used] / np.linalg.norm(wi[used], axis=-1, keepdims=True)
     wo, weight = wo[used], weight[used]
-    bsdf = bsdf_of(layers, {name: value[used] for name, value in given.items() if np.shape(value)[:1] == (COUNT,)})
+    seen = {name: value[used] for name, value in given.items() if np.shape(value)[:1] == (COUNT,)}
+    bsdf = look_bsdf(Look("look", layers), Carried(seen))
     wanted = evaluate_cosine(bsdf, wo, wi) / pdf(bsdf, wo, wi)[..., None]
     # The quotient is smooth in wi; several hundred roundings, of which lobes with alpha of 0.001 magnify those of wm.
     np.testing.assert_allclose(weight, wanted, rtol=5e-3, atol=1e-5)
@@ -189,7 +177,7 @@ def test_what_folds_away_leaves_no_node() -> None:
     assert kinds.count("TexWhiteNoise") == kinds.count("BsdfRayPortal") == 1
 
 
-def test_digests_tell_looks_apart() -> None:
+def test_digests_of_different_looks_differ() -> None:
     sources = [
         generate_nodes_exact(
             Look("look", (replace(COAT, inputs={**COAT.inputs, "roughness": x}),)), no_textures, bounces=b

@@ -1,4 +1,4 @@
-"""What is in the generated text, and what is not: a material pays only for what it has."""
+"""The generated text has all that a look needs, and nothing else."""
 
 from __future__ import annotations
 
@@ -60,13 +60,13 @@ def base(mask: Any = 1.0, **inputs: Any) -> Layer:
     return Layer("layer", "disney", inputs, mask)
 
 
+def pixar(mask: Any = 1.0, mode: Any = "over", **inputs: Any) -> Layer:
+    return Layer("layer", "pixar", inputs, mask, mode)
+
+
 def generated(source: ShaderSource) -> str:
     """Return the shader without what is included and without the comments that name no lobe."""
     return source.osl[source.osl.index("shader lookdev_") :]
-
-
-def pixar(mask: Any = 1.0, mode: Any = "over", **inputs: Any) -> Layer:
-    return Layer("layer", "pixar", inputs, mask, mode)
 
 
 def lobes_in(source: ShaderSource) -> set[str]:
@@ -81,13 +81,7 @@ def test_a_plain_look_has_no_clearcoat_and_no_sheen() -> None:
         assert word not in generated(plain)
     assert "expm1" in generated(coated)
     assert surface(base(sheen=0.0, sheenTint=1.0)).osl == plain.osl
-
-
-def test_a_metal_has_no_diffuse_lobe() -> None:
     assert lobes_in(surface(base(metallic=1.0))) == {"specular"}
-
-
-def test_specular_0_keeps_the_lobe() -> None:
     # As published: Schlick's term rises to 1 whatever F0 is.
     assert lobes_in(surface(base(specular=0.0))) == {"diffuse", "specular"}
 
@@ -97,15 +91,8 @@ def test_a_diffuse_lobe_alone_has_nothing_of_the_others() -> None:
     code = "\n".join(
         line for line in code.splitlines() if "cell[" not in line and not re.match(r" +float layer0_\w+ = 0;", line)
     )
-    for word in (
-        "layer0_clearcoat",
-        "layer0_specular",
-        "layer0_anisotropic",
-        "specular\n",
-        "clearcoat\n",
-        "log(",
-        "expm1(",
-    ):
+    inputs = ("layer0_clearcoat", "layer0_specular", "layer0_anisotropic")
+    for word in (*inputs, "specular\n", "clearcoat\n", "log(", "expm1("):
         assert word not in code, word
     everything = generated(generate_points([DISNEY]))
     for word in ("layer0_clearcoat", "layer0_anisotropic", "log("):
@@ -126,7 +113,7 @@ def test_a_constant_diffuse_has_no_sheen_and_no_subsurface() -> None:
     # Subsurface alone divides by the sum of the cosines; the half vector's length is divided by once.
     assert plain.count("/") == evaluation(sheen=0.5).count("/") == evaluation(subsurface=0.5).count("/") - 1
     assert operations(evaluation(sheen=0.5)) > operations(plain)
-    # With roughness 0 the diffuse shape knows no half vector; sheen brings it back.
+    # With roughness 0 the diffuse shape needs no half vector; sheen does.
     assert "sqrt" not in evaluation(roughness=0.0)
     assert "sqrt" in evaluation(roughness=0.0, sheen=0.5)
 
@@ -171,11 +158,15 @@ def test_one_image_read_twice_is_one_look_up(textures: dict[str, Texture]) -> No
 
 
 def test_a_lobe_that_may_be_absent_is_guarded(textures: dict[str, Texture]) -> None:
-    code = surface(base(clearcoat=textures["mask"])).osl
-    (number,) = re.findall(r"share_(\d) = .*// clearcoat", code)
-    assert f"if (share_{number} > 0) {{  // clearcoat" in code
-    # One that is there everywhere needs no guard.
-    assert "\n        {  // diffuse" in code
+    for layer, lobe in (
+        (base(clearcoat=textures["mask"]), "clearcoat"),
+        (pixar(roughness=0.2, clear=textures["mask"]), "refraction"),
+    ):
+        code = surface(layer).osl
+        (number,) = re.findall(rf"share_(\d) = .*// {lobe}", code)
+        assert f"if (share_{number} > 0) {{  // {lobe}" in code
+    # A lobe that is present everywhere needs no guard.
+    assert "\n        {  // diffuse" in surface(base(clearcoat=textures["mask"])).osl
 
 
 def test_run_time_values_are_clipped_to_the_hard_range(textures: dict[str, Texture]) -> None:
@@ -183,18 +174,13 @@ def test_run_time_values_are_clipped_to_the_hard_range(textures: dict[str, Textu
     assert "max(primvar_wear, 0.0)" in surface(base(roughness=Primvar("wear", 0.5))).osl
 
 
-def test_primvars_are_bound(textures: dict[str, Texture]) -> None:
+def test_primvars_are_bound() -> None:
     source = surface(base(roughness=Primvar("my:wear", 0.5), baseColor=Primvar("displayColor", (1.0, 0.5, 0.0))))
     kinds = {binding.attribute: (binding.parameter, binding.kind, binding.fallback) for binding in source.attributes}
     assert kinds == {
         "my:wear": ("primvar_my_wear", "float", (0.5,)),
         "displayColor": ("primvar_displayColor", "color", (1.0, 0.5, 0.0)),
     }
-
-
-def test_primvars_that_disagree_are_told() -> None:
-    with pytest.raises(CodegenError, match="'wear' is read both as float and as float, or with two fallbacks"):
-        surface(base(roughness=Primvar("wear", 0.5), metallic=Primvar("wear", 0.1)))
 
 
 # Everything a Pixar layer can have.
@@ -255,21 +241,10 @@ def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None
     assert HANDEDNESS in {binding.attribute for binding in leaning.attributes}
 
 
-def test_a_pixar_lobe_that_may_be_absent_is_guarded(textures: dict[str, Texture]) -> None:
-    code = surface(pixar(roughness=0.2, clear=textures["mask"])).osl
-    (number,) = re.findall(r"share_(\d) = .*// refraction", code)
-    assert f"if (share_{number} > 0) {{  // refraction" in code
-
-
 def test_layers_of_two_models_are_in_one_shader(textures: dict[str, Texture]) -> None:
     source = surface(base(metallic=1.0), pixar(textures["mask"], roughness=1.0, back=0.5))
     assert lobes_in(source) == {"specular", "diffuse", "diffuseTransmission"}
     assert source.transmits
-
-
-def test_a_mode_that_does_not_fit_is_told() -> None:
-    with pytest.raises(ModelError, match="layer 1: mode 'transmit' needs Pixar layers only, here and beneath"):
-        surface(base(), pixar(1.0, "transmit"))
 
 
 def test_presence_is_seen_through(textures: dict[str, Texture]) -> None:
@@ -280,9 +255,21 @@ def test_presence_is_seen_through(textures: dict[str, Texture]) -> None:
     assert not surface(pixar(), pixar(presence=textures["mask"])).see_through
 
 
-def test_a_constant_out_of_range_is_told() -> None:
-    with pytest.raises(ModelError, match=r"disney\.roughness is 2\.0"):
-        surface(base(roughness=2.0))
+@pytest.mark.parametrize(
+    ("layers", "error", "message"),
+    [
+        ([base(roughness=2.0)], ModelError, r"disney\.roughness is 2\.0"),
+        ([base(), pixar(1.0, "transmit")], ModelError, "layer 1: mode 'transmit' needs Pixar layers only"),
+        (
+            [base(roughness=Primvar("wear", 0.5), metallic=Primvar("wear", 0.1))],
+            CodegenError,
+            "'wear' is read both as float and as float, or with two fallbacks",
+        ),
+    ],
+)
+def test_faults_of_a_look_are_reported(layers: list[Layer], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        surface(*layers)
 
 
 @pytest.mark.parametrize("bounces", [0, 2])
@@ -303,7 +290,7 @@ def test_no_literal_is_nan_or_infinite(textures: dict[str, Texture], bounces: in
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
-def test_a_constant_that_is_no_number_is_told(value: float) -> None:
+def test_a_constant_that_is_not_finite_is_reported(value: float) -> None:
     with pytest.raises(CodegenError, match="the model leaves its domain"):
         literal(value)
 
@@ -333,17 +320,17 @@ def test_a_condition_is_an_integer() -> None:
 
 
 def light_sampled_in(source: ShaderSource) -> set[str]:
-    """Return the lobes after whose drawing the shader says that light's directions aid them."""
+    """Return the light-sampled lobes of a shader."""
     sample = source.osl[source.osl.index("sobol_2d(index") : source.osl.index("wi = wi_x * t")]
     return {part.split("\n")[0] for part in sample.split("{  // ")[1:] if "light_sampled = 1;" in part}
 
 
-def test_broad_lobes_leave_light_to_its_directions() -> None:
+def test_broad_lobes_are_light_sampled() -> None:
     coated = base(clearcoat=1.0)
     assert light_sampled_in(surface(coated)) == {"diffuse"}
     code = surface(coated).osl
     assert "#define LIGHT_SAMPLED 1" in code
-    # The others weigh against the light's directions, all lobes against each other.
+    # The other lobes have a weight against the light's directions, all lobes against each other.
     assert code.count("bsdf_sampled_pdf += own_pdf;") == 2
     assert len(re.findall(r" pdf \+= ", code)) == 3
     constant = surface(coated, light=replace(DOME, constant=True))
@@ -353,7 +340,7 @@ def test_broad_lobes_leave_light_to_its_directions() -> None:
         assert "bsdf_sampled_pdf += " not in without.osl
 
 
-def test_light_from_behind_aids_only_where_it_has_directions_at_every_depth() -> None:
+def test_lobes_that_transmit_are_light_sampled_if_there_are_directions_from_behind_at_every_depth() -> None:
     leaf = pixar(back=0.5, roughness=0.4)
     few, more = surface(leaf, ibl_samples=2), surface(leaf, ibl_samples=3)
     assert "#define BACK_SAMPLES_ONWARD 0" in few.osl
@@ -362,7 +349,7 @@ def test_light_from_behind_aids_only_where_it_has_directions_at_every_depth() ->
     assert len(light_sampled_in(more)) == 2
 
 
-def test_shadow_rays_are_asked_for(textures: dict[str, Texture]) -> None:
+def test_shadow_rays_are_a_setting() -> None:
     lit, unshaded = (surface(base(), bounces=0, shadows=shadows) for shadows in (True, False))
     assert lit.shadows
     assert not unshaded.shadows
@@ -370,7 +357,7 @@ def test_shadow_rays_are_asked_for(textures: dict[str, Texture]) -> None:
     assert "#define SHADOWS 0" in unshaded.osl
 
 
-def test_an_unknown_section_is_told() -> None:
+def test_an_unknown_section_is_reported() -> None:
     with pytest.raises(CodegenError, match=r"template points.osl has no such section: 'constants'"):
         expand_template("points.osl", {})
 

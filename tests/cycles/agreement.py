@@ -88,24 +88,25 @@ def assert_agreement(
     assert 0.5 < claimed / true < 2.0
 
 
-def check_mesh(
-    frames: Sequence[Rendered],
-    asset: Asset,
-    layers: Sequence[Layer],
-    light: Dome,
-    *,
-    samples: int,
-    bounces: int,
-    pixels: int = 80,
+def assert_mesh_agreement(
+    frames: Sequence[Rendered], asset: Asset, layers: Sequence[Layer], light: Dome, *, samples: int, bounces: int
 ) -> Finding:
     """Compare random pixels of square frames at `POSE`, `samples` of each, with the reference."""
     alpha = frames[0].alpha
-    chosen = choose_pixels(alpha, pixels, seed=1)
+    chosen = choose_pixels(alpha, 80, seed=1)
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     scene = MeshScene(asset, [Look("look", tuple(layers))] * len(asset.slots))
     camera = orbit_camera(asset.center, asset.radius)
-    reference = frame_pixels(scene, light, camera, POSE, alpha.shape, chosen, bounces=bounces)
-    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
-    return check_frame(asset.name, halves, alpha, len(frames) * samples, chosen, reference)
+
+    def agreement(bounces: int) -> Finding:
+        reference = frame_pixels(scene, light, camera, POSE, alpha.shape, chosen, bounces=bounces)
+        return check_frame(asset.name, halves, alpha, len(frames) * samples, chosen, reference)
+
+    found = agreement(bounces)
+    assert found.passed, "\n".join((found.summary, *found.details))
+    # Without its indirect light the frame is another.
+    assert not agreement(0).passed
+    return found
 
 
 def relative_difference(frames: Sequence[Rendered], layers: Sequence[Layer], light: Dome) -> NDArray[np.float64]:

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
+import pytest
+
 from lookdev.material import Layer
+
+
+def quick_among(cases: Sequence[Any], quick: Sequence[Any]) -> list[Any]:
+    """Return cases as parameters of a test, marked as slow but for the quick ones."""
+    return [pytest.param(*case, marks=() if case in quick else pytest.mark.slow) for case in cases]
 
 
 def _single(model: str, **inputs: Any) -> tuple[Layer, ...]:

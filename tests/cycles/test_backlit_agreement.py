@@ -10,7 +10,7 @@ from itertools import product
 import pytest
 from agreement import SHAPES, assert_agreement
 from conftest import RenderScene
-from looks import LOOKS
+from looks import LOOKS, quick_among
 
 from lookdev.light import Dome
 from lookdev.scene import Pose
@@ -31,9 +31,7 @@ QUICK = [("plane", "tilted"), ("sphere", "leaf")]
 ALL = list(product(SHAPES, ("leaf", "frosted", "glassy", "net", "tilted", "lacquered", "mixed")))
 
 
-@pytest.mark.parametrize(
-    ("asset", "look"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
-)
+@pytest.mark.parametrize(("asset", "look"), quick_among(ALL, QUICK))
 def test_backlit_shapes_agree_within_their_own_noise(asset: str, look: str, render: RenderScene, light_of) -> None:
     light = light_of(LIGHTS.get((asset, look), "sunset"))
     assert_backlit(render, asset, look, light, SAMPLES.get(look, 32), SCRAMBLES.get(look, 4))

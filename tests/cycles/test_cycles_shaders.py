@@ -18,6 +18,7 @@ from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.surface import expand_template
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins
+from lookdev.light.dome.files import read_exr
 from lookdev.light.dome.slots import MOST_POINTS, SLOTS
 from lookdev.light.dome.warp import lookup
 from lookdev.light.mapping import rotate_z, uv_to_direction
@@ -70,11 +71,6 @@ def _normals(rng: np.random.Generator) -> Floats:
     normal[:8, :2] = 0.0
     turn = rng.uniform(-7.0, 7.0, (4096, 1))
     return np.concatenate([normal / np.linalg.norm(normal, axis=-1, keepdims=True), turn], axis=-1)
-
-
-def _read(file: Path, channels: str) -> NDArray[np.float32]:
-    with OpenEXR.File(str(file), separate_channels=True) as exr:
-        return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
 
 
 def _texture_places() -> Floats:
@@ -155,7 +151,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
         arrays = {"slots": np.load(light.slots_file.path), "numbers": np.load(light.bins_file.path)}
         given = {"dome_slots": arrays["slots"], "dome_bins": arrays["numbers"]}
         rounded, values = evaluate(folder, asked, headers, parameters, given, samples)
-        points = _read(light.points_file.path, "RGBA").reshape(-1, 4)
+        points = read_exr(light.points_file.path, "RGBA").reshape(-1, 4)
         yield Probes(rounded, values, image, light, points, **arrays)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import pytest
 from conftest import RenderScene
-from looks import LOOKS
+from looks import LOOKS, quick_among
 
 from lookdev.metrics import relmse
 
@@ -28,10 +28,7 @@ ALL = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("asset", "ibl", "look", "samples"),
-    [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL],
-)
+@pytest.mark.parametrize(("asset", "ibl", "look", "samples"), quick_among(ALL, QUICK))
 def test_estimate_is_honest(asset: str, ibl: str, look: str, samples: int, render: RenderScene, light_of) -> None:
     light = light_of(ibl)
     converged = render(asset, LOOKS[look], light, samples=64 * samples, seed=1000)

@@ -26,30 +26,26 @@ pytestmark = pytest.mark.cycles
 SIZE, SAMPLES, SEED = 40, 32, 3
 LOOKS = {
     "chips": """
-    def Shader "Base"
-    {
+    def Shader "Base" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor.connect = </Look/Map.outputs:rgb>
         float inputs:roughness = 0.4
         token outputs:layer
     }
-    def Shader "Map"
-    {
+    def Shader "Map" {
         uniform token info:id = "UsdUVTexture"
         asset inputs:file = @chips.png@
         float2 inputs:st.connect = </Look/St.outputs:result>
         color3f outputs:rgb
     }
-    def Shader "St"
-    {
+    def Shader "St" {
         uniform token info:id = "UsdPrimvarReader_float2"
         string inputs:varname = "st"
         float2 outputs:result
     }
 """,
     "rubber": """
-    def Shader "Base"
-    {
+    def Shader "Base" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor = (0.1, 0.5, 0.2)
         float inputs:roughness = 0.7

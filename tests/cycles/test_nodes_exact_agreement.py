@@ -10,12 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from agreement import assert_agreement, check_mesh, relative_difference
+from agreement import assert_agreement, assert_mesh_agreement, relative_difference
 from conftest import RenderScene
-from looks import LOOKS
+from looks import LOOKS, quick_among
 
 from lookdev.asset import load_asset
-from lookdev.checks.finding import Finding
 from lookdev.light import Dome
 from lookdev.material import Coordinates, Formula, Layer
 from lookdev.material.expression import parse
@@ -50,9 +49,7 @@ ALL = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("ibl", "look", "bounces"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
-)
+@pytest.mark.parametrize(("ibl", "look", "bounces"), quick_among(ALL, QUICK))
 def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int, render: RenderScene, light_of) -> None:
     light = light_of(ibl)
     rendered = frames(render, "sphere", LOOKS[look], light, 128, bounces)
@@ -80,11 +77,4 @@ def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, render: RenderS
     stripes = Formula(wave, {"st": Coordinates("st")}, {"st": "color"})
     layers = (Layer("Striped", "disney", {"baseColor": stripes, "roughness": 0.6, "normal": (0.2, 0.3, 0.9)}),)
     rendered = frames(render, name, layers, light, 128, bounces)
-
-    def agreement(bounces: int) -> Finding:
-        return check_mesh(rendered, asset, layers, light, samples=128, bounces=bounces)
-
-    found = agreement(bounces)
-    assert found.passed, "\n".join((found.summary, *found.details))
-    # Without its indirect light the frame is another.
-    assert not agreement(0).passed
+    assert_mesh_agreement(rendered, asset, layers, light, samples=128, bounces=bounces)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from agreement import assert_agreement, relative_difference
 from conftest import RenderScene
-from looks import LOOKS
+from looks import LOOKS, quick_among
 
 pytestmark = pytest.mark.cycles
 
@@ -21,9 +21,7 @@ LIGHTS = ("white", "studio", "city")
 ALL = [(ibl, look) for ibl in LIGHTS for look in REFLECTING if not (ibl == "white" and look in TWO_VALUED)]
 
 
-@pytest.mark.parametrize(
-    ("ibl", "look"), [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in ALL]
-)
+@pytest.mark.parametrize(("ibl", "look"), quick_among(ALL, QUICK))
 def test_sphere_agrees_within_its_own_noise(ibl: str, look: str, render: RenderScene, light_of) -> None:
     light = light_of(ibl)
     # With few samples, the noise at the edge of a mirrored lamp is two-valued, not Student's.

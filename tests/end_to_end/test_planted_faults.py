@@ -1,7 +1,6 @@
-"""Faults planted in the shader that Cycles runs: which check finds them, from how much work on.
+"""Faults planted in the shader that Cycles runs, and the least work with which each check finds them.
 
-``python tests/end_to_end/test_planted_faults.py`` measures that anew, in some minutes, and prints the table of
-docs/checks.md.
+``python tests/end_to_end/test_planted_faults.py`` measures it in some minutes, and prints the table of docs/checks.md.
 """
 
 from __future__ import annotations
@@ -31,14 +30,10 @@ DOCS = Path(__file__).parents[2] / "docs" / "checks.md"
 
 # A texture, a mask and an anisotropic base; and constant layers that light passes through.
 PAINT = """#usda 1.0
-(
-    defaultPrim = "Paint"
-)
-def Material "Paint"
-{
+( defaultPrim = "Paint" )
+def Material "Paint" {
     token outputs:lookdev:surface.connect = </Paint/Layers.outputs:surface>
-    def Shader "Layers"
-    {
+    def Shader "Layers" {
         uniform token info:id = "LookdevLayers"
         token inputs:base.connect = </Paint/Base.outputs:layer>
         token inputs:layer1.connect = </Paint/Dust.outputs:layer>
@@ -47,8 +42,7 @@ def Material "Paint"
         float inputs:layer2Mask = 0.3
         token outputs:surface
     }
-    def Shader "Base"
-    {
+    def Shader "Base" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor.connect = </Paint/Color.outputs:rgb>
         float inputs:roughness = 0.45
@@ -56,22 +50,19 @@ def Material "Paint"
         float inputs:clearcoat = 0.5
         token outputs:layer
     }
-    def Shader "Dust"
-    {
+    def Shader "Dust" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor = (0.6, 0.5, 0.4)
         float inputs:roughness = 0.8
         token outputs:layer
     }
-    def Shader "Wax"
-    {
+    def Shader "Wax" {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor = (0.4, 0.1, 0.05)
         float inputs:roughness = 0.3
         token outputs:layer
     }
-    def Shader "Color"
-    {
+    def Shader "Color" {
         uniform token info:id = "UsdUVTexture"
         asset inputs:file = @./color.png@
         token inputs:sourceColorSpace = "sRGB"
@@ -81,8 +72,7 @@ def Material "Paint"
         float3 outputs:rgb
         float outputs:g
     }
-    def Shader "St"
-    {
+    def Shader "St" {
         uniform token info:id = "UsdPrimvarReader_float2"
         string inputs:varname = "st"
         float2 outputs:result
@@ -90,14 +80,10 @@ def Material "Paint"
 }
 """
 LACQUER = """#usda 1.0
-(
-    defaultPrim = "Lacquer"
-)
-def Material "Lacquer"
-{
+( defaultPrim = "Lacquer" )
+def Material "Lacquer" {
     token outputs:lookdev:surface.connect = </Lacquer/Layers.outputs:surface>
-    def Shader "Layers"
-    {
+    def Shader "Layers" {
         uniform token info:id = "LookdevLayers"
         token inputs:base.connect = </Lacquer/Wood.outputs:layer>
         token inputs:layer1.connect = </Lacquer/Varnish.outputs:layer>
@@ -105,16 +91,14 @@ def Material "Lacquer"
         uniform token inputs:layer1Mode = "transmit"
         token outputs:surface
     }
-    def Shader "Wood"
-    {
+    def Shader "Wood" {
         uniform token info:id = "LookdevPixar"
         color3f inputs:surfaceColor = (0.5, 0.3, 0.1)
         float inputs:roughness = 0.7
         float inputs:back = 0.3
         token outputs:layer
     }
-    def Shader "Varnish"
-    {
+    def Shader "Varnish" {
         uniform token info:id = "LookdevPixar"
         color3f inputs:surfaceColor = (0.9, 0.5, 0.2)
         float inputs:roughness = 0.25
@@ -126,17 +110,9 @@ def Material "Lacquer"
 
 Stack = Sequence[StackLayer]
 
-# How much a check does at the least, and at its default depth: cases, views of one place, pixels.
+# Work of a check, from the least to its default depth: cases, views of one place, pixels.
 WORK = {"points": (16, 64, 256, 1024, 4096, 16384, 40_000), "albedo": (1, 2, 4, 8), "image": (6, 12, 25, 50, 100)}
 SEEDS = range(3)
-
-
-def _same(text: str) -> str:
-    return text
-
-
-def _nothing(patch: pytest.MonkeyPatch) -> None:
-    pass
 
 
 def _instead(pattern: str, replacement: str | Callable[[re.Match[str]], str], count: int = 0) -> Callable[[str], str]:
@@ -169,7 +145,7 @@ def _mask_inverted(stack: Stack) -> Stack:
 
 
 def _swapped(stack: Stack) -> Stack:
-    """Let the two upper layers exchange places, to which mask and mode belong."""
+    """Exchange the two upper layers, but for mask and mode."""
     *rest, lower, upper = stack
     return [*rest, replace(upper, mask=lower.mask, mode=lower.mode), replace(lower, mask=upper.mask, mode=upper.mode)]
 
@@ -192,15 +168,15 @@ def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
 
 @dataclass(frozen=True)
 class Fault:
-    """What is changed: the text of the shader by `alter`, or what it is made of by `plant`.
+    """A change of the shader's text by `alter`, or of the layers or the light it is made of by `plant`.
 
-    `found` says from how much work of `WORK` on a check finds it, with each of `SEEDS`: inf, not at its default depth;
-    a check that is not there cannot see it.
+    `found` has the least work of `WORK` with which a check finds it, for all of `SEEDS`: inf, not at its default
+    depth; a check without an entry cannot find it.
     """
 
     found: Mapping[str, float]
-    alter: Callable[[str], str] = _same
-    plant: Callable[[pytest.MonkeyPatch], None] = _nothing
+    alter: Callable[[str], str] = lambda osl: osl
+    plant: Callable[[pytest.MonkeyPatch], None] = lambda patch: None
     look: str = "paint"
 
 
@@ -244,7 +220,7 @@ def write_looks(folder: Path) -> Path:
 
 
 def agrees(looks: Path, fault: Fault, check: str, work: int | None = None, seed: int = 0) -> tuple[bool, str]:
-    """Run one check with a fault planted, at its default depth or with so much work; return what it says."""
+    """Run one check with a fault planted, at its default depth or with `work`: whether it passed, and a report."""
     with pytest.MonkeyPatch.context() as patch:
         if work:
             angles = ANGLES[:: max(1, len(ANGLES) // work)]
@@ -256,7 +232,7 @@ def agrees(looks: Path, fault: Fault, check: str, work: int | None = None, seed:
 
 
 def measured(looks: Path, fault: Fault) -> dict[str, float]:
-    """Return `Fault.found` as it is."""
+    """Measure `Fault.found`."""
 
     def found(check: str, work: int) -> bool:
         return not any(agrees(looks, fault, check, work, seed)[0] for seed in SEEDS)
@@ -284,8 +260,8 @@ def looks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("check", WORK)
 @pytest.mark.parametrize("look", NONE)
 def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
-    agreed, said = agrees(looks, NONE[look], check)
-    assert agreed, said
+    agreed, report = agrees(looks, NONE[look], check)
+    assert agreed, report
 
 
 @pytest.mark.cycles
@@ -299,8 +275,8 @@ def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
     ],
 )
 def test_a_planted_fault_is_found(looks: Path, name: str, check: str) -> None:
-    agreed, said = agrees(looks, FAULTS[name], check, int(FAULTS[name].found[check]))
-    assert not agreed, said
+    agreed, report = agrees(looks, FAULTS[name], check, int(FAULTS[name].found[check]))
+    assert not agreed, report
 
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
@@ -308,9 +284,9 @@ def test_some_check_finds_each_fault(fault: Fault) -> None:
     assert min(fault.found.values()) < inf
 
 
-def test_the_docs_tell_what_is_found() -> None:
-    told = table({name: fault.found for name, fault in FAULTS.items()})
-    assert f"<!-- planted faults -->\n{told}<!-- end -->\n" in DOCS.read_text(), f"the table would be:\n{told}"
+def test_the_docs_have_the_table() -> None:
+    rows = table({name: fault.found for name, fault in FAULTS.items()})
+    assert f"<!-- planted faults -->\n{rows}<!-- end -->\n" in DOCS.read_text(), f"the table would be:\n{rows}"
 
 
 if __name__ == "__main__":

@@ -52,9 +52,14 @@ def assert_follows(towards: Floats, density: Floats) -> None:
     row, column = np.minimum((1.0 - v) * 16, 15).astype(int), np.minimum(u * 32, 31).astype(int)
     observed = np.bincount(32 * row + column, minlength=512)
     assert expected.sum() == pytest.approx(len(towards), rel=1e-3)
-    rare = expected < 10.0  # pooled, as the test's approximation wants
+    assert_chi_square(observed, expected, least=20)
+
+
+def assert_chi_square(observed: NDArray[np.int64], expected: Floats, least: int) -> None:
+    """Compare counts in at least `least` cells and a pool of rare ones, as the chi-square approximation needs it."""
+    rare = expected < 10.0
     observed = np.append(observed[~rare], observed[rare].sum())
     expected = np.append(expected[~rare], expected[rare].sum())
     statistic = ((observed - expected) ** 2 / np.maximum(expected, 1.0)).sum()
-    assert len(expected) > 20
+    assert len(expected) > least
     assert stats.chi2.sf(statistic, len(expected) - 1) > 1e-3

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -133,51 +134,40 @@ def test_blender_is_not_imported() -> None:
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 
-def broken(tmp_path: Path, kind: str) -> Path:
-    ones = np.ones((4, 8), np.float32)
-    path = tmp_path / f"{kind}.exr"
-    if kind == "text":
-        path.write_text("not an image")
-    elif kind == "truncated":
-        write_map(path, np.ones((64, 128, 3), np.float32))
-        path.write_bytes(path.read_bytes()[:-40])
-    elif kind == "channels":
-        write_exr(path, Z=ones)
-    elif kind == "nowhere-finite":
-        write_map(path, np.full((4, 8, 3), np.nan, np.float32))
-    elif kind == "cropped":
-        window = (np.array([0, 0], np.int32), np.array([15, 7], np.int32))
-        write_exr(path, {"displayWindow": window}, R=ones, G=ones, B=ones)
-    elif kind == "hdr":
-        path = path.with_suffix(".hdr")
-        path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n")
-    elif kind == "hdr-text":
-        path = path.with_suffix(".hdr")
-        path.write_text("not an image")
-    elif kind == "png":
-        path = path.with_suffix(".png")
-    return path
+ONES = np.ones((4, 8), np.float32)
+WINDOW = (np.array([0, 0], np.int32), np.array([15, 7], np.int32))
 
 
-@pytest.mark.parametrize(
-    ("kind", "message"),
-    [
-        ("text", "not a readable EXR image"),
-        ("truncated", "no readable pixels"),
-        ("channels", "needs channels R, G, B"),
-        ("nowhere-finite", "no finite value"),
-        ("cropped", "save the map uncropped"),
-        ("hdr", "not a readable HDR image"),
-        ("hdr-text", "not a readable HDR image"),
-        ("png", "lat-long .exr or .hdr"),
-        ("missing", "no such file"),
-    ],
-)
-def test_unreadable_files_say_what_is_wrong(tmp_path: Path, kind: str, message: str) -> None:
-    path = broken(tmp_path, kind)
+def truncated(path: Path) -> None:
+    write_map(path, np.ones((64, 128, 3), np.float32))
+    path.write_bytes(path.read_bytes()[:-40])
+
+
+BROKEN: dict[str, tuple[str, Callable[[Path], object]]] = {
+    "text.exr": ("not a readable EXR image", lambda path: path.write_text("not an image")),
+    "truncated.exr": ("no readable pixels", truncated),
+    "channels.exr": ("needs channels R, G, B", lambda path: write_exr(path, Z=ONES)),
+    "nan.exr": ("no finite value", lambda path: write_map(path, np.full((4, 8, 3), np.nan, np.float32))),
+    "cropped.exr": (
+        "save the map uncropped", lambda path: write_exr(path, {"displayWindow": WINDOW}, R=ONES, G=ONES, B=ONES)
+    ),
+    "empty.hdr": (
+        "not a readable HDR image",
+        lambda path: path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n"),
+    ),
+    "text.hdr": ("not a readable HDR image", lambda path: path.write_text("not an image")),
+    "map.png": ("lat-long .exr or .hdr", lambda path: None),
+    "missing.exr": ("no such file", lambda path: None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", BROKEN)
+def test_errors_name_unreadable_files_and_the_fault(tmp_path: Path, name: str) -> None:
+    message, write = BROKEN[name]
+    write(tmp_path / name)
     with pytest.raises(EnvironmentMapError, match=message) as caught:
-        load_environment(path)
-    assert str(path) in str(caught.value)
+        load_environment(tmp_path / name)
+    assert str(tmp_path / name) in str(caught.value)
 
 
 def test_unknown_builtin_names_the_nearest() -> None:

@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import pytest
 from light_cases import SUN, assert_follows, cells, dome, overcast, sunny
 from numpy.typing import NDArray
@@ -14,6 +13,7 @@ from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
+from lookdev.light.dome.files import read_exr
 from lookdev.light.dome.points import along_hilbert, draw_points
 from lookdev.light.dome.slots import MOST_POINTS, SLOTS, cut_slots, packed
 from lookdev.light.dome.warp import BilinearWarp, lookup
@@ -100,11 +100,6 @@ def cache(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def files_of(light: Dome) -> list[Content]:
     return [each for each in (light.radiance_file, light.points_file, light.slots_file, light.bins_file) if each]
-
-
-def read(file: Path, channels: str) -> NDArray[np.float32]:
-    with OpenEXR.File(str(file), separate_channels=True) as exr:
-        return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
 
 
 @pytest.mark.parametrize("light", [sunny, overcast])
@@ -266,7 +261,7 @@ def test_files_hold_the_tables(cache: Path) -> None:
     assert (light.width, light.height, light.constant) == (16, 8, False)
     assert {Content.of(file) for file in cache.iterdir()} == set(files_of(light))
     wanted = tables_of(sunny(), 32)
-    np.testing.assert_array_equal(read(light.points_file.path, "RGBA").reshape(-1, 4), wanted.points)
+    np.testing.assert_array_equal(read_exr(light.points_file.path, "RGBA").reshape(-1, 4), wanted.points)
     for file, values in ((light.slots_file, wanted.slots), (light.bins_file, wanted.numbers)):
         stored = np.load(file.path)
         assert stored.dtype == values.dtype

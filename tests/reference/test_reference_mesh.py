@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapes import Plane, Sphere
+from shapes import CAMERA, INSIDE, POSE, SIZE, Plane, Sphere
 
 from lookdev.asset import Instance, Mesh, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
@@ -19,10 +19,6 @@ from lookdev.reference.mesh import MeshPoints, MeshScene, corner_triangles
 from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
 
-POSE = Pose(30.0, 75.0)
-CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
-SIZE = (64, 64)
-INSIDE = np.array([[32, 32], [25, 36], [38, 22]])
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
 # Roughness 1 leaves the diffuse lobes only, and back 0.5 sends half of what is scattered to the other side.
 LEAF = Look("leaf", (Layer("Leaf", "pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5}),))

@@ -6,18 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapes import Plane, Sphere
+from shapes import CAMERA, INSIDE, POSE, SIZE, Plane, Sphere
 
 from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
 from lookdev.light import make_environment, prepare_light
 from lookdev.light.mapping import rotate_z, uv_to_direction
 from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
-
-POSE = Pose(30.0, 75.0)
-CAMERA = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.9)
-SIZE = (64, 64)
-INSIDE = np.array([[32, 32], [25, 36], [38, 22]])  # pixels that both shapes cover whole in POSE
 
 # Sixteen scrambles: beyond five of their standard errors is, with fifteen degrees of freedom, one in six thousand.
 SIGMAS, NOISE = 5.0, 2e-2
