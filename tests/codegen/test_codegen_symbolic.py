@@ -10,7 +10,7 @@ import pytest
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Directions
-from lookdev.codegen.osl.block import _CODE
+from lookdev.codegen.osl.block import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
 from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node
 from lookdev.codegen.trace.lobes import present_lobes
@@ -137,7 +137,7 @@ def test_every_operation_computes_what_numpy_does(graph: Graph) -> None:
 
 def test_every_operation_that_stays_has_code() -> None:
     # These two are always rewritten as the graph is built.
-    assert OPERATIONS - {"positive", "square"} == set(_CODE)
+    assert OPERATIONS - {"positive", "square"} == set(CODE)
 
 
 # Stacks of every model, with every token, of both layerings, and of both models.
