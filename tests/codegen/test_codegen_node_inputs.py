@@ -183,7 +183,7 @@ def test_primvars_and_coordinates_are_read(run: Any) -> None:
     }
 
 
-def test_a_missing_image_is_told(tmp_path: Path) -> None:
+def test_a_missing_image_is_reported(tmp_path: Path) -> None:
     with pytest.raises(TextureError, match=r"none\.exr: no such image"):
         tree_of(Texture(tmp_path / "none.exr", "r", "raw"), FLOAT)
 

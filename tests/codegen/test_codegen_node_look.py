@@ -198,7 +198,7 @@ MODEL_STACKS = [
 
 @pytest.mark.parametrize("models", MODEL_STACKS)
 @pytest.mark.parametrize("seed", range(4))
-def test_layers_are_combined_as_their_models_say(models: tuple[str, ...], seed: int) -> None:
+def test_layers_are_combined_by_the_rule_of_their_model(models: tuple[str, ...], seed: int) -> None:
     rng = np.random.default_rng(seed)
     tokens = {"disney": {"variant": "2014"}, "pixar": {"energy": "published"}}
     layers = tuple(

@@ -170,7 +170,7 @@ def test_a_target_error_is_reached(shoot: RenderSource, light_of) -> None:
     assert 16 < frame.samples < 4096
 
 
-def test_nodes_that_cycles_cannot_hold_are_told_before_a_frame(shoot: RenderSource, light_of) -> None:
+def test_nodes_that_cycles_cannot_hold_are_reported_before_a_frame(shoot: RenderSource, light_of) -> None:
     light = light_of("white")
     message = r"look 'crowded': .* than Cycles' node machine has room for; .* backend = \"exact\""
     with pytest.raises(RenderError, match=message):
@@ -185,7 +185,7 @@ def with_node(node: ShaderNode) -> NodeSource:
 
 
 @pytest.mark.parametrize(
-    ("node", "said"),
+    ("node", "message"),
     [
         (ShaderNode("Odd", "Mathh"), "no node of kind 'Mathh'"),
         (ShaderNode("Odd", "Math", {"mode": "ADD"}), "property 'mode' cannot be 'ADD'"),
@@ -200,15 +200,15 @@ def with_node(node: ShaderNode) -> NodeSource:
         (ShaderNode("Odd", "TexImage", image=Content("9", ".exr")), "lacks the file 9.exr"),
     ],
 )
-def test_what_blender_does_not_have_is_told(node: ShaderNode, said: str, shoot: RenderSource, light_of) -> None:
+def test_what_blender_does_not_have_is_reported(node: ShaderNode, message: str, shoot: RenderSource, light_of) -> None:
     with pytest.raises(RenderError) as caught:
         shoot("sphere", with_node(node), light_of("white"))
-    assert said in str(caught.value)
+    assert message in str(caught.value)
     assert "look 'diffuse', nodes 'diffuse', " in str(caught.value)
     assert "'Odd'" in str(caught.value)
 
 
-def test_a_device_that_is_not_there_is_told_with_those_that_are(shoot: RenderSource, light_of) -> None:
+def test_a_missing_device_is_reported_with_those_that_exist(shoot: RenderSource, light_of) -> None:
     device = "metal" if sys.platform != "darwin" else "cuda"
     with pytest.raises(RenderError, match=rf"no device of the kind '{device}' .* it finds: .*cpu"):
         shoot("sphere", node_sources.diffuse(GREY), light_of("white"), device=device)

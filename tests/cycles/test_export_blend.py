@@ -193,7 +193,7 @@ def test_scenes_are_looks_and_worlds_are_lights(case: Case) -> None:
         assert scene["materials"] == [look]
 
 
-def test_scenes_are_set_up_as_the_job_says(case: Case) -> None:
+def test_scenes_have_the_settings_of_the_job(case: Case) -> None:
     for scene in case.facts["scenes"].values():
         assert scene["engine"] == "CYCLES"
         assert scene["view"] == "Standard"

@@ -21,7 +21,7 @@ def view(degrees: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize("degrees", [0.0, 40.0, 85.0])
-def test_a_diffuser_sends_what_its_color_and_presence_say_to_each_side(degrees: float) -> None:
+def test_a_diffuser_sends_its_color_times_presence_to_each_side(degrees: float) -> None:
     # Rough all over, Pixar's model is Lambertian: its color, shared between both sides.
     color = np.array([0.2, 0.5, 0.8])
     bsdf = bsdf_of("pixar", surfaceColor=tuple(color), roughness=1.0, back=0.25, presence=0.5)

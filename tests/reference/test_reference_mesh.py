@@ -1,4 +1,4 @@
-"""Triangle meshes against the exact shapes, against furnaces, and against what each rule says."""
+"""Triangle meshes against the exact shapes, against furnaces, and each rule by itself."""
 
 from __future__ import annotations
 

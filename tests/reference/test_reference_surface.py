@@ -1,4 +1,4 @@
-"""A look at points is, at each point, the stack of constants that its sources are worth there."""
+"""A look at points is, at each point, a stack of constants: the values of its sources there."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def test_formulas_read_textures_primvars_and_coordinates(points, image):
 
 
 @pytest.mark.parametrize("kind", ["constant", "map", "bump"])
-def test_normals_lean_where_the_uvs_say(kind, points, image):
+def test_normals_lean_along_the_uvs(kind, points, image):
     height = Texture(image, "g", "raw", transform=(1.0, 0.5, 0.0, -0.5, 1.0, 0.0))
     normal_map = Texture(image, "rgb", "raw", scale=(2.0,) * 4, bias=(-1.0, -1.0, 0.2, 0.0))
     source = {"constant": (0.3, -0.4, 0.8), "map": normal_map, "bump": Bump(height, 0.05)}[kind]

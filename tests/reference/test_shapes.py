@@ -35,7 +35,7 @@ def test_it_has_the_frames_of_the_asset_of_its_name(name):
     np.testing.assert_allclose(behind, -frames, atol=1e-14)
 
 
-def test_a_sphere_is_hit_where_its_equation_says(rng):
+def test_hits_of_a_sphere_satisfy_its_equation(rng):
     sphere = Sphere((1.0, -2.0, 0.5), 0.7)
     origin = np.array([4.0, 3.0, 2.0])
     ray = unit(np.array(sphere.center) - origin + rng.uniform(-1.0, 1.0, (500, 3)))
