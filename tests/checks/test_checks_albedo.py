@@ -76,7 +76,7 @@ def test_native_nodes_agree(backend: str, render: Render) -> None:
 @pytest.mark.cycles
 @pytest.mark.parametrize(
     ("right", "wrong"),
-    [("f += color(", "f += 1.01 * color("), ("pdf /= shares;", "pdf /= 1.01 * shares;"), ("u1 *= shares;", "")],
+    [("f += color(", "f += 1.01 * color("), ("pdf / shares", "pdf / (1.01 * shares)"), ("u1 * shares", "u1")],
 )
 def test_a_fault_in_the_text_is_found(right: str, wrong: str, render: Render) -> None:
     def alter(osl: str) -> str:

@@ -88,7 +88,7 @@ def test_a_look_with_textures_agrees(name: str) -> None:
 
 @pytest.mark.cycles
 @pytest.mark.parametrize(
-    ("right", "wrong"), [("f += color(", "f += 1.001 * color("), ("pdf /= shares;", "pdf /= 1.001 * shares;")]
+    ("right", "wrong"), [("f += color(", "f += 1.001 * color("), ("pdf / shares", "pdf / (1.001 * shares)")]
 )
 def test_a_fault_in_the_text_is_found(right: str, wrong: str) -> None:
     def alter(osl: str) -> str:
