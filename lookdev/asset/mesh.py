@@ -6,13 +6,43 @@ loops of a polygon mesh), so that a renderer needs no interpolation rule.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int32]
+
+
+Scheme = Literal["catmullClark", "loop", "bilinear"]
+BoundaryRule = Literal["none", "edgeOnly", "edgeAndCorner"]
+FaceVaryingRule = Literal["none", "cornersOnly", "cornersPlus1", "cornersPlus2", "boundaries", "all"]
+TriangleRule = Literal["catmullClark", "smooth"]
+Interpolation = Literal["constant", "uniform", "varying", "vertex", "faceVarying"]
+
+
+@dataclass(frozen=True, eq=False)
+class Subdivision:
+    """The rules by which a mesh, then a control cage, is refined: those of UsdGeom.Mesh, by its names.
+
+    crease_edges (e, 2) and corner_points (c,) index into the points of the mesh; a sharpness (e,) or (c,) of 10 is
+    infinite. holes (h,) are faces that are refined with the others and not shown. `interpolation` is that of each UV
+    set and primvar; of equal values at the corners of a point, those of `faceVarying` ones are one value.
+    """
+
+    scheme: Scheme
+    interpolate_boundary: BoundaryRule = "edgeAndCorner"
+    face_varying: FaceVaryingRule = "cornersPlus1"
+    triangle_rule: TriangleRule = "catmullClark"
+    crease_edges: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    crease_sharpness: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
+    corner_points: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    corner_sharpness: Floats = field(default_factory=lambda: np.zeros(0, np.float32))
+    holes: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    interpolation: Mapping[str, Interpolation] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,7 +52,8 @@ class Mesh:
     points (n, 3) metres; corner_points (m,) index into points; face_sizes (f,) corners of each face, at least 3;
     face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side from which the winding
     is counter-clockwise; tangents (m, 3) unit, along increasing u of the first UV set, orthogonal to the normal; uvs:
-    UV set name to (m, 2), never empty, (0, 0) lower left; primvars: name to (m,) or (m, 3).
+    UV set name to (m, 2), (0, 0) lower left; primvars: name to (m,) or (m, 3). With `subdivision` the mesh is a control
+    cage, which is refined before it is rendered.
     """
 
     name: str
@@ -34,14 +65,19 @@ class Mesh:
     tangents: Floats
     uvs: dict[str, Floats]
     primvars: dict[str, Floats] = field(default_factory=dict)
+    subdivision: Subdivision | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A mesh placed in the world: `matrix` (4, 4) maps column vectors of object space to world space."""
+    """A mesh placed in the world: `matrix` (4, 4) maps column vectors of object space to world space.
+
+    `path` is the prim that it shows, which may be inside a scene-graph instance.
+    """
 
     mesh: int
     matrix: NDArray[np.float64]
+    path: str = ""
 
 
 @dataclass(frozen=True)

@@ -115,18 +115,15 @@ def _assembled(arrays: dict[str, NDArray[Any]]) -> Asset:
     head = json.loads(str(arrays["head"]))
     if head["format"] != _FORMAT:
         raise ValueError(f"format {head['format']}, not {_FORMAT}")
-    meshes = tuple(
-        Mesh(
-            mesh["name"],
-            **{name: arrays[f"{i}.{name}"] for name in _ARRAYS},
-            uvs={name: arrays[f"{i}.uv{j}"] for j, name in enumerate(mesh["uvs"])},
-            primvars={name: arrays[f"{i}.primvar{j}"] for j, name in enumerate(mesh["primvars"])},
-        )
-        for i, mesh in enumerate(head["meshes"])
-    )
+    meshes = []
+    for i, mesh in enumerate(head["meshes"]):
+        given: dict[str, Any] = {name: arrays[f"{i}.{name}"] for name in _ARRAYS}
+        given["uvs"] = {name: arrays[f"{i}.uv{j}"] for j, name in enumerate(mesh["uvs"])}
+        given["primvars"] = {name: arrays[f"{i}.primvar{j}"] for j, name in enumerate(mesh["primvars"])}
+        meshes.append(Mesh(mesh["name"], **given))
     placements = zip(arrays["instance_meshes"].tolist(), arrays["instance_matrices"], strict=True)
     return Asset(
-        meshes=meshes,
+        meshes=tuple(meshes),
         instances=tuple(Instance(mesh, matrix) for mesh, matrix in placements),
         slots=tuple(Slot(slot, material) for slot, material in head["slots"]),
         center=tuple(head["center"]),

@@ -13,8 +13,8 @@ from pathlib import Path
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, OutputError, nearest_hint
 from lookdev.job import load_job
-from lookdev.material.usd.file import dependencies
 from lookdev.shipped import shipped_folder
+from lookdev.stage import dependencies
 
 _TIME = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
 _SECONDS = {"s": 1, "min": 60}

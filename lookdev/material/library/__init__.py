@@ -14,8 +14,8 @@ from pxr import UsdShade
 
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
-from lookdev.material.usd.file import open_stage
 from lookdev.shipped import shipped_folder
+from lookdev.stage import open_stage
 
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""

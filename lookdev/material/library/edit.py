@@ -26,8 +26,8 @@ from lookdev.material.library.nodes import clear_input, delete, free_path, prune
 from lookdev.material.library.preview import author_preview
 from lookdev.material.look import Look
 from lookdev.material.usd import find_material, read_look, read_material
-from lookdev.material.usd.file import open_stage, reading
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
+from lookdev.stage import open_stage, reading
 
 _TYPES = Sdf.ValueTypeNames
 

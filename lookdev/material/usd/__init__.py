@@ -14,9 +14,9 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import MASK, MODELS, Mode, layer_shaders, stranger
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
-from lookdev.material.usd.file import open_stage, reading, usd_words
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
+from lookdev.stage import open_stage, reading, usd_words
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
 _MOST_COMBINATIONS = 1000  # of variants, that "*" may stand for

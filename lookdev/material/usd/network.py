@@ -12,7 +12,7 @@ from typing import Any
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
-from lookdev.material.usd.file import shortened
+from lookdev.stage import shortened
 
 TERMINAL = "outputs:lookdev:surface"
 """The output of a material that is connected to its layers."""

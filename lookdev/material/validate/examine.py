@@ -20,10 +20,10 @@ from lookdev.errors import Fault, LookError
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
-from lookdev.material.usd.file import open_stage, reading, shortened, usd_words
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
 from lookdev.material.validate.unused import Stack, unread
+from lookdev.stage import open_stage, reading, shortened, usd_words
 
 MOST_COMBINATIONS = 64
 """Where a material's variants combine to more, each variant is tried once, with the other sets as the file has them."""
