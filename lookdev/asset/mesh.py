@@ -98,7 +98,7 @@ class Asset:
     `convex` is True only where reflected light never meets the surface again, `sheet` only where transmitted light does
     not either, as with a flat card; such an asset has no indirect light. `revolved` is True only where turning about
     the vertical through `center` moves it, slots included, onto itself. `digest` is the SHA-256 over all arrays and
-    placements.
+    placements. `unit` is the length in metres of a unit of its file.
     """
 
     name: str
@@ -111,3 +111,5 @@ class Asset:
     sheet: bool = False
     revolved: bool = False
     digest: str = ""
+    unit: float = 1.0
+    notes: tuple[str, ...] = ()

@@ -23,9 +23,9 @@ from lookdev.checks.samples import case_layer, constant_look, sample_layers, var
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
+from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_bsdf
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
-from lookdev.reference.surface import ImagePoints
 from lookdev.render.backends import BACKENDS
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
 from lookdev.material import Look, Primvar
+from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_layers
-from lookdev.reference.surface import ImagePoints
 
 Floats = NDArray[np.float64]
 

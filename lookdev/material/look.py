@@ -109,9 +109,23 @@ class Layer:
 
 
 @dataclass(frozen=True)
+class Displacement:
+    """A point is moved along its normal by ``(height - midlevel) scale``.
+
+    `units` are those of the asset's file in the object's own space, or metres in the world.
+    """
+
+    height: Mask
+    scale: float = 1.0
+    midlevel: float = 0.0
+    units: Literal["object", "world"] = "object"
+
+
+@dataclass(frozen=True)
 class Look:
     """A layer stack, base first. `source` is the file and prim path it came from, for messages and headers."""
 
     name: str
     layers: tuple[Layer, ...]
     source: str = ""
+    displacement: Displacement | None = None

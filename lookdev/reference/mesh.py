@@ -22,8 +22,8 @@ from lookdev.asset.tangents import handedness
 from lookdev.brdf import Bsdf
 from lookdev.errors import AssetError
 from lookdev.material import Look, Primvar
+from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_bsdf
-from lookdev.reference.surface import ImagePoints
 from lookdev.scene.shading import shading_frame
 
 Floats = NDArray[np.float64]

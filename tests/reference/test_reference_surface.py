@@ -13,9 +13,9 @@ from lookdev.brdf import StackLayer, complete_parameters, evaluate, pdf, sample,
 from lookdev.errors import ModelError
 from lookdev.material import Bump, Coordinates, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
+from lookdev.material.points import ImagePoints
 from lookdev.material.textures import sample_slopes, sample_texture
 from lookdev.material.values import look_bsdf
-from lookdev.reference.surface import ImagePoints
 
 COUNT = 7
 
