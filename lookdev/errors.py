@@ -3,6 +3,7 @@
     LookdevError
     ├── JobError            a job file is wrong: carries every Fault found in it
     ├── LookError           a look (USD material) is wrong: carries every Fault found in it
+    │   └── StageError      a USD file, of a look or an asset, cannot be opened or composed
     ├── AssetError          an asset cannot be read or has no surface to render
     ├── EnvironmentMapError a light cannot be read, or shown by a backend
     ├── ExpressionError     a mask expression is wrong (defined beside the parser, in lookdev.material)
@@ -61,6 +62,10 @@ class JobError(FaultsError):
 
 class LookError(FaultsError):
     """A look is wrong."""
+
+
+class StageError(LookError):
+    """A USD file, of a look or an asset, cannot be opened or composed."""
 
 
 class AssetError(LookdevError):

@@ -1,8 +1,8 @@
-"""Opening USD files of any content: USD's messages become a `LookError`, nothing goes to stderr.
+"""Opening and composing USD files of any content: USD's messages become a `StageError`, nothing goes to stderr.
 
 USD's reader of text recurses, so that a deeply nested file overflows its stack, and it waits for ever for a named pipe.
-`open_stage` checks every layer before USD reads it. Binary layers (.usdc) are not checked: a damaged one can crash the
-process, and `lookdev.material.validate` reads it in another one.
+`open_stage` and `compose` check every layer before USD reads it. Binary layers (.usdc) are not checked: a damaged one
+can crash the process, and `lookdev.material.validate` reads it in another one.
 """
 
 from __future__ import annotations
@@ -10,12 +10,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
-from lookdev.errors import Fault, LookError
+from lookdev.errors import Fault, LookError, StageError, nearest_hint
+from lookdev.mtlx import document_layer, is_document, redirect
 
 _DEEPEST = 256  # brackets inside each other in a text layer; USD's stack ends at some ten thousand
 _LONGEST = 400  # characters of USD's own message that ours contains
@@ -35,38 +38,97 @@ _QUOTED = re.compile(
 _STEPS = np.zeros(256, np.int8)
 _STEPS[list(b"([{")] = 1
 _STEPS[list(b")]}")] = -1
+_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 _OTHERS = bytes(np.flatnonzero(_STEPS == 0).astype(np.uint8))
 
 
 @contextmanager
-def reading(file: Path) -> Iterator[None]:
-    """Turn exceptions of USD while `file` is read into a `LookError`, and keep its warnings off stderr."""
+def reading(file: Path) -> Iterator[list[str]]:
+    """Turn exceptions of USD while `file` is read into a `StageError`, and keep its warnings off stderr.
+
+    The list that it yields has the warnings afterwards, the first of each kind.
+    """
     held = UsdUtils.CoalescingDiagnosticDelegate()
+    warnings: list[str] = []
     try:
-        yield
+        yield warnings
     except Tf.ErrorException as error:
-        raise LookError([Fault(str(file), "", f"USD cannot open it: {_message(error)}")]) from error
+        raise StageError([Fault(str(file), "", f"USD cannot open it: {error_words(error)}")]) from error
     except UnicodeDecodeError as error:
-        raise LookError([Fault(str(file), "", _NOT_UTF8)]) from error
+        raise StageError([Fault(str(file), "", _NOT_UTF8)]) from error
     finally:
-        held.TakeUncoalescedDiagnostics()
+        warnings += [_warning(each) for each in held.TakeCoalescedDiagnostics()]
 
 
 def open_stage(file: Path) -> Usd.Stage:
-    """Open a USD file and all of its layers.
+    """Open a USD file, or a MaterialX document as USD, and all of its layers.
 
     Raises
     ------
-    LookError
-        The file is missing or is not USD; or a layer of it is not a regular file or nested too deep.
+    StageError
+        The file is missing or is not USD; or a layer of it is not a regular file or nested too deep, or a malformed
+        MaterialX document.
     """
-    if not file.is_file():
-        raise LookError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
     with reading(file):
         layers = _open_layers(file)  # held, so that the stage finds them open
-        stage = Usd.Stage.Open(str(file))
+        stage = Usd.Stage.Open(layers[0])
         del layers
         return stage
+
+
+@dataclass(frozen=True)
+class Composition:
+    """What a stage is composed of.
+
+    `layer` is composed over `file`, stronger than it; its relative paths are those of its own folder. `prim` is the
+    part that is meant, the whole stage by default. `variants` are (set, variant), selected on every prim at, above and
+    below `prim` that has the set. What is missing or broken in the composition is an error, or a note.
+    """
+
+    file: Path
+    layer: Path | None = None
+    prim: str | None = None
+    variants: tuple[tuple[str, str], ...] = ()
+    missing: Literal["error", "warn"] = "error"
+
+
+@dataclass(frozen=True, eq=False)
+class Composed:
+    """A composed stage; `notes` are for the user."""
+
+    stage: Usd.Stage
+    composition: Composition
+    notes: tuple[str, ...]
+
+
+def compose(composition: Composition) -> Composed:
+    """Open a USD file, with a layer over it and variants selected; payloads are loaded.
+
+    Raises
+    ------
+    StageError
+        Every fault: a file cannot be opened, a variant or the prim is not there; with `missing` "error" also a
+        reference, payload or sublayer that is missing, broken or cyclic, at the prim that names it.
+    """
+    file, session = composition.file, Sdf.Layer.CreateAnonymous("session.usda")
+    _check_path(composition)
+    with reading(file):
+        held = _open_layers(file)
+        if composition.layer is not None:
+            with reading(composition.layer):
+                held += (over := _open_layers(composition.layer))
+            session.subLayerPaths.append(over[0].identifier)
+        stage = Usd.Stage.Open(held[0], session)
+        faults, notes = _select_variants(stage, composition)
+        faults += _prim_faults(stage, composition)
+        broken = _composition_faults(stage, file)
+        if composition.layer is not None:
+            notes += _astray(stage, composition.layer, over[0])
+    if composition.missing == "error":
+        faults += broken
+    if faults:
+        raise StageError(faults)
+    return Composed(stage, composition, (*map(str, broken), *notes))
 
 
 def dependencies(file: Path) -> set[Path]:
@@ -76,7 +138,152 @@ def dependencies(file: Path) -> set[Path]:
     return {Path(layer.realPath) for layer in layers} | {Path(image) for image in images}
 
 
-def _message(error: Tf.ErrorException) -> str:
+def _check_path(composition: Composition) -> None:
+    prim = composition.prim or "/"
+    path = Sdf.Path(prim) if Sdf.Path.IsValidPathString(prim) else Sdf.Path()
+    if not (path.IsAbsolutePath() and path.IsAbsoluteRootOrPrimPath()):
+        what, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
+        raise StageError([Fault(str(composition.file), "", what, hint)])
+
+
+def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
+    if composition.prim is None or stage.GetPrimAtPath(composition.prim):
+        return []
+    parent = Sdf.Path(composition.prim)
+    while not stage.GetPrimAtPath(parent):
+        parent = parent.GetParentPath()
+    children = ", ".join(str(child.GetPath()) for child in stage.GetPrimAtPath(parent).GetAllChildren())
+    hint = f"below {parent} there are: {children or 'none'}"
+    return [Fault(str(composition.file), composition.prim, "there is no such prim", hint)]
+
+
+def _select_variants(stage: Usd.Stage, composition: Composition) -> tuple[list[Fault], list[str]]:
+    """Select the variants on the session layer, those inside other variants after them; return faults and notes."""
+    wanted, file = dict(composition.variants), str(composition.file)
+    chosen: set[tuple[Sdf.Path, str]] = set()
+    while True:
+        sets = {
+            (prim.GetPath(), name): (each.GetVariantNames(), each.GetVariantSelection())
+            for prim in (_meant(stage, composition.prim) if wanted else ())
+            for name in (prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ())
+            for each in [prim.GetVariantSet(name)]
+        }
+        able = {key: current for key, (names, current) in sets.items() if wanted.get(key[1]) in names}
+        edits = {key for key, current in able.items() if current != wanted[key[1]]} - chosen
+        if not edits:
+            break
+        chosen |= edits
+        with Sdf.ChangeBlock():
+            for path, name in edits:
+                _writable(stage, path).variantSelections[name] = wanted[name]
+    faults = []
+    for name, choice in wanted.items():
+        choices = sorted({each for key, (names, _) in sets.items() if key[1] == name for each in names})
+        known = sorted({key[1] for key in sets})
+        if name not in known:
+            hint = nearest_hint(name, known) if known else "it has none"
+            faults.append(Fault(file, composition.prim or "", f"has no variant set '{name}'", hint))
+        elif choice not in choices:
+            what = f"variant set '{name}' has no variant '{choice}'"
+            faults.append(Fault(file, composition.prim or "", what, nearest_hint(choice, choices)))
+    unable = {key: current for key, (_, current) in sets.items() if key[1] in wanted and key not in able}
+    return faults, [
+        f"{file}: {path}: variant set '{name}' has no variant '{wanted[name]}'; '{current}' stays selected"
+        for (path, name), current in unable.items()
+    ]
+
+
+def is_animated(stage: Usd.Stage) -> bool:
+    """Return whether an attribute of a stage has values that differ over time."""
+    return any(
+        attribute.ValueMightBeTimeVarying()
+        for root in (stage.GetPseudoRoot(), *stage.GetPrototypes())
+        for prim in Usd.PrimRange(root)
+        for attribute in prim.GetAuthoredAttributes()
+    )
+
+
+def variant_choices(composed: Composed, name: str) -> tuple[str, ...]:
+    """Return the variants of a set, by name, of all prims on which `Composition.variants` would select them.
+
+    Raises StageError where no prim has the set.
+    """
+    sets: dict[str, set[str]] = {}
+    with reading(composed.composition.file):
+        for prim in _meant(composed.stage, composed.composition.prim):
+            for each in prim.GetVariantSets().GetNames() if prim.HasVariantSets() else ():
+                sets.setdefault(each, set()).update(prim.GetVariantSet(each).GetVariantNames())
+    if name not in sets:
+        hint = nearest_hint(name, sorted(sets)) if sets else "it has none"
+        place = composed.composition.prim or ""
+        raise StageError([Fault(str(composed.composition.file), place, f"has no variant set '{name}'", hint)])
+    return tuple(sorted(sets[name]))
+
+
+def _meant(stage: Usd.Stage, path: str | None) -> Iterator[Usd.Prim]:
+    """Yield the prims above, at and below a path."""
+    for prefix in Sdf.Path(path or "/").GetPrefixes()[:-1]:
+        if prim := stage.GetPrimAtPath(prefix):
+            yield prim
+    if prim := stage.GetPrimAtPath(path or "/"):
+        yield from Usd.PrimRange(prim, _EVERYTHING)
+
+
+def _writable(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
+    """Return a prim of the session layer; the instances around it become prims of their own, that it may differ."""
+    session = stage.GetSessionLayer()
+    for prefix in path.GetPrefixes()[:-1]:
+        if (prim := stage.GetPrimAtPath(prefix)) and prim.IsInstance():
+            Sdf.CreatePrimInLayer(session, prefix).instanceable = False
+    return Sdf.CreatePrimInLayer(session, path)
+
+
+def bound_paths(prim: Usd.Prim) -> dict[str, Sdf.Path]:
+    """Return the path of the material that each binding of a prim names, by the name of its relationship."""
+    return {
+        relation.GetName(): targets[-1]
+        for relation in prim.GetAuthoredPropertiesInNamespace("material")
+        if isinstance(relation, Usd.Relationship) and relation.GetName().startswith("material:binding")
+        if (targets := relation.GetForwardedTargets())
+    }
+
+
+def _composition_faults(stage: Usd.Stage, file: Path) -> list[Fault]:
+    """Return a fault for each arc that cannot be composed, once for all prims that meet it."""
+    places: dict[str, list[str]] = {}
+    for error in stage.GetCompositionErrors():
+        place, text = error.rootSite.path, str(error)
+        where = "" if place.isEmpty or place.IsAbsoluteRootPath() else str(place)
+        places.setdefault(" ".join(usd_words(text).split()), []).append(where)
+    return sorted(
+        Fault(str(file), min(paths), text, f"and {len(paths) - 1} more prims" if len(paths) > 1 else "")
+        for text, paths in places.items()
+    )
+
+
+def _astray(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> list[str]:
+    """Return a note on each topmost prim that a layer overrides but that is nowhere defined."""
+    notes = []
+    pending = list(over.rootPrims)
+    while pending:
+        spec = pending.pop(0)
+        prim = stage.GetPrimAtPath(spec.path)
+        if prim and prim.IsDefined():
+            pending += spec.nameChildren
+        elif spec.specifier == Sdf.SpecifierOver:
+            notes.append(f"{layer}: {spec.path}: overrides a prim that is not there, and has no effect")
+    return notes
+
+
+def _warning(same: Any) -> str:
+    """Return a warning that USD gave at one place of its code, and how often."""
+    texts = list(dict.fromkeys(each.commentary for each in same.unsharedItems))
+    more = f" (and {len(texts) - 1} more like it)" if len(texts) > 1 else ""
+    return " ".join(usd_words(texts[0]).split()) + more
+
+
+def error_words(error: Tf.ErrorException) -> str:
+    """Return the message of an exception of USD, as `usd_words`."""
     try:
         return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
     except UnicodeDecodeError:  # USD quotes the file
@@ -86,6 +293,7 @@ def _message(error: Tf.ErrorException) -> str:
 def usd_words(text: str) -> str:
     """Return a message of USD without names of its own code and of layers in memory, `shortened`."""
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
+    text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
     return shortened(re.sub(r",@anon:[^@]*@", "", text).strip())
 
 
@@ -95,30 +303,42 @@ def shortened(text: str) -> str:
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
-    """Check and open a file and every layer that it may be composed of, those of unselected variants too."""
-    root = str(file)
+    """Check and open a file, the first, and every layer it may be composed of, those of unselected variants too."""
+    if not file.is_file():
+        raise StageError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
+    try:
+        root = str(document_layer(str(file)) if is_document(str(file)) else file)
+    except LookError as error:
+        raise StageError(error.faults) from error
     layers: list[Sdf.Layer] = []
     faults: list[Fault] = []
     pending, seen = [root], {root, ""}
     while pending:
         path = pending.pop()
-        if problem := _problem(Path(path)):
+        if problem := _problem(Path(Ar.SplitPackageRelativePathOuter(path)[0])):
             faults.append(Fault(root, "", problem if path == root else f"its layer {path} {problem}"))
             continue
         try:
             layer = Sdf.Layer.FindOrOpen(path)
+            if layer is not None:
+                redirect(layer)
+        except LookError as error:
+            faults += error.faults
+            continue
         except Tf.ErrorException:
             if path == root:
                 raise
             continue  # composition reports it, with the prim that names it
         if layer is None:
+            if path == root:
+                raise StageError([Fault(root, "", "USD cannot open it: it does not know the format")])
             continue  # the same for an unknown format
         layers.append(layer)
         found = {_resolved(layer, asset) for asset in layer.GetCompositionAssetDependencies()} - seen
         seen |= found
         pending += sorted(found)
     if faults:
-        raise LookError(faults)
+        raise StageError(faults)
     return layers
 
 
@@ -126,10 +346,9 @@ def _resolved(layer: Sdf.Layer, asset: str) -> str:
     """Return the file that a layer names; '' where it is missing, which composition reports."""
     try:
         identifier, _ = Sdf.Layer.SplitIdentifier(layer.ComputeAbsolutePath(asset))
-        path = str(Ar.GetResolver().Resolve(identifier))
+        return str(Ar.GetResolver().Resolve(identifier))
     except Tf.ErrorException:
         return ""
-    return str(Ar.SplitPackageRelativePathOuter(path)[0]) if Ar.IsPackageRelativePath(path) else path
 
 
 def _problem(layer: Path) -> str:

@@ -48,6 +48,7 @@ def scene() -> SceneTask:
         asset=Content("a55e7", ".npz"),
         backend="exact",
         shaders=(ShaderSource("gold", osl, (texture,), (attribute,), "500d"),),
+        worn=(0,),
         lights=(Dome(*(Content(part, ".exr") for part in "rpsb"), 1024, 512, "119147"),),
         resolution=(64, 48),
         sampling=Sampling(brdf_samples=2, ibl_samples=4),

@@ -62,11 +62,7 @@ def code(page: Path) -> Iterator[str]:
 def tables() -> dict[str, str]:
     """Return every generated table by its name."""
     schema = json_schema()
-    made = {"job": _job_table(schema, schema)}
-    for name, field in schema["properties"].items():
-        reference = field.get("$ref") or field.get("items", {}).get("$ref")
-        if reference:
-            made[f"job.{name}"] = _job_table(schema["$defs"][reference.rpartition("/")[2]], schema)
+    made = dict(_job_tables("job", schema, schema))
     made["presets"] = _preset_table()
     made["nodes.gaps"] = _gap_table()
     return made | {f"models.{model}": _model_table(MODELS[model].parameters.values()) for model in MODELS}
@@ -88,7 +84,16 @@ def _gap_table() -> str:
     return _markdown([("preset", "FLIP", "of noise", "relMSE", "albedo"), *rows])
 
 
-def _job_table(table: dict[str, Any], schema: dict[str, Any]) -> str:
+def _job_tables(name: str, table: dict[str, Any], schema: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield a table of the job file, and the tables in it, each by its name."""
+    yield name, _job_table(table)
+    for key, field in table["properties"].items():
+        reference = field.get("$ref") or field.get("items", {}).get("$ref")
+        if reference:
+            yield from _job_tables(f"{name}.{key}", schema["$defs"][reference.rpartition("/")[2]], schema)
+
+
+def _job_table(table: dict[str, Any]) -> str:
     required = table.get("required", [])
     rows = [("key", "value", "default", "meaning")]
     for name, field in table["properties"].items():
@@ -109,11 +114,13 @@ def _kind(field: dict[str, Any]) -> str:
     if field["type"] == "array":
         if "prefixItems" in field:
             return f"{len(field['prefixItems'])} of: {_kind(field['prefixItems'][0])}"
+        if "enum" in field["items"]:
+            return f"list of {_kind(field['items'])}"
         return "tables" if "$ref" in field["items"] else "list of strings"
     kinds = {"boolean": "`true`, `false`", "object": "table of strings", "string": "string"}
     if field["type"] in kinds:
         return "path" if field.get("format") == "path" else kinds[field["type"]]
-    low = f"above {field['exclusiveMinimum']:g}" if "exclusiveMinimum" in field else f"{field['minimum']:g}"
+    low = f"above {field['exclusiveMinimum']:g}" if "exclusiveMinimum" in field else f"{field['minimum']:.10g}"
     kind = "whole number" if field["type"] == "integer" else "number"
     even = "even " if field.get("multipleOf") == 2 else ""
     return f"{even}{kind}, {low} to {field['maximum']:.10g}"

@@ -1,16 +1,20 @@
 """What is turned: geometry as arrays, from USD or built in.
 
-`mesh` defines an asset; `usd` and `usd_mesh` read one from a file, `builtin` makes one (`revolve`, `shaderball`);
-`normals`, `tangents` and `bounds` compute what a file lacks; `store` has its digest and its file in the cache.
+`mesh` defines an asset. `usd` reads one from a file, `builtin` makes one (`revolve`, `shaderball`). A `shape` is a
+surface as a file has it; `finish` makes meshes of shapes with `faces`, `normals` and `tangents`. `bounds` has the
+sphere around an asset, `store` its digest and its file in the cache.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from lookdev.asset.builtin import BUILTINS
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
-from lookdev.asset.store import read_asset, save_asset
+from lookdev.asset.store import make_asset, read_asset, save_asset
 from lookdev.errors import AssetError, nearest_hint
 
 __all__ = ["BUILTINS", "Asset", "Instance", "Mesh", "Slot", "load_asset", "read_asset", "save_asset"]
@@ -22,17 +26,47 @@ def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | 
     Raises
     ------
     AssetError
-        Not exactly one of `usd` and `builtin` is given, the name is unknown, or the file has a fault.
+        Not exactly one of `usd` and `builtin` is given, the name is unknown, or the geometry has a fault.
+    StageError
+        The file cannot be opened or composed.
     """
     if (usd is None) == (builtin is None):
         raise AssetError(f"an asset is either a USD file or a built-in, got usd={usd} and builtin={builtin}")
     if usd is not None:
         # Not at the top: the render worker, which reads assets from the cache, needs no USD.
         from lookdev.asset.usd import read_usd
+        from lookdev.stage import Composition, compose
 
-        return read_usd(usd, prim)
+        return _polygons(read_usd(compose(Composition(usd, prim=prim))))
     if prim is not None:
         raise AssetError(f"prim {prim}: a built-in asset has no prims to choose from; leave prim out")
     if builtin not in BUILTINS:
         raise AssetError(f"there is no built-in asset '{builtin}' ({nearest_hint(str(builtin), list(BUILTINS))})")
     return BUILTINS[builtin]()
+
+
+def _polygons(asset: Asset) -> Asset:
+    """Return an asset with the polygons of its control cages, without their holes, as meshes."""
+    if all(mesh.subdivision is None for mesh in asset.meshes):
+        return asset
+    made = make_asset(asset.name, [_polygon_mesh(mesh) for mesh in asset.meshes], asset.instances, asset.slots)
+    return replace(made, unit=asset.unit, notes=asset.notes)
+
+
+def _polygon_mesh(mesh: Mesh) -> Mesh:
+    if mesh.subdivision is None:
+        return mesh
+    keep = np.ones(len(mesh.face_sizes), bool)
+    keep[mesh.subdivision.holes] = False
+    corners = np.repeat(keep, mesh.face_sizes)
+    return replace(
+        mesh,
+        corner_points=mesh.corner_points[corners],
+        face_sizes=mesh.face_sizes[keep],
+        face_slots=mesh.face_slots[keep],
+        normals=mesh.normals[corners],
+        tangents=mesh.tangents[corners],
+        uvs={name: values[corners] for name, values in mesh.uvs.items()},
+        primvars={name: values[corners] for name, values in mesh.primvars.items()},
+        subdivision=None,
+    )

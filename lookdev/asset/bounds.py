@@ -3,66 +3,110 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Asset, Floats, Instance, Mesh
 from lookdev.asset.normals import Doubles
 
+Index = NDArray[np.intp]
+
 _ROUNDS = 100
 _TOLERANCE = 1e-7
+_CELLS = 8  # along each side of the box of a mesh
+_FEW_POINTS, _FEW_INSTANCES = 512, 16  # of a mesh that has no cells
+_INSTANCES = 32  # whose parts are sorted at once
 
 
 class _Cloud:
-    """All points of all instances; the search for the farthest one skips instances by their bounds."""
+    """All points of all instances; the search for the farthest one skips instances, and parts of them, by their bounds.
+
+    The parts of a mesh of many points and many instances are the cells of a grid in its box.
+    """
 
     def __init__(self, meshes: Sequence[Mesh], instances: Sequence[Instance]) -> None:
-        self._points: list[Floats] = [meshes[instance.mesh].points for instance in instances]
-        boxes = [_box(mesh) for mesh in meshes]
-        radii = [0.5 * float(np.linalg.norm(np.ptp(box, axis=0))) for box in boxes]
-        self._linear = np.stack([instance.matrix[:3, :3] for instance in instances])
-        self._offset = np.stack([instance.matrix[:3, 3] for instance in instances])
-        local = np.stack([boxes[instance.mesh].mean(axis=0) for instance in instances])
-        self.centers = np.einsum("kij,kj->ki", self._linear, local) + self._offset
-        stretch = np.linalg.norm(self._linear, ord=2, axis=(1, 2))
-        self._reach = stretch * np.array([radii[instance.mesh] for instance in instances])
+        points, counts, boxes = _joined(meshes)
+        mesh = np.array([instance.mesh for instance in instances])
+        divided = (counts >= _FEW_POINTS) & (np.bincount(mesh, minlength=len(meshes)) >= _FEW_INSTANCES)
+        cells = np.repeat(np.arange(len(meshes)) * _CELLS**3, counts)
+        ends = np.cumsum(counts)
+        for number in np.flatnonzero(divided):
+            cells[ends[number] - counts[number] : ends[number]] += _cells(meshes[number].points, boxes[number])
+        order = np.argsort(cells, kind="stable")
+        self._points = points[order]
+        self._starts = np.flatnonzero(np.diff(cells[order], prepend=-1))
+        self._lengths = np.diff(self._starts, append=len(points))
+        self._middles, self._radii = _spheres(_boxes(self._points, self._starts))
+        parts = np.bincount(cells[order[self._starts]] // _CELLS**3, minlength=len(meshes))
+        self._first_part, self._parts = (np.cumsum(parts) - parts)[mesh], parts[mesh]
+        matrices = np.array([instance.matrix for instance in instances])
+        self._linear, self._offset = matrices[:, :3, :3], matrices[:, :3, 3]
+        self._stretch = np.linalg.norm(self._linear, ord=2, axis=(1, 2))
+        middles, radii = _spheres(boxes)
+        self.centers = self._placed(np.arange(len(mesh)), middles[mesh])
+        self._reach = self._stretch * radii[mesh]
 
     def farthest(self, center: Doubles) -> tuple[Doubles, float]:
         """Return the point farthest from `center` and its distance."""
-        limits = np.linalg.norm(self.centers - center, axis=1) + self._reach
         best, distance = center, -1.0
-        for i in np.argsort(-limits):
-            if limits[i] <= distance:
-                break
-            world = self._points[i] @ self._linear[i].T + self._offset[i]
-            squares = ((world - center) ** 2).sum(axis=1)
-            j = int(squares.argmax())
-            if squares[j] > distance * abs(distance):
-                best, distance = world[j], float(np.sqrt(squares[j]))
+        limits = np.linalg.norm(self.centers - center, axis=1) + self._reach
+        order = np.argsort(-limits)
+        for first in range(0, len(order), _INSTANCES):
+            instances = order[first : first + _INSTANCES]
+            instances = instances[limits[instances] > distance]
+            counts = self._parts[instances]
+            owner = np.repeat(instances, counts)
+            part = self._first_part[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+            bounds = np.linalg.norm(self._placed(owner, self._middles[part]) - center, axis=1)
+            bounds += self._stretch[owner] * self._radii[part]
+            for k in np.argsort(-bounds):
+                if bounds[k] <= distance:
+                    break
+                start = self._starts[part[k]]
+                points = self._points[start : start + self._lengths[part[k]]]
+                world = points @ self._linear[owner[k]].T + self._offset[owner[k]]
+                squares = ((world - center) ** 2).sum(axis=1)
+                i = int(squares.argmax())
+                if squares[i] > distance * abs(distance):
+                    best, distance = world[i], float(np.sqrt(squares[i]))
         return best, distance
+
+    def _placed(self, owner: Index, points: Doubles) -> Doubles:
+        """Return a point of each instance in the world."""
+        return np.asarray(np.einsum("nij,nj->ni", self._linear[owner], points) + self._offset[owner])
 
 
 def bounding_sphere(meshes: Sequence[Mesh], instances: Sequence[Instance]) -> tuple[tuple[float, float, float], float]:
     """Return centre and radius, in metres, of the smallest sphere around all instanced points.
 
-    Starts with one point and repeatedly adds the farthest point to the support (Gärtner, "Fast and Robust Smallest
-    Enclosing Balls", 1999). The centre is rounded to a millionth of the radius, so that it does not depend on the
-    machine's linear algebra; the radius is that of all points about the rounded centre.
+    The centre is rounded as by `smallest_ball`; the radius is that of all points about the rounded centre.
     """
     cloud = _Cloud(meshes, instances)
-    support, _ = cloud.farthest(cloud.centers.mean(axis=0))
+    center = smallest_ball(cloud.farthest, cloud.centers.mean(axis=0))
+    x, y, z = center.tolist()
+    return (x, y, z), cloud.farthest(center)[1]
+
+
+def smallest_ball(farthest: Callable[[Doubles], tuple[Doubles, float]], start: Doubles) -> Doubles:
+    """Return the centre of the smallest ball, or circle, around points; `farthest` finds the one farthest from a place.
+
+    From `start` on, the farthest point is added to the support again and again (Gärtner, "Fast and Robust Smallest
+    Enclosing Balls", 1999). The centre is rounded to a millionth of the radius, so that it does not depend on the
+    machine's linear algebra.
+    """
+    support, _ = farthest(start)
     support, center, radius = support[None], support, 0.0
     for _ in range(_ROUNDS):
-        far, distance = cloud.farthest(center)
+        far, distance = farthest(center)
         if distance <= radius * (1.0 + _TOLERANCE):
             break
         support, center, radius = _smallest_ball(support, far)
     if radius > 0.0:
         center = np.round(center, 6 - int(np.floor(np.log10(radius)))) + 0.0
-    x, y, z = center.tolist()
-    return (x, y, z), cloud.farthest(center)[1]
+    return center
 
 
 def about_origin(asset: Asset) -> Asset:
@@ -70,22 +114,45 @@ def about_origin(asset: Asset) -> Asset:
 
     In float32, a metre at a distance of 100 km has 128 steps. The digest remains that of the asset before.
     """
-    middles = [_box(mesh).mean(axis=0) for mesh in asset.meshes]
-    meshes = [
-        replace(mesh, points=(mesh.points - middle).astype(np.float32))
-        for mesh, middle in zip(asset.meshes, middles, strict=True)
-    ]
-    instances = []
-    for instance in asset.instances:
-        matrix = instance.matrix.copy()
-        matrix[:3, 3] += matrix[:3, :3] @ middles[instance.mesh] - asset.center
-        instances.append(Instance(instance.mesh, matrix))
-    return replace(asset, meshes=tuple(meshes), instances=tuple(instances), center=(0.0, 0.0, 0.0))
+    points, counts, boxes = _joined(asset.meshes)
+    middles = boxes.mean(axis=1)
+    local = np.split((points - np.repeat(middles, counts, axis=0)).astype(np.float32), np.cumsum(counts)[:-1])
+    matrices = np.array([instance.matrix for instance in asset.instances])
+    shown = [instance.mesh for instance in asset.instances]
+    matrices[:, :3, 3] += (matrices[:, :3, :3] @ middles[shown, :, None])[..., 0] - asset.center
+    return replace(
+        asset,
+        meshes=tuple(replace(mesh, points=each) for mesh, each in zip(asset.meshes, local, strict=True)),
+        instances=tuple(
+            replace(instance, matrix=matrix) for instance, matrix in zip(asset.instances, matrices, strict=True)
+        ),
+        center=(0.0, 0.0, 0.0),
+    )
 
 
-def _box(mesh: Mesh) -> Doubles:
-    """Return the least and the greatest coordinates of a mesh's points, (2, 3)."""
-    return np.asarray([mesh.points.min(axis=0), mesh.points.max(axis=0)], np.float64)
+def _joined(meshes: Sequence[Mesh]) -> tuple[Floats, Index, Doubles]:
+    """Return the points of all meshes, how many each has, and its least and greatest coordinates (k, 2, 3)."""
+    points = np.concatenate([mesh.points for mesh in meshes])
+    counts = np.array([len(mesh.points) for mesh in meshes])
+    return points, counts, _boxes(points, np.cumsum(counts) - counts)
+
+
+def _boxes(points: Floats, starts: Index) -> Doubles:
+    """Return the least and the greatest coordinates (k, 2, 3) of runs of points."""
+    boxes = [each.reduceat(points, starts) for each in (np.minimum, np.maximum)]
+    return np.asarray(np.stack(boxes, axis=1), np.float64)
+
+
+def _spheres(boxes: Doubles) -> tuple[Doubles, Doubles]:
+    """Return the middles (k, 3) of boxes and half their diagonals (k,)."""
+    return boxes.mean(axis=1), 0.5 * np.linalg.norm(np.ptp(boxes, axis=1), axis=1)
+
+
+def _cells(points: Floats, box: Doubles) -> Index:
+    """Return the cell of each point of a mesh."""
+    extent = np.ptp(box, axis=0)
+    cells = np.floor((points - box[0]) * (0.999 * _CELLS / np.where(extent > 0.0, extent, 1.0)))
+    return np.asarray(cells @ np.array([_CELLS**2, _CELLS, 1.0]), np.intp)
 
 
 def _smallest_ball(support: Doubles, outside: Doubles) -> tuple[Doubles, Doubles, float]:

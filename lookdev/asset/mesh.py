@@ -51,9 +51,11 @@ class Mesh:
 
     points (n, 3) metres; corner_points (m,) index into points; face_sizes (f,) corners of each face, at least 3;
     face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side from which the winding
-    is counter-clockwise; tangents (m, 3) unit, along increasing u of the first UV set, orthogonal to the normal; uvs:
-    UV set name to (m, 2), (0, 0) lower left; primvars: name to (m,) or (m, 3). With `subdivision` the mesh is a control
-    cage, which is refined before it is rendered.
+    is counter-clockwise; tangents (m, 3) unit, orthogonal to the normal, along increasing u of the first UV set or,
+    without one, along the longitude about the z axis; uvs: UV set name to (m, 2), (0, 0) lower left; primvars: name to
+    (m,) or (m, 3). With `subdivision` the mesh is a control cage, which is refined before it is rendered.
+
+    A look that reads a UV set which the mesh lacks gets `default_uv`, "" where there is none or no telling which.
     """
 
     name: str
@@ -66,6 +68,7 @@ class Mesh:
     uvs: dict[str, Floats]
     primvars: dict[str, Floats] = field(default_factory=dict)
     subdivision: Subdivision | None = None
+    default_uv: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,9 +85,9 @@ class Instance:
 
 @dataclass(frozen=True)
 class Slot:
-    """A part of an asset that takes one material: the path of a mesh or GeomSubset.
+    """A part of an asset that takes one material: the path of a mesh or GeomSubset, of the first instance.
 
-    `material` is the prim path of the bound material in the asset's own file, or None where nothing is bound.
+    `material` is the prim path of the bound material in the asset's composed stage, or None where nothing is bound.
     """
 
     path: str

@@ -2,30 +2,50 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Ints
-
 Doubles = NDArray[np.float64]
+Numbers = NDArray[np.signedinteger[Any]]
+
+_BLOCK = 1 << 13  # corners
 
 
-def face_starts(face_sizes: Ints) -> NDArray[np.intp]:
+def face_starts(face_sizes: Numbers) -> NDArray[np.intp]:
     """Return the index (f,) of each face's first corner."""
     return np.cumsum(face_sizes, dtype=np.intp) - face_sizes
 
 
-def next_corners(face_sizes: Ints) -> NDArray[np.intp]:
+def next_corners(face_sizes: Numbers) -> NDArray[np.intp]:
     """Return the index (m,) of the corner that follows each one around its face."""
-    following = np.arange(1, int(face_sizes.sum()) + 1)
-    starts = face_starts(face_sizes)
-    following[starts + face_sizes - 1] = starts
+    ends = np.cumsum(face_sizes, dtype=np.intp)
+    following = np.arange(1, (int(ends[-1]) if len(ends) else 0) + 1)
+    following[ends - 1] = ends - face_sizes
     return following
 
 
-def area_vectors(corner_positions: Doubles, face_sizes: Ints) -> Doubles:
+def blocks(face_sizes: Numbers) -> Iterator[tuple[slice, slice]]:
+    """Yield faces and their corners, so many at a time that arrays over them stay in a processor's cache."""
+    ends = np.cumsum(face_sizes, dtype=np.intp)
+    face = corner = 0
+    while face < len(ends):
+        stop = max(int(np.searchsorted(ends, corner + _BLOCK, side="right")), face + 1)
+        yield slice(face, stop), slice(corner, int(ends[stop - 1]))
+        face, corner = stop, int(ends[stop - 1])
+
+
+def face_areas(points: Doubles, corner_points: Numbers, face_sizes: Numbers) -> Doubles:
+    """Return `area_vectors` (f, 3) of faces whose corners are at points (n, 3)."""
+    areas = np.empty((len(face_sizes), 3))
+    for faces, corners in blocks(face_sizes):
+        areas[faces] = area_vectors(points[corner_points[corners]], face_sizes[faces])
+    return areas
+
+
+def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
     """Return each face's area times its unit normal (f, 3), by Newell's method; faces need not be planar.
 
     `corner_positions` is (m, 3), counter-clockwise seen from outside.
@@ -33,16 +53,21 @@ def area_vectors(corner_positions: Doubles, face_sizes: Ints) -> Doubles:
     starts = face_starts(face_sizes)
     # Relative to a corner of the face: far from the origin the cross products cancel.
     local = corner_positions - np.repeat(corner_positions[starts], face_sizes, axis=0)
-    crosses = np.cross(local, local[next_corners(face_sizes)])
+    x, y, z = local.T
+    u, v, w = local[next_corners(face_sizes)].T
+    crosses = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
     return np.asarray(0.5 * np.add.reduceat(crosses, starts, axis=0))
 
 
-def unit_or(vectors: Doubles, fallback: Doubles) -> Doubles:
+def unit_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:
     """Normalise vectors (..., 3); a vector of length 0 becomes `fallback` (broadcast)."""
     # Squares of lengths and areas of float32 data neither overflow nor underflow in float64.
     squares = dot(vectors, vectors)
+    has_length = squares > 0.0
+    if has_length.all():
+        return np.asarray(vectors / np.sqrt(squares))
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(squares > 0.0, vectors / np.sqrt(squares), fallback)
+        return np.where(has_length, vectors / np.sqrt(squares), fallback)
 
 
 def dot(a: Doubles, b: Doubles) -> Doubles:
@@ -50,18 +75,18 @@ def dot(a: Doubles, b: Doubles) -> Doubles:
     return np.asarray(np.einsum("...i,...i", a, b)[..., None])
 
 
-def sum_by(group: NDArray[np.signedinteger[Any]], vectors: Doubles, count: int) -> Doubles:
+def sum_by(group: Numbers, vectors: Doubles, count: int) -> Doubles:
     """Return the sum (count, 3) of the vectors (m, 3) of each group (m,)."""
     sums = [np.bincount(group, vectors[:, i], count) for i in range(3)]
     return np.stack(sums, axis=-1).astype(np.float64)
 
 
-def flat_normals(areas: Doubles, face_sizes: Ints) -> Doubles:
+def flat_normals(areas: Doubles, face_sizes: Numbers) -> Doubles:
     """Return unit normals (m, 3) that are constant over each face, from `area_vectors`; +z without area."""
     return np.repeat(unit_or(areas, np.array([0.0, 0.0, 1.0])), face_sizes, axis=0)
 
 
-def smooth_normals(areas: Doubles, corner_points: Ints, face_sizes: Ints, point_count: int) -> Doubles:
+def smooth_normals(areas: Doubles, corner_points: Numbers, face_sizes: Numbers, point_count: int) -> Doubles:
     """Return unit normals (m, 3): at each point the area-weighted mean of its faces' normals; where 0, the face's."""
     sums = sum_by(corner_points, np.repeat(areas, face_sizes, axis=0), point_count)
     return unit_or(sums[corner_points], flat_normals(areas, face_sizes))

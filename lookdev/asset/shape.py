@@ -34,7 +34,9 @@ class Shape:
 
     points (n, 3) metres; face_sizes (f,); face_points (m,) index into points, counter-clockwise seen from outside, or
     clockwise where `left_handed`. Without `normals`, those of a shape that is `flat` are its facets', any other's are
-    smooth. Faces in `holes` are not shown.
+    smooth. Faces in `holes` are not shown. `subdivision` has crease edges and corners by the numbers of these points,
+    and neither holes nor interpolation. `parts` (f,) numbers the parts of the surface that take a material each, by
+    default one. `default_uv` is that of `Mesh`, where there is such a UV set.
     """
 
     name: str
@@ -47,3 +49,5 @@ class Shape:
     left_handed: bool = False
     holes: Index | None = None
     subdivision: Subdivision | None = None
+    parts: Index | None = None
+    default_uv: str = "st"

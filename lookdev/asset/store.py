@@ -6,7 +6,8 @@ import dataclasses
 import hashlib
 import json
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +19,18 @@ from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
 
-_FORMAT = 3
+_FORMAT = 4
 _FLAGS = ("convex", "sheet", "revolved")
-_ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals", "tangents")
+
+# The fields of `Mesh` that are stored as one array for all meshes: its type, numbers in a row, and rows.
+_ARRAYS: dict[str, tuple[type[np.generic], int, str]] = {
+    "points": (np.float32, 3, "points"),
+    "corner_points": (np.int32, 0, "corners"),
+    "face_sizes": (np.int32, 0, "faces"),
+    "face_slots": (np.int32, 0, "faces"),
+    "normals": (np.float32, 3, "corners"),
+    "tangents": (np.float32, 3, "corners"),
+}
 
 
 def make_asset(
@@ -51,27 +61,42 @@ def make_asset(
 
 def asset_digest(asset: Asset) -> str:
     """Return the SHA-256, in hexadecimal, over all arrays, placements, slots and names."""
-    digest = hashlib.sha256(json.dumps(_description(asset)).encode())
-    for key, array in _arrays(asset):
-        digest.update(f"{key} {array.dtype.str} {array.shape}".encode())
-        digest.update(np.ascontiguousarray(array).data)
+    layouts, sizes = _layouts(asset.meshes)
+    digest = hashlib.sha256(json.dumps(_description(asset, layouts)).encode())
+    for _, _, parts in _columns(asset, sizes):
+        for part in parts:
+            digest.update(np.ascontiguousarray(part).data)
+    for number, mesh in enumerate(asset.meshes):
+        if mesh.subdivision is not None:
+            digest.update(f"cage {number}".encode())
+            for each in dataclasses.fields(mesh.subdivision):
+                value = getattr(mesh.subdivision, each.name)
+                digest.update(f"{each.name} {value.tolist() if isinstance(value, np.ndarray) else value}".encode())
     return digest.hexdigest()
 
 
 def save_asset(asset: Asset) -> Path:
-    """Write an asset to the cache, once, and return the file ``assets/<digest>.npz``."""
+    """Write an asset to the cache, once, and return the file ``assets/<digest>.npz``.
+
+    The paths of instances are left out, which no pixel depends on. Raises ValueError where a mesh is a control cage.
+    """
+    cages = [mesh.name for mesh in asset.meshes if mesh.subdivision is not None]
+    if cages:
+        raise ValueError(f"{asset.name}: {cages[0]} is a control cage, which is refined before it is rendered")
     digest = asset.digest or asset_digest(asset)
     path = cache_dir("assets") / f"{digest}.npz"
     if not path.exists():
-        head = _description(asset) | {"center": asset.center, "radius": asset.radius, "digest": digest}
-        contents: dict[str, Any] = {"head": np.array(json.dumps(head)), **dict(_arrays(asset))}
-        with atomic_path(path) as temporary:
-            np.savez(temporary, **contents)
+        layouts, sizes = _layouts(asset.meshes)
+        head = _description(asset, layouts) | {"center": asset.center, "radius": asset.radius, "digest": digest}
+        with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+            _write(archive, "head", np.array(json.dumps(head)))
+            for name, empty, parts in _columns(asset, sizes):
+                _write(archive, name, np.concatenate([empty, *parts], casting="no"))
     return path
 
 
 def read_asset(path: Path) -> Asset:
-    """Read an asset that `save_asset` wrote.
+    """Read an asset that `save_asset` wrote; arrays of its meshes are views of those of all meshes.
 
     Raises
     ------
@@ -88,39 +113,70 @@ def read_asset(path: Path) -> Asset:
         ) from error
 
 
-def _description(asset: Asset) -> dict[str, Any]:
+_Layout = tuple[tuple[str, ...], tuple[tuple[str, int], ...]]
+"""Names of a mesh's UV sets; names of its primvars, and the numbers in a row of each, 0 for a plain array."""
+
+
+def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], NDArray[np.int64]]:
+    """Return the different layouts, and for each mesh (n, 4) its points, corners, faces and the number of its layout.
+
+    Ten thousand meshes have a few layouts.
+    """
+    numbers: dict[_Layout, int] = {}
+    rows = []
+    for mesh in meshes:
+        layout = tuple(mesh.uvs), tuple((name, sum(each.shape[1:])) for name, each in mesh.primvars.items())
+        number = numbers.setdefault(layout, len(numbers))
+        rows.append((len(mesh.points), len(mesh.corner_points), len(mesh.face_sizes), number))
+    return list(numbers), np.array(rows, np.int64).reshape(-1, 4)
+
+
+def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, Any]:
     return {
         "format": _FORMAT,
         **{name: getattr(asset, name) for name in ("name", *_FLAGS)},
         "slots": [[slot.path, slot.material] for slot in asset.slots],
-        "meshes": [
-            {"name": mesh.name, "uvs": list(mesh.uvs), "primvars": list(mesh.primvars)} for mesh in asset.meshes
-        ],
+        "meshes": [mesh.name for mesh in asset.meshes],
+        "layouts": layouts,
     }
 
 
-def _arrays(asset: Asset) -> Iterator[tuple[str, NDArray[Any]]]:
-    yield "instance_meshes", np.array([instance.mesh for instance in asset.instances], np.int32)
-    yield "instance_matrices", np.stack([instance.matrix for instance in asset.instances])
-    for i, mesh in enumerate(asset.meshes):
-        for name in _ARRAYS:
-            yield f"{i}.{name}", getattr(mesh, name)
-        # By number: a primvar's name may have characters that a file name in the archive may not.
-        for kind, values in (("uv", mesh.uvs), ("primvar", mesh.primvars)):
-            for j, array in enumerate(values.values()):
-                yield f"{i}.{kind}{j}", array
+def _columns(asset: Asset, sizes: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[Any], Sequence[NDArray[Any]]]]:
+    """Yield each stored array: its name, an empty one of its type and shape, and the parts that it joins."""
+    yield "sizes", sizes[:0], [sizes]
+    yield "instance_meshes", np.zeros(0, np.int32), [np.array([each.mesh for each in asset.instances], np.int32)]
+    yield "instance_matrices", np.zeros((0, 4, 4)), [np.array([each.matrix for each in asset.instances])]
+    for name, (kind, width, _) in _ARRAYS.items():
+        yield name, np.zeros((0, width) if width else 0, kind), [getattr(mesh, name) for mesh in asset.meshes]
+    yield "uvs", np.zeros((0, 2), np.float32), [uv for mesh in asset.meshes for uv in mesh.uvs.values()]
+    carried = [each.ravel() for mesh in asset.meshes for each in mesh.primvars.values()]
+    yield "primvars", np.zeros(0, np.float32), carried
 
 
-def _assembled(arrays: dict[str, NDArray[Any]]) -> Asset:
+def _write(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
+    """Add an array as `np.savez` does, which would hold all of them at once."""
+    with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
+        np.save(stream, array, allow_pickle=False)
+
+
+def _assembled(arrays: Mapping[str, NDArray[Any]]) -> Asset:
     head = json.loads(str(arrays["head"]))
     if head["format"] != _FORMAT:
         raise ValueError(f"format {head['format']}, not {_FORMAT}")
+    points, corners, faces, layouts = arrays["sizes"].T.tolist()
+    rows = {"points": points, "corners": corners, "faces": faces}
+    columns = {name: _split(arrays[name], rows[of]) for name, (_, _, of) in _ARRAYS.items()}
+    # The UV sets and primvars of each mesh, and its corners.
+    carried = [(*head["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
+    uvs = iter(_split(arrays["uvs"], [count for names, _, count in carried for _ in names]))
+    flat = [count * max(width, 1) for _, widths, count in carried for _, width in widths]
+    primvars = iter(_split(arrays["primvars"], flat))
     meshes = []
-    for i, mesh in enumerate(head["meshes"]):
-        given: dict[str, Any] = {name: arrays[f"{i}.{name}"] for name in _ARRAYS}
-        given["uvs"] = {name: arrays[f"{i}.uv{j}"] for j, name in enumerate(mesh["uvs"])}
-        given["primvars"] = {name: arrays[f"{i}.primvar{j}"] for j, name in enumerate(mesh["primvars"])}
-        meshes.append(Mesh(mesh["name"], **given))
+    for number, (names, widths, _) in enumerate(carried):
+        given: dict[str, Any] = {name: column[number] for name, column in columns.items()}
+        given["uvs"] = {uv: next(uvs) for uv in names}
+        given["primvars"] = {each: next(primvars).reshape((-1, width) if width else -1) for each, width in widths}
+        meshes.append(Mesh(head["meshes"][number], **given))
     placements = zip(arrays["instance_meshes"].tolist(), arrays["instance_matrices"], strict=True)
     return Asset(
         meshes=tuple(meshes),
@@ -129,3 +185,8 @@ def _assembled(arrays: dict[str, NDArray[Any]]) -> Asset:
         center=tuple(head["center"]),
         **{name: head[name] for name in ("name", "radius", "digest", *_FLAGS)},
     )
+
+
+def _split(array: NDArray[Any], counts: Sequence[int]) -> list[NDArray[Any]]:
+    """Return views of an array, of so many rows each."""
+    return [array[end - count : end] for count, end in zip(counts, accumulate(counts), strict=True)]

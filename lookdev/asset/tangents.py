@@ -4,15 +4,21 @@ As in MikkTSpace (Mikkelsen, "Simulation of Wrinkled Surfaces Revisited", 2008),
 position, normal, UV and the orientation of their UVs, so that a mirrored or rotated UV island keeps its own direction
 along its seam. Two simplifications: a face has one tangent, exact for a triangle and the mean over a larger polygon,
 and the faces around a corner have equal weights.
+
+Without UVs, tangents follow the longitude about the z axis through the middle of the mesh's bounds.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.asset.mesh import Floats, Ints, Mesh
-from lookdev.asset.normals import Doubles, dot, face_starts, next_corners, sum_by, unit_or
+from lookdev.asset.mesh import Floats, Mesh
+from lookdev.asset.normals import Doubles, Numbers, blocks, dot, face_starts, next_corners, sum_by, unit_or
+
+_ROUNDS = 8
 
 
 def perpendicular(normals: Doubles) -> Doubles:
@@ -26,38 +32,64 @@ def perpendicular(normals: Doubles) -> Doubles:
     return np.stack([1.0 + sign * x * x * a, sign * x * y * a, -sign * x], axis=-1)
 
 
-def corner_tangents(points: Floats, corner_points: Ints, face_sizes: Ints, normals: Floats, uvs: Floats) -> Floats:
+def corner_tangents(
+    points: NDArray[np.floating[Any]],
+    corner_points: Numbers,
+    face_sizes: Numbers,
+    normals: Floats,
+    uvs: Floats | None,
+    meshes: Numbers | None = None,
+) -> Floats:
     """Return unit tangents (m, 3), orthogonal to the corner normals, of arrays as in `Mesh`, `uvs` (m, 2).
 
-    Where the UVs cover no area or the faces around a corner cancel, it is `perpendicular` of the normal.
+    Where the UVs cover no area or the faces around a corner cancel, it is `perpendicular` of the normal. The arrays may
+    be those of several meshes, one after the other: `meshes` (n,) is then the mesh of each point, from 0.
     """
-    positions = points[corner_points].astype(np.float64)
-    n = normals.astype(np.float64)
-    orientation = _orientation(face_sizes, uvs.astype(np.float64))
-    faces = _face_tangents(positions, face_sizes, uvs.astype(np.float64), orientation)
-    tangents = _orthogonal(np.repeat(faces, face_sizes, axis=0), n)
-    group = _groups(positions, n, uvs, np.repeat(orientation, face_sizes))
-    sums = sum_by(group, tangents, int(np.max(group)) + 1)[group]
-    # A sum of unit vectors shorter than this is rounding.
-    sums *= dot(sums, sums) > 1e-12
-    # Normals of one group are equal only to float32: project once more for exact orthogonality.
-    return unit_or(_orthogonal(sums, n), perpendicular(n)).astype(np.float32)
+    if uvs is None:
+        return _longitude(points.astype(np.float64), corner_points, face_sizes, normals, meshes)
+    orientation, tangents = np.empty(len(face_sizes)), np.empty((len(corner_points), 3))
+    for faces, corners in blocks(face_sizes):
+        sizes, uv = face_sizes[faces], uvs[corners].astype(np.float64)
+        following = next_corners(sizes)
+        orientation[faces] = _orientation(sizes, following, uv)
+        positions = points[corner_points[corners]].astype(np.float64)
+        along = _face_tangents(positions, sizes, following, uv, orientation[faces])
+        tangents[corners] = _orthogonal(np.repeat(along, sizes, axis=0), normals[corners].astype(np.float64))
+    places = _places(points, meshes)[corner_points]
+    group, example = _groups(places, normals, uvs, np.repeat(orientation.astype(np.int8), face_sizes))
+    sums = sum_by(group, tangents, len(example))
+    means = np.empty((len(example), 3), np.float32)
+    for _, some in blocks(np.ones(len(example), np.intp)):
+        # A sum of unit vectors shorter than this is rounding.
+        whole = sums[some] * (dot(sums[some], sums[some]) > 1e-12)
+        # Orthogonal to each normal of the group, which are equal, thus also their mean but for rounding.
+        n = normals[example[some]].astype(np.float64)
+        means[some] = unit_or(_orthogonal(whole, n), perpendicular(n))
+    return means[group]
+
+
+def mixed(key: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return a hash of each key: the finaliser of SplitMix64 (Steele et al. 2014)."""
+    key = key * np.uint64(0x9E3779B97F4A7C15)
+    key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return key ^ (key >> np.uint64(31))
 
 
 def handedness(mesh: Mesh) -> Floats:
     """Return 1 for each corner (m,) where v grows along cross(normal, tangent), -1 where the UVs are mirrored.
 
-    Of the mesh's first UV set, constant over a face, 1 where its UVs cover no area. The green channel of a normal map
-    leans along increasing v.
+    Of the mesh's first UV set, constant over a face, 1 where its UVs cover no area and where there are none. The green
+    channel of a normal map leans along increasing v.
     """
-    uvs = next(iter(mesh.uvs.values())).astype(np.float64)
-    sign = np.where(_orientation(mesh.face_sizes, uvs) < 0.0, -1.0, 1.0)
+    uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2))).astype(np.float64)
+    sign = np.where(_orientation(mesh.face_sizes, next_corners(mesh.face_sizes), uvs) < 0.0, -1.0, 1.0)
     return np.repeat(sign, mesh.face_sizes).astype(np.float32)
 
 
-def _orientation(face_sizes: Ints, uvs: Doubles) -> Doubles:
+def _orientation(face_sizes: Numbers, following: Numbers, uvs: Doubles) -> Doubles:
     """Return each face's sign (f,): 1 where its UVs wind like it, -1 where they are mirrored, 0 without area."""
-    starts, following = face_starts(face_sizes), next_corners(face_sizes)
+    starts = face_starts(face_sizes)
     first = np.repeat(uvs[starts], face_sizes, axis=0)
     u, v = (uvs - first).T
     uv_area = np.add.reduceat(u * v[following] - u[following] * v, starts)
@@ -67,13 +99,15 @@ def _orientation(face_sizes: Ints, uvs: Doubles) -> Doubles:
     return np.where(np.abs(uv_area) > rounding, np.sign(uv_area), 0.0)
 
 
-def _face_tangents(positions: Doubles, face_sizes: Ints, uvs: Doubles, orientation: Doubles) -> Doubles:
+def _face_tangents(
+    positions: Doubles, face_sizes: Numbers, following: Numbers, uvs: Doubles, orientation: Doubles
+) -> Doubles:
     """Return each face's tangent (f, 3), zero where there is none.
 
     By Stokes' theorem the integral of v dP around a face is the integral of (N x grad v) over it, and dP/du
     points along (grad v x N) where the UVs wind like the face, against it where they are mirrored.
     """
-    starts, following = face_starts(face_sizes), next_corners(face_sizes)
+    starts = face_starts(face_sizes)
     v = uvs[:, 1] - np.repeat(uvs[starts, 1], face_sizes)
     circulation = (0.5 * (v + v[following]))[:, None] * (positions[following] - positions)
     return np.asarray(-orientation[:, None] * np.add.reduceat(circulation, starts, axis=0))
@@ -87,19 +121,69 @@ def _orthogonal(vectors: Doubles, normals: Doubles) -> Doubles:
     return unit_or(rest, np.zeros(3))
 
 
-def _groups(positions: Doubles, normals: Doubles, uvs: Floats, orientation: Doubles) -> NDArray[np.intp]:
-    """Number the corners (m,) so that those equal in all columns have the same number.
+def _longitude(
+    points: Doubles, corner_points: Numbers, face_sizes: Numbers, normals: Floats, meshes: Numbers | None
+) -> Floats:
+    """Return unit tangents (m, 3) around the z axis, counter-clockwise seen from above."""
+    starts = np.flatnonzero(np.diff(meshes, prepend=-1)) if meshes is not None else np.zeros(1, np.intp)
+    middle = 0.5 * (np.minimum.reduceat(points, starts) + np.maximum.reduceat(points, starts))
+    x, y, z = (points - np.repeat(middle, np.diff(np.append(starts, len(points))), axis=0)).T
+    around = np.stack([-y, x, 0.0 * z], axis=-1)
+    tangents = np.empty((len(corner_points), 3), np.float32)
+    for _, corners in blocks(face_sizes):
+        n = normals[corners].astype(np.float64)
+        # Twice, as the normals are unit only to float32.
+        along = _orthogonal(_orthogonal(around[corner_points[corners]], n), n)
+        tangents[corners] = unit_or(along, perpendicular(n))
+    return tangents
 
-    Rows are compared by a 64-bit hash: sorting one integer column is ten times faster than sorting nine, and a
-    collision among ten million corners (probability 3e-6) averages two tangents.
-    """
-    columns = np.column_stack([positions, normals, uvs, orientation]).astype(np.float32)
-    columns += 0.0  # -0 becomes 0
-    key = np.zeros(len(columns), np.uint64)
-    for column in columns.view(np.uint32).T:
-        # The finaliser of SplitMix64 (Steele et al. 2014) after each column.
-        key = (key ^ column) * np.uint64(0x9E3779B97F4A7C15)
-        key = (key ^ (key >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-        key = (key ^ (key >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-        key ^= key >> np.uint64(31)
+
+def _places(points: NDArray[np.floating[Any]], meshes: Numbers | None) -> NDArray[np.intp]:
+    """Number the points (n,) so that those of one mesh in one place have the same number."""
+    key = _hash(points) if meshes is None else mixed(_hash(points) ^ meshes.astype(np.uint64))
+    ordered = np.sort(key)
+    if (ordered[1:] != ordered[:-1]).all():
+        return np.arange(len(key))
     return np.asarray(np.unique(key, return_inverse=True)[1])
+
+
+def _groups(
+    places: NDArray[np.intp], normals: Floats, uvs: Floats, orientation: NDArray[np.int8]
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Number the corners (m,) so that those equal in place, normal, UV and orientation have the same number.
+
+    Also return a corner of each number. In each round the corners that are equal to one of their place are numbered;
+    those that a few rounds leave, around a point with many normals, are compared by a 64-bit hash.
+    """
+    columns = (*normals.T, *uvs.T, orientation)
+    group = np.empty(len(places), np.intp)
+    left = np.arange(len(places))
+    examples: list[NDArray[np.intp]] = []
+    count = 0
+    for _ in range(_ROUNDS):
+        example = np.full(int(places.max()) + 1, -1)
+        example[places[left]] = left
+        number = np.cumsum(example >= 0) + (count - 1)
+        equal = np.empty(len(left), bool)
+        for _, some in blocks(np.ones(len(left), np.intp)):
+            mine, other = left[some], example[places[left[some]]]
+            equal[some] = np.logical_and.reduce([column[mine] == column[other] for column in columns])
+        group[left[equal]] = number[places[left[equal]]]
+        examples.append(example[example >= 0])
+        count += len(examples[-1])
+        left = left[~equal]
+        if len(left) == 0:
+            return group, np.concatenate(examples)
+    key = mixed(_hash(np.column_stack([column[left] for column in columns])) ^ places[left].astype(np.uint64))
+    _, first, numbers = np.unique(key, return_index=True, return_inverse=True)
+    group[left] = numbers + count
+    return group, np.concatenate([*examples, left[first]])
+
+
+def _hash(rows: NDArray[np.floating[Any]]) -> NDArray[np.uint64]:
+    """Return a hash of each row (k, w), by its values in 32 bits."""
+    single = rows.astype(np.float32) + np.float32(0.0)  # -0 becomes 0
+    key = np.zeros(len(single), np.uint64)
+    for column in single.view(np.uint32).T:
+        key = mixed(key ^ column)
+    return key

@@ -101,6 +101,8 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
 def _needed(source: Path) -> list[Path]:
     """Return a job file, and its files and those of its looks."""
     job = load_job(source)
-    composed = [file for file in (job.asset.usd, *(look.material for look in job.look)) if file]
-    needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*map(dependencies, composed))
+    composed = [job.asset.usd]
+    for look in job.look:
+        composed += [look.material, look.layer, *(each.material for each in look.assign)]
+    needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(dependencies(file) for file in composed if file))
     return [source, *sorted(needed)]

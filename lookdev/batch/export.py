@@ -149,7 +149,7 @@ def image_names(made: JobSetups) -> dict[Content, str]:
 
 def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
     """Yield each look-up of an image in looks."""
-    layers = [layer for look in looks for layer in look.layers]
+    layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
     pending: list[object] = [source for layer in layers for source in (*layer.inputs.values(), layer.mask)]
     while pending:
         source = pending.pop()

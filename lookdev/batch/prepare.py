@@ -7,7 +7,8 @@ from pathlib import Path
 
 from lookdev.errors import Fault
 from lookdev.job import Job, load_job
-from lookdev.job.scenes import JobScenes, collected, job_scenes, raise_all
+from lookdev.job.faults import collected, raise_all
+from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan, make_setup
 

@@ -82,7 +82,7 @@ def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
     """Return the skips of a scene, and why; none for backends that no job may name."""
     if not BACKENDS[scene.backend].in_jobs:
         return ()
-    looks = [LOOKS[cell.look].make()] * len(scene.shaders)
+    looks = [LOOKS[cell.look].make()] * len(scene.worn)
     found = scene_skips(scene, looks, Sampling(bounces=SCENES[cell.scene].bounces))
     return tuple(str(Skip(cell.look, cell.ibl, what, why)) for what, why in found)
 

@@ -30,7 +30,6 @@ from lookdev.light import world_image
 from lookdev.render import wire
 from lookdev.render.answers import Answers, save_arrays
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.scene import camera_rays
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
 """Fastest first; the first needs LLVM's library."""
@@ -114,8 +113,13 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     radiance = mi.Bitmap(str(world_image(scene.light).path)).convert(
         mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
     )
-    target = np.array(scene.camera.target) - asset.center
-    origin = camera_rays(scene.camera, pose, scene.resolution, 0.0, 0.0)[0] - asset.center
+    camera = scene.camera.orbited(-pose.element)
+    if camera.lens is not None or any(camera.shift):
+        raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")
+    right, up, back = camera.frame
+    # Mitsuba's camera looks along its z, with x to the left.
+    to_world = np.eye(4)
+    to_world[:3] = np.stack([-right, up, -back, camera.position - asset.center], axis=1)
     width, height = scene.resolution
     # Depth 1 is light seen directly, 2 is light reflected once.
     depths = {"max_depth": scene.sampling.bounces + 2, "rr_depth": 1000}
@@ -126,11 +130,11 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
         "light": {"type": "envmap", "bitmap": radiance, "to_world": turn @ transform(_UPRIGHT)},
         "sensor": {
             "type": "perspective",
-            "fov": scene.camera.fov,
+            "fov": camera.fov,
             "fov_axis": "x",
-            "near_clip": scene.camera.distance * 1e-3,
-            "far_clip": scene.camera.distance * 1e3,
-            "to_world": transform().look_at(origin=origin.tolist(), target=target.tolist(), up=[0, 0, 1]),
+            "near_clip": camera.clip[0],
+            "far_clip": camera.clip[1],
+            "to_world": transform(to_world.tolist()),
             "film": film,
             "sampler": {"type": "independent"},
         },

@@ -9,7 +9,7 @@ from lookdev.brdf.mixture import evaluate, evaluate_cosine, pdf, sample, seen_al
 from lookdev.brdf.model import Mode, Model, StackLayer
 from lookdev.brdf.models import MODELS, complete_parameters, layer_shaders, model_named
 from lookdev.brdf.parameters import MASK, Parameter, Value
-from lookdev.brdf.stack import runs, stack_bsdf, stranger
+from lookdev.brdf.stack import reflectance, runs, stack_bsdf, stranger
 from lookdev.brdf.vectors import Array, Real
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "layer_shaders",
     "model_named",
     "pdf",
+    "reflectance",
     "runs",
     "sample",
     "seen_along",

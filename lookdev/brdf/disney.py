@@ -5,7 +5,8 @@
 - Hanrahan, P. and Krueger, W. 1993. Reflection from Layered Surfaces due to Subsurface Scattering. SIGGRAPH.
 
 Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
-``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles.
+``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. `presence`, which
+is not of the model, is the part of the surface that is there at all.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.reflectance import ggx_reflectance
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, scale
 
 COAT_F0 = 0.04
@@ -63,15 +65,21 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     )
 
 
+# Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
+def _alphas(p: Parameters) -> tuple[Array, Array]:
+    aspect, square = np.sqrt(1.0 - 0.9 * p["anisotropic"]), p["roughness"] * p["roughness"]
+    return np.maximum(0.001, square / aspect), np.maximum(0.001, square * aspect)
+
+
+# Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals take the base colour.
+def _f0(p: Parameters) -> Array:
+    dielectric = scale(mix_color(np.ones(3), _tint(p["baseColor"]), p["specularTint"]), 0.08 * p["specular"])
+    return mix_color(dielectric, p["baseColor"], p["metallic"])
+
+
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
-    base_color, roughness = p["baseColor"], p["roughness"]
-    # Burley 2012, addenda, "Anisotropic specular details"; the floor is the BRDF Explorer's.
-    aspect = np.sqrt(1.0 - 0.9 * p["anisotropic"])
-    alpha_x = np.maximum(0.001, roughness * roughness / aspect)
-    alpha_y = np.maximum(0.001, roughness * roughness * aspect)
-    # Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals take the base colour.
-    dielectric = scale(mix_color(np.ones(3), _tint(base_color), p["specularTint"]), 0.08 * p["specular"])
-    f0 = mix_color(dielectric, base_color, p["metallic"])
+    roughness, f0 = p["roughness"], _f0(p)
+    alpha_x, alpha_y = _alphas(p)
 
     def fresnel(cos_theta: Array) -> Array:
         return mix_color(f0, np.ones(3), schlick_weight(cos_theta))
@@ -147,6 +155,12 @@ _PARAMETERS: dict[str, Parameter] = {
         Parameter("sheenTint", "float", 0.5, help="Tints sheen towards the base colour's hue."),
         Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),
         Parameter("clearcoatGloss", "float", 1.0, help="Clearcoat glossiness: 0 satin, 1 gloss."),
+        Parameter(
+            "presence",
+            "float",
+            1.0,
+            help="How much of the layer is there; what is beneath it, or behind, shows through.",
+        ),
         normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal."),
         Parameter(
             "variant",
@@ -160,12 +174,23 @@ _PARAMETERS: dict[str, Parameter] = {
 
 
 def _bsdf(parameters: Parameters) -> Bsdf:
+    presence = parameters["presence"]
+
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         frame = frame_of(parameters["normal"]).facing(wo)
         local = frame.to_local(wo)
-        return tuple(build(parameters, local, frame) for build in (_diffuse, _specular, _clearcoat))
+        built = (build(parameters, local, frame) for build in (_diffuse, _specular, _clearcoat))
+        return tuple(lobe.blended(presence) for lobe in built)
 
-    return Bsdf(lobes)
+    return Bsdf(lobes, presence)
+
+
+def _reflectance(p: Parameters, wo: Array) -> Real:
+    """Return the albedo of the specular lobe, fitted for the variant of 2014."""
+    cos_theta = frame_of(p["normal"]).facing(wo).to_local(wo)[..., 2]
+    alpha_x, alpha_y = _alphas(p)
+    # A lobe of both alphas resembles one of their mean.
+    return ggx_reflectance(cos_theta, np.minimum(np.sqrt(alpha_x * alpha_y), 1.0), mean(_f0(p)))
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
@@ -187,6 +212,10 @@ DISNEY = Model(
     # Saturated tints are up to ten times brighter than white, and a rough surface retroreflects: 2.5 was found.
     energy=lambda tokens: 4.0,
     reciprocal=lambda tokens: ("diffuse", "specular", "clearcoat"),
+    modes=("over", "coat"),
+    reflectance=_reflectance,
     probe={"roughness": 0.4, "clearcoat": 0.5, "sheen": 0.5},
-    preview=Preview({"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness"}, _preview),
+    preview=Preview(
+        {"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness", "opacity": "presence"}, _preview
+    ),
 )

@@ -9,24 +9,27 @@ from typing import Any, Literal
 import numpy as np
 
 from lookdev.brdf.lobes import Bsdf
-from lookdev.brdf.parameters import Parameter, Value
-from lookdev.brdf.vectors import Parameters, Real, mix
-from lookdev.errors import ModelError, nearest_hint
+from lookdev.brdf.parameters import Parameter, Value, complete
+from lookdev.brdf.vectors import Array, Parameters, Real, mix, same
+from lookdev.errors import ModelError
 
-Mode = Literal["over", "transmit"]
+Mode = Literal["over", "transmit", "coat"]
+"""How a layer lies on what is beneath: it covers it by mask and presence; what it transmits meets it; or it reflects,
+and withholds that from it."""
 
 
 @dataclass(frozen=True)
 class StackLayer:
     """One layer: its model, all of the model's parameters, its mask (...) in [0, 1], and how it meets what is beneath.
 
-    The mask of the base has no meaning: nothing is beneath it.
+    The mask of the base has no meaning: nothing is beneath it. `name` is for readers.
     """
 
     model: str
     parameters: Parameters
     mask: Real = 1.0
     mode: Mode = "over"
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,7 +65,10 @@ class Model:
     reciprocal
         From tokens, by name, to the names of the lobes with f(wo, wi) = f(wi, wo) where no normal leans.
     modes
-        How a layer may lie on layers of the same model.
+        How a layer may lie on others.
+    reflectance
+        In mode ``"coat"``: from all parameters and unit views (..., 3) above the horizon to the share of light, (...),
+        that a layer withholds from what is beneath, its directional albedo.
     two_sided
         Whether the surface is thin and looks alike from both sides.
     probe
@@ -81,6 +87,7 @@ class Model:
     reciprocal: Callable[[Mapping[str, str]], tuple[str, ...]] = lambda tokens: ()
     combine: Callable[[Sequence[StackLayer]], Bsdf] | None = None
     modes: tuple[Mode, ...] = ("over",)
+    reflectance: Callable[[Parameters, Array], Real] | None = None
     two_sided: bool = False
     probe: Mapping[str, Value] = field(default_factory=dict)
     preview: Preview = field(default_factory=Preview)
@@ -93,32 +100,33 @@ class Model:
         """Blend the parameters of layers, base first, by their masks (Burley 2012, section 5.7).
 
         The result is exactly the upper layer's value where its mask is 1, exactly the value beneath where it is 0.
-        Tokens that differ raise ModelError.
+        Tokens that differ raise ModelError. Presence is coverage, as the mask is: each layer has weight by what is seen
+        of it.
         """
         blended = dict(layers[0].parameters)
         for layer in layers[1:]:
+            share, presence = _seen(blended, layer)
             for name, parameter in self.parameters.items():
-                blended[name] = _blended(parameter, blended[name], layer.parameters[name], layer.mask)
+                blended[name] = _blended(parameter, blended[name], layer.parameters[name], share)
+            if _PRESENCE in self.parameters:
+                blended[_PRESENCE] = presence
         return blended
 
     def complete(self, given: Mapping[str, object]) -> dict[str, Any]:
-        """Check constant parameters and fill in the defaults.
+        """Return `lookdev.brdf.parameters.complete` of this model."""
+        return complete(self.name, self.parameters, given)
 
-        Floats become float64 scalars, colours and normals arrays of shape (3,), tokens stay strings.
 
-        Raises
-        ------
-        ModelError
-            A parameter is unknown, of the wrong type, not finite or outside its hard range.
-        """
-        for name in given:
-            if name not in self.parameters:
-                hint = nearest_hint(name, list(self.parameters))
-                raise ModelError(f"{self.name}: unknown parameter '{name}' ({hint})")
-        return {
-            name: _checked(self.name, parameter, given.get(name, parameter.default))
-            for name, parameter in self.parameters.items()
-        }
+_PRESENCE = "presence"
+
+
+def _seen(below: Parameters, layer: StackLayer) -> tuple[Real, Real]:
+    """Return the layer's share of what is there of it and of a layer below, and how much is there of both."""
+    covered, beneath = layer.mask * layer.parameters.get(_PRESENCE, 1.0), below.get(_PRESENCE, 1.0)
+    if same(beneath, 1.0):
+        return covered, beneath + 0.0 * covered  # of the mask's shape
+    presence = covered + (1.0 - covered) * beneath
+    return np.where(presence > 0.0, covered / np.where(presence > 0.0, presence, 1.0), 0.0), presence
 
 
 def _blended(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
@@ -128,24 +136,3 @@ def _blended(parameter: Parameter, below: Any, above: Any, mask: Real) -> Any:
         values = f"'{below}' below, '{above}' above"
         raise ModelError(f"layers disagree on '{parameter.name}': {values}; all layers of a stack must use the same")
     return below
-
-
-def _checked(model: str, parameter: Parameter, value: object) -> Any:
-    place = f"{model}.{parameter.name}"
-    if parameter.kind == "token":
-        if value not in parameter.choices:
-            raise ModelError(f"{place} is {value!r}; one of {', '.join(parameter.choices)} would be right")
-        return value
-    shape = () if parameter.kind == "float" else (3,)
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if isinstance(value, (str, bool)) or array.shape != shape:
-        raise ModelError(f"{place} is {value!r}; {'three numbers' if shape else 'a number'} would be right")
-    low, high = parameter.hard
-    if not np.all((array >= low) & (array <= high)):
-        raise ModelError(f"{place} is {value!r}; its range is {low:g} to {high:g}")
-    if parameter.kind == "normal" and not array.any():
-        raise ModelError(f"{place} is {value!r}; a vector with a direction would be right")
-    return array

@@ -5,8 +5,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
+
+import numpy as np
+
+from lookdev.errors import ModelError, nearest_hint
 
 Value = float | tuple[float, float, float] | str
 
@@ -39,3 +44,42 @@ def normal_parameter(name: str, help: str) -> Parameter:
 
 MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")
 """The mask of a layer, of whatever model."""
+
+
+def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str, object]) -> dict[str, Any]:
+    """Check constant values of `parameters` and fill in the defaults; `owner` names them in messages.
+
+    Floats become float64 scalars, colours and normals arrays of shape (3,), tokens stay strings.
+
+    Raises
+    ------
+    ModelError
+        A parameter is unknown, of the wrong type, not finite or outside its hard range.
+    """
+    for name in given:
+        if name not in parameters:
+            raise ModelError(f"{owner}: unknown parameter '{name}' ({nearest_hint(name, list(parameters))})")
+    return {
+        name: _checked(f"{owner}.{name}", parameter, given.get(name, parameter.default))
+        for name, parameter in parameters.items()
+    }
+
+
+def _checked(place: str, parameter: Parameter, value: object) -> Any:
+    if parameter.kind == "token":
+        if value not in parameter.choices:
+            raise ModelError(f"{place} is {value!r}; one of {', '.join(parameter.choices)} would be right")
+        return value
+    shape = () if parameter.kind == "float" else (3,)
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if isinstance(value, (str, bool)) or array.shape != shape:
+        raise ModelError(f"{place} is {value!r}; {'three numbers' if shape else 'a number'} would be right")
+    low, high = parameter.hard
+    if not np.all((array >= low) & (array <= high) & np.isfinite(array)):
+        raise ModelError(f"{place} is {value!r}; its range is {low:g} to {high:g}")
+    if parameter.kind == "normal" and not array.any():
+        raise ModelError(f"{place} is {value!r}; a vector with a direction would be right")
+    return array

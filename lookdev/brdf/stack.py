@@ -1,12 +1,13 @@
 """Stacks of layers as one BSDF, whatever their models.
 
-From the base up, layers of the base's model are combined by that model's rule. From the first layer of another model
-on, evaluated BSDFs are blended by the masks.
+From the base up, layers of the base's model are combined by that model's rule. From the first layer of another model,
+or coat, on, evaluated BSDFs are blended by the masks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import takewhile
 
 from lookdev.brdf.lobes import Bsdf, Lobe
 from lookdev.brdf.model import Mode, StackLayer
@@ -29,41 +30,63 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
     for number, layer in enumerate(layers):
         if stranger(layer.mode, [each.model for each in layers[: number + 1]]) is not None:
             models = " or ".join(model.title for model in MODELS.values() if layer.mode in model.modes)
-            raise ModelError(f"layer {number}: mode '{layer.mode}' needs {models} layers only, here and beneath")
+            where = "only, here and beneath" if layer.mode == "transmit" else "only"
+            raise ModelError(f"layer {number}: mode '{layer.mode}' needs {models} layers {where}")
     first, *others = runs(layers)
     bsdf = model_named(layers[0].model).stack(first)
     for (layer,) in others:
-        bsdf = _blend(bsdf, model_named(layer.model).stack([layer]), layer.mask)
+        combine = _coat if layer.mode == "coat" else _blend
+        bsdf = combine(bsdf, model_named(layer.model).stack([layer]), layer)
     return bsdf
 
 
 def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
     """Split layers into those that one model combines: the base and those like it, then one by one."""
-    first = layers[0].model
-    count = next((number for number, each in enumerate(layers) if each.model != first), len(layers))
+    base, *others = layers
+    like = takewhile(lambda each: each.model == base.model and each.mode != "coat", others)
+    count = 1 + len(list(like))
     return [layers[:count], *([layer] for layer in layers[count:])]
 
 
 def stranger(mode: Mode, models: Sequence[str]) -> int | None:
     """Return the index of the model that rules out the mode of the uppermost layer, or None.
 
-    `models` are those of all layers, base first. Any layer may lie ``"over"`` any other; in another mode a layer and
-    all beneath it are of one model, which has that mode.
+    `models` are those of all layers, base first. A layer's model has its mode; ``"transmit"`` needs that model in all
+    layers beneath, too.
     """
-    if mode == "over":
-        return None
     if mode not in model_named(models[-1]).modes:
         return len(models) - 1
+    if mode != "transmit":
+        return None
     return next((index for index, each in enumerate(models) if each != models[-1]), None)
 
 
-def _blend(below: Bsdf, above: Bsdf, mask: Real) -> Bsdf:
+def _blend(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
     """Blend evaluated BSDFs: f is ``mask * f_above + (1 - mask) * f_below``."""
-    covered = mask * above.presence
-
-    def lobes(wo: Array) -> tuple[Lobe, ...]:
-        parts = (below, 1.0 - covered), (above, mask)
-        return tuple(lobe.blended(weight) for bsdf, weight in parts for lobe in bsdf.lobes(wo))
-
+    covered = layer.mask * above.presence
     presence = 1.0 - (1.0 - covered) * (1.0 - below.presence)
+    return _sum(below, lambda wo: 1.0 - covered, above, layer.mask, presence)
+
+
+def _coat(below: Bsdf, above: Bsdf, layer: StackLayer) -> Bsdf:
+    """Add a BSDF, and withhold from what is beneath the part of light that it reflects to the view."""
+
+    def beneath(wo: Array) -> Real:
+        return 1.0 - layer.mask * above.presence * reflectance(layer, wo)
+
+    return _sum(below, beneath, above, layer.mask, below.presence)
+
+
+def reflectance(layer: StackLayer, wo: Array) -> Real:
+    """Return `Model.reflectance` of a layer in mode ``"coat"``, whole, for unit views (..., 3) above the horizon."""
+    known = model_named(layer.model).reflectance
+    assert known is not None, "a model with that mode has it"
+    return known(layer.parameters, wo)
+
+
+def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight: Real, presence: Real) -> Bsdf:
+    def lobes(wo: Array) -> tuple[Lobe, ...]:
+        parts = (below, weight_below(wo)), (above, weight)
+        return tuple(lobe.blended(factor) for bsdf, factor in parts for lobe in bsdf.lobes(wo))
+
     return Bsdf(lobes, presence, below.two_sided or above.two_sided)

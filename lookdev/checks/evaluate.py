@@ -9,12 +9,12 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
+from lookdev.brdf import MODELS, Bsdf, Mode, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 
@@ -172,8 +172,8 @@ def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
             mask, mode = each.get("mask", 1.0), each.get("mode", "over")
             if isinstance(mask, bool) or not isinstance(mask, int | float) or not 0.0 <= mask <= 1.0:
                 raise ModelError(f"mask is {mask!r}; a number from 0 to 1 would be right")
-            if mode not in ("over", "transmit"):
-                raise ModelError(f"mode is {mode!r}; 'over' or 'transmit' would be right")
+            if mode not in get_args(Mode):
+                raise ModelError(f"mode is {mode!r}; one of {', '.join(get_args(Mode))} would be right")
             layer, values = _parse_layer(each["model"], each.get("params", {}), mode)
         except ModelError as error:
             raise ModelError(f"layer {place}: {error}") from error

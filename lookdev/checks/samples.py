@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, StackLayer
 from lookdev.checks.evaluate import Batch
-from lookdev.material import Look, Primvar
+from lookdev.material import Layer, Look, Primvar
 from lookdev.material.points import ImagePoints
 from lookdev.material.values import look_layers
 
@@ -72,13 +72,13 @@ def tokens(layer: StackLayer) -> dict[str, str]:
 def constant_look(look: Look, layers: list[StackLayer], index: int) -> Look:
     """Return the constant look of one of the points of `layers`."""
     constants = []
-    for layer, values in zip(look.layers, layers, strict=True):
+    for values in layers:
         numbers = constant(values) | {name: value[index].tolist() for name, value in varying(values).items()}
         inputs: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value for name, value in numbers.items()
         }
         mask = inputs.pop("mask")
-        constants.append(replace(layer, mask=mask, inputs=tokens(values) | inputs))
+        constants.append(Layer(values.name, values.model, tokens(values) | inputs, mask, values.mode))
     return replace(look, layers=tuple(constants))
 
 

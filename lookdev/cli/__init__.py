@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 import lookdev
-from lookdev.cli import bench, checks, export, jobs, looks, machine, materials
+from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 
 EX_SOFTWARE = 70
@@ -23,7 +23,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for group in (jobs, looks, checks, bench, machine):
+for group in (jobs, assets, looks, checks, bench, machine):
     app.add_typer(group.app)
 app.add_typer(materials.app, name="materials", rich_help_panel="Looks")
 app.add_typer(export.app, name="export", rich_help_panel="Jobs")

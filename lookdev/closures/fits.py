@@ -6,41 +6,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-from lookdev.brdf.vectors import Real
+from lookdev.brdf.rational import Rational
 
 DATA = Path(__file__).parent / "data" / "closure_fits.json"
 """The file of the table."""
-
-Rows = Sequence[Sequence[float]]
-
-
-@dataclass(frozen=True)
-class Rational:
-    """A quotient of two polynomials in x and y; a row has the coefficients of one power of x, by powers of y."""
-
-    numerator: Rows
-    denominator: Rows
-
-    def __call__(self, x: Real, y: Real = 0.0) -> Real:
-        """Evaluate at x and y, (...), within the fitted domain."""
-        return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
-
-
-def polynomial(rows: Rows, x: Real, y: Real) -> Real:
-    """Evaluate the sum of ``rows[i][j] x^i y^j`` by Horner's rule."""
-    total: Real = 0.0
-    for row in reversed(rows):
-        inner: Real = 0.0
-        for coefficient in reversed(row):
-            inner = inner * y + coefficient
-        total = total * x + inner
-    return total
 
 
 @cache

@@ -22,10 +22,12 @@ from lookdev.brdf.disney import COAT_F0
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.lobes import Directions
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+from lookdev.brdf.rational import Rational
+from lookdev.brdf.reflectance import relative_cosine
 from lookdev.closures.closure import Closure, closure_cosine, oren_nayar_g
 from lookdev.closures.disney import seen_alphas, shadowing_2012
-from lookdev.closures.fits import DATA, Rational
-from lookdev.closures.pixar import ggx_share, relative_cosine
+from lookdev.closures.fits import DATA
+from lookdev.closures.pixar import ggx_share
 from lookdev.closures.rational import Degree, Floats, Problem, fit_rational
 from lookdev.closures.setups import (
     COARSE,

@@ -16,6 +16,7 @@ import numpy as np
 from lookdev.brdf.frames import Frame, Leaning
 from lookdev.brdf.fresnel import fresnel_blend
 from lookdev.brdf.lobes import Lobe
+from lookdev.brdf.reflectance import relative_cosine
 from lookdev.brdf.vectors import Array, dot, same, scale
 from lookdev.closures.closure import Closure, Kind, StandIn
 from lookdev.closures.fits import fit, shape
@@ -78,11 +79,6 @@ def highlight_mix(
 def ggx_share(alpha: Array, shape: Mapping[str, float]) -> Array:
     """Return the share of GGX in a highlight's mix, (...): exactly 0 where it is narrow."""
     return np.clip(shape["slope"] * (alpha - shape["start"]), 0.0, 1.0)
-
-
-def relative_cosine(cos_theta: Array, alpha: Array) -> Array:
-    """Return the cosine of the view relative to the lobe's width, in [0, 1], in which fits are smooth, (...)."""
-    return cos_theta / np.sqrt(cos_theta * cos_theta + alpha * alpha)
 
 
 STAND_INS: dict[tuple[str, str], StandIn] = {

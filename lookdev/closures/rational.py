@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.closures.fits import Rational
+from lookdev.brdf.rational import Rational
 
 Floats = NDArray[np.float64]
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -49,14 +50,18 @@ def write_blend(task: BlendTask) -> list[str]:
     for look, scene in task.scenes.items():
         into = bpy.data.scenes.new(look) if scenes else None
         # The file may be rendered on another machine, with the job's device.
-        scenes[look] = Scene(replace(scene, device="cpu"), into, groups)
-    first, *others = scenes.values()
-    moved = {"asset": first.root, "camera": first.camera}
-    animate(moved, task.turntables, lambda pose: first.pose(first.task.camera, pose))
-    for other in others:
-        _share_camera(first, other)
-        other.pose(other.task.camera, task.turntables[-1].poses[-1])  # channels that do not move have no keys
-        follow(other.root, first.root)
+        scenes[look] = Scene(replace(scene, device="cpu"), into, groups, apart=True)
+    animated: list[Scene] = []
+    for each in scenes.values():
+        like = next((other for other in animated if other.task.camera == each.task.camera), None)
+        if like is None:
+            moved = {"asset": each.root, "camera": each.camera}
+            animate(moved, task.turntables, partial(each.pose, each.task.camera))
+            animated.append(each)
+        else:
+            _share_camera(like, each)
+            each.pose(each.task.camera, task.turntables[-1].poses[-1])  # channels that do not move have no keys
+            follow(each.root, like.root)
     world = _add_worlds(task)
     views = set()
     for look, each in scenes.items():
@@ -68,7 +73,7 @@ def write_blend(task: BlendTask) -> list[str]:
         mark(each.scene, task.turntables)
         each.scene.view_layers[0].objects.active = each.objects[0]
     _place_images(task)
-    _open_with(first.scene)
+    _open_with(animated[0].scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(task.file), compress=True, relative_remap=False)
     unlike = sorted(views - {_VIEWS[task.view][0]})
     return [f"Blender {version.VERSION} has no view '{task.view}': the file is shown by '{view}'" for view in unlike]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import bpy
 
-from lookdev.asset import Asset
 from lookdev.codegen import PrincipledSource
 from lookdev.cycles import version
+from lookdev.cycles.geometry import Shown
 
 
 def principled_material(source: PrincipledSource) -> Any:
@@ -29,10 +28,12 @@ def principled_material(source: PrincipledSource) -> Any:
     return material
 
 
-def shade_by_normals(objects: Sequence[Any], asset: Asset) -> None:
-    """Set the normals that Blender's own BSDFs read, in 16 bits, on the meshes of an asset's instances."""
-    for item, instance in zip(objects, asset.instances, strict=True):
-        item.data.normals_split_custom_set(asset.meshes[instance.mesh].normals)
+def shade_by_normals(shown: Shown) -> None:
+    """Set the normals that Blender's own BSDFs read, in 16 bits, and smooth the terminator as Blender does."""
+    for data, mesh in shown.meshes:
+        data.normals_split_custom_set(mesh.normals)
+    for item in shown.objects:
+        item.shadow_terminator_geometry_offset = 0.1
 
 
 def configure_as_users_do(scene: Any) -> None:

@@ -14,7 +14,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from lookdev.errors import Fault, JobError, nearest_hint
-from lookdev.job.schema import LISTS, PATTERNS, Job
+from lookdev.job.keys import PATTERNS
+from lookdev.job.schema import LISTS, Job
 
 Place = tuple[str | int, ...]
 
@@ -45,7 +46,7 @@ def parse_job(text: str, path: Path) -> Job:
     except tomllib.TOMLDecodeError as error:
         what, _, where = str(error).removesuffix(")").partition(" (at ")
         raise JobError([Fault(str(path), where, f"not TOML: {what}")]) from None
-    faults = list(_duplicate_names(data, str(path)))
+    faults = [*_duplicate_names(data, str(path)), *_bound_to_a_builtin(data, str(path))]
     try:
         job = Job.model_validate(data, context={"file": path.absolute()})
     except ValidationError as error:
@@ -85,6 +86,19 @@ def _duplicate_names(data: dict[str, Any], file: str) -> Iterator[Fault]:
                 yield Fault(file, f"{key}[{index}].name", what, "give each its own name")
 
 
+def _bound_to_a_builtin(data: dict[str, Any], file: str) -> Iterator[Fault]:
+    """Yield faults of looks that need an asset from a file, in a job with a built-in one."""
+    asset, looks = data.get("asset"), data.get("look")
+    if not (isinstance(asset, dict) and "builtin" in asset and isinstance(looks, tuple)):
+        return
+    for index, look in enumerate(looks):
+        if isinstance(look, dict) and not ("material" in look or "assign" in look):
+            yield Fault(file, f"look[{index}].material", "is missing", "nothing is bound to a built-in asset")
+        if isinstance(look, dict) and "layer" in look:
+            what = "has no meaning with a built-in asset"
+            yield Fault(file, f"look[{index}].layer", what, "a layer is composed over 'usd' of [asset]")
+
+
 def _is_echo(detail: ErrorDetails) -> bool:
     """Return whether a fault follows from another: a default of a faulty key, a list too short without faulty items."""
     return detail["type"] == "default_factory_not_called" or (detail["type"] == "too_short" and bool(detail["input"]))
@@ -107,7 +121,8 @@ def _fault(detail: ErrorDetails, data: dict[str, Any], file: str) -> Fault:
             what, hint = "should be a table", f"write [{key}]" if len(place) == 1 else ""
         case "tuple_type":
             what = "should be a list"
-            hint = f"write [[{key}]]" if isinstance(value, dict) else ""
+            tables = ".".join(part for part in place if isinstance(part, str))
+            hint = f"write [[{tables}]]" if isinstance(value, dict) else f"write {key} = [{_shown(value)}]"
         case "too_short" | "too_long":
             bound = f"at least {context['min_length']}" if kind == "too_short" else f"at most {context['max_length']}"
             what = f"should have {bound} entries, not {context['actual_length']}"

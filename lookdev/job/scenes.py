@@ -1,23 +1,24 @@
-"""From a job to its scenes: reads its asset, looks and lights."""
+"""From a job to its scenes: reads its asset, looks and lights, and puts them together."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
 from pathlib import Path
 
-from lookdev.asset import Slot, load_asset
-from lookdev.errors import AssetError, CodegenError, EnvironmentMapError, Fault, FaultsError, ModelError, TextureError
-from lookdev.job.schema import Job, JobLook
+from lookdev.asset.usd_camera import UsdCamera, read_camera
+from lookdev.errors import Fault
+from lookdev.job.faults import collected, raise_all
+from lookdev.job.parts import JobAssign, JobLook
+from lookdev.job.rendered import rendered
+from lookdev.job.schema import Job
+from lookdev.job.turned import Assets, Turned
+from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as
 from lookdev.light import Light, load_environment, prepare_light
-from lookdev.material import Layer, Look
-from lookdev.material.usd import expand_variants, has_look, read_look
-from lookdev.scene import Film, Scene, frame_camera
-
-# The look of a part to which a job gives none: the grey of a photographer's card, without gloss.
-_NEUTRAL = Look("neutral", (Layer("Neutral", "disney", {"baseColor": (0.18, 0.18, 0.18), "roughness": 1.0}),))
+from lookdev.material import Look
+from lookdev.material.usd import expand_variants, read_look
+from lookdev.scene import Film, Scene
+from lookdev.stage import open_stage
 
 
 @dataclass(frozen=True)
@@ -27,59 +28,69 @@ class JobScenes:
     job: Job  # each variant is a separate look
     scenes: Mapping[tuple[str, str], Scene]
     places: Mapping[str, str]  # the key in the job file of each look
-    notes: tuple[str, ...]  # for the user: repaired texels, parts left neutral
+    notes: tuple[str, ...]  # for the user, each once
 
 
 def job_scenes(job: Job) -> JobScenes:
     """Read the files of a job; raises FaultsError with all faults of all files."""
     notes: list[str] = []
     faults: list[Fault] = []
-    job, places = _every_variant(job, faults)
-    asset = None
-    with collected(job, "asset", faults):
-        asset = load_asset(job.asset.usd, job.asset.builtin, job.asset.prim)
+    assets = Assets(job.asset)
+    job, places = _every_variant(job, assets, faults)
+    turned = {}
+    for look in job.look:
+        with collected(job, f"{places[look.name]}.layer" if look.layer else "asset", faults):
+            turned[look.name] = assets.turned(look)
+            notes += turned[look.name].asset.notes
     lights = _lights(job, notes, faults)
-    worn = _worn(job, places, asset.slots if asset else (), notes, faults)
+    dressed: dict[str, Dressed] = {}
+    for look in job.look:
+        place = places[look.name]
+        with collected(job, place, faults):
+            materials = _materials(job, look, place, faults)
+            if look.name in turned:
+                dressed[look.name] = dress_as(look, materials, turned[look.name], Place(str(job.file), place), faults)
+                notes += dressed[look.name].notes
     raise_all(faults)
-    assert asset is not None, "without an asset there is a fault"
-    film, lens = Film(job.render.resolution), job.camera
-    view = {"fov": lens.horizontal_fov, "elevation": lens.elevation, "margin": lens.margin}
-    camera = frame_camera(asset.center, asset.radius, film.resolution, **view)
+    with collected(job, "camera.usd", faults):
+        shot = _shot(job, next(iter(turned.values())))
+    raise_all(faults)
+    shown, cameras = rendered(job, dressed, shot, places, notes)
+    film = Film(job.render.resolution)
     scenes = {
-        (look, ibl): Scene(asset, wears, (light,), camera, film)
-        for look, wears in worn.items()
+        (name, ibl): Scene(shown[name], each.wears, (light,), cameras[name], film)
+        for name, each in dressed.items()
         for ibl, light in lights.items()
     }
-    return JobScenes(job, scenes, places, tuple(notes))
+    return JobScenes(job, scenes, places, tuple(dict.fromkeys(notes)))
 
 
 def each_variant(
     name: str, file: Path, prim: str | None, variants: Mapping[str, str]
 ) -> Iterator[tuple[str, dict[str, str]]]:
-    """Yield name and variants of each look of a choice of variants; raises LookError as `expand_variants`.
+    """Yield name and variants of each look of a choice of a material's variants; raises LookError as `expand_variants`.
 
     A ``"*"`` stands for every variant of its set; the look of each is named ``<name>_<variant>``.
     """
+    yield from _named(name, variants, lambda: expand_variants(file, prim, variants))
+
+
+def _shot(job: Job, turned: Turned) -> UsdCamera | None:
+    """Return the camera that a job names, of the asset as a look composes it, or of another file."""
+    if job.camera.usd is None:
+        return None
+    if job.camera.file is not None:
+        return read_camera(open_stage(job.camera.file), job.camera.usd)
+    assert turned.composed is not None, "a built-in asset has no camera"
+    return read_camera(turned.composed.stage, job.camera.usd)
+
+
+def _named(
+    name: str, variants: Mapping[str, str], expand: Callable[[], Iterable[dict[str, str]]]
+) -> Iterator[tuple[str, dict[str, str]]]:
     every = [each for each, choice in variants.items() if choice == "*"]
-    for chosen in expand_variants(file, prim, variants) if every else [dict(variants)]:
+    for chosen in expand() if every else [dict(variants)]:
         yield "_".join([name, *(chosen[each] for each in every)]), chosen
-
-
-@contextmanager
-def collected(job: Job, where: str, faults: list[Fault]) -> Iterator[None]:
-    """Add errors of a file of the job to `faults`, with the key that names the file."""
-    try:
-        yield
-    except FaultsError as error:
-        faults += error.faults
-    except (AssetError, CodegenError, EnvironmentMapError, TextureError, ModelError) as error:
-        faults.append(Fault(str(job.file), where, str(error)))
-
-
-def raise_all(faults: Iterable[Fault]) -> None:
-    """Raise a FaultsError of all faults, each once, if there are any."""
-    if unique := tuple(dict.fromkeys(faults)):
-        raise FaultsError(unique)
 
 
 def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]:
@@ -93,14 +104,14 @@ def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]
     return lights
 
 
-def _every_variant(job: Job, faults: list[Fault]) -> tuple[Job, dict[str, str]]:
+def _every_variant(job: Job, assets: Assets, faults: list[Fault]) -> tuple[Job, dict[str, str]]:
     """Return the job with a look for each variant, and the key in the job file of each look."""
     looks: list[JobLook] = []
     places: dict[str, str] = {}
     for index, given in enumerate(job.look):
         place = f"look[{index}]"
         with collected(job, place, faults):
-            for name, chosen in each_variant(given.name, given.material, given.prim, given.variants):
+            for name, chosen in _variants(given, assets):
                 if any(name.casefold() == other.casefold() for other in places):
                     what = f"two looks of the job are called '{name}'"
                     faults.append(Fault(str(job.file), place, what, "give each its own name"))
@@ -109,39 +120,23 @@ def _every_variant(job: Job, faults: list[Fault]) -> tuple[Job, dict[str, str]]:
     return job.model_copy(update={"look": tuple(looks)}), places
 
 
-def _worn(
-    job: Job, places: Mapping[str, str], slots: Sequence[Slot], notes: list[str], faults: list[Fault]
-) -> dict[str, dict[str, Look]]:
-    """Return, for each look of the job, the look of each slot of the asset."""
-    worn: dict[str, dict[str, Look]] = {}
-    bound: dict[str, Look] = {}
-    for material in {slot.material: None for slot in slots if slot.material is not None}:
-        if job.asset.usd is not None and has_look(job.asset.usd, material):
-            with collected(job, "asset", faults):
-                bound[material] = read_look(job.asset.usd, material, open_images=False)
-    for given in job.look:
-        place = places[given.name]
-        with collected(job, place, faults):
-            look = read_look(given.material, given.prim, given.variants, given.name, open_images=False)
-            for pattern in given.parts or () if slots else ():
-                if not any(fnmatchcase(slot.path, pattern) for slot in slots):
-                    known = "known: " + ", ".join(slot.path for slot in slots)
-                    faults.append(Fault(str(job.file), f"{place}.parts", f"'{pattern}' fits no part", known))
-            worn[given.name] = dict(_wear(slots, given, look, bound, notes))
-    return worn
+def _variants(look: JobLook, assets: Assets) -> Iterator[tuple[str, dict[str, str]]]:
+    """Yield name and variants of each look that a look of the job stands for."""
+    if look.material is not None:
+        yield from each_variant(look.name, look.material, look.prim, look.variants)
+    else:
+        yield from _named(look.name, look.variants, lambda: assets.looks(look))
 
 
-def _wear(
-    slots: Sequence[Slot], given: JobLook, look: Look, bound: Mapping[str, Look], notes: list[str]
-) -> Iterator[tuple[str, Look]]:
-    for slot in slots:
-        own = bound.get(slot.material or "")
-        if given.parts is not None and any(fnmatchcase(slot.path, pattern) for pattern in given.parts):
-            yield slot.path, look
-        elif own is not None:
-            yield slot.path, own
-        elif given.parts is None:
-            yield slot.path, look
-        else:
-            notes.append(f"look '{given.name}': nothing covers {slot.path}; it is rendered neutral grey")
-            yield slot.path, _NEUTRAL
+def _materials(job: Job, look: JobLook, place: str, faults: list[Fault]) -> list[Look]:
+    """Return the looks of each `assign` of a look, and last that of its `material`; grey where one has a fault."""
+    made: list[Look] = []
+    given: tuple[JobAssign | JobLook, ...] = (*look.assign, look)
+    for number, each in enumerate(given):
+        if each.material is None:
+            continue
+        key, name = (place, look.name) if each is look else (f"{place}.assign[{number}]", None)
+        made.append(NEUTRAL)
+        with collected(job, key, faults):
+            made[-1] = read_look(each.material, each.prim, each.variants, name, open_images=False)
+    return made

@@ -7,177 +7,38 @@ with every other fault. For the same reason `lookdev.job.load` checks in the raw
 from __future__ import annotations
 
 import math
-import os
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Discriminator,
-    Field,
-    GetCoreSchemaHandler,
-    GetJsonSchemaHandler,
-    PrivateAttr,
-    Tag,
-    ValidationInfo,
-    create_model,
-    field_validator,
-)
-from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, create_model, field_validator
 
-from lookdev.asset import BUILTINS
-from lookdev.errors import nearest_hint
-from lookdev.light import BUILTIN_LIGHTS
+from lookdev.job.keys import (
+    BackendName,
+    Background,
+    BuiltinIbl,
+    Degrees,
+    Device,
+    IblFile,
+    JobPath,
+    Name,
+    Pixels,
+    PrimPath,
+    Table,
+    UsdFile,
+    View,
+    folder,
+    instead_of,
+    wrong,
+)
+from lookdev.job.parts import JobAsset, JobLook
 from lookdev.output import OUTPUTS, Output
 from lookdev.output.display import VIEWS
 from lookdev.render.backends import BACKENDS, job_backends
 from lookdev.scene import SAMPLE_CAP, Sampling
-
-# Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
-NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
-PRIM_PATH = r"^(/[^/\s]+)+$"
-PATTERNS: dict[str, str] = {
-    NAME: "letters, digits, '_', '-' and '.', which is not the first",
-    PRIM_PATH: "an absolute prim path, like '/Paint'",
-}
-"""The hint for a string that does not match a pattern."""
+from lookdev.scene.framing import DEFAULT_FILL
 
 DEFAULT_FOCAL_LENGTH = 50.0
-
-
-def _wrong(what: str, hint: str = "") -> PydanticCustomError:
-    return PydanticCustomError("lookdev", "{what}", {"what": what, "hint": hint})
-
-
-@dataclass(frozen=True)
-class _OneOf:
-    """The annotation of a name in a registry; the registry is read with each job."""
-
-    names: Callable[[], Iterable[str]]
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        return core_schema.no_info_after_validator_function(self._known, handler(source))
-
-    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return handler(schema) | {"enum": list(self.names())}
-
-    def _known(self, name: str) -> str:
-        known = list(self.names())
-        if name not in known:
-            raise _wrong(f"unknown value '{name}'", nearest_hint(name, known))
-        return name
-
-
-def _devices() -> dict[str, None]:
-    return {device: None for backend in job_backends().values() for device in backend.devices}
-
-
-BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
-BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
-BackendName = Annotated[str, _OneOf(job_backends)]
-Device = Annotated[str, _OneOf(_devices)]
-View = Annotated[str, _OneOf(lambda: VIEWS)]
-
-
-def _resolve(value: object, info: ValidationInfo[dict[str, Path]]) -> Path:
-    if not isinstance(value, str) or not value or "\0" in value:
-        raise _wrong("should be a path in quotes")
-    return Path(os.path.normpath(info.context["file"].parent / value))
-
-
-def _readable(*suffixes: str) -> AfterValidator:
-    def check(path: Path) -> Path:
-        if path.suffix.lower() not in suffixes:
-            raise _wrong(f"'{path.name}' is of no known kind", f"known: {', '.join(suffixes)}")
-        if not (os.access(path, os.R_OK) and path.is_file()):
-            raise _wrong(f"no readable file {path}", "paths are relative to the job file")
-        return path
-
-    return AfterValidator(check)
-
-
-def _folder(path: Path) -> Path:
-    nearest = next(place for place in (path, *path.parents) if place.exists())
-    if not nearest.is_dir():
-        raise _wrong(f"{nearest} is not a folder", "name a folder; it is made if it does not exist")
-    return path
-
-
-JobPath = Annotated[Path, BeforeValidator(_resolve)]
-UsdFile = Annotated[JobPath, _readable(".usd", ".usda", ".usdc", ".usdz")]
-IblFile = Annotated[JobPath, _readable(".exr", ".hdr")]
-PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
-Name = Annotated[str, Field(pattern=NAME, max_length=100)]
-Text = Annotated[str, Field(min_length=1)]
-Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
-Channel = Annotated[float, Field(ge=0.0, le=1e6)]
-Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
-Background = Annotated[
-    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
-    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
-]
-
-
-class Table(BaseModel):
-    """A table of the job file."""
-
-    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-def _instead_of(other: str) -> AfterValidator:
-    """Return the rule that either a key or an earlier one is given."""
-
-    def check(value: str | None, info: ValidationInfo) -> str | None:
-        # A faulty key is absent from info.data, and counts as given.
-        if (value is None) == (info.data.get(other, ...) is None):
-            raise _wrong(f"give exactly one of '{other}' and '{info.field_name}'")
-        return value
-
-    return AfterValidator(check)
-
-
-class JobAsset(Table):
-    """What is turned: a USD file or a built-in asset."""
-
-    usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
-    builtin: Annotated[BuiltinAsset | None, _instead_of("usd")] = Field(
-        default=None, validate_default=True, description="A built-in asset, instead of a file."
-    )
-    prim: PrimPath | None = Field(
-        default=None, description="Render only what is under this prim of the USD file; default: everything."
-    )
-
-    @field_validator("prim")
-    @classmethod
-    def _prim_of_a_file(cls, value: str, info: ValidationInfo) -> str:
-        if info.data.get("builtin") is not None:
-            raise _wrong("a built-in asset has no prims to choose from", "'prim' goes with 'usd'")
-        return value
-
-
-class JobLook(Table):
-    """One look: a material for the asset."""
-
-    name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
-    material: UsdFile = Field(description="A USD file with the look, a UsdShade material.")
-    prim: PrimPath | None = Field(
-        default=None, description="The material's prim; default: the file's default prim, or its only material."
-    )
-    variants: dict[Text, Text] = Field(
-        default_factory=dict,
-        description="The variant chosen in each variant set: { wear = 'dirty' }. '*' makes a look of each: "
-        "{ wear = '*' } of 'paint' gives 'paint_clean', 'paint_dirty'.",
-    )
-    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
-        default=None,
-        description="Globs over the asset's parts (paths of meshes and subsets) that the look covers, "
-        "whatever is bound to them; default: every part that has no look bound to it.",
-    )
 
 
 class JobIbl(Table):
@@ -185,7 +46,7 @@ class JobIbl(Table):
 
     name: Name = Field(description="The light's name, unique; it becomes a folder of the output.")
     file: IblFile | None = Field(default=None, description="A lat-long environment map, .exr or .hdr.")
-    builtin: Annotated[BuiltinIbl | None, _instead_of("file")] = Field(
+    builtin: Annotated[BuiltinIbl | None, instead_of("file")] = Field(
         default=None, validate_default=True, description="A built-in environment, instead of a file."
     )
     exposure: Annotated[float, Field(ge=-30.0, le=30.0)] = Field(
@@ -212,8 +73,14 @@ class JobTurntable(Table):
 
 
 class JobCamera(Table):
-    """A camera that frames the asset's bounding sphere."""
+    """A camera that frames the turned asset, or one of a USD file."""
 
+    usd: PrimPath | None = Field(
+        default=None,
+        description="A camera of the asset's USD file, as '/Cameras/shot', which must stand still: its place, focal "
+        "length, aperture, offsets, focus and f-stop. It takes the place of all other keys but 'file'.",
+    )
+    file: UsdFile | None = Field(default=None, description="The USD file of that camera, instead of the asset's.")
     fov: Annotated[float, Field(ge=0.1, le=170.0)] | None = Field(
         default=None, description="Horizontal angle of view, degrees, instead of a focal length."
     )
@@ -227,15 +94,44 @@ class JobCamera(Table):
         default=10.0, description="Degrees that the camera stands above the horizon."
     )
     azimuth: Degrees = Field(default=0.0, description="Degrees that the camera stands about the up axis.")
-    margin: Annotated[float, Field(ge=1.0, le=10.0)] = Field(
-        default=1.1, description="The frame holds the bounding sphere times this."
+    fill: Annotated[float, Field(ge=0.05, le=1.0)] | None = Field(
+        default=None,
+        description="The part of the frame's width or height, whichever is reached first, that the asset covers while "
+        f"it turns; default {DEFAULT_FILL:g}.",
     )
+    margin: Annotated[float, Field(ge=1.0, le=10.0)] | None = Field(
+        default=None, description="Instead of 'fill': the frame holds the bounding sphere times this."
+    )
+    framing: Literal["job", "each"] = Field(
+        default="job", description="'job': one camera frames what all looks show; 'each': each look has its own."
+    )
+
+    @field_validator("file")
+    @classmethod
+    def _file_of_a_camera(cls, value: Path, info: ValidationInfo) -> Path:
+        if info.data.get("usd", ...) is None:
+            raise wrong("has no meaning without 'usd'", "usd = '/Cameras/shot'")
+        return value
+
+    @field_validator("fov", "focal_length", "sensor_width", "elevation", "azimuth", "fill", "margin", "framing")
+    @classmethod
+    def _framed_or_of_a_file(cls, value: object, info: ValidationInfo) -> object:
+        if info.data.get("usd") is not None:
+            raise wrong("has no meaning beside 'usd'", "the camera of the file decides it")
+        return value
 
     @field_validator("focal_length", "sensor_width")
     @classmethod
     def _lens_or_angle(cls, value: float, info: ValidationInfo) -> float:
         if info.data.get("fov", ...) is not None:
-            raise _wrong("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
+            raise wrong("has no meaning beside 'fov'", "give either 'fov' or 'focal_length'")
+        return value
+
+    @field_validator("margin")
+    @classmethod
+    def _sphere_or_silhouette(cls, value: float, info: ValidationInfo) -> float:
+        if info.data.get("fill", ...) is not None:
+            raise wrong("has no meaning beside 'fill'", "give either 'fill' or 'margin'")
         return value
 
     @property
@@ -293,7 +189,7 @@ class JobRender(Table):
         backend = BACKENDS.get(info.data.get("backend", ""))
         if backend is not None and value not in backend.devices:
             others = " or ".join(f'"{name}"' for name, each in job_backends().items() if value in each.devices)
-            raise _wrong(
+            raise wrong(
                 f"backend '{backend.name}' cannot run on '{value}': it is {backend.help}",
                 f'device = "{backend.devices[0]}", or backend = {others}',
             )
@@ -305,7 +201,7 @@ class JobRender(Table):
         backend = BACKENDS.get(info.data.get("backend", ""))
         if backend is not None and not backend.directions:
             others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.directions)
-            raise _wrong(f"has no meaning with backend '{backend.name}'", f"it goes with backend = {others}")
+            raise wrong(f"has no meaning with backend '{backend.name}'", f"it goes with backend = {others}")
         return value
 
     @property
@@ -324,7 +220,7 @@ class OutputsTable(Table):
     @classmethod
     def _exr_is_kept(cls, value: bool) -> bool:
         if not value:
-            raise _wrong("the EXR cannot be left out: its header records which frames are done", "exr = true")
+            raise wrong("the EXR cannot be left out: its header records which frames are done", "exr = true")
         return value
 
     @field_validator("*")
@@ -332,7 +228,7 @@ class OutputsTable(Table):
     def _option_of_an_output(cls, value: object, info: ValidationInfo) -> object:
         for name, output in OUTPUTS.items():
             if info.field_name in output.options and info.data.get(name) is False:
-                raise _wrong(f"has no meaning without '{name}'", f"{name} = true")
+                raise wrong(f"has no meaning without '{name}'", f"{name} = true")
         return value
 
     @property
@@ -357,7 +253,7 @@ else:
 class Job(Table):
     """A look-dev job: every look under every light, through every turntable."""
 
-    output: Annotated[JobPath, AfterValidator(_folder)] = Field(
+    output: Annotated[JobPath, AfterValidator(folder)] = Field(
         description="The output folder; frames are <look>/<ibl>/<turntable>.####.exr in it."
     )
     asset: JobAsset = Field(description="What is turned.")
@@ -369,6 +265,14 @@ class Job(Table):
     outputs: JobOutputs = Field(default_factory=JobOutputs, description="Which files are written.")
 
     _file: Path = PrivateAttr()
+
+    @field_validator("camera")
+    @classmethod
+    def _camera_of_a_file(cls, camera: JobCamera, info: ValidationInfo) -> JobCamera:
+        asset = info.data.get("asset")
+        if camera.usd is not None and camera.file is None and asset is not None and asset.usd is None:
+            raise wrong("a built-in asset has no camera", "name the 'file' of the camera")
+        return camera
 
     def model_post_init(self, context: Any) -> None:
         """Keep the job file, whose absolute path is ``file`` of the validation context."""

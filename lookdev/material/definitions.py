@@ -47,7 +47,7 @@ _SHADER = """def Shader "{name}" (
 
 
 def shader_definitions() -> str:
-    """Return the text of shaderDefs.usda, for `Sdr.Registry`: the models, stacks, bumps and expressions.
+    """Return the text of shaderDefs.usda, for `Sdr.Registry`: the models, stacks, bumps, displacements and expressions.
 
     Each input has its type, default, help and, for numbers, its hard and soft range.
     """
@@ -66,9 +66,20 @@ def shader_definitions() -> str:
     expression_help = "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."
     expression = [_input("string", "expression", expression_help, constant=True)]
     expression_doc = "A value computed from named inputs, which are float, color3f or float2."
+    height_help = "A texture's channel, a primvar, an expression or a constant: how far points move along the normal."
+    midlevel_help = "The height at which a point stays where it is."
+    units_help = "object: the units of the asset's file, in the object's own space. world: metres."
+    displacement = [
+        _input("float", "height", height_help, "0.0"),
+        _input("float", "scale", "The factor from heights to units.", "1.0", constant=True),
+        _input("float", "midlevel", midlevel_help, "0.0", constant=True),
+        _input("token", "units", units_help, '"object"', ("object", "world"), constant=True),
+    ]
+    displacement_doc = "The surface is moved along its normal by (height - midlevel) scale."
     others = [
         _shader("LookdevLayers", stack_doc, layers, "token outputs:surface"),
         _shader("LookdevBump", "A normal from a height map.", bump, "normal3f outputs:normal", "math"),
+        _shader("LookdevDisplacement", displacement_doc, displacement, "token outputs:displacement", "displacement"),
         _shader("LookdevExpression", expression_doc, expression, "float outputs:result", "math"),
     ]
     return _HEAD + "\n".join([*models, *others])

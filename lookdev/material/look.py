@@ -27,8 +27,8 @@ class Texture:
     """A texture look-up, as UsdUVTexture defines it: ``value * scale + bias`` per channel.
 
     `channel` is one of ``"r" "g" "b" "a"`` for a float, ``"rgb"`` for a colour. Values are linear Rec.709 once
-    `colorspace` is resolved: ``"sRGB"`` is decoded before filtering, ``"raw"`` is left as it is. `st` names the UV set,
-    whose (0, 0) is the lower left corner; `transform` is UsdTransform2d.
+    `colorspace` is resolved: ``"raw"`` is left as it is, ``"sRGB"`` and the spaces of `colorspaces` are converted
+    before filtering. `st` names the UV set, whose (0, 0) is the lower left corner; `transform` is UsdTransform2d.
 
     ``"auto"`` and ``"useMetadata"`` depend on the image, which is opened when it is needed. A file whose name contains
     ``<UDIM>`` is a set of tiles.
@@ -36,7 +36,7 @@ class Texture:
 
     file: Path
     channel: Channel
-    colorspace: Literal["sRGB", "raw", "auto"]
+    colorspace: str
     wrap_s: Wrap | Literal["useMetadata"] = "repeat"
     wrap_t: Wrap | Literal["useMetadata"] = "repeat"
     st: str = "st"
@@ -96,6 +96,8 @@ Mask = float | Texture | Primvar | Formula
 @dataclass(frozen=True)
 class Layer:
     """One layer: a model, the inputs that are set (the rest have the model's defaults), its mask (1 for the base).
+
+    `model` is one of `lookdev.brdf.MODELS`, or a foreign one of `lookdev.material.translate.TRANSLATIONS`.
 
     `mode` is how the layer lies on those beneath: ``"over"`` covers them by its mask, ``"transmit"`` lets what the
     layer transmits meet them. Disabled layers are left out of a `Look`.

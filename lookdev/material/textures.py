@@ -1,8 +1,8 @@
 """Image files prepared for shading: linear float EXR in the cache, and the reference look-ups in NumPy.
 
 Channels follow UsdUVTexture: one channel is repeated into r, g and b; two are value and alpha; a missing alpha is 1.
-Values are never multiplied by alpha. sRGB is decoded by the piecewise curve of IEC 61966-2-1 before filtering; alpha
-is not decoded.
+Values are never multiplied by alpha. Colours are converted to linear Rec.709 before filtering, sRGB by the piecewise
+curve of IEC 61966-2-1; alpha is not.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import OpenImageIO as oiio
@@ -21,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from lookdev.brdf import Array
 from lookdev.cache import atomic_path, cache_dir, file_digest
 from lookdev.errors import TextureError
+from lookdev.material.colorspaces import to_linear_rec709
 from lookdev.material.look import Bump, Texture, Wrap
 
 UDIM = "<UDIM>"
@@ -45,21 +45,21 @@ _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slic
 
 @dataclass(frozen=True)
 class ImageHeader:
-    """Channel names, depth and the file's own wrap modes; an `unsigned` image holds integers that stand for 0 to 1."""
+    """Channel names, depth and the file's own wrap modes; an `unsigned` image holds integers that stand for 0 to 1.
+
+    `tagged_srgb` is whether the file states that it is sRGB.
+    """
 
     channels: tuple[str, ...]
     eight_bit: bool
     unsigned: bool
     wraps: tuple[Wrap, Wrap]
+    tagged_srgb: bool
 
     @property
     def is_srgb(self) -> bool:
-        """Whether sourceColorSpace ``auto`` (UsdUVTexture) is sRGB: an 8-bit image of 3 or 4 channels.
-
-        Metadata of the file, which may overrule this by the specification, is ignored: OpenImageIO reports a colour
-        space for files that state none.
-        """
-        return self.eight_bit and len(self.channels) in (3, 4)
+        """Whether sourceColorSpace ``auto`` (UsdUVTexture) is sRGB: tagged, or an 8-bit image of 3 or 4 channels."""
+        return self.tagged_srgb or (self.eight_bit and len(self.channels) in (3, 4))
 
 
 def image_header(file: Path) -> ImageHeader:
@@ -75,7 +75,13 @@ def image_header(file: Path) -> ImageHeader:
     # UsdUVTexture: black outside where the file has no wrap modes.
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
     eight_bit, unsigned = spec.format == oiio.UINT8, spec.format.basetype in _UNSIGNED
-    return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t))
+    # Not oiio:ColorSpace, which OpenImageIO has for files that state none. 1 is sRGB in Exif.
+    profile, exif = (
+        spec.get_string_attribute("ICCProfile:profile_description"),
+        spec.get_int_attribute("Exif:ColorSpace"),
+    )
+    tagged = profile.startswith("sRGB") or exif == 1
+    return ImageHeader(tuple(spec.channelnames), eight_bit, unsigned, (wrap_s, wrap_t), tagged)
 
 
 def resolved(texture: Texture) -> Texture:
@@ -86,7 +92,7 @@ def resolved(texture: Texture) -> Texture:
     header = image_header(next(iter(tiles.values())).file if tiles else texture.file)
     given = zip((texture.wrap_s, texture.wrap_t), header.wraps, strict=True)
     wrap_s, wrap_t = (own if wrap == "useMetadata" else wrap for wrap, own in given)
-    automatic: Literal["sRGB", "raw"] = "sRGB" if header.is_srgb else "raw"
+    automatic = "sRGB" if header.is_srgb else "raw"
     colorspace = automatic if texture.colorspace == "auto" else texture.colorspace
     return replace(texture, colorspace=colorspace, wrap_s=wrap_s, wrap_t=wrap_t)
 
@@ -124,8 +130,7 @@ def linear_texture(texture: Texture) -> Path:
     linear = cache_dir("textures") / name
     if not linear.exists():
         rgba = _read_rgba(texture.file)
-        if texture.colorspace == "sRGB":
-            rgba[..., :3] = srgb_to_linear(rgba[..., :3])
+        rgba[..., :3] = to_linear_rec709(rgba[..., :3], texture.colorspace)
         _write_exr(linear, rgba)
     return linear
 
@@ -163,13 +168,6 @@ def slope_texture(height: Texture) -> Path:
 def image_file(source: Texture | Bump) -> Path:
     """Return the image that a shader reads: a texture's linear one, a height map's slopes; errors as theirs."""
     return slope_texture(source.height) if isinstance(source, Bump) else linear_texture(source)
-
-
-def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
-    """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
-    value = np.asarray(encoded, np.float64)
-    # No power of the values below the knee: those of a float image can be negative.
-    return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
 
 
 def texture_value(texture: Texture, texels: Array) -> Array:

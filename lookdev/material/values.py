@@ -10,10 +10,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, model_named, stack_bsdf
+from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
+from lookdev.brdf.parameters import complete
 from lookdev.brdf.vectors import same, vector
 from lookdev.material.look import Bump, Coordinates, Formula, Input, Layer, Look, Primvar, Source, Texture, Varying
 from lookdev.material.textures import texture_value
+from lookdev.material.translate import layer_parameters, translated
 
 
 class Surface(Protocol):
@@ -49,21 +51,25 @@ def look_bsdf(look: Look, surface: Surface) -> Bsdf:
 
 
 def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
-    """Return the layers of a look at some points, base first, with all parameters of their models; errors as above."""
+    """Return the layers of a look at some points, base first, with all parameters of their models; errors as above.
+
+    A layer of a foreign model becomes those that stand for it.
+    """
     values = Values(surface)
-    return [
-        StackLayer(layer.model, _parameters(layer, values), values.of(layer.mask, MASK), layer.mode)
+    stack = [
+        StackLayer(layer.model, _parameters(layer, values), values.of(layer.mask, MASK), layer.mode, layer.name)
         for layer in look.layers
     ]
+    return [each for layer in stack for each in translated(layer)]
 
 
 def _parameters(layer: Layer, values: Values) -> dict[str, Any]:
-    model = model_named(layer.model)
+    known = layer_parameters(layer.model)
     varying = {name: source for name, source in layer.inputs.items() if isinstance(source, Varying)}
     constants = {name: source for name, source in layer.inputs.items() if name not in varying}
-    parameters = model.complete(constants)
-    normals = {name: values.handed(parameters[name]) for name in constants if model.parameters[name].kind == "normal"}
-    return parameters | normals | {name: values.of(source, model.parameters[name]) for name, source in varying.items()}
+    parameters = complete(layer.model, known, constants)
+    normals = {name: values.handed(parameters[name]) for name in constants if known[name].kind == "normal"}
+    return parameters | normals | {name: values.of(source, known[name]) for name, source in varying.items()}
 
 
 @dataclass(frozen=True)
@@ -78,7 +84,9 @@ class Values:
             return self.handed(self._bump(source))
         value = self.read(source, color=parameter.kind == "color")
         if isinstance(source, Varying):
-            value = np.clip(value, *parameter.hard)
+            low, high = parameter.hard
+            value = value if low == -np.inf else np.maximum(value, low)
+            value = value if high == np.inf else np.minimum(value, high)
         return self.handed(value) if parameter.kind == "normal" else value
 
     def handed(self, normal: Array) -> Array:

@@ -1,10 +1,12 @@
-"""Variants of a look in the form of the command line."""
+"""Choices of variants: in the form of the command line, and of several variants of a set."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from lookdev.errors import LookdevError
+from lookdev.errors import Fault, LookdevError, LookError
+
+_MOST_COMBINATIONS = 1000  # of variants, that "*" may stand for
 
 
 def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
@@ -16,3 +18,24 @@ def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
             raise LookdevError(f"--variants {pair}: SET=VARIANT is needed, for instance wear=dusty")
         chosen[name] = choice
     return chosen
+
+
+def combinations(
+    variants: Mapping[str, str], choices: Callable[[dict[str, str], str], Sequence[str]], file: str, prim: str = ""
+) -> tuple[dict[str, str], ...]:
+    """Replace each ``"*"`` by every variant of its set: all combinations.
+
+    `choices` returns the variants of a set, which may be inside a variant of another, after the selections made so
+    far: a mapping in which sets yet to come are ``"*"``. Raises LookError, with `file` and `prim` as its place, where
+    a set is empty or there are too many combinations.
+    """
+    made = [dict(variants)]
+    while (wanted := next((name for name, choice in made[0].items() if choice == "*"), None)) is not None:
+        options = [choices(chosen, wanted) for chosen in made]
+        if not all(options):
+            raise LookError([Fault(file, prim, f"variant set '{wanted}' has no variants")])
+        made = [{**chosen, wanted: each} for chosen, own in zip(made, options, strict=True) for each in own]
+        if len(made) > _MOST_COMBINATIONS:
+            what = f"'*' stands for {len(made)} combinations of variants, at most {_MOST_COMBINATIONS} would be right"
+            raise LookError([Fault(file, prim, what, "name a variant of some of the sets")])
+    return tuple(made)

@@ -73,9 +73,9 @@ def write_sheet(
     for frame, (x, y) in zip(frames, corners, strict=True):
         page[y : y + height, x : x + width] = _thumbnail(frame, width, height)
     canvas = oiio.ImageBuf(page)
-    _write_text(canvas, title, margin, 2 * gap + heading, heading, page_width - 2 * margin, TITLE_INK)
+    write_text(canvas, title, margin, 2 * gap + heading, heading, page_width - 2 * margin, TITLE_INK)
     for label, (x, y) in zip(labels, corners, strict=True):
-        _write_text(canvas, label, x, y + height + gap // 2 + text, text, width, INK)
+        write_text(canvas, label, x, y + height + gap // 2 + text, text, width, INK)
     write_pixels(path, np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8))
 
 
@@ -89,7 +89,7 @@ def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
     return np.asarray(linear ** (1.0 / SRGB_GAMMA) * 255.0 + 0.5).astype(np.uint8)
 
 
-def _write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
+def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
     """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
     shown, kept = text, len(text)
     while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from lookdev.codegen import Source
+import numpy as np
+
+from lookdev.asset import Mesh
+from lookdev.codegen import AttributeBinding
 from lookdev.errors import Fault, FaultsError
 from lookdev.job import JobTurntable
 from lookdev.plan.poses import turntable_poses, unturned
@@ -43,9 +47,9 @@ def make_setup(
     Raises as `scene_task`, and FaultsError where the asset lacks an attribute that the looks read.
     """
     task = scene_task(scene, sampling, backend, device)
-    if faults := tuple(_attribute_faults(scene, task.shaders)):
+    if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
-    around = scene.asset.revolved and same_all_around(scene.looks, task.shaders)
+    around = scene.asset.revolved and _about_its_axis(scene) and same_all_around(scene.looks, task.shaders)
     return Setup(look, ibl, scene, task, sampling, around)
 
 
@@ -67,22 +71,32 @@ class Turns:
         return tuple(dict.fromkeys(pose for each in self.turntables for pose in setup.poses(each, self.azimuth)))
 
 
-def _attribute_faults(scene: Scene, sources: tuple[Source, ...]) -> Iterator[Fault]:
-    """Yield attributes that sources read and a mesh lacks; only USD primvars have a fallback."""
-    asset = scene.asset
-    for slot, source in enumerate(sources):
-        for mesh in asset.meshes:
-            if not (mesh.face_slots == slot).any():
-                continue
+def _about_its_axis(scene: Scene) -> bool:
+    """Return whether the camera orbits the vertical through the asset's centre, not one that it has with others."""
+    return math.dist(scene.camera.pivot, scene.asset.center[:2]) <= 1e-5 * scene.asset.radius
+
+
+def _attribute_faults(scene: Scene, task: SceneTask) -> Iterator[Fault]:
+    """Yield attributes that sources read and meshes lack, once for all parts; only USD primvars have a fallback."""
+    lacking: dict[tuple[str, str, str], list[str]] = {}
+    for mesh in scene.asset.meshes:
+        for slot in np.unique(mesh.face_slots):
+            source = task.shaders[task.worn[slot]]
             for binding in source.attributes:
-                place = f"{asset.slots[slot].path}, look '{source.name}'"
-                if binding.kind == "uv":
-                    if binding.attribute not in mesh.uvs:
-                        known = ", ".join(mesh.uvs)
-                        yield Fault(asset.name, place, f"no UV set '{binding.attribute}'", f"it has: {known}")
-                elif binding.attribute in mesh.primvars:
-                    is_color = mesh.primvars[binding.attribute].ndim == 2
-                    if is_color != (binding.kind == "color"):
-                        found = "colour" if is_color else "float"
-                        what = f"primvar '{binding.attribute}' is a {found}, the look reads a {binding.kind}"
-                        yield Fault(asset.name, place, what)
+                if fault := _lacking(mesh, binding):
+                    lacking.setdefault((source.name, *fault), []).append(scene.asset.slots[slot].path)
+    for (look, what, hint), paths in lacking.items():
+        more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
+        yield Fault(scene.asset.name, f"{paths[0]}{more}, look '{look}'", what, hint)
+
+
+def _lacking(mesh: Mesh, binding: AttributeBinding) -> tuple[str, str] | None:
+    """Return what is wrong with an attribute of a mesh, and a hint; None where a source can read it."""
+    name = binding.attribute
+    if binding.kind == "uv":
+        hint = f"it has: {', '.join(mesh.uvs)}; the look can name one" if mesh.uvs else "it has none at all"
+        return None if name in mesh.uvs else (f"no UV set '{name}'", hint)
+    is_color = name in mesh.primvars and mesh.primvars[name].ndim == 2
+    if name not in mesh.primvars or is_color == (binding.kind == "color"):
+        return None
+    return f"primvar '{name}' is a {'colour' if is_color else 'float'}, the look reads a {binding.kind}", ""

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.brdf import MODELS
 from lookdev.codegen import NodeSource, ShaderSource, Source
 from lookdev.material import Bump, Formula, Layer, Look, Texture
+from lookdev.material.translate import layer_parameters
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling
 
@@ -34,7 +34,7 @@ def same_all_around(looks: Iterable[Look], shaders: Iterable[Source]) -> bool:
     on a direction along the surface.
     """
     uniform = not any(shader.images or shader.attributes for shader in shaders)
-    layers = [layer for look in looks for layer in look.layers]
+    layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
     return uniform and not any(_has_direction(layer, *given) for layer in layers for given in layer.inputs.items())
 
 
@@ -53,7 +53,7 @@ def scene_skips(scene: SceneTask, looks: Sequence[Look], requested: Sampling) ->
             yield "light samples", "constant light"
         if not brdf:
             yield "BRDF samples", "every lobe is broad"
-    if unread := _unread_textures(looks, scene.shaders):
+    if unread := _unread_textures(looks, [scene.shaders[number] for number in scene.worn]):
         yield ("1 texture", "reaches no pixel") if unread == 1 else (f"{unread} textures", "reach no pixel")
 
 
@@ -89,7 +89,7 @@ def _lookups(source: object) -> Iterator[Texture | Bump]:
 
 
 def _has_direction(layer: Layer, name: str, value: Any) -> bool:
-    parameter = MODELS[layer.model].parameters[name]
+    parameter = layer_parameters(layer.model)[name]
     if parameter.kind == "normal":
         return not isinstance(value, tuple) or any(value[:2])
     return parameter.directed and value != 0.0

@@ -42,16 +42,19 @@ class MeshScene:
     """
 
     def __init__(self, asset: Asset, looks: Sequence[Look]) -> None:
-        self._asset, self._looks = asset, tuple(looks)
+        self._asset = asset
+        self._looks = list({id(look): look for look in looks}.values())
+        numbers = {id(look): number for number, look in enumerate(self._looks)}
+        worn = np.array([numbers[id(look)] for look in looks])
         self._first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
         split = [corner_triangles(mesh) for mesh in asset.meshes]
-        positions, corners, slots, owners = [], [], [], []
+        positions, corners, wearing, owners = [], [], [], []
         for number, instance in enumerate(asset.instances):
             mesh, (triangles, faces) = asset.meshes[instance.mesh], split[instance.mesh]
             points = mesh.points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
             positions.append(points[mesh.corner_points[triangles]])
             corners.append(triangles + self._first_corner[instance.mesh])
-            slots.append(mesh.face_slots[faces])
+            wearing.append(worn[mesh.face_slots[faces]])
             owners.append(np.full(len(faces), number))
         self._positions = np.concatenate(positions)
         edges = self._positions[:, 1:] - self._positions[:, :1]
@@ -59,8 +62,8 @@ class MeshScene:
         area = np.linalg.norm(normals, axis=-1, keepdims=True)
         met = area[:, 0] > 0.0
         self._positions, self._facets = self._positions[met], normals[met] / area[met]
-        self._corners, self._slots, self._owners = (
-            np.concatenate(arrays)[met].astype(np.int64) for arrays in (corners, slots, owners)
+        self._corners, self._worn, self._owners = (
+            np.concatenate(arrays)[met].astype(np.int64) for arrays in (corners, wearing, owners)
         )
         self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
         self._inverse = np.linalg.inv(self._linear)
@@ -107,10 +110,10 @@ class MeshScene:
         AssetError
             The asset lacks a UV set that a look reads, or has a primvar of another width.
         """
-        slots = self._slots[place["triangle"]]
-        for slot in np.unique(slots):
-            index = np.flatnonzero(slots == slot)
-            yield index, look_bsdf(self._looks[slot], MeshPoints(self, place[index]))
+        worn = self._worn[place["triangle"]]
+        for number in np.unique(worn):
+            index = np.flatnonzero(worn == number)
+            yield index, look_bsdf(self._looks[number], MeshPoints(self, place[index]))
 
     def interpolated(
         self, place: Places, key: object, what: str, read: Callable[[Mesh], NDArray[Any] | None], width: int
@@ -204,7 +207,8 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
     positions = mesh.points[mesh.corner_points].astype(np.float64)
     counts = sizes - 2
     faces = np.repeat(np.arange(len(sizes)), counts)
-    number = np.arange(len(faces)) - np.repeat(np.cumsum(counts) - counts, counts)
+    ends = np.cumsum(counts)
+    number = np.arange(len(faces)) - np.repeat(ends - counts, counts)
     first = starts[faces]
     triangles = np.stack([first, first + number + 1, first + number + 2], axis=-1)
     corners = positions[triangles]
@@ -218,10 +222,11 @@ def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
     for face in np.unique(faces[outside & (sizes[faces] > 3)]):
         mine = starts[face] + np.arange(sizes[face])
         if sizes[face] == 4:
-            triangles[faces == face] = mine[[[0, 1, 3], [1, 2, 3]]]
+            split = mine[[[0, 1, 3], [1, 2, 3]]]
         else:
             normal = area_vectors(positions[mine], np.array([sizes[face]], np.int32))[0]
-            triangles[faces == face] = mine[_ears(positions[mine], normal)]
+            split = mine[_ears(positions[mine], normal)]
+        triangles[ends[face] - counts[face] : ends[face]] = split
     return triangles, faces
 
 

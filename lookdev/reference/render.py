@@ -52,7 +52,7 @@ class Scene(Protocol):
     """Surfaces that rays meet. All directions are unit vectors (N, 3) in world space, one for each place."""
 
     def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
-        """Return which rays from `origin` (3,) meet the scene, (N,), and the places of the first hits."""
+        """Return which rays from `origin`, (3,) or (N, 3), meet the scene, (N,), and the places of the first hits."""
 
     def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
         """Return which rays that leave `place` meet the scene again, (N,), and the places."""
@@ -102,12 +102,15 @@ def frame_pixels(
         As `Scene.bsdfs` of the scene.
     """
     estimates = np.empty((len(pixels), scrambles, 3))
+    on_lens = 2 * (camera.lens is not None)
     turned = Turned(light, pose.lighting - pose.element)
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
-        u = _points(numbers, bounces + 1, samples, scrambles, seed)
+        u = _points(numbers, on_lens + 2 + _DIMENSIONS * (bounces + 1), samples, scrambles, seed)
+        lens, u = u[:, :on_lens], u[:, on_lens:]
         corner = np.repeat(pixels[numbers], scrambles * samples, axis=0)
-        origin, ray = camera_rays(camera, pose, resolution, corner[:, 0] + u[:, 0], corner[:, 1] + u[:, 1])
+        x, y = corner[:, 0] + u[:, 0], corner[:, 1] + u[:, 1]
+        origin, ray = camera_rays(camera, pose, resolution, x, y, lens)
         hit, place = scene.hit(origin, ray)
         radiance = np.zeros(ray.shape)
         radiance[hit] = _scattered(scene, turned, place[hit], ray[hit], u[hit, 2:])
@@ -116,13 +119,13 @@ def frame_pixels(
     return Estimate(estimates.mean(axis=1), error, samples, scrambles)
 
 
-def _points(numbers: Ints, depths: int, samples: int, scrambles: int, seed: int) -> Floats:
-    """Return the Sobol points (N, 2 + 5 depths) of some pixels."""
+def _points(numbers: Ints, dimensions: int, samples: int, scrambles: int, seed: int) -> Floats:
+    """Return the Sobol points (N, dimensions) of some pixels."""
     points = []
     for number in numbers:
         for scramble in range(scrambles):
             rng = np.random.default_rng([seed, number, scramble])
-            points.append(qmc.Sobol(2 + _DIMENSIONS * depths, rng=rng).random(samples))
+            points.append(qmc.Sobol(dimensions, rng=rng).random(samples))
     return np.concatenate(points)
 
 

@@ -31,19 +31,24 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
         if not record.any_light:
             world_image(light)
 
-    def generate(sampling: Sampling, shadows: bool) -> dict[int, Source]:
+    def generate(sampling: Sampling, shadows: bool) -> list[Source]:
         setting = Setting(scene.lights, scene.film.resolution, sampling, shadows)
-        return {key: record.generate(look, setting) for key, look in different.items()}
+        return [record.generate(look, setting) for look in different.values()]
 
     chosen = replace(sampling, bounces=0) if asset.convex else sampling
     sources = generate(chosen, shadows=not asset.convex)
-    if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in sources.values()):
+    if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in sources):
         chosen = sampling
         sources = generate(sampling, shadows=True)
+    # Equal looks of two materials have one source, unless messages name them differently.
+    kept = {(source.name, source.digest): source for source in sources}
+    numbers = {key: number for number, key in enumerate(kept)}
+    worn = {key: numbers[source.name, source.digest] for key, source in zip(different, sources, strict=True)}
     return SceneTask(
         asset=Content.of(save_asset(asset)),
         backend=backend,
-        shaders=tuple(sources[id(look)] for look in scene.looks),
+        shaders=tuple(kept.values()),
+        worn=tuple(worn[id(look)] for look in scene.looks),
         lights=scene.lights,
         resolution=scene.film.resolution,
         sampling=chosen,

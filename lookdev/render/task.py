@@ -35,15 +35,17 @@ Sources = Annotated[tuple[Source, ...], PlainValidator(_read_sources)]
 
 @dataclass(frozen=True)
 class SceneTask:
-    """All that stays the same over a sequence: geometry, one source for each slot, lights, resolution.
+    """All that stays the same over a sequence: geometry, sources, lights, resolution.
 
-    Of the sampling, `brdf_samples` and `ibl_samples` may be in the sources already. Raises ValueError where there is no
-    source, or one of another type than the backend's.
+    `shaders` are the different sources, and `worn` is the number of each slot's among them. Of the sampling,
+    `brdf_samples` and `ibl_samples` may be in the sources already. Raises ValueError where there is no source, one of
+    another type than the backend's, or a number of none.
     """
 
     asset: Content
     backend: str
     shaders: Sources
+    worn: tuple[int, ...]
     lights: tuple[AnyLight, ...]
     resolution: tuple[int, int]
     sampling: Sampling
@@ -62,6 +64,8 @@ class SceneTask:
             raise ValueError(
                 f"backend '{self.backend}' takes a {record.source.__name__} for every slot, found: {found}"
             )
+        if not self.worn or min(self.worn) < 0 or max(self.worn) >= len(self.shaders):
+            raise ValueError(f"every slot wears one of {len(self.shaders)} sources, found: {sorted(set(self.worn))}")
 
     @property
     def light(self) -> Light:

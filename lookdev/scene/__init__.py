@@ -1,9 +1,20 @@
 """What is shown, as plain values made in memory."""
 
-from lookdev.scene.camera import Camera, Pose
-from lookdev.scene.framing import frame_camera
+from lookdev.scene.camera import Camera, Lens, Pose
+from lookdev.scene.framing import frame_camera, frame_fill
 from lookdev.scene.rays import camera_rays
 from lookdev.scene.sampling import SAMPLE_CAP, Sampling
 from lookdev.scene.scene import Film, Scene
 
-__all__ = ["SAMPLE_CAP", "Camera", "Film", "Pose", "Sampling", "Scene", "camera_rays", "frame_camera"]
+__all__ = [
+    "SAMPLE_CAP",
+    "Camera",
+    "Film",
+    "Lens",
+    "Pose",
+    "Sampling",
+    "Scene",
+    "camera_rays",
+    "frame_camera",
+    "frame_fill",
+]

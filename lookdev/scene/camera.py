@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, order=True)
@@ -19,14 +26,74 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Camera:
-    """A perspective camera that orbits `target` at `distance`; `fov` is the horizontal angle of view.
+class Lens:
+    """A thin lens: what is at depth `focus` is sharp; `aperture` is the lens's diameter. Both in metres."""
 
-    Angles in degrees, lengths in metres. At pose 0 the camera stands at azimuth -90 degrees (on -y, looking
-    along +y), raised by `elevation`.
+    aperture: float
+    focus: float
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A perspective camera that looks at `target` from `distance`; `fov` is the horizontal angle of view.
+
+    Angles in degrees, lengths in metres. At pose 0 the camera stands at azimuth `azimuth` - 90 degrees (for 0: on -y,
+    looking along +y), raised by `elevation`; `roll` turns it about its line of sight, counter-clockwise as it sees the
+    world. It orbits the vertical `axis`, given by x and y; None: the vertical through `target`. `shift` moves the frame
+    to the right and up over the image, in widths of the frame. Without a `lens` it is a pinhole.
     """
 
     fov: float
     elevation: float
     target: tuple[float, float, float]
     distance: float
+    azimuth: float = 0.0
+    roll: float = 0.0
+    axis: tuple[float, float] | None = None
+    shift: tuple[float, float] = (0.0, 0.0)
+    lens: Lens | None = None
+
+    @property
+    def pivot(self) -> tuple[float, float]:
+        """The x and y of the vertical axis that the camera orbits."""
+        return self.target[:2] if self.axis is None else self.axis
+
+    @property
+    def clip(self) -> tuple[float, float]:
+        """The least and the greatest depth that is seen, metres."""
+        return 1e-3 * self.distance, 1e3 * self.distance
+
+    @property
+    def reach(self) -> float:
+        """Half the width of the frame at depth 1."""
+        return math.tan(math.radians(self.fov) / 2.0)
+
+    @property
+    def frame(self) -> Floats:
+        """The unit vectors to the right, up and backwards (3, 3), one a row."""
+        azimuth, elevation = math.radians(self.azimuth - 90.0), math.radians(self.elevation)
+        right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+        level, raised = math.cos(elevation), math.sin(elevation)
+        back = np.array([level * math.cos(azimuth), level * math.sin(azimuth), raised])
+        up = np.cross(back, right)
+        sine, cosine = math.sin(math.radians(self.roll)), math.cos(math.radians(self.roll))
+        return np.stack([cosine * right + sine * up, cosine * up - sine * right, back])
+
+    @property
+    def position(self) -> Floats:
+        """The point of view, (3,)."""
+        return np.asarray(np.array(self.target) + self.distance * self.frame[2])
+
+    def orbited(self, degrees: float) -> Self:
+        """Return the camera after it has orbited its axis, counter-clockwise seen from above."""
+        (x, y), turn = self.pivot, math.radians(degrees)
+        dx, dy = self.target[0] - x, self.target[1] - y
+        sine, cosine = math.sin(turn), math.cos(turn)
+        target = (x + cosine * dx - sine * dy, y + sine * dx + cosine * dy, self.target[2])
+        return replace(self, target=target, axis=(x, y), azimuth=self.azimuth + degrees)
+
+    def moved(self, offset: tuple[float, float, float]) -> Self:
+        """Return the camera moved, with its axis, by an offset."""
+        (x, y), (dx, dy, dz) = self.pivot, offset
+        target = (self.target[0] + dx, self.target[1] + dy, self.target[2] + dz)
+        return replace(self, target=target, axis=(x + dx, y + dy))

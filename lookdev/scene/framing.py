@@ -1,14 +1,34 @@
-"""The camera that frames an asset's bounding sphere: the same in every frame, so that the size never changes."""
+"""Cameras that frame an asset, the same in every frame of a turntable, so that the asset's size never changes.
+
+`frame_fill` frames what the asset covers while it turns, `frame_camera` its bounding sphere.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from lookdev.asset.silhouette import turning_axis
 from lookdev.errors import AssetError
 from lookdev.scene.camera import Camera
 
+Floats = NDArray[np.float64]
+Arc = tuple[float, float]
+"""A range of angles, degrees, by which an asset is turned: the first, and how far it goes on from there."""
+
 DEFAULT_FOV = math.degrees(2.0 * math.atan(36.0 / (2.0 * 50.0)))
 """Horizontal angle of view, degrees, of a lens of 50 mm before a sensor 36 mm wide."""
+
+DEFAULT_FILL = 0.7
+
+FULL_TURN: tuple[Arc, ...] = ((0.0, 360.0),)
+
+_LEAST_GAP = 1e-4
+"""Least distance of the camera to what it frames, in the depth of that: of a needle that it sees along its length."""
 
 
 def frame_camera(
@@ -51,3 +71,112 @@ def frame_camera(
         target=(float(center[0]), float(center[1]), float(center[2])),
         distance=float(radius) * margin / math.sin(min(half_width, half_height)),
     )
+
+
+def frame_fill(
+    points: Floats,
+    resolution: tuple[int, int],
+    *,
+    fov: float = DEFAULT_FOV,
+    elevation: float = 10.0,
+    fill: float = DEFAULT_FILL,
+    arcs: Sequence[Arc] = FULL_TURN,
+) -> Camera:
+    """Place a camera so that what an asset covers while it turns takes `fill` of the frame's width or height.
+
+    The asset turns about its `turning_axis`. All that its silhouette covers at any angle of the arcs is as wide, or as
+    high, as `fill` of the frame, whichever is reached first, and has equal margins to the left and right and equal
+    margins above and below.
+
+    In coordinates right x, up y, towards the camera z, about a point of the axis, a camera at (a, b, d) sees a point
+    between the planes through it with slopes ±t to the left and right where ``±(x - a) <= t (d - z)``. That is linear:
+    it holds for all points where ``S(±1, 0, t) <= ±a + t d``, S being the support function of the points,
+    ``S(v) = max v.(x, y, z)``. Planes that touch on both sides have ``d = (S(1, 0, t) + S(-1, 0, t)) / 2t`` and
+    ``a = (S(1, 0, t) - S(-1, 0, t)) / 2``. The greater of the d of both directions is the camera's; in the other
+    direction, planes of a smaller slope touch on both sides.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        In world space, metres: the `outline` of the asset, or the outlines of several.
+    resolution
+        Width and height, square pixels.
+    fov, elevation
+        Horizontal angle of view, and angle above the horizon, degrees.
+    fill
+        The part of the frame's width or height.
+    arcs
+        The angles at which the asset is shown, as `Pose.element`.
+
+    Raises
+    ------
+    AssetError
+        The points are not finite, or all in one place.
+    """
+    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    if not (math.isfinite(size) and size > 0.0):
+        raise AssetError(f"the asset is {size} m large: it must have a finite, positive size")
+    axis = turning_axis(points)
+    base = np.array([*axis, 0.5 * (points[:, 2].min() + points[:, 2].max())])
+    plain = Camera(fov, elevation, (0.0, 0.0, 0.0), 1.0)
+    frame = plain.frame
+    turned = _turned_support(points - base, arcs)
+
+    def support(*normal: float) -> float:
+        return turned(np.array(normal) @ frame)
+
+    width, height = resolution
+    slopes = fill * plain.reach, fill * plain.reach * height / width
+
+    def sides(direction: int, slope: float) -> tuple[float, float]:
+        x, y = direction == 0, direction == 1
+        return support(x, y, slope), support(-x, -y, slope)
+
+    nearest, farthest = support(0.0, 0.0, 1.0), -support(0.0, 0.0, -1.0)
+    depth = max(sum(sides(direction, slope)) / (2.0 * slope) for direction, slope in enumerate(slopes))
+    depth = max(depth, nearest + _LEAST_GAP * (nearest - farthest))
+    offset = []
+    for direction, slope in enumerate(slopes):
+
+        def excess(slope: float, direction: int = direction) -> float:
+            return sum(sides(direction, slope)) - 2.0 * slope * depth
+
+        # In the tighter direction zero at the slope itself.
+        touching = brentq(excess, 0.0, slope, xtol=1e-10 * slope) if excess(slope) < 0.0 < excess(0.0) else slope
+        ahead, behind = sides(direction, touching)
+        offset.append(0.5 * (ahead - behind))
+    # Between the nearest and the farthest point, so that both are well within the camera's clip range.
+    distance = math.sqrt((depth - nearest) * (depth - farthest))
+    target = base + np.array([*offset, depth - distance]) @ frame
+    # Rounded, so that frames have the same digest on every machine.
+    digits = 9 - math.floor(math.log10(distance))
+    x, y, z = np.round(target, digits).tolist()
+    return Camera(fov, elevation, (x, y, z), round(distance, digits), axis=axis)
+
+
+def _turned_support(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], float]:
+    """Return the support function of points (n, 3) turned about the z axis by all angles of some arcs.
+
+    A point at the distance r from the axis, turned by t, has by a direction w the value ``r |w_xy| cos(psi - t) +
+    z w_z``, psi being the angle from the point to w about the axis. Over t from 0 to s it is greatest at psi, where
+    that is in the arc, which is where ``cos(psi - s/2) >= cos(s/2)``; else at one of the ends.
+    """
+    x, y, z = points.T
+    radius = np.hypot(x, y)
+    ranges = [(math.radians(min(start, start + sweep)), math.radians(abs(sweep))) for start, sweep in arcs]
+    full = any(sweep >= 2.0 * math.pi for _, sweep in ranges)
+
+    def over_arc(w: Floats, start: float, sweep: float) -> Floats:
+        u, v = math.hypot(w[0], w[1]), math.atan2(w[1], w[0]) - start
+        along, across = u * (x * math.cos(v) + y * math.sin(v)), u * (x * math.sin(v) - y * math.cos(v))
+        ends: Floats = np.maximum(along, along * math.cos(sweep) + across * math.sin(sweep))
+        if sweep == 0.0:
+            return ends
+        half = along * math.cos(sweep / 2.0) + across * math.sin(sweep / 2.0)
+        return np.asarray(np.where(half >= u * math.cos(sweep / 2.0) * radius, u * radius, ends))
+
+    def support(w: Floats) -> float:
+        level = [radius * math.hypot(w[0], w[1])] if full else [over_arc(w, *each) for each in ranges]
+        return max(float((each + z * w[2]).max()) for each in level)
+
+    return support

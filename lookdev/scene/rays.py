@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -13,18 +11,30 @@ Floats = NDArray[np.float64]
 
 
 def camera_rays(
-    camera: Camera, pose: Pose, resolution: tuple[int, int], x: ArrayLike, y: ArrayLike
+    camera: Camera,
+    pose: Pose,
+    resolution: tuple[int, int],
+    x: ArrayLike,
+    y: ArrayLike,
+    u: Floats | None = None,
 ) -> tuple[Floats, Floats]:
-    """Return the origin, (3,), and unit directions, (..., 3), of rays; x, y in pixels from the upper left corner."""
-    azimuth, elevation = math.radians(-90.0 - pose.element), math.radians(camera.elevation)
-    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
-    level, raised = math.cos(elevation), math.sin(elevation)
-    out = np.array([level * math.cos(azimuth), level * math.sin(azimuth), raised])
-    up = np.cross(out, right)
+    """Return origins and unit directions (..., 3) of rays; x, y in pixels from the upper left corner.
+
+    Of a thin lens, u (..., 2), uniform in the unit square, chooses the point that a ray leaves; without it, and of a
+    pinhole, all rays have one origin, (3,).
+    """
+    orbited = camera.orbited(-pose.element)
+    right, up, back = orbited.frame
     width, height = resolution
-    reach = math.tan(math.radians(camera.fov) / 2.0)
-    sx = (2.0 * np.asarray(x, dtype=np.float64) / width - 1.0) * reach
-    sy = (1.0 - 2.0 * np.asarray(y, dtype=np.float64) / height) * reach * height / width
-    direction = -out + sx[..., None] * right + sy[..., None] * up
+    shift_x, shift_y = camera.shift
+    sx = (2.0 * np.asarray(x, dtype=np.float64) / width - 1.0 + 2.0 * shift_x) * camera.reach
+    sy = ((1.0 - 2.0 * np.asarray(y, dtype=np.float64) / height) * height / width + 2.0 * shift_y) * camera.reach
+    direction = -back + sx[..., None] * right + sy[..., None] * up
+    origin = orbited.position
+    if camera.lens is not None and u is not None:
+        radius, angle = 0.5 * camera.lens.aperture * np.sqrt(u[..., 0]), 2.0 * np.pi * u[..., 1]
+        within = (radius * np.cos(angle))[..., None] * right + (radius * np.sin(angle))[..., None] * up
+        # All rays of a pixel's point meet in the plane of focus.
+        origin, direction = origin + within, direction - within / camera.lens.focus
     direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
-    return np.array(camera.target) + camera.distance * out, direction
+    return origin, direction

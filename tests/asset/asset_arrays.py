@@ -28,27 +28,39 @@ def world_points(asset: Asset) -> list[NDArray[np.float64]]:
     ]
 
 
+def check_mesh(mesh: Mesh) -> None:
+    """Assert the invariants that `lookdev.asset.mesh` states of a mesh alone."""
+    corners = int(mesh.face_sizes.sum())
+    for array in (mesh.points, mesh.normals, mesh.tangents, *mesh.uvs.values(), *mesh.primvars.values()):
+        assert array.dtype == np.float32
+        assert np.isfinite(array).all()
+    for array in (mesh.corner_points, mesh.face_sizes, mesh.face_slots):
+        assert array.dtype == np.int32
+    assert mesh.face_sizes.min() >= 3
+    assert mesh.corner_points.shape == (corners,)
+    assert 0 <= mesh.corner_points.min() <= mesh.corner_points.max() < len(mesh.points)
+    assert mesh.face_slots.shape == mesh.face_sizes.shape
+    assert mesh.normals.shape == mesh.tangents.shape == (corners, 3)
+    assert all(uv.shape == (corners, 2) for uv in mesh.uvs.values())
+    assert mesh.default_uv in ("", *mesh.uvs)
+    if (rules := mesh.subdivision) is not None:
+        assert rules.crease_edges.shape == (*rules.crease_sharpness.shape, 2)
+        assert rules.corner_points.shape == rules.corner_sharpness.shape
+        for numbers, count in ((rules.crease_edges, len(mesh.points)), (rules.holes, len(mesh.face_sizes))):
+            assert numbers.dtype == np.int32
+            assert ((numbers >= 0) & (numbers < count)).all()
+        assert rules.interpolation.keys() == mesh.uvs.keys() | mesh.primvars.keys()
+    # Three products of float32 unit components: a few rounding errors of 6e-8.
+    np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=5e-7)
+    np.testing.assert_allclose(np.linalg.norm(mesh.tangents, axis=1), 1.0, atol=5e-7)
+    np.testing.assert_allclose((mesh.normals * mesh.tangents).sum(axis=1), 0.0, atol=5e-7)
+
+
 def check_asset(asset: Asset) -> None:
     """Assert the invariants that `lookdev.asset.mesh` states."""
     for mesh in asset.meshes:
-        corners = int(mesh.face_sizes.sum())
-        for array in (mesh.points, mesh.normals, mesh.tangents, *mesh.uvs.values(), *mesh.primvars.values()):
-            assert array.dtype == np.float32
-            assert np.isfinite(array).all()
-        for array in (mesh.corner_points, mesh.face_sizes, mesh.face_slots):
-            assert array.dtype == np.int32
-        assert mesh.face_sizes.min() >= 3
-        assert mesh.corner_points.shape == (corners,)
-        assert 0 <= mesh.corner_points.min() <= mesh.corner_points.max() < len(mesh.points)
-        assert mesh.face_slots.shape == mesh.face_sizes.shape
+        check_mesh(mesh)
         assert 0 <= mesh.face_slots.min() <= mesh.face_slots.max() < len(asset.slots)
-        assert mesh.normals.shape == mesh.tangents.shape == (corners, 3)
-        assert mesh.uvs
-        assert all(uv.shape == (corners, 2) for uv in mesh.uvs.values())
-        # Three products of float32 unit components: a few rounding errors of 6e-8.
-        np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=5e-7)
-        np.testing.assert_allclose(np.linalg.norm(mesh.tangents, axis=1), 1.0, atol=5e-7)
-        np.testing.assert_allclose((mesh.normals * mesh.tangents).sum(axis=1), 0.0, atol=5e-7)
     for points in world_points(asset):
         # In float64 from float32 points: the sum of squares rounds in the last digits.
         assert np.linalg.norm(points - asset.center, axis=1).max() <= asset.radius * (1.0 + 1e-12)

@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, UsdGeom, UsdShade, Vt
 from usd_file import CUBE_POINTS
 
 from lookdev.asset import Slot, load_asset
-from lookdev.errors import AssetError
+from lookdev.errors import AssetError, StageError
 
 
 def test_up_axis_and_units_become_z_and_metres(file):
@@ -18,9 +18,11 @@ def test_up_axis_and_units_become_z_and_metres(file):
     mesh = file.mesh("/World/Cube")
     UsdGeom.Xformable(mesh).AddTranslateOp().Set((100.0, 200.0, 300.0))
     asset = file.load()
-    np.testing.assert_allclose(asset.meshes[0].points, np.multiply(CUBE_POINTS, 0.01), rtol=1e-6)
-    x, y, z = np.transpose(CUBE_POINTS) * 0.01 + [[1.0], [2.0], [3.0]]
-    np.testing.assert_allclose(world_points(asset)[0], np.stack([x, -z, y], axis=-1), atol=1e-6)
+    assert asset.unit == 0.01
+    # Object space has its z axis up, too.
+    x, y, z = np.transpose(CUBE_POINTS) * 0.01
+    np.testing.assert_allclose(asset.meshes[0].points, np.stack([x, -z, y], axis=-1), rtol=1e-6)
+    np.testing.assert_allclose(world_points(asset)[0], np.stack([x + 1, -z - 3, y + 2], axis=-1), atol=1e-6)
 
 
 def test_transforms_of_parents_count(file):
@@ -162,8 +164,11 @@ def test_animation_is_taken_at_its_start(file):
 @pytest.mark.parametrize(
     ("prim", "message"),
     [
-        ("/World/Cub", "there is no prim /World/Cub; below /World there are: /World/Cube, /World/Looks"),
-        ("/Word/Cube", "there is no prim /Word/Cube; below / there are: /World"),
+        (
+            "/World/Cub",
+            r"thing.usda: /World/Cub: there is no such prim \(below /World there are: /World/Cube, /World/Looks\)",
+        ),
+        ("/Word/Cube", r"/Word/Cube: there is no such prim \(below / there are: /World\)"),
         ("World/Cube", "is not the path of a prim"),
         ("/World//", "is not the path of a prim"),
     ],
@@ -171,7 +176,7 @@ def test_animation_is_taken_at_its_start(file):
 def test_the_error_of_a_wrong_prim_lists_those_there(file, prim, message):
     file.mesh("/World/Cube")
     file.material("/World/Looks")
-    with pytest.raises(AssetError, match=message):
+    with pytest.raises(StageError, match=message):
         file.load(prim)
 
 
@@ -180,5 +185,5 @@ def test_a_file_that_is_not_usd_is_an_error(tmp_path, content):
     path = tmp_path / "broken.usda"
     if content is not None:
         path.write_text(content)
-    with pytest.raises(AssetError, match=r"broken\.usda: cannot be opened as USD"):
+    with pytest.raises(StageError, match=r"broken\.usda: (USD cannot open it|no such file)"):
         load_asset(usd=path)

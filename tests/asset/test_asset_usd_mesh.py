@@ -5,11 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from asset_arrays import facets
-from pxr import Gf, UsdGeom, UsdShade
+from pxr import Gf, Sdf, UsdGeom, UsdShade
 from usd_file import CUBE_FACES, CUBE_POINTS, TYPES, primvar
 
 from lookdev.asset import Slot
 from lookdev.errors import AssetError
+
+
+def sideways(made):
+    made.GetAttr().SetMetadata("interpolation", "sideways")  # UsdGeom's own function refuses it
 
 
 def test_a_bare_cube(file):
@@ -22,7 +26,7 @@ def test_a_bare_cube(file):
     np.testing.assert_array_equal(asset.instances[0].matrix, np.eye(4))
     assert asset.radius == pytest.approx(np.sqrt(3))
     assert not asset.convex
-    assert list(mesh.uvs) == ["st"]
+    assert mesh.uvs == {}
 
 
 def test_normals_are_smooth_unless_the_mesh_is_no_subdivision_surface(file):
@@ -49,6 +53,7 @@ def test_a_left_handed_mesh_is_flipped_to_face_outwards(file):
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_authored_normals_end_up_on_the_side_of_the_winding(file, sign):
     mesh = file.mesh("/Cube")
+    mesh.GetSubdivisionSchemeAttr().Set("none")
     mesh.GetNormalsAttr().Set([Gf.Vec3f(*point) * (2.0 * sign) for point in CUBE_POINTS])
     mesh.SetNormalsInterpolation("vertex")
     got = file.load().meshes[0]
@@ -68,6 +73,7 @@ def test_authored_normals_end_up_on_the_side_of_the_winding(file, sign):
 @pytest.mark.parametrize("indexed", [False, True])
 def test_every_interpolation_reaches_the_corners(file, interpolation, count, corners, indexed):
     mesh = file.square()
+    mesh.GetSubdivisionSchemeAttr().Set("none")
     # In the file reversed, and the indices reverse it back.
     indices = list(reversed(range(count))) if indexed else None
     numbers = np.array(indices or range(count), float)
@@ -111,16 +117,18 @@ def test_primvars_are_inherited(file):
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
-def test_without_uvs_the_mapping_is_spherical_about_the_up_axis(file, up):
+def test_without_uvs_tangents_follow_the_longitude_about_the_up_axis(file, up):
     UsdGeom.SetStageUpAxis(file.stage, up.upper())
-    file.mesh("/Cube", points=np.add(CUBE_POINTS, [5.0, 6.0, 7.0]).tolist())
-    asset = file.load()
-    (mesh,) = asset.meshes
-    height = (mesh.points[mesh.corner_points] - [5, 6, 7])[:, "xyz".index(up)]
-    uv = mesh.uvs["st"]
-    np.testing.assert_allclose(uv[:, 1], 0.5 + np.arctan2(height, np.sqrt(2)) / np.pi, atol=1e-6)
-    for side in uv.reshape(-1, 4, 2)[np.ptp(height.reshape(-1, 4), axis=1) > 0]:
-        assert np.ptp(side[:, 0]) == pytest.approx(0.25, abs=1e-6)  # a quarter turn, also across the seam
+    cube = file.mesh("/Cube", points=np.add(CUBE_POINTS, [5.0, 6.0, 7.0]).tolist())
+    cube.GetSubdivisionSchemeAttr().Set("none")
+    (mesh,) = file.load().meshes
+    assert (mesh.uvs, mesh.default_uv) == ({}, "")
+    middle = [5, 6, 7] if up == "z" else [5, -7, 6]
+    x, y, _ = (mesh.points[mesh.corner_points] - middle).T
+    around = np.stack([-y, x, 0 * x], axis=-1)
+    # Counter-clockwise seen from above, in the facet: along the side on the sides, along the circle on the caps.
+    expected = around - (around * mesh.normals).sum(axis=1, keepdims=True) * mesh.normals
+    np.testing.assert_allclose(mesh.tangents, expected / np.linalg.norm(expected, axis=1, keepdims=True), atol=1e-6)
 
 
 def test_holes_and_degenerate_faces_are_dropped(file):
@@ -165,6 +173,12 @@ def test_subsets_and_bindings_become_slots(file):
         (lambda m: m.GetHoleIndicesAttr().Set([6]), r"holeIndices\[0\] is 6, but there are 6 faces"),
         (lambda m: m.GetPointsAttr().Set([*CUBE_POINTS[:-1], (0, np.nan, 0)]), r"points\[7\] is not finite"),
         (lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7), "normals has 7 values; interpolation 'vertex' needs 8"),
+        (lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7 + [(0, 0, np.nan)]), "normals: value 7 is not finite"),
+        (
+            lambda m: sideways(primvar(m, "st", TYPES.TexCoord2fArray, "vertex", [(0, 0)] * 8)),
+            "primvars:st has interpolation 'sideways'; known: constant, uniform, varying, vertex, faceVarying",
+        ),
+        (lambda m: m.GetPointsAttr().Set(Sdf.ValueBlock()), r"faceVertexIndices\[0\] is 0, but there are 0 points"),
         (
             lambda m: primvar(m, "st", TYPES.TexCoord2fArray, "faceVarying", [(0, 0)] * 8),
             "primvars:st has 8 values; interpolation 'faceVarying' needs 24",
@@ -175,7 +189,7 @@ def test_subsets_and_bindings_become_slots(file):
         ),
         (
             lambda m: primvar(m, "wear", TYPES.FloatArray, "constant", [float("inf")]),
-            "primvars:wear holds a value that is not finite",
+            "primvars:wear: value 0 is not finite",
         ),
         (
             lambda m: UsdShade.MaterialBindingAPI.Apply(m.GetPrim()).CreateMaterialBindSubset("lid", [6]),
@@ -184,7 +198,9 @@ def test_subsets_and_bindings_become_slots(file):
     ],
 )
 def test_faults_of_a_mesh_are_located(file, spoil, message):
-    spoil(file.mesh("/World/Cube"))
+    mesh = file.mesh("/World/Cube")
+    mesh.GetSubdivisionSchemeAttr().Set("none")
+    spoil(mesh)
     with pytest.raises(AssetError, match=r"thing\.usda: /World/Cube: .*" + message):
         file.load()
 
@@ -195,3 +211,106 @@ def test_subsets_that_overlap_are_errors(file):
     api.CreateMaterialBindSubset("b", [2, 1])
     with pytest.raises(AssetError, match="GeomSubset b: face 1 is also in /Cube/a"):
         file.load()
+
+
+SETS = {
+    "none": ({}, [], ""),
+    "st": ({"map1": "TexCoord2fArray", "st": "TexCoord2fArray"}, ["st", "map1"], "st"),
+    "st of two plain numbers": ({"a": "TexCoord2fArray", "st": "Float2Array"}, ["st", "a"], "st"),
+    "the only one": ({"map1": "TexCoord2fArray"}, ["map1"], "map1"),
+    "the only one, in halves": ({"UVMap": "TexCoord2hArray"}, ["UVMap"], "UVMap"),
+    "the only one, in doubles": ({"UVMap": "TexCoord2dArray"}, ["UVMap"], "UVMap"),
+    "the only one of its type": ({"flow": "Float2Array", "st0": "TexCoord2fArray"}, ["st0", "flow"], "st0"),
+    "the only plain one": ({"flow": "Float2Array"}, ["flow"], "flow"),
+    "two": ({"st0": "TexCoord2fArray", "st1": "TexCoord2fArray"}, ["st0", "st1"], ""),
+    "two plain ones": ({"a": "Float2Array", "b": "Float2Array"}, ["a", "b"], ""),
+    "of three numbers": ({"uvw": "TexCoord3fArray", "velocity": "Float3Array"}, ["uvw"], "uvw"),
+}
+
+
+@pytest.mark.parametrize(("kinds", "names", "default"), SETS.values(), ids=SETS)
+def test_the_uv_set_for_looks_that_ask_for_another(file, kinds, names, default):
+    mesh = file.square()
+    for name, kind in kinds.items():
+        width = 3 if "3" in kind else 2
+        primvar(mesh, name, getattr(TYPES, kind), "vertex", [(0.5, 0.25, 9.0)[:width]] * 6)
+    (got,) = file.read().meshes
+    assert (list(got.uvs), got.default_uv) == (names, default)
+    for uv in got.uvs.values():
+        np.testing.assert_array_equal(uv, np.tile([0.5, 0.25], (8, 1)))
+
+
+def test_the_tangents_are_those_of_the_default_uv_set(file):
+    mesh = file.square()
+    flat = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)]
+    primvar(mesh, "a", TYPES.Float2Array, "vertex", flat)
+    primvar(mesh, "b", TYPES.TexCoord2fArray, "vertex", [(v, u) for u, v in flat])
+    (got,) = file.read().meshes
+    np.testing.assert_allclose(got.tangents, np.tile([0.0, 1.0, 0.0], (8, 1)), atol=1e-6)
+
+
+def test_a_constant_uv_set_is_inherited(file):
+    file.square("/World/Square")
+    primvar(file.stage.GetPrimAtPath("/World"), "map1", TYPES.TexCoord2fArray, "constant", [(0.5, 0.25)])
+    (got,) = file.read().meshes
+    assert got.default_uv == "map1"
+    np.testing.assert_array_equal(got.uvs["map1"], np.tile([0.5, 0.25], (8, 1)))
+
+
+def test_an_own_primvar_hides_an_inherited_one(file):
+    for name in ("Own", "Free"):
+        file.square(f"/World/{name}")
+    primvar(file.stage.GetPrimAtPath("/World"), "wear", TYPES.FloatArray, "constant", [1.0])
+    primvar(file.stage.GetPrimAtPath("/World"), "age", TYPES.Float, "constant", 4.0)
+    primvar(file.stage.GetPrimAtPath("/World/Own"), "wear", TYPES.FloatArray, "vertex", [2.0] * 6)
+    found = {mesh.name: {name: set(values) for name, values in mesh.primvars.items()} for mesh in file.read().meshes}
+    assert found == {
+        "/World/Own": {"wear": {2.0}, "age": {4.0}},
+        "/World/Free": {"wear": {1.0}, "age": {4.0}},
+    }
+
+
+@pytest.mark.parametrize("values", [[1.0, 2.0], [float("nan")]])
+def test_a_faulty_inherited_primvar_is_a_fault(file, values):
+    file.square("/World/Square")
+    primvar(file.stage.GetPrimAtPath("/World"), "wear", TYPES.FloatArray, "constant", values)
+    with pytest.raises(AssetError, match=r"thing\.usda: /World/Square: inherits primvars:wear"):
+        file.read()
+
+
+def test_meshes_of_strange_types(file):
+    file.stage.GetRootLayer().ImportFromString(
+        '#usda 1.0\n(\n    upAxis = "Z"\n)\ndef Mesh "M"\n{\n    uniform token subdivisionScheme = "none"\n'
+        "    int64[] faceVertexCounts = [3]\n    uint[] faceVertexIndices = [0, 1, 2]\n"
+        "    double3[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n    half3[] normals = [(0, 0, 2)] (\n"
+        '        interpolation = "constant"\n    )\n}\n'
+    )
+    (got,) = file.read().meshes
+    np.testing.assert_array_equal(got.normals, np.tile([0.0, 0.0, 1.0], (3, 1)))
+
+
+@pytest.mark.parametrize(
+    ("attribute", "message"),
+    [
+        ("string[] points = ['a']", "points is not an array of 3 numbers a value"),
+        ("float2[] points = [(0, 0)]", "points is not an array of 3 numbers a value"),
+        ("point3f points = (0, 0, 0)", "points is not an array of 3 numbers a value"),
+        ("int2[] faceVertexCounts = [(3, 3)]", "faceVertexCounts is not an array of one number a value"),
+        ("string[] faceVertexIndices = ['0', '1', '2x']", "faceVertexIndices is not an array of one number a value"),
+        ("float2[] primvars:normals = [(0, 0)]", "primvars:normals has no 3 numbers a value"),
+        ("uniform string orientation = 'left'", r"orientation is 'left' \((did you mean 'leftHanded'|known)"),
+    ],
+)
+def test_attributes_of_the_wrong_type_are_faults(file, attribute, message):
+    name = attribute.replace("uniform ", "").split()[1]
+    given = {
+        "faceVertexCounts": "int[] faceVertexCounts = [3]",
+        "faceVertexIndices": "int[] faceVertexIndices = [0, 1, 2]",
+        "points": "point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]",
+        "subdivisionScheme": "uniform token subdivisionScheme = 'none'",
+        name: attribute,
+    }
+    text = "\n    ".join(given.values())
+    file.stage.GetRootLayer().ImportFromString(f'#usda 1.0\ndef Mesh "M"\n{{\n    {text}\n}}\n')
+    with pytest.raises(AssetError, match=r"thing\.usda: /M: " + message):
+        file.read()

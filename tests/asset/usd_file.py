@@ -8,6 +8,8 @@ from asset_arrays import check_asset
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from lookdev.asset import load_asset
+from lookdev.asset.usd import read_usd
+from lookdev.stage import Composition, compose
 
 CUBE_POINTS = [(x, y, z) for x, y, z in itertools.product((-1.0, 1.0), repeat=3)]
 CUBE_FACES = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]  # counter-clockwise outside
@@ -42,8 +44,16 @@ class File:
         return material
 
     def load(self, prim=None):
+        """Return the asset with the polygons of its cages."""
         self.stage.GetRootLayer().Save()
         asset = load_asset(usd=self.path, prim=prim)
+        check_asset(asset)
+        return asset
+
+    def read(self, *, time=None, purposes=("default", "render"), **composition):
+        """Return the asset with its control cages."""
+        self.stage.GetRootLayer().Save()
+        asset = read_usd(compose(Composition(self.path, **composition)), time, purposes)
         check_asset(asset)
         return asset
 
@@ -53,3 +63,4 @@ def primvar(mesh, name, kind, interpolation, values, indices=None):
     made.Set(values)
     if indices is not None:
         made.SetIndices(Vt.IntArray(indices))
+    return made

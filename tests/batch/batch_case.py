@@ -62,7 +62,7 @@ def make_plan(job: Job) -> Plan:
     setups = []
     for look in job.look:
         source = ShaderSource(look.name, f"shader {look.name}() {{}}", (), (), f"500d {look.name}", transmits=True)
-        task = SceneTask(Content("a55e7", ".npz"), "exact", (source,), (light,), size, sampling, camera)
+        task = SceneTask(Content("a55e7", ".npz"), "exact", (source,), (0,), (light,), size, sampling, camera)
         setups += [Setup(look.name, ibl.name, shown, task, sampling, exposure=ibl.exposure) for ibl in job.ibl]
     turns = Turns(job.turntable, job.output, job.camera.azimuth)
     plan = build_plan(setups, turns, read_header, labels={"job": str(job.file)}, beside=job.outputs.beside)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.batch.prepare import Prepared, prepare_job
@@ -76,7 +78,7 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     with pytest.raises(FaultsError) as caught:
         prepare_job(job)
     asset, light, good, other = map(str, caught.value.faults)
-    assert asset.startswith(f"{job}: asset: {job.parent}/asset.usda: cannot be opened as USD: ")
+    assert asset.startswith(f"{job.parent}/asset.usda: USD cannot open it: ")
     assert "pxrInternal" not in asset
     assert light.startswith(f"{job}: ibl[1]: {job.parent}/light.hdr: not a readable HDR image")
     assert good.startswith(f"{job.parent}/good.usda: USD cannot open it")
@@ -246,3 +248,74 @@ def test_looks_of_variants_have_names_of_their_own(job: Path) -> None:
     assert variant_faults(job, 'wear = "*"', other="Good_WORN") == [  # folders may ignore case
         f"{job}: look[1]: two looks of the job are called 'Good_WORN' (give each its own name)"
     ]
+
+
+TEXTURED = """#usda 1.0
+def Material "Checks"
+{
+    token outputs:lookdev:surface.connect = </Checks/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor.connect = </Checks/Map.outputs:rgb>
+        float inputs:clearcoat.connect = </Checks/Map.outputs:r>
+        token outputs:layer
+    }
+    def Shader "Map"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @map.png@
+        token inputs:sourceColorSpace = "raw"
+        token inputs:wrapS = "repeat"
+        token inputs:wrapT = "repeat"
+        float2 inputs:st.connect = </Checks/St.outputs:result>
+        float outputs:r
+        color3f outputs:rgb
+    }
+    def Shader "St"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }
+}
+"""
+UVS = "texCoord2f[] primvars:{name} = [(0, 0), (1, 0), (1, 1), (0, 1)]"
+
+
+def uv_faults(job: Path, *sets: str) -> list[str]:
+    """Return the faults of a textured look on two cards with these UV sets."""
+    assert oiio.ImageBuf(np.full((2, 2, 3), 128, np.uint8)).write(str(job.parent / "map.png"))
+    (job.parent / "good.usda").write_text(TEXTURED)
+    uvs = "".join(f'{UVS.format(name=name)} ( interpolation = "vertex" )\n' for name in sets)
+    asset = job.parent / "asset.usda"
+    asset.write_text(asset.read_text().replace("point3f", f"{uvs}point3f"))
+    try:
+        prepare_job(job)
+    except FaultsError as error:
+        return [str(fault) for fault in error.faults]
+    return []
+
+
+@pytest.mark.parametrize("sets", [("st",), ("map1",), ("map1", "st")])
+def test_a_mesh_with_a_uv_set_that_can_be_meant_has_no_fault(job: Path, sets: tuple[str, ...]) -> None:
+    assert uv_faults(job, *sets) == []
+
+
+def test_several_uv_sets_without_st_are_a_fault_that_lists_them(job: Path) -> None:
+    (fault,) = uv_faults(job, "map1", "map2")
+    place = "asset: /Left and 1 more, look 'good'"
+    assert fault == f"{place}: no UV set 'st' (it has: map1, map2; the look can name one)"
+
+
+def test_a_mesh_without_uvs_is_a_fault_of_a_look_that_needs_them(job: Path) -> None:
+    assert uv_faults(job) == ["asset: /Left and 1 more, look 'good': no UV set 'st' (it has none at all)"]
+
+
+def test_a_look_whose_textures_reach_no_pixel_needs_no_uvs(job: Path) -> None:
+    # Without a clearcoat, its gloss is read by nothing.
+    text = TEXTURED.replace("color3f inputs:baseColor.connect = </Checks/Map.outputs:rgb>", "")
+    text = text.replace("inputs:clearcoat.connect", "inputs:clearcoatGloss.connect")
+    assert uv_faults(job)
+    (job.parent / "good.usda").write_text(text)
+    assert prepare_job(job).plan.frames

@@ -213,7 +213,7 @@ def _blended(below: Any, above: Any, mask: Any) -> Any:
 def test_a_mask_of_0_or_1_is_exact() -> None:
     rng = np.random.default_rng(6)
     # Three points: a float's (3,) is no colour.
-    below, above = (random_parameters(rng, "disney", {}, 3) for _ in range(2))
+    below, above = (random_parameters(rng, "disney", {}, 3) | {"presence": np.ones(3)} for _ in range(2))
     for mask, parameters in ((0.0, below), (1.0, above)):
         for given in (np.asarray(mask), np.full(3, mask)):
             blended = _blended(below, above, given)

@@ -38,6 +38,28 @@ def test_disney_layers_are_blended_as_parameters() -> None:
     np.testing.assert_array_equal(pdf(stack, wo, wi), pdf(blended, wo, wi))
 
 
+def test_presence_of_a_disney_layer_is_coverage_as_its_mask_is() -> None:
+    rng = np.random.default_rng(46)
+    wo, wi = _directions(rng)
+    below, above = _random(rng, "disney", presence=1.0), _random(rng, "disney", presence=1.0)
+    mask, presence = rng.random(_COUNT), rng.random(_COUNT)
+    masked = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above, mask * presence)])
+    present = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above | {"presence": presence}, mask)])
+    np.testing.assert_array_equal(evaluate(present, wo, wi), evaluate(masked, wo, wi))
+    assert (present.presence == 1.0).all()  # type: ignore[union-attr]
+    # Over a hole, the layer is seen by its own coverage, with its own parameters.
+    hole = StackLayer("disney", below | {"presence": np.zeros(_COUNT)})
+    over = stack_bsdf([hole, StackLayer("disney", above | {"presence": presence}, mask)])
+    wanted = (mask * presence)[:, None] * evaluate(MODELS["disney"].bsdf(above), wo, wi)
+    np.testing.assert_allclose(evaluate(over, wo, wi), wanted, rtol=1e-12, atol=1e-15)
+    np.testing.assert_allclose(over.presence, mask * presence, rtol=1e-12)
+    # Both are there in part: what is seen of each decides.
+    half = stack_bsdf([_layer("disney", roughness=0.2, presence=0.5), _layer("disney", roughness=0.6, presence=0.5)])
+    third = MODELS["disney"].bsdf(complete_parameters("disney", {"roughness": 0.2 / 3.0 + 0.6 * 2.0 / 3.0}))
+    assert half.presence == 0.75
+    np.testing.assert_allclose(evaluate(half, wo, wi), 0.75 * evaluate(third, wo, wi), rtol=1e-9)
+
+
 @pytest.mark.parametrize(("base", "top"), [*permutations(MODELS, 2)])
 def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> None:
     rng = np.random.default_rng(42)
@@ -61,7 +83,7 @@ def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> No
 def test_from_the_first_other_model_on_layers_are_blended_one_by_one() -> None:
     rng = np.random.default_rng(43)
     layers = [
-        StackLayer(model, _random(rng, model, **({"presence": 1.0} if model == "pixar" else {})), rng.random(_COUNT))
+        StackLayer(model, _random(rng, model, presence=1.0), rng.random(_COUNT))
         for model in ("pixar", "pixar", "disney", "disney", "pixar")
     ]
     wo, wi = _directions(rng)
@@ -74,7 +96,7 @@ def test_from_the_first_other_model_on_layers_are_blended_one_by_one() -> None:
 
 def test_a_mixed_stack_is_sampled_where_it_sends_light() -> None:
     rng = np.random.default_rng(44)
-    layers = [StackLayer("disney", _random(rng, "disney")), StackLayer("pixar", _random(rng, "pixar"), 0.5)]
+    layers = [StackLayer(model, _random(rng, model, presence=0.5), 0.5) for model in ("disney", "pixar")]
     wo, wi = _directions(rng)
     stack = stack_bsdf(layers)
     lit = evaluate_cosine(stack, wo, wi).max(axis=-1) > 1e-12

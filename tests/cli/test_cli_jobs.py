@@ -17,6 +17,7 @@ from lookdev.batch.run import run_plan
 from lookdev.errors import OutputError
 from lookdev.job import json_schema, load_job
 from lookdev.material.usd import read_look
+from lookdev.stage import Composition, compose
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -87,10 +88,13 @@ def test_an_example_is_copied_whole_and_once(example: Example, tmp_path: Path) -
     copied = copy_example(example.name, tmp_path)
     job = load_job(copied.job)
     assert job.output == tmp_path / "out" / example.name
-    for look in job.look:
-        assert look.material.is_relative_to(tmp_path)
-        variants = {name: choice for name, choice in look.variants.items() if choice != "*"}
-        assert read_look(look.material, look.prim, variants).layers
+    for each in (each for look in job.look for each in (look, *look.assign) if each.material):
+        assert each.material.is_relative_to(tmp_path)
+        variants = {name: choice for name, choice in each.variants.items() if choice != "*"}
+        assert read_look(each.material, each.prim, variants).layers
+    layers = [look.layer for look in job.look if look.layer]
+    for composition in [Composition(job.asset.usd, layer) for layer in (None, *layers) if job.asset.usd]:
+        assert compose(composition).notes == ()
     assert copied.written == sum(path.is_file() for path in tmp_path.rglob("*"))
     assert copy_example(example.name, tmp_path).written == 0
 

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.closures.fits import Rational, fit, polynomial, table
+from lookdev.brdf.rational import Rational, polynomial
+from lookdev.closures.fits import fit, table
 from lookdev.closures.fitting import Goal, make_fits, make_table
 from lookdev.closures.rational import Degree, Problem, fit_rational
 from lookdev.closures.setups import FULL, Grid, Setup, coat_setups, distance, highlight_setups

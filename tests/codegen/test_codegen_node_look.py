@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -211,6 +212,15 @@ def test_layers_are_combined_by_the_rule_of_their_model(models: tuple[str, ...],
 def test_a_layer_that_transmits() -> None:
     top = Layer("top", "pixar", {"clear": 0.7, "roughness": 0.2}, mask=0.6, mode="transmit")
     check((Layer("base", "pixar", {"surfaceColor": (0.5, 0.2, 0.1)}), top))
+
+
+def test_a_coat_withholds_what_it_reflects() -> None:
+    values = {"worn": np.random.default_rng(2).uniform(0.1, 0.9, COUNT).astype(np.float32)}
+    base = Layer("base", "pixar", {"surfaceColor": (0.3, 0.5, 0.7), "roughness": 1.0})
+    coat = Layer("coat", "disney", {"metallic": 1.0, "baseColor": (0.04, 0.05, 0.06), "roughness": 0.3}, 1.0, "coat")
+    check((base, coat))
+    check((base, replace(coat, mask=Primvar("worn", 0.5)), replace(coat, inputs={"presence": 0.5})), values)
+    check((replace(coat, mode="over"), replace(coat, inputs={"presence": Primvar("worn", 0.5)})), values)
 
 
 def test_primvars_reach_parameters_and_masks() -> None:

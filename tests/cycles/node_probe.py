@@ -35,9 +35,9 @@ def main(light_file: Path, out: Path) -> None:
     asset = load_asset(builtin="suzanne")
     camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
     source = node_sources.diffuse((0.5, 0.4, 0.3))
-    sources = (source,) * len(asset.slots)
+    worn = (0,) * len(asset.slots)
     file = Content.of(save_asset(asset))
-    scene = Scene(SceneTask(file, "nodes", sources, (light,), (48, 48), Sampling(SAMPLES, bounces=1), camera))
+    scene = Scene(SceneTask(file, "nodes", (source,), worn, (light,), (48, 48), Sampling(SAMPLES, bounces=1), camera))
 
     def shoot() -> np.ndarray:
         return np.stack([engine.render_passes(scene.scene, SAMPLES, seed)["Combined"] for seed in range(4)])

@@ -39,7 +39,7 @@ def scene_facts(scene: Any) -> dict[str, Any]:
     for frame in [step / 2 for step in range(2 * scene.frame_start, 2 * scene.frame_end + 1)]:
         scene.frame_set(int(frame), subframe=frame % 1.0)
         root, camera = (item.evaluated_get(scene.view_layers[0].depsgraph) for item in (asset, scene.camera))
-        frames.append({"camera": [*camera.location], "turn": root.rotation_euler.z})
+        frames.append({"camera": [*camera.location], "turn": root.rotation_euler.z, "asset": [*root.location]})
     return {
         "engine": scene.render.engine,
         "world": scene.world.name,

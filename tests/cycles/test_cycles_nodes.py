@@ -48,10 +48,10 @@ def shoot(worker: Worker) -> RenderSource:
         asset, file = stored(which)
         sampling = Sampling(**{"samples": 64, "bounces": 0} | given)
         camera = orbit_camera(asset.center, asset.radius)
-        sources = (source,) * len(asset.slots)
+        worn = (0,) * len(asset.slots)
         exact = isinstance(source, NodeSource) and source.exact
         backend = "principled" if isinstance(source, PrincipledSource) else "nodes-exact" if exact else "nodes"
-        scene = SceneTask(file, backend, sources, (light,), (48, 48), sampling, camera, device)
+        scene = SceneTask(file, backend, (source,), worn, (light,), (48, 48), sampling, camera, device)
         worker.start()
         return worker.render(one_frame(scene, pose, "frame"), lambda progress: None)
 

@@ -102,8 +102,8 @@ def assert_values_close(got: Floats, wanted: Floats, tolerance: float = RELATIVE
     np.testing.assert_allclose(got[~visible], wanted[~visible], atol=tolerance * VISIBLE)
 
 
-def disney(variant: str = "2014") -> PointLayer:
-    return PointLayer("disney", {"variant": variant})
+def disney(variant: str = "2014", mode: Any = "over") -> PointLayer:
+    return PointLayer("disney", {"variant": variant}, mode)
 
 
 def pixar(mode: Any = "over", energy: str = "published") -> PointLayer:
@@ -121,6 +121,7 @@ STACKS = {
     "three pixar layers": (pixar(), pixar("transmit"), pixar("transmit")),
     "disney over pixar": (pixar(), pixar("transmit"), disney("2012")),
     "pixar over disney": (disney(), pixar()),
+    "disney coating pixar": (pixar(), disney(mode="coat"), disney(mode="coat")),
 }
 
 
@@ -163,7 +164,7 @@ def test_one_lobe_alone(layer: PointLayer, name: str) -> None:
     for parameter, (low, high) in _BRIGHT[layer.model].items():
         numbers[parameter] = _float32(np.clip(numbers[parameter], low, high))
     numbers |= {each: np.ones(COUNT) for each in numbers if each.endswith("Scale") and each != "normalScale"}
-    numbers |= {"presence": np.ones(COUNT)} if layer.model == "pixar" else {}
+    numbers["presence"] = np.ones(COUNT)
     batch = replace(batch, numbers=(numbers,))
     whole = batch.bsdf()
     bsdf = replace(whole, lobes=lambda wo: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name))

@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 from scripts import run_script
 
+from lookdev.asset import load_asset
 from lookdev.batch.export import export_blend
 from lookdev.batch.prepare import Prepared, prepare_job
 from lookdev.plan import turntable_poses
@@ -221,7 +222,7 @@ def test_the_timeline_has_both_turntables(case: Case) -> None:
 
 
 def test_every_frame_stands_at_its_pose(case: Case) -> None:
-    camera = case.prepared.plan.frames[0].task.scene.camera
+    camera, center = case.prepared.plan.frames[0].task.scene.camera, load_asset(builtin="suzanne").center
     for look, scene in case.facts["scenes"].items():
         for frame in range(1, 8):
             pose = case.task(look, "forest", frame).pose
@@ -229,12 +230,12 @@ def test_every_frame_stands_at_its_pose(case: Case) -> None:
             assert math.remainder(math.degrees(found["turn"]) - pose.element + pose.lighting, 360.0) == pytest.approx(
                 0.0, abs=1e-3
             )
-            # Seen from the asset, whose origin is the camera's target, the camera has gone round by -element.
+            # Seen from the asset, whose origin is its centre, the camera has gone round by -element.
             start, _ = camera_rays(camera, pose, (SIZE, SIZE), 0.5, 0.5)
-            x, y, z = found["camera"]
+            x, y, z = np.subtract(found["camera"], found["asset"])
             back = -found["turn"]
             seen = (x * math.cos(back) - y * math.sin(back), x * math.sin(back) + y * math.cos(back), z)
-            np.testing.assert_allclose(seen, start - camera.target, atol=1e-5 * camera.distance)
+            np.testing.assert_allclose(seen, start - center, atol=1e-5 * camera.distance)
 
 
 def test_between_frames_nothing_turns_back(case: Case) -> None:
@@ -248,11 +249,11 @@ def test_between_frames_nothing_turns_back(case: Case) -> None:
         assert steps[4] == 0.0
 
 
-def test_a_packed_still_stands_alone(job: Path, case: Case, tmp_path: Path) -> None:
+def test_a_packed_file_stands_alone(job: Path, case: Case, tmp_path: Path) -> None:
     turned = JOB.index("[[turntable]]"), JOB.index("[render]")
-    still = JOB[: turned[0]] + '[[turntable]]\nkind = "element"\nframes = 1\nstart = 300\n' + JOB[turned[1] :]
-    file = job.with_name("still.toml")
-    file.write_text(still.replace("[render]", '[render]\nbackend = "nodes"\ndevice = "cuda"'))
+    short = JOB[: turned[0]] + '[[turntable]]\nkind = "element"\nframes = 2\nstart = 300\n' + JOB[turned[1] :]
+    file = job.with_name("short.toml")
+    file.write_text(short.replace("[render]", '[render]\nbackend = "nodes"\ndevice = "cuda"'))
     exported = export_blend(file, tmp_path / "written" / "look.blend", pack=True)
     assert [path.name for path in exported.file.parent.iterdir()] == ["look.blend"]
     moved = exported.file.rename(tmp_path / "alone.blend")

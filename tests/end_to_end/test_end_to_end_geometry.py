@@ -112,6 +112,30 @@ def baked(mesh: Mesh, matrix: Floats) -> Mesh:
     )
 
 
+def in_pieces(asset: Asset, count: int) -> Asset:
+    """Return the only mesh of an asset as so many, with instances turned and moved at random."""
+    (mesh,), rng = asset.meshes, np.random.default_rng(5)
+    owners = np.sort(rng.integers(0, count, len(mesh.face_sizes)))
+    pieces, instances = [], []
+    for owner in np.unique(owners):
+        faces, corners = owners == owner, np.repeat(owners == owner, mesh.face_sizes)
+        used, numbers = np.unique(mesh.corner_points[corners], return_inverse=True)
+        piece = replace(
+            mesh,
+            points=mesh.points[used],
+            corner_points=numbers.astype(np.int32),
+            face_sizes=mesh.face_sizes[faces],
+            face_slots=mesh.face_slots[faces],
+            normals=mesh.normals[corners],
+            tangents=mesh.tangents[corners],
+            uvs={name: uv[corners] for name, uv in mesh.uvs.items()},
+        )
+        matrix = affine(turned(360.0 * rng.random())[:3, :3] * 3.0 ** rng.normal(), tuple(rng.normal(size=3)))
+        pieces.append(baked(piece, np.linalg.inv(matrix)))
+        instances.append(Instance(len(instances), matrix))
+    return make_asset("pieces", pieces, instances, asset.slots)
+
+
 SHEAR = np.array([[1.0, 0.9, 0.0], [0.0, 1.0, 0.0], [0.4, 0.0, 0.7]])
 PLACEMENTS = {
     "sheared": SHEAR,
@@ -136,6 +160,17 @@ def test_a_placement_is_shaded_like_geometry_that_stands_there(
     plain = make_asset("baked", meshes, [Instance(i, np.eye(4)) for i in range(len(meshes))], asset.slots)
     one = stage.render(asset, BRUSHED, light, CAMERA)
     assert difference(one, stage.render(plain, BRUSHED, light, CAMERA, seed=1)) < SAME
+
+
+@pytest.mark.parametrize("count", [20, 200])
+def test_a_mesh_in_pieces_looks_like_the_whole(stage: Stage, light: EnvironmentMap, count: int) -> None:
+    """A few pieces are objects of their own, many are joined."""
+    whole = placed(affine(np.diag([1.2, 0.6, 0.9]), (0.0, 0.0, 0.0)))
+    whole = make_asset(
+        "whole", [baked(whole.meshes[0], whole.instances[0].matrix)], [Instance(0, np.eye(4))], whole.slots
+    )
+    one = stage.render(whole, BRUSHED, light, CAMERA)
+    assert difference(one, stage.render(in_pieces(whole, count), BRUSHED, light, CAMERA, seed=1)) < SAME
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,13 @@ JOBS = sorted(Path(__file__).parents[2].joinpath("jobs").glob("*.toml"))
 MOST_LOOKS = 4
 
 
-def some_looks(job: Job) -> str:
-    """Return a job's looks, each variant counted, as tables; of more than `MOST_LOOKS` the first and the last."""
+def some_looks(job: Job, tables: str) -> str:
+    """Return a job's looks, each variant counted, as tables; of more than `MOST_LOOKS` the first and the last.
+
+    Looks of a job that dresses the parts of its asset are all as they were.
+    """
+    if any(look.material is None for look in job.look):
+        return tables
     looks = [(look, chosen) for look in job.look for chosen in expand_variants(look.material, look.prim, look.variants)]
     tables = ""
     for number, (look, chosen) in enumerate(looks if len(looks) <= MOST_LOOKS else (looks[0], looks[-1])):
@@ -35,14 +40,15 @@ def some_looks(job: Job) -> str:
 def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     """Return a copy of a job with little to render, which names the files of the original."""
     path: Path = request.param
-    text = path.read_text()
+    text, given = path.read_text(), load_job(path)
     for pattern, replacement, least in (
         (r'"\.\./', f'"{path.parents[1]}/', 2),
+        (r'"(?=assets/)', f'"{path.parent}/', 0),
         (r"(?m)^output = .*$", 'output = "out"', 1),
         (r"(?m)^resolution = .*$", "resolution = [24, 16]", 1),
         (r"(?m)^samples = .*$", "samples = 4", 1),
         (r"(?m)^frames = .*$", "frames = 1", 1),
-        (r"(?ms)^\[\[look\]\].*?(?=^\[\[ibl\]\])", some_looks(load_job(path)), 1),
+        (r"(?ms)^\[\[look\]\].*?(?=^\[\[ibl\]\])", lambda looks: some_looks(given, looks[0]), 1),
     ):
         text, count = re.subn(pattern, replacement, text)
         assert count >= least, f"{path}: {pattern}"

@@ -51,7 +51,10 @@ def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
     job = load_job(folder / "job.toml")
     assert job.file == folder / "job.toml"
     assert job.output == folder / "out"
+    assert (job.asset.prim, job.asset.time, job.asset.variants, job.asset.missing) == (None, None, {}, "error")
+    assert (job.asset.purposes, job.asset.subdivision) == (("default", "render"), "auto")
     assert job.look[0].material == folder / "paint.usda"
+    assert (job.look[0].parts, job.look[0].layer, job.look[0].assign) == (None, None, ())
     assert (job.ibl[0].exposure, job.ibl[0].rotation) == (0.0, 0.0)
     table = job.turntable[0]
     assert (table.name, table.start, table.degrees) == ("element", 0.0, 360.0)
@@ -69,15 +72,37 @@ def test_every_key_is_read(folder: Path) -> None:
     (folder / "jobs").mkdir()
     text = """
     output = "/somewhere/else"
-    asset = { usd = "../ball.usdc", prim = "/World/Ball" }
-    camera = { fov = 30, elevation = -5.5, azimuth = 90, margin = 1.25 }
-    outputs = { png = false, sheet = false, overview = true, overview_columns = 11, view = "Raw" }
+    [asset]
+    usd = "../ball.usdc"
+    prim = "/World/Ball"
+    time = 12
+    variants = { modelingVariant = "hero" }
+    purposes = ["render", "proxy"]
+    subdivision = 3
+    missing = "warn"
+    [camera]
+    fov = 30
+    elevation = -5.5
+    azimuth = 90
+    margin = 1.25
+    [outputs]
+    png = false
+    sheet = false
+    overview = true
+    overview_columns = 11
+    view = "Raw"
     [[look]]
     name = "dirty-paint_2.0"
     material = "../paint.usda"
     prim = "/Paint"
     variants = { wear = "dirty" }
     parts = ["*/body"]
+    layer = "../paint.usda"
+    [[look.assign]]
+    prims = ["/World/Tire*", "/World.collection:trim"]
+    material = "../paint.usda"
+    prim = "/Rubber"
+    variants = { wear = "new" }
     [[ibl]]
     name = "sky"
     file = "../sky.exr"
@@ -98,6 +123,12 @@ def test_every_key_is_read(folder: Path) -> None:
     job = parse_job(text, folder / "jobs" / "job.toml")
     assert job.output == Path("/somewhere/else")
     assert (job.asset.usd, job.asset.prim) == (folder / "ball.usdc", "/World/Ball")
+    assert (job.asset.time, job.asset.variants, job.asset.missing) == (12.0, {"modelingVariant": "hero"}, "warn")
+    assert (job.asset.purposes, job.asset.subdivision) == (("render", "proxy"), 3)
+    assert job.look[0].layer == folder / "paint.usda"
+    (assign,) = job.look[0].assign
+    assert assign.prims == ("/World/Tire*", "/World.collection:trim")
+    assert (assign.material, assign.prim, assign.variants) == (folder / "paint.usda", "/Rubber", {"wear": "new"})
     assert (job.look[0].variants, job.look[0].parts) == ({"wear": "dirty"}, ("*/body",))
     assert (job.ibl[0].file, job.ibl[0].exposure) == (folder / "sky.exr", -1.0)
     assert (job.turntable[0].name, job.turntable[0].degrees) == ("half", -180.0)
@@ -172,6 +203,87 @@ def test_faults_of_every_table_are_reported_at_once(folder: Path) -> None:
     }
 
 
+USD = 'usd = "ball.usdc"'
+ASSIGN = '"paint.usda"\n[[look.assign]]\nprims = ["/Ball"]\nmaterial = "paint.usda"'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "what", "hint"),
+    [
+        *(
+            ('builtin = "sphere"', f'builtin = "sphere"\n{key} = {value}', f"asset.{key}", "a built-in asset", "'usd'")
+            for key, value in {
+                "prim": '"/X"',
+                "time": 12.0,
+                "variants": '{ a = "b" }',
+                "purposes": '["proxy"]',
+                "subdivision": 2,
+                "missing": '"warn"',
+            }.items()
+        ),
+        ('builtin = "sphere"', f"{USD}\ntiem = 3", "asset.tiem", "unknown key", "did you mean 'time'?"),
+        ('builtin = "sphere"', f'{USD}\ntime = "12"', "asset.time", "valid number", ""),
+        ('builtin = "sphere"', f"{USD}\ntime = nan", "asset.time", "finite", ""),
+        ('builtin = "sphere"', f"{USD}\nvariants = {{ a = 3 }}", "asset.variants.a", "valid string", ""),
+        ('builtin = "sphere"', f'{USD}\nvariants = {{ a = "*" }}', "asset.variants", "'a' is '*'", "[[look]]"),
+        ('builtin = "sphere"', f"{USD}\npurposes = []", "asset.purposes", "at least 1", ""),
+        (
+            'builtin = "sphere"',
+            f'{USD}\npurposes = "render"',
+            "asset.purposes",
+            "should be a list",
+            'write purposes = ["render"]',
+        ),
+        ('builtin = "sphere"', f'{USD}\npurposes = ["rendr"]', "asset.purposes[0]", "unknown value", "'render'"),
+        ('builtin = "sphere"', f"{USD}\nsubdivision = -1", "asset.subdivision", "equal to 0, not -1", ""),
+        ('builtin = "sphere"', f"{USD}\nsubdivision = 7", "asset.subdivision", "equal to 6, not 7", ""),
+        ('builtin = "sphere"', f"{USD}\nsubdivision = 1.5", "asset.subdivision", "valid integer", ""),
+        ('builtin = "sphere"', f'{USD}\nsubdivision = "atuo"', "asset.subdivision", "unknown value", "'auto'"),
+        ('builtin = "sphere"', f'{USD}\nmissing = "wran"', "asset.missing", "unknown value", "'warn'"),
+        ('material = "paint.usda"', "", "look[0].material", "is missing", "nothing is bound to a built-in asset"),
+        ('"paint.usda"', '"paint.usda"\nlayer = "paint.usda"', "look[0].layer", "a built-in asset", "over 'usd'"),
+        ('"paint.usda"', '"paint.usda"\nassign = 3', "look[0].assign", "should be a list", ""),
+        ('"paint.usda"', '"paint.usda"\n[look.assign]', "look[0].assign", "should be a list", "write [[look.assign]]"),
+        ('"paint.usda"', ASSIGN.replace("prims", "prim"), "look[0].assign[0].prims", "is missing", "paths, globs"),
+        ('"paint.usda"', ASSIGN.replace('["/Ball"]', "[]"), "look[0].assign[0].prims", "at least 1", ""),
+        ('"paint.usda"', ASSIGN.replace('["/Ball"]', '"/B"'), "look[0].assign[0].prims", "should be a list", ""),
+        (
+            '"paint.usda"',
+            ASSIGN.replace("\nmaterial", "\nmateril"),
+            "look[0].assign[0].materil",
+            "unknown key",
+            "mater",
+        ),
+        ('"paint.usda"', ASSIGN[:-7] + '.mtlx"', "look[0].assign[0].material", "'pain.mtlx' is of no known", ".usd"),
+        ('"paint.usda"', ASSIGN + '\nvariants = { a = "*" }', "look[0].assign[0].variants", "'a' is '*'", "[[look]]"),
+    ],
+)
+def test_a_fault_of_the_asset_or_its_parts_is_reported_with_its_place(
+    folder: Path, old: str, new: str, place: str, what: str, hint: str
+) -> None:
+    found = faults(MINIMAL.replace(old, new, 1), folder)
+    assert place in found
+    assert what in found[place][0]
+    assert hint in found[place][1]
+    # Beside it, only what one misspelt key leaves out.
+    assert len(found) <= 1 + ("unknown key" in what) + ("is missing" in what)
+
+
+def test_a_look_without_material_wears_what_the_asset_binds(folder: Path) -> None:
+    text = MINIMAL.replace('builtin = "sphere"', USD).replace('material = "paint.usda"\n', "")
+    assert parse(text, folder).look[0].material is None
+    found = faults(text.replace('"paint"\n', '"paint"\nprim = "/Paint"\nparts = ["/Ball"]\n'), folder)
+    assert found == {
+        f"look[0].{key}": ("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
+        for key in ("prim", "parts")
+    }
+
+
+def test_assigned_materials_dress_a_built_in_asset(folder: Path) -> None:
+    look = parse(MINIMAL.replace('material = "paint.usda"', ASSIGN.partition("\n")[2]), folder).look[0]
+    assert (look.material, look.assign[0].prims) == (None, ("/Ball",))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "place", "what"),
     [
@@ -180,7 +292,7 @@ def test_faults_of_every_table_are_reported_at_once(folder: Path) -> None:
         ('"out"', "3", "output", "should be a path in quotes"),
         ('builtin = "sphere"', "", "asset.builtin", "exactly one of 'usd' and 'builtin'"),
         ('builtin = "sphere"', 'builtin = "sphere"\nusd = "ball.usdc"', "asset.builtin", "exactly one of"),
-        ('builtin = "sphere"', 'builtin = "sphere"\nprim = "/X"', "asset.prim", "no prims"),
+        ('builtin = "sphere"', 'builtin = "sphere"\nprim = "/X"', "asset.prim", "has no meaning with a built-in"),
         ('builtin = "sphere"', 'usd = "sky.exr"', "asset.usd", "'sky.exr' is of no known kind"),
         ('builtin = "sphere"', 'usd = "ball.usdc"\nprim = "X"', "asset.prim", "'X' is not allowed"),
         ("[asset]", "[[asset]]", "asset", "should be a table"),
@@ -198,6 +310,18 @@ def test_faults_of_every_table_are_reported_at_once(folder: Path) -> None:
         ("frames = 4", "frames = 4\n[camera]\nfov = 180", "camera.fov", "170"),
         ("frames = 4", "frames = 4\n[camera]\nfov = 9\nfocal_length = 9", "camera.focal_length", "'fov'"),
         ("frames = 4", "frames = 4\n[camera]\nmargin = 0.9", "camera.margin", "greater than or equal to 1"),
+        ("frames = 4", "frames = 4\n[camera]\nfill = 0.04", "camera.fill", "greater than or equal to 0.05"),
+        ("frames = 4", "frames = 4\n[camera]\nfill = 1.01", "camera.fill", "less than or equal to 1"),
+        ("frames = 4", "frames = 4\n[camera]\nmargin = 1.1\nfill = 0.7", "camera.margin", "beside 'fill'"),
+        ("frames = 4", 'frames = 4\n[camera]\nframing = "look"', "camera.framing", "unknown value 'look'"),
+        ("frames = 4", 'frames = 4\n[camera]\nusd = "Shot"', "camera.usd", "'Shot' is not allowed here"),
+        ("frames = 4", 'frames = 4\n[camera]\nusd = "/Shot"', "camera", "a built-in asset has no camera"),
+        ("frames = 4", 'frames = 4\n[camera]\nfile = "ball.usdc"', "camera.file", "without 'usd'"),
+        *(
+            ("frames = 4", f'frames = 4\n[camera]\nusd = "/Shot"\nfile = "ball.usdc"\n{key}', place, "beside 'usd'")
+            for key in ("fov = 9", "focal_length = 9", "elevation = 1", "azimuth = 1", "fill = 0.5", "margin = 2")
+            for place in ("camera." + key.split()[0],)
+        ),
         ("frames = 4", 'frames = 4\n[render]\ndevice = "cuda"', "render.device", "on 'cuda'"),
         ("frames = 4", 'frames = 4\n[render]\nbackend = "node"', "render.backend", "unknown value"),
         *(

@@ -26,7 +26,8 @@ def test_file_is_written_from_the_parameters() -> None:
 
 
 def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
-    assert set(nodes) == {*layer_shaders(), "LookdevBump", "LookdevExpression", "LookdevLayers"}
+    others = {"LookdevBump", "LookdevDisplacement", "LookdevExpression", "LookdevLayers"}
+    assert set(nodes) == {*layer_shaders(), *others}
     for node, model in layer_shaders().items():
         assert sorted(nodes[node].GetShaderInputNames()) == sorted(MODELS[model].parameters)
         assert nodes[node].GetShaderOutputNames() == ["layer"]
@@ -70,6 +71,16 @@ def test_layer_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
     defaults = [inputs[f"layer3{suffix}"].GetDefaultValueAsSdfType() for suffix in ("Mask", "Enabled", "Mode")]
     assert defaults == [1.0, True, "over"]
     assert [name for name, _ in inputs["layer3Mode"].GetOptions()] == ["over", "transmit"]
+
+
+def test_displacement(nodes: dict[str, Sdr.ShaderNode]) -> None:
+    node = nodes["LookdevDisplacement"]
+    inputs = {name: node.GetShaderInput(name) for name in node.GetShaderInputNames()}
+    defaults = {name: each.GetDefaultValueAsSdfType() for name, each in inputs.items()}
+    assert defaults == {"height": 0.0, "scale": 1.0, "midlevel": 0.0, "units": "object"}
+    assert [name for name, each in inputs.items() if each.IsConnectable()] == ["height"]
+    assert [name for name, _ in inputs["units"].GetOptions()] == ["object", "world"]
+    assert all(each.GetHelp() for each in inputs.values())
 
 
 def test_bump(nodes: dict[str, Sdr.ShaderNode]) -> None:

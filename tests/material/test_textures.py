@@ -11,6 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import TextureError
+from lookdev.material.colorspaces import srgb_to_linear
 from lookdev.material.look import Texture
 from lookdev.material.textures import (
     image_header,
@@ -18,7 +19,6 @@ from lookdev.material.textures import (
     sample_slopes,
     sample_texture,
     slope_texture,
-    srgb_to_linear,
 )
 
 

@@ -35,6 +35,13 @@ def layered(inputs: str, coat: str = "", base: str = "") -> str:
     return stack(BASE + LAYER1 + inputs, disney(body=base), disney("Coat", coat))
 
 
+def test_displacement_is_examined(write) -> None:
+    terminal = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
+    moved = shader("Moved", "LookdevDisplacement", "float inputs:height = 1\nfloat inputs:sacle = 2")
+    ((severity, where, what),) = findings(write(terminal + disney() + moved))
+    assert (severity, where, what) == ("error", "/M/Moved.inputs:sacle", "unknown input")
+
+
 NOTES = {
     "mask 0": (
         layered("float inputs:layer1Mask = 0"),

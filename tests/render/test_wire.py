@@ -31,7 +31,9 @@ def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
 
 
 def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
-    scene = replace(task.scene, backend="nodes", shaders=(node_source, node_source))
+    scene = replace(
+        task.scene, backend="nodes", shaders=(node_source, replace(node_source, digest="1")), worn=(0, 1, 0)
+    )
     back = decode(encode(replace(task, scene=scene))).scene
     assert back == scene
     for source in back.shaders:

@@ -1,15 +1,63 @@
-"""Framing: the bounding sphere fits both ways, and touches the nearer two sides at margin 1."""
+"""Framing: the bounding sphere touches the nearer sides at margin 1; what a turned asset covers fills its part."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from lookdev.asset import load_asset
+from lookdev.asset.silhouette import outline, turning_axis
 from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
-from lookdev.scene import frame_camera
+from lookdev.scene import Camera, frame_camera, frame_fill
+
+Floats = NDArray[np.float64]
+
+BOX = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+
+
+def torus() -> Floats:
+    u, v = np.meshgrid(*(np.linspace(0.0, 2.0 * math.pi, 60, endpoint=False),) * 2)
+    return np.stack([(2 + np.cos(v)) * np.cos(u), (2 + np.cos(v)) * np.sin(u), np.sin(v)], axis=-1).reshape(-1, 3)
+
+
+POINTS = {
+    "flat plate": BOX * [2.0, 2.0, 0.0],
+    "upright card": BOX * [2.0, 0.0, 2.0],
+    "long bar": BOX * [100.0, 1.0, 1.0],
+    "tall pole": BOX * [0.02, 0.02, 2.0],
+    "angle off centre": np.concatenate(
+        [BOX * [3.0, 0.3, 0.3] + [1.5, 0.0, 0.0], BOX * [0.3, 0.3, 2.0] + [0.0, 0.0, 1.0]]
+    ),
+    "torus": torus(),
+    "two distant parts": np.concatenate([BOX * 0.3, BOX + np.array([5.0, 2.0, 1.0])]),
+    "needle": BOX * [1e-3, 1e-3, 1.0],
+    "far away": BOX * [1.0, 0.2, 0.5] + [1e5, -3e4, 2e4],
+    "tiny": BOX * [1e-5, 3e-5, 2e-5],
+    "huge": BOX * [1e5, 3e5, 2e5],
+}
+NAMES = (*POINTS, "sphere", "suzanne", "shaderball")
+
+
+def points_of(name: str) -> Floats:
+    return POINTS[name] if name in POINTS else outline(load_asset(builtin=name))
+
+
+def covered(
+    camera: Camera, points: Floats, angles: Sequence[float], resolution: tuple[int, int]
+) -> tuple[Floats, Floats]:
+    """Return the least and the greatest pixel coordinates, from the centre, of points seen at some element angles."""
+    corners = []
+    for angle in angles:
+        orbited = camera.orbited(-angle)
+        right, up, toward = ((points - orbited.position) @ orbited.frame.T).T
+        seen = np.stack([right, up]) / -toward / camera.reach * resolution[0] / 2.0
+        corners.append(np.stack([seen.min(axis=1), seen.max(axis=1)]))
+    return np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
 
 
 @pytest.mark.parametrize("resolution", [(512, 512), (1920, 1080), (300, 900)])
@@ -43,3 +91,70 @@ def test_margin_scales_the_distance_and_elevation_passes_through() -> None:
 def test_an_asset_without_size_is_an_error(radius: float) -> None:
     with pytest.raises(AssetError, match="bounding radius"):
         frame_camera((0.0, 0.0, 0.0), radius, (64, 64))
+
+
+# Of points that turn by half a degree between frames, the outermost is at most a quarter of a degree from its extreme,
+# which takes 1e-5 of a radius; in perspective a few times that.
+STEP = 0.5
+LOST = 1e-4
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("elevation", "resolution"), [(10.0, (1920, 1080)), (-90.0, (600, 900)), (55.0, (512, 512))])
+def test_a_turned_asset_fills_its_part_of_the_frame(name: str, elevation: float, resolution: tuple[int, int]) -> None:
+    points = points_of(name)
+    camera = frame_fill(points, resolution, elevation=elevation)
+    angles = np.arange(0.0, 360.0, STEP if len(points) < 10000 else 4.0 * STEP)
+    least, most = covered(camera, points, angles, resolution)
+    size = np.array(resolution)
+    filled = (most - least) / size
+    lost = LOST if len(points) < 10000 else 16.0 * LOST
+    assert 0.7 - lost < filled.max() < 0.7 + 1e-9
+    # A pixel of the frame; equal margins.
+    assert np.abs(filled.max() - 0.7) * size.max() < 1.0
+    assert np.abs(most + least).max() < 2.0 * lost * size.max()
+
+
+@pytest.mark.parametrize(
+    "arcs", [[(0.0, 0.0)], [(30.0, 90.0)], [(200.0, -270.0)], [(-40.0, 60.0), (100.0, 0.0), (180.0, 30.0)]]
+)
+@pytest.mark.parametrize("name", ["upright card", "long bar", "angle off centre", "two distant parts", "far away"])
+def test_only_the_angles_that_are_shown_count(name: str, arcs: list[tuple[float, float]]) -> None:
+    points, resolution = points_of(name), (800, 600)
+    camera = frame_fill(points, resolution, elevation=20.0, fill=0.9, arcs=arcs)
+    angles = np.concatenate([np.linspace(start, start + sweep, 721) for start, sweep in arcs])
+    least, most = covered(camera, points, angles, resolution)
+    assert ((most - least) / resolution).max() == pytest.approx(0.9, abs=LOST)
+    assert np.abs(most + least).max() < 2.0 * LOST * max(resolution)
+
+
+def test_framing_scales_and_moves_with_the_asset() -> None:
+    points = points_of("angle off centre")
+    camera = frame_fill(points, (640, 480))
+    moved = frame_fill(1e3 * points + [4.0, -5.0, 6.0], (640, 480))
+    assert moved.distance == pytest.approx(1e3 * camera.distance, rel=1e-8)
+    np.testing.assert_allclose(moved.position, 1e3 * camera.position + [4.0, -5.0, 6.0], atol=1e-6 * moved.distance)
+    assert camera.pivot == pytest.approx(turning_axis(points))
+
+
+def test_the_more_is_covered_the_farther_is_the_camera() -> None:
+    cameras = [
+        frame_fill(points_of("two distant parts"), (512, 512), arcs=[(10.0, sweep)]) for sweep in (0, 90, 200, 360)
+    ]
+    depths = [float(camera.position @ camera.frame[2]) for camera in cameras]
+    assert depths == sorted(depths)
+    assert len(set(depths)) == 4
+
+
+def test_a_camera_that_sees_a_needle_along_its_length_stays_outside() -> None:
+    needle = BOX * [1e-6, 1e-6, 2.0]
+    camera = frame_fill(needle, (512, 512), elevation=90.0)
+    depths = (camera.position - needle) @ camera.frame[2]
+    near, far = camera.clip
+    assert near < depths.min() < depths.max() < far
+
+
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), np.zeros((4, 3)), [[0.0, 0.0, 0.0], [math.nan, 1.0, 0.0]]])
+def test_points_without_size_are_an_error(points: Floats) -> None:
+    with pytest.raises(AssetError, match="finite, positive size"):
+        frame_fill(np.array(points), (64, 64))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from lookdev.brdf import MASK, Bsdf, Parameter, Real, StackLayer, model_named, runs, stack_bsdf
+from lookdev.brdf import MASK, Bsdf, Parameter, Real, StackLayer, model_named, reflectance, runs, stack_bsdf
 from lookdev.brdf.vectors import same
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
@@ -24,22 +24,25 @@ from lookdev.codegen.nodes.group import Group, bound, built, socket_of, symbols_
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding, Link, NodeSource, NodeTree
 from lookdev.codegen.trace.graph import Graph, reachable
-from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of
+from lookdev.codegen.trace.lobes import WO
+from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbols
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 
 _LAYERS = "Lookdev Layers"
 _PRESENCE = Parameter("presence", "float", 1.0, help="How much of the surface is there.")
-_OF_PART = {"mask": MASK, "presence": _PRESENCE}
+_REFLECTANCE = Parameter("reflectance", "float", 1.0, help="How much of the light the coat reflects to the viewer.")
+_OF_PART = {"mask": MASK, "presence": _PRESENCE, "reflectance": _REFLECTANCE}
 
 
 @dataclass(frozen=True)
 class _Part:
-    """The shader of some of the layers, and their presence in the material's graph."""
+    """The shader of some of the layers; their presence in the material's graph; as a coat, what it reflects."""
 
     shader: Link
     presence: Real
     transmits: bool
+    reflectance: Real | None = None
 
 
 def generate_nodes(look: Look, resolve: Callable[[Texture | Bump], Path]) -> NodeSource:
@@ -70,7 +73,7 @@ class _Material:
 
     def source(self) -> NodeSource:
         stack = look_layers(self._look, self._inputs)
-        names = _unique(layer.name for layer in self._look.layers)
+        names = _unique(layer.name for layer in stack)
         # Raises if layers do not fit together, also layers that vanish.
         presence = stack_bsdf(stack).presence
         first, *others = runs(stack)
@@ -106,21 +109,32 @@ class _Material:
         layers = _taken(group, stack, names)
         return self._shaded(group, layers, part) if model.combine else self._parameters(group, layers, part)
 
-    def _shaded(self, group: Group, stack: Sequence[StackLayer], part: str) -> _Part:
-        """Finish a group that shades by the layers taken into it."""
+    def _shaded(
+        self,
+        group: Group,
+        stack: Sequence[StackLayer],
+        part: str,
+        finished: Callable[[NodeTree], None] = lambda tree: None,
+    ) -> _Part:
+        """Finish a group that shades by the layers taken into it; call `finished` before it is shown."""
         bsdf = stack_bsdf(stack)
         shader, transmits = _closures(group, bsdf)
+        given: dict[str, Real] = {}
         if not part:
-            tree = group.tree(add_transparent(group.builder, shader, bsdf.presence))
-            return _Part(Link(self._show(group, tree), "Shader"), np.array(1.0), transmits)
-        whole = same(bsdf.presence, 1.0)
-        tree = group.tree(shader, {} if whole else {socket_of(_PRESENCE): bsdf.presence})
+            shader = add_transparent(group.builder, shader, bsdf.presence)
+        elif not same(bsdf.presence, 1.0):
+            given["presence"] = bsdf.presence
+        if stack[0].mode == "coat":
+            given["reflectance"] = reflectance(stack[0], symbols(group.graph, WO))
+        tree = group.tree(shader, {socket_of(_OF_PART[name]): value for name, value in given.items()})
+        finished(tree)
         node = self._show(group, tree)
-        presence: Real = np.array(1.0)
-        if not whole:
-            place = Link(node, _PRESENCE.name)
-            presence = bound(self._graph, self._builder, f"{group.name} presence", place, vector=False)
-        return _Part(Link(node, "Shader"), presence, transmits)
+        outside = {
+            name: bound(self._graph, self._builder, f"{group.name} {name}", Link(node, name), vector=False)
+            for name in given
+        }
+        presence = outside.get("presence", np.array(1.0))
+        return _Part(Link(node, "Shader"), presence, transmits, outside.get("reflectance"))
 
     def _parameters(self, layers: Group, stack: Sequence[StackLayer], part: str) -> _Part:
         """Finish a group that blends the parameters of layers, and add one that shades by them."""
@@ -136,17 +150,21 @@ class _Material:
         }
         group = Group(f"Lookdev {model.title} {part}".strip())
         shading = replace(stack[0], parameters=group.take(known, outside))
-        shader, _ = _closures(group, stack_bsdf([shading]))
-        tree = group.tree(shader)
-        read = [name for name in group.wanted(tree) if name in between]
-        node = self._show(layers, layers.tree(None, {socket_of(known[name]): blended[name] for name in read}))
-        for name in read:
-            vector = known[name].kind != "float"
-            bound(self._graph, self._builder, between[name], Link(node, name), vector=vector)
-        return _Part(Link(self._show(group, tree), "Shader"), np.array(1.0), transmits=False)
+
+        def show_layers(tree: NodeTree) -> None:
+            read = [name for name in group.wanted(tree) if name in between]
+            node = self._show(layers, layers.tree(None, {socket_of(known[name]): blended[name] for name in read}))
+            for name in read:
+                vector = known[name].kind != "float"
+                bound(self._graph, self._builder, between[name], Link(node, name), vector=vector)
+
+        return self._shaded(group, [shading], part, show_layers)
 
     def _mixed(self, parts: Sequence[_Part], stack: Sequence[StackLayer], names: Sequence[str]) -> _Part:
-        """Blend shaders, base first: f is ``mask * f_above + (1 - mask * presence_above) * f_below``."""
+        """Blend shaders, base first: f is ``mask * f_above + (1 - mask * presence_above) * f_below``.
+
+        Of a coat, what it hides is multiplied by what it reflects.
+        """
         group = Group(_LAYERS)
         above = len(parts) - 1
         panels = [names[0], *names[-above:]]
@@ -157,10 +175,15 @@ class _Material:
         presence: Real = np.array(0.0)
         for panel, part, layer in zip(panels, parts, layers, strict=True):
             shader = group.take_shader(f"{panel} shader", panel)
-            inside = group.take(_OF_PART, {"mask": layer.mask, "presence": part.presence}, panel)
+            values = {"mask": layer.mask, "presence": part.presence}
+            if part.reflectance is not None:
+                values["reflectance"] = part.reflectance
+            inside = group.take(_OF_PART, values, panel)
             covered = inside["mask"] * inside["presence"]
-            total = _over(group.builder, shader, total, inside["mask"], covered)
-            presence = 1.0 - (1.0 - covered) * (1.0 - presence)
+            hidden = covered if part.reflectance is None else covered * inside["reflectance"]
+            total = _over(group.builder, shader, total, inside["mask"], hidden)
+            if part.reflectance is None:
+                presence = 1.0 - (1.0 - covered) * (1.0 - presence)
         tree = group.tree(add_transparent(group.builder, total, presence))
         node = self._show(group, tree, shaders)
         return _Part(Link(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
@@ -183,12 +206,12 @@ def _closures(group: Group, bsdf: Bsdf) -> tuple[Link | None, bool]:
     return shade(group.graph, group.builder, bsdf, np.stack(bases))
 
 
-def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Real, covered: Real) -> Link | None:
-    """Lay a shader on another, of which the share `covered` is hidden."""
-    if below is not None and same(mask, covered) and not same(mask, 0.0) and not same(mask, 1.0):
+def _over(builder: TreeBuilder, above: Link, below: Link | None, mask: Real, hidden: Real) -> Link | None:
+    """Lay a shader on another, of which the share `hidden` is not seen."""
+    if below is not None and same(mask, hidden) and not same(mask, 0.0) and not same(mask, 1.0):
         inputs = {"Fac": built(builder, mask), "Shader": below, "Shader_001": above}
         return Link(builder.add("MixShader", inputs=inputs), "Shader")
-    return add_shaders(builder, _scaled(builder, below, 1.0 - covered), _scaled(builder, above, mask))
+    return add_shaders(builder, _scaled(builder, below, 1.0 - hidden), _scaled(builder, above, mask))
 
 
 def _scaled(builder: TreeBuilder, shader: Link | None, factor: Real) -> Link | None:

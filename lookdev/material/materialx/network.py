@@ -1,28 +1,20 @@
-"""A MaterialX document: read from untrusted XML, and its connections followed to their sources.
+"""A MaterialX document, its connections followed to their sources.
 
-XML is checked before the MaterialX package reads it: the package silently drops siblings of one name and includes.
-Documents are not upgraded to the package's version: that takes minutes for a megabyte of nodes, and what
-`disney_principled` needs has not changed since 1.38.
+Documents are not upgraded to the package's version: what `disney_principled` needs has not changed since 1.38.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
 import MaterialX as mx
 
 from lookdev.errors import Fault, LookError
-
-# 1.38 is the first version with a disney_principled node.
-_FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])
-_MAX_DEPTH = 32
-_VERSION = re.compile(r"(\d{1,4})\.(\d{1,4})")
+from lookdev.mtlx import read_document
 
 
 @dataclass(frozen=True)
@@ -174,60 +166,9 @@ class Network:
         try:
             data = self.file.read_bytes() if self.file.is_file() else None
         except OSError as error:
-            raise self._refused("", f"cannot be read: {error.strerror}") from error
+            raise LookError([Fault(str(self.file), "", f"cannot be read: {error.strerror}")]) from error
         if data is None:
-            raise self._refused("", "no such file", "the path of a MaterialX document, .mtlx")
-        self._check_xml(data)
-        document = mx.createDocument()
-        options = mx.XmlReadOptions()
-        options.readXIncludeFunction = None
-        options.upgradeVersion = False
-        try:
-            mx.readFromXmlString(document, data.decode("utf-8-sig"), mx.FileSearchPath(), options)
-        except (mx.Exception, mx.ExceptionParseError) as error:
-            raise self._refused("", f"MaterialX cannot read it: {error}") from error
+            raise LookError([Fault(str(self.file), "", "no such file", "the path of a MaterialX document, .mtlx")])
+        document, includes = read_document(data, str(self.file))
+        self._lost |= dict.fromkeys(includes)
         return document
-
-    def _refused(self, where: str, what: str, hint: str = "") -> LookError:
-        return LookError([Fault(str(self.file), where, what, hint)])
-
-    def _check_xml(self, data: bytes) -> None:
-        """Refuse malformed documents and those that exhaust a parser; note includes."""
-        names: list[set[str]] = []  # of the children of each open element
-        parser = expat.ParserCreate("utf-8")
-
-        def place() -> str:
-            return f"line {parser.CurrentLineNumber}, column {parser.CurrentColumnNumber + 1}"
-
-        def check_root(tag: str, version: str) -> None:
-            if tag != "materialx":
-                raise self._refused(place(), f"the document is <{tag:.40}>, not <materialx>")
-            match = _VERSION.fullmatch(version)
-            if not match or not _FIRST <= (int(match[1]), int(match[2])) <= _LAST:
-                (a, b), (c, d) = _FIRST, _LAST
-                raise self._refused(place(), f"MaterialX version '{version:.40}'", f"{a}.{b} to {c}.{d} can be read")
-
-        def start(tag: str, attributes: dict[str, str]) -> None:
-            name = attributes.get("name", "")
-            if not names:
-                check_root(tag, attributes.get("version", ""))
-            if len(names) == _MAX_DEPTH:
-                raise self._refused(place(), f"more than {_MAX_DEPTH} elements inside each other")
-            if tag == "xi:include":
-                self.lose(place(), f"includes '{attributes.get('href', ''):.80}'", "includes are not followed")
-            if name and names and name in names[-1]:
-                raise self._refused(place(), f"a second element here is named '{name:.40}'", "names are unique")
-            if names:
-                names[-1].add(name)
-            names.append(set())
-
-        def doctype(*_: object) -> None:
-            raise self._refused(place(), "has a document type definition", "remove <!DOCTYPE>")
-
-        parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: names.pop()
-        parser.StartDoctypeDeclHandler = doctype
-        try:
-            parser.Parse(data, True)
-        except expat.ExpatError as error:
-            where = f"line {error.lineno}, column {error.offset + 1}"
-            raise self._refused(where, f"is not XML: {expat.ErrorString(error.code)}") from error

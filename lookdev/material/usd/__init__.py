@@ -1,4 +1,4 @@
-"""Looks from USD: a UsdShade.Material whose outputs:lookdev:surface is a stack of layers.
+"""Looks from USD: a UsdShade.Material whose outputs:lookdev:surface is a stack of layers; its displacement.
 
 USD composes (references, variants, sublayers, inherits); the composed network is read here. A lookdev shader has one
 result, so the name of the output that is connected does not matter.
@@ -14,12 +14,13 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.brdf import MASK, MODELS, Mode, layer_shaders, stranger
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
+from lookdev.material.usd.displacement import read_displacement
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
+from lookdev.material.variants import combinations
 from lookdev.stage import open_stage, reading, usd_words
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
-_MOST_COMBINATIONS = 1000  # of variants, that "*" may stand for
 _MODES: tuple[Mode, ...] = ("over", "transmit")
 
 
@@ -79,16 +80,7 @@ def materials(stage: Usd.Stage) -> list[Sdf.Path]:
 
 def expand_variants(file: Path, prim: str | None, variants: Mapping[str, str]) -> tuple[dict[str, str], ...]:
     """Replace each ``"*"`` by every variant of its set, by name: all combinations; errors as `read_look`."""
-    combinations: list[dict[str, str]] = [dict(variants)]
-    while (wanted := next((name for name, choice in combinations[0].items() if choice == "*"), None)) is not None:
-        if len(combinations) > _MOST_COMBINATIONS:
-            what = f"'*' stands for more than {_MOST_COMBINATIONS} combinations of variants"
-            raise LookError([Fault(str(file), prim or "", what, "name a variant of some of the sets")])
-        # A set may be inside a variant of another: its choices depend on the selections made so far.
-        combinations = [
-            {**chosen, wanted: choice} for chosen in combinations for choice in _choices(file, prim, chosen, wanted)
-        ]
-    return tuple(combinations)
+    return combinations(variants, lambda chosen, wanted: _choices(file, prim, chosen, wanted), str(file), prim or "")
 
 
 def _choices(file: Path, prim: str | None, chosen: Mapping[str, str], wanted: str) -> list[str]:
@@ -126,10 +118,13 @@ def _read(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str |
         # The site is empty for a path that is an expression which USD cannot evaluate.
         if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
             network.fault(site, usd_words(str(error)))
-    layers = () if path is None else _read_surface(network, UsdShade.Material(stage.GetPrimAtPath(path)))
-    if path is None or network.faults:
+    if path is None:
         raise LookError(network.faults)
-    return Look(name or path.name, layers, f"{network.file}<{path}>")
+    material = UsdShade.Material(stage.GetPrimAtPath(path))
+    layers, displacement = _read_surface(network, material), read_displacement(network, material)
+    if network.faults:
+        raise LookError(network.faults)
+    return Look(name or path.name, layers, f"{network.file}<{path}>", displacement)
 
 
 def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:

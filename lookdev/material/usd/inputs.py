@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Ar, Gf, Sdf, Usd, UsdShade
+from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import TextureError, nearest_hint
@@ -15,7 +15,8 @@ from lookdev.material.definitions import USD_TYPES
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Input, Primvar, Texture, Transform
 from lookdev.material.look import Source as FormulaInput
-from lookdev.material.textures import UDIM, image_header, resolved, udim_tiles
+from lookdev.material.textures import image_header, resolved, udim_tiles
+from lookdev.material.usd.images import image_path
 from lookdev.material.usd.network import Network, Source, shader_id
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
@@ -236,30 +237,15 @@ def _read_texture(
 
 def _read_image(network: Network, shader: UsdShade.Shader) -> Path | None:
     """Return a texture's image, which is not opened here."""
+    attribute = shader.GetPrim().GetAttribute("inputs:file")
     asset = network.node_value(shader, "file")
     if asset is None:
         return None
-    found = asset.resolvedPath
-    if UDIM in asset.path:
-        layer = _layer_of(network, shader.GetPrim().GetAttribute("inputs:file"))
-        found = UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer)
-    if not asset.path:
-        what = "names no image file"
-    elif not found:
-        what = f"no tile of this set: {asset.path}" if UDIM in asset.path else f"no such image file: {asset.path}"
-    elif Ar.IsPackageRelativePath(found):
-        what = f"{asset.path} lies inside a usdz package, which is not supported in this version"
-    else:
-        return Path(found)
-    network.fault(f"{shader.GetPath()}.inputs:file", what, _IMAGE_HINT)
+    try:
+        return image_path(network, attribute, asset)
+    except TextureError as error:
+        network.fault(f"{shader.GetPath()}.inputs:file", str(error), _IMAGE_HINT)
     return None
-
-
-def _layer_of(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
-    """Return the layer that holds an attribute's value: a relative path is relative to it."""
-    holder = network.follow(attribute)
-    stack = holder.GetPropertyStack() if isinstance(holder, Usd.Attribute) else []
-    return next((spec.layer for spec in stack if spec.default is not None), None)
 
 
 def _read_coordinates(network: Network, shader: UsdShade.Shader, name: str) -> tuple[str, Transform] | None:

@@ -62,6 +62,10 @@ class Network:
         place = where.GetPath() if isinstance(where, Usd.Object) else where
         self._faults.append(Fault(str(self.file), shortened(str(place)), shortened(what), hint))
 
+    def note(self, fault: Fault) -> None:
+        """Note a fault of another file."""
+        self._faults.append(fault)
+
     def surface(self, material: UsdShade.Material) -> Source | None:
         """Return the stack or the single layer of a material; None where its terminal is not connected to a shader."""
         attribute = material.GetPrim().GetAttribute(TERMINAL)

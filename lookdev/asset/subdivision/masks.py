@@ -1,0 +1,156 @@
+"""Limit masks: what the ring of a point on the limit surface weighs, and the two tangents that span its plane.
+
+They are left eigenvectors of the matrix that refines the ring (Halstead, Kass and DeRose, "Efficient, Fair
+Interpolation using Catmull-Clark Surfaces", 1993, section 4 and appendix A); the eigenvalues are those of Stam, "Exact
+Evaluation of Catmull-Clark Subdivision Surfaces at Arbitrary Parameter Values" (1998), section 3, and of Loop (1987).
+
+OpenSubdiv 3.6 has other masks in two places, which are not those of the rules by which it refines: at a dart, where it
+uses those of a smooth point, and for the tangent across a crease with three or more faces a side (Loop: four), where it
+uses those of the modified rules of Biermann, Levin and Zorin (2000).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from functools import cache
+
+import numpy as np
+
+from lookdev.asset.subdivision.rules import Rules, smooth_weights
+from lookdev.asset.subdivision.topology import Doubles
+
+_LARGEST_DART = 64
+"""Faces around a dart above which its sharp edge is ignored: its masks then differ by less than 1e-3 of the ring."""
+
+
+class Kind(IntEnum):
+    """The masks of a sector; `NONE`: it has no tangent plane, and its point does not move."""
+
+    SMOOTH = 0
+    DART = 1
+    CREASE = 2
+    CORNER = 3
+    NONE = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Masks:
+    """Rows of weights.
+
+    own (r,): of the point; edges (r, size + 1): of the points at its edges, counter-clockwise, of which a closed sector
+    has one less and a last weight 0; faces (r, size): of those opposite it in its quads.
+    """
+
+    own: Doubles
+    edges: Doubles
+    faces: Doubles
+
+    def position(self) -> Masks:
+        """Return the first row, the limit position, alone."""
+        return Masks(self.own[:1], self.edges[:1], self.faces[:1])
+
+
+@cache
+def limit_masks(kind: Kind, size: int, rules: Rules) -> Masks:
+    """Return the masks of a sector of `size` faces: its position and two tangents whose cross product is outward."""
+    own, edges, faces = np.zeros(3), np.zeros((3, size + 1)), np.zeros((3, size))
+    if kind in (Kind.SMOOTH, Kind.DART):
+        edges[0, :size], faces[0] = _smooth_position(size, rules)
+        if size > 2:
+            theta, i = 2.0 * np.pi / size, np.arange(size)
+            edges[1, :size], edges[2, :size] = np.cos(i * theta), np.sin(i * theta)
+            across = edges[1:, :size] + np.roll(edges[1:, :size], -1, axis=1)
+            faces[1:] = _face_weight(theta, rules) * across
+        own[0] = 1.0 - edges[0].sum() - faces[0].sum()
+        if kind == Kind.DART and size <= _LARGEST_DART:
+            own[:2], edges[:2, :size], faces[:2] = _dart(size, rules, along=edges[1, :size])
+    elif kind == Kind.CORNER:
+        own[:], edges[1, 0], edges[2, 1] = (1.0, -1.0, -1.0), 1.0, 1.0
+    elif kind == Kind.CREASE:
+        # A crease is a cubic B-spline, which has this limit and this tangent.
+        own[0], edges[0, [0, size]] = 2.0 / 3.0, 1.0 / 6.0
+        edges[1, [0, size]] = 1.0, -1.0
+        own[2], edges[2], faces[2] = _cross_tangent(size, rules)
+    # A cosine of 90 degrees is 6e-17, which would be summed over all points.
+    return Masks(*(np.where(np.abs(each) < 1e-15, 0.0, each) for each in (own, edges, faces)))
+
+
+def _cross_tangent(size: int, rules: Rules) -> tuple[float, Doubles, Doubles]:
+    """Return the weights of the tangent away from a crease: of the point, the edges and the faces.
+
+    They are the left eigenvector, symmetric about the middle of the sector, of its largest eigenvalue: over the edges
+    between the faces a sine. That of the ends follows from the column of the refinement matrix that belongs to one of
+    them, and from the sum, which is 0. One face has the second difference of the crease.
+    """
+    edges, faces = np.zeros(size + 1), np.zeros(size)
+    if size == 1:
+        return -2.0, edges + 1.0, faces
+    theta = np.pi / size
+    eigenvalue = _eigenvalue(theta, rules)
+    edges[1:size] = np.sin(np.arange(1, size) * theta)
+    faces[:] = _face_weight(theta, rules) * (edges[:-1] + edges[1:])
+    inward = edges[1] if rules.triangles else 8.0 * eigenvalue * faces[0]
+    end = (inward - edges.sum() - faces.sum()) / (8.0 * eigenvalue - 2.0)
+    edges[[0, size]] = end
+    return float((8.0 * eigenvalue - 4.0) * end - inward), edges, faces
+
+
+def _dart(size: int, rules: Rules, along: Doubles) -> tuple[Doubles, Doubles, Doubles]:
+    """Return the weights of the position and of the tangent along the sharp edge, which is the first: (2,), (2, size).
+
+    Both are symmetric about that edge. The tangent across it is that of a smooth point, in which the edge has no part.
+    `along` (size,) tells which way the tangent points.
+    """
+    matrix = _ring(size, rules)
+    matrix[1], matrix[1, :2] = 0.0, 0.5
+    i = np.arange(size)
+    mirrored = np.concatenate([[0], 1 + -i % size, len(matrix) - 1 - i if len(matrix) > size + 1 else i[:0]])
+    basis = np.eye(len(matrix)) + np.eye(len(matrix))[mirrored]
+    basis = basis[:, np.arange(len(matrix)) <= mirrored]
+    basis /= np.linalg.norm(basis, axis=0)
+    eigenvalues, vectors = np.linalg.eig((basis.T @ matrix @ basis).T)
+    largest = np.argsort(-eigenvalues.real)[:2]
+    position, tangent = (basis @ vectors[:, largest].real).T
+    position /= position.sum()
+    tangent *= np.sign(tangent[1 : size + 1] @ along)
+    rows, faces = np.stack([position, tangent]), np.zeros((2, size))
+    if not rules.triangles:
+        faces[:] = rows[:, size + 1 :]
+    return rows[:, 0], rows[:, 1 : size + 1], faces
+
+
+def _ring(size: int, rules: Rules) -> Doubles:
+    """Return the matrix that refines a smooth point, the points at its edges and, of quads, those opposite it."""
+    same, following = np.eye(size), np.roll(np.eye(size), 1, axis=1)
+    own, ring = smooth_weights(np.array([size]), rules)
+    if rules.triangles:
+        edges = np.hstack([np.full((size, 1), 0.375), 0.375 * same + 0.125 * (following + following.T)])
+        return np.vstack([np.concatenate([own, np.repeat(ring, size)]), edges])
+    faces = 0.25 * np.hstack([np.ones((size, 1)), same + following, same])
+    edges = 0.25 * (np.hstack([np.ones((size, 1)), same, np.zeros((size, size))]) + faces + following.T @ faces)
+    point = ring * faces.sum(axis=0)
+    point[0] += own[0]
+    point[1 : size + 1] += ring
+    return np.vstack([point, edges, faces])
+
+
+def _smooth_position(size: int, rules: Rules) -> tuple[float, float]:
+    """Return the weights of each edge's and of each face's point in the limit of a smooth point."""
+    if rules.triangles:
+        ring = float(smooth_weights(np.array([size]), rules)[1][0])
+        return 1.0 / (size + 3.0 / (8.0 * ring)), 0.0
+    return 4.0 / (size * (size + 5.0)), 1.0 / (size * (size + 5.0))
+
+
+def _face_weight(theta: float, rules: Rules) -> float:
+    """Return the weight of a quad's opposite point in a tangent, in that of the two edges beside it."""
+    return 0.0 if rules.triangles else 1.0 / (4.0 * (4.0 * _eigenvalue(theta, rules) - 1.0))
+
+
+def _eigenvalue(theta: float, rules: Rules) -> float:
+    """Return the eigenvalue of the refinement whose eigenvectors turn by `theta` from edge to edge (Stam 1998)."""
+    cosine = np.cos(theta)
+    if rules.triangles:
+        return float(0.375 + 0.25 * cosine)
+    return float((5.0 + cosine + np.cos(0.5 * theta) * np.sqrt(2.0 * (9.0 + cosine))) / 16.0)

@@ -1,0 +1,146 @@
+"""A `UsdGeom.Mesh` as a shape: its faces, the rules of its subdivision, and the GeomSubsets that bind materials."""
+
+from __future__ import annotations
+
+from typing import Any, get_args
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdShade
+
+from lookdev.asset.mesh import BoundaryRule, FaceVaryingRule, Floats, Ints, Scheme, Subdivision, TriangleRule
+from lookdev.asset.shape import Doubles, Index, Shape
+from lookdev.asset.usd.primvars import PrimvarReader, check_range, read_numbers
+from lookdev.errors import AssetError, nearest_hint
+
+_NORMALS = ("normals", "primvars:normals")
+_TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices", "cornerSharpnesses")
+
+
+def mesh_shape(
+    prim: Usd.Prim, time: Usd.TimeCode, unit: float, primvars: PrimvarReader, points: Doubles | None = None
+) -> tuple[Shape, tuple[str, ...]]:
+    """Return a mesh, and the names of its GeomSubsets: part n of the shape is subset n, and 0 the faces in none.
+
+    `points` replace those of the file, in its unit. Authored normals of a subdivision surface are ignored, as USD's
+    schema says; a mesh whose subdivisionScheme is ``none`` and that has none is flat.
+
+    Raises
+    ------
+    AssetError
+        An attribute is not of its type, or contradicts another one.
+    """
+    authored = set(prim.GetAuthoredPropertyNames())
+    if points is None:
+        points = read_numbers(prim, "points", time, np.float64, 3)
+    sizes = read_numbers(prim, "faceVertexCounts", time, np.intp)
+    holes = read_numbers(prim, "holeIndices", time, np.intp) if "holeIndices" in authored else None
+    scheme = _token(prim, "subdivisionScheme", time, (*get_args(Scheme), "none"))
+    orientation = _token(prim, "orientation", time, ("rightHanded", "leftHanded")) if "orientation" in authored else ""
+    attributes, default_uv = primvars.own(prim)
+    subsets, parts = _parts(prim, time, len(sizes))
+    flat = scheme == "none"
+    return Shape(
+        name=str(prim.GetPath()),
+        points=points * unit,
+        face_sizes=sizes,
+        face_points=read_numbers(prim, "faceVertexIndices", time, np.intp),
+        attributes=attributes,
+        normals=primvars.normals(prim) if flat and not authored.isdisjoint(_NORMALS) else None,
+        flat=flat,
+        left_handed=orientation == "leftHanded",
+        holes=holes,
+        subdivision=None if flat else _subdivision(prim, time, scheme, authored, len(points)),
+        parts=parts,
+        default_uv=default_uv,
+    ), subsets
+
+
+def _token(prim: Usd.Prim, name: str, time: Usd.TimeCode, known: tuple[str, ...]) -> Any:
+    value = prim.GetAttribute(name).Get(time)
+    if value not in known:
+        raise AssetError(f"{prim.GetPath()}: {name} is {value!r} ({nearest_hint(str(value), known)})")
+    return value
+
+
+def _subdivision(
+    prim: Usd.Prim, time: Usd.TimeCode, scheme: Scheme, authored: set[str], point_count: int
+) -> Subdivision:
+    rules: dict[str, Any] = {}
+    for field, name, kind in (
+        ("interpolate_boundary", "interpolateBoundary", BoundaryRule),
+        ("face_varying", "faceVaryingLinearInterpolation", FaceVaryingRule),
+        ("triangle_rule", "triangleSubdivisionRule", TriangleRule),
+    ):
+        if name in authored:
+            rules[field] = _token(prim, name, time, get_args(kind))
+    if not authored.isdisjoint(_TAGS):
+        rules["crease_edges"], rules["crease_sharpness"] = _creases(prim, time, point_count)
+        rules["corner_points"], rules["corner_sharpness"] = _corners(prim, time, point_count)
+    return Subdivision(scheme, **rules)
+
+
+def _creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
+    """Return the edges (e, 2) of all creases, which are chains of points, and their sharpness (e,)."""
+    indices = read_numbers(prim, "creaseIndices", time, np.intp)
+    lengths = read_numbers(prim, "creaseLengths", time, np.intp)
+    sharpness = _sharpness(prim, "creaseSharpnesses", time)
+    check_range(indices, point_count, f"{prim.GetPath()}: creaseIndices", "points")
+    if (lengths < 2).any():
+        i = int(np.argmax(lengths < 2))
+        raise AssetError(f"{prim.GetPath()}: creaseLengths[{i}] is {lengths[i]}; a crease has at least 2 points")
+    if lengths.sum() != len(indices):
+        raise AssetError(
+            f"{prim.GetPath()}: creaseLengths add up to {lengths.sum()} points, creaseIndices has {len(indices)}; "
+            "they must agree"
+        )
+    inner = np.ones(len(indices), bool)
+    inner[np.cumsum(lengths) - 1] = False  # the last point of a crease starts no edge
+    starts = np.flatnonzero(inner)
+    edges = np.stack([indices[starts], indices[starts + 1]], axis=-1)
+    if len(sharpness) == len(lengths):
+        sharpness = np.repeat(sharpness, lengths - 1)
+    if len(sharpness) != len(edges):
+        raise AssetError(
+            f"{prim.GetPath()}: creaseSharpnesses has {len(sharpness)} values; one for each of the {len(lengths)} "
+            f"creases or of the {len(edges)} edges would be right"
+        )
+    return edges.astype(np.int32), sharpness
+
+
+def _corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
+    indices, sharpness = read_numbers(prim, "cornerIndices", time, np.intp), _sharpness(prim, "cornerSharpnesses", time)
+    check_range(indices, point_count, f"{prim.GetPath()}: cornerIndices", "points")
+    if len(indices) != len(sharpness):
+        raise AssetError(
+            f"{prim.GetPath()}: cornerSharpnesses has {len(sharpness)} values, cornerIndices {len(indices)}; "
+            "they must agree"
+        )
+    return indices.astype(np.int32), sharpness
+
+
+def _sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
+    values = read_numbers(prim, name, time, np.float32)
+    if np.isnan(values).any():
+        raise AssetError(f"{prim.GetPath()}: {name}[{int(np.argmax(np.isnan(values)))}] is not a number")
+    return np.clip(values, 0.0, UsdGeom.Mesh.SHARPNESS_INFINITE)
+
+
+def _parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[str, ...], Index | None]:
+    """Return the names of the subsets that bind materials, and the number of that of each face, from 1."""
+    subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets() if prim.GetAllChildrenNames() else []
+    if not subsets:
+        return (), None
+    owner = np.zeros(face_count, np.intp)
+    names = tuple(subset.GetPrim().GetName() for subset in subsets)
+    for number, subset in enumerate(subsets, start=1):
+        what = f"{prim.GetPath()}: GeomSubset {names[number - 1]}"
+        if (kind := subset.GetElementTypeAttr().Get(time)) != UsdGeom.Tokens.face:
+            raise AssetError(f"{what} binds a material to elements of type '{kind}'; only 'face' can take one")
+        faces = read_numbers(subset.GetPrim(), "indices", time, np.intp)
+        check_range(faces, face_count, f"{what}: indices", "faces")
+        if (taken := owner[faces] != 0).any():
+            face = int(faces[taken.argmax()])
+            other = names[owner[face] - 1]
+            raise AssetError(f"{what}: face {face} is also in {prim.GetPath()}/{other}; a face can be in one only")
+        owner[faces] = number
+    return names, owner

@@ -1,0 +1,265 @@
+"""UsdGeom's implicit surfaces as meshes: Cube, Sphere, Cylinder, Cone, Capsule, Plane, Cylinder_1 and Capsule_1.
+
+Points lie on the surface, normals are exact and change only at true edges, and all faces are planar. What is straight
+along a direction has one face along it, a tapered side a few.
+
+Texture coordinates ``st`` fill the unit square and are nowhere mirrored. Around an axis u grows counter-clockwise, seen
+against the axis, from the axis that follows it (x for z, y for x, z for y). v grows along the axis: on a sphere with
+the latitude, on a capsule with the length of its profile, on the side of a cylinder or cone from 0 at its lower end to
+1. A cap is a disc in the unit square. Each face of a cube is the unit square; v grows along the stage's up axis on four
+of them. On a plane u grows along its width and v along its length, towards -z where one of them lies along z.
+
+A Capsule_1 is tangent to both of its spheres, as its schema requires; Hydra's has an edge there (`atan` for `asin`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from pxr import UsdGeom
+
+from lookdev.asset.shape import Attribute, Doubles, Index, Shape
+from lookdev.errors import AssetError
+
+_ROLLS = {"X": 1, "Y": 2, "Z": 0}  # places by which the coordinates of a surface about z move
+_PLANES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}  # along u and v
+_LEAST_ERROR, _MOST_ERROR = 1e-4, 0.03
+_MOST_FACES = 4_000_000
+_TAPER_ROWS = 16  # texture coordinates are linear over a triangle, and those of a cone are not
+
+
+def primitive_shape(prim: Any, time: Any, unit: float, error: float = _LEAST_ERROR) -> Shape:
+    """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
+
+    `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
+    49,928 faces of a sphere for 1e-4, 5,000 for 1e-3. A surface that a size of 0 leaves without area has no faces.
+
+    Raises
+    ------
+    AssetError
+        A size is negative or not a number, or the axis is none.
+    """
+    kind, axis, *sizes = primitive_key(prim, time)
+    scale = max(sizes)
+    proportions = [size / scale for size in sizes] if scale > 0.0 else sizes
+    return _shape(str(prim.GetPath()), _surface(kind, axis, _segments(error), *proportions), scale * unit)
+
+
+def sphere_shape(name: str, radius: float, error: float = _LEAST_ERROR) -> Shape:
+    """Return a sphere about the origin as `primitive_shape` does."""
+    return _shape(name, _surface("Sphere", "Z", _segments(error), 1.0), radius)
+
+
+@lru_cache(maxsize=256)
+def _surface(kind: str, axis: str, segments: int, *sizes: float) -> _Surface:
+    """Return a surface whose largest size is 1; shapes of the same proportions share its arrays."""
+    build, _ = _KINDS[kind]
+    return build(axis, segments, *sizes) or _Surface.empty()
+
+
+def _shape(name: str, surface: _Surface, scale: float) -> Shape:
+    return Shape(
+        name=name,
+        points=surface.points * scale,
+        face_sizes=surface.face_sizes,
+        face_points=surface.face_points,
+        attributes=(Attribute("st", surface.st, "faceVarying", is_uv=True),),
+        normals=Attribute("normals", surface.normals, "faceVarying"),
+    )
+
+
+def primitive_key(prim: Any, time: Any) -> tuple[Any, ...]:
+    """Return what a surface depends on: prims with equal keys can share one mesh. Raises as `primitive_shape` does."""
+    kind = prim.GetTypeName()
+    if kind == "Cube":
+        axis = UsdGeom.GetStageUpAxis(prim.GetStage())
+    elif kind == "Sphere":
+        axis = "Z"
+    else:
+        axis = prim.GetAttribute("axis").Get(time)
+    if axis not in _ROLLS:
+        raise AssetError(f"{prim.GetPath()}: axis is {axis!r}; it must be X, Y or Z")
+    return kind, axis, *(_size(prim, name, time) for name in _KINDS[kind][1])
+
+
+def _size(prim: Any, name: str, time: Any) -> float:
+    value = prim.GetAttribute(name).Get(time)
+    if not isinstance(value, (int, float)) or not 0.0 <= value < np.inf:
+        raise AssetError(f"{prim.GetPath()}: {name} is {value!r}; it must be a number of at least 0")
+    return float(value)
+
+
+def allotted_errors(radii: Doubles) -> Doubles:
+    """Return an error for each of the different curved surfaces of an asset, by their positive radii (k,) in the world.
+
+    It is 1e-4, and for more than some eighty surfaces the same length for all, so that together they have about four
+    million faces; but at most 0.03, with which a sphere has 200.
+    """
+    length = 0.5 * np.pi**2 * radii.sum() / _MOST_FACES  # a sphere has pi^2 / (2 error) faces
+    return np.asarray(np.clip(length / radii, _LEAST_ERROR, _MOST_ERROR))
+
+
+def _segments(error: float) -> int:
+    """Return the number of segments around an axis, a multiple of 4.
+
+    The middle of a sphere's face between neighbouring meridians and parallels, 2 pi / n apart, is at cos(pi / n)^2 of
+    the radius; of a cylinder's at cos(pi / n).
+    """
+    return 4 * int(np.ceil(np.pi / np.arcsin(np.sqrt(error)) / 4.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Surface:
+    """points (n, 3), face_sizes (f,); of the corners: face_points (m,), normals (m, 3) and st (m, 2)."""
+
+    points: Doubles
+    face_sizes: Index
+    face_points: Index
+    normals: Doubles
+    st: Doubles
+
+    @classmethod
+    def empty(cls) -> _Surface:
+        none = np.zeros(0, np.intp)
+        return cls(np.zeros((0, 3)), none, none, np.zeros((0, 3)), np.zeros((0, 2)))
+
+
+def _cube(axis: str, segments: int, size: float) -> _Surface | None:
+    if size == 0.0:
+        return None
+    # The directions of u and v on each face: four sides, top, bottom.
+    along = np.array([[0, 1, 0], [-1, 0, 0], [0, -1, 0], [1, 0, 0], [1, 0, 0], [1, 0, 0]])
+    up = np.array([[0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 0, 1], [0, 1, 0], [0, -1, 0]])
+    u, v = (np.roll(0.5 * size * each, _ROLLS[axis], axis=1) for each in (along, up))
+    return _rectangles(u, v, np.cross(u, v) / (0.5 * size))
+
+
+def _plane(axis: str, segments: int, width: float, length: float) -> _Surface | None:
+    if width == 0.0 or length == 0.0:
+        return None
+    u, v = 0.5 * np.array([[width], [length]]) * np.array(_PLANES[axis])
+    return _rectangles(u[None], v[None], np.zeros((1, 3)))
+
+
+def _rectangles(u: Doubles, v: Doubles, centers: Doubles) -> _Surface:
+    """Return rectangles (f) from the halves of their sides (f, 3) and their centres (f, 3)."""
+    st = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    s, t = (2.0 * st - 1.0).T[..., None]
+    corners = (centers[:, None] + s * u[:, None] + t * v[:, None]).reshape(-1, 3)
+    points, index = np.unique(corners, axis=0, return_inverse=True)
+    normals = np.cross(u / np.linalg.norm(u, axis=1, keepdims=True), v / np.linalg.norm(v, axis=1, keepdims=True))
+    return _Surface(points, np.full(len(u), 4), index.ravel(), np.repeat(normals, 4, axis=0), np.tile(st, (len(u), 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A smooth part of a profile: points and normals (k, 2) in radius and height, the outside on the right.
+
+    v (k,) is a texture coordinate; a cap, which is mapped as a disc, has none.
+    """
+
+    points: Doubles
+    normals: Doubles
+    v: Doubles | None = None
+
+
+def _frustum(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
+    """Return a cylinder, a cone or a part of one, with its caps."""
+    if height == 0.0 or bottom == top == 0.0:
+        return None
+    v = np.linspace(0.0, 1.0, 2 if bottom == top else _TAPER_ROWS + 1)
+    side = np.stack([(1.0 - v) * bottom + v * top, (v - 0.5) * height], axis=-1)
+    slope = np.array([height, bottom - top]) / np.hypot(height, bottom - top)
+    pieces = [
+        _Piece(np.array([[0.0, -0.5 * height], [bottom, -0.5 * height]]), np.array([[0.0, -1.0]] * 2)),
+        _Piece(side, np.tile(slope, (len(v), 1)), v),
+        _Piece(np.array([[top, 0.5 * height], [0.0, 0.5 * height]]), np.array([[0.0, 1.0]] * 2)),
+    ]
+    return _revolved(pieces[bottom == 0.0 : 2 + (top > 0.0)], axis, segments)
+
+
+def _capsule(axis: str, segments: int, bottom: float, top: float, height: float) -> _Surface | None:
+    """Return the convex hull of two spheres with centres on the axis, `height` apart."""
+    if bottom == top == 0.0:
+        return None
+    if height <= abs(bottom - top):  # one sphere contains the other, or both are one
+        arcs = [(max(bottom, top), 0.5 * height * np.sign(top - bottom), -0.5 * np.pi, 0.5 * np.pi)]
+    else:
+        tangent = float(np.arcsin((bottom - top) / height))
+        arcs = [(bottom, -0.5 * height, -0.5 * np.pi, tangent), (top, 0.5 * height, tangent, 0.5 * np.pi)]
+    pieces = []
+    for radius, center, start, stop in arcs:
+        rows = int(np.ceil((stop - start) * segments / (2.0 * np.pi) - 1e-9)) if radius > 0.0 else 0
+        latitude = np.linspace(start, stop, rows + 1) if rows else np.array([tangent])
+        normals = np.stack([np.cos(latitude), np.sin(latitude)], axis=-1)
+        pieces.append((radius * normals + [0.0, center], normals))
+    if len(arcs) == 2 and bottom != top:
+        side = np.linspace(pieces[0][0][-1], pieces[1][0][0], _TAPER_ROWS + 1)[1:-1]
+        pieces.insert(1, (side, np.tile(pieces[0][1][-1], (len(side), 1))))
+    points, normals = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    points[[0, -1], 0] = 0.0
+    lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    return _revolved([_Piece(points, normals, lengths / lengths[-1])], axis, segments)
+
+
+def _revolved(pieces: list[_Piece], axis: str, segments: int) -> _Surface:
+    """Return the closed surface of a profile that begins and ends on the axis; each piece begins where one ends.
+
+    A face at a pole is a triangle, whose corner there has the direction and u of its middle.
+    """
+    rings = np.concatenate([pieces[0].points[:1], *(piece.points[1:] for piece in pieces)])
+    counts = np.where(rings[:, 0] == 0.0, 1, segments)
+    starts = np.cumsum(counts) - counts
+    angle = 2.0 * np.pi * np.arange(segments) / segments
+    radius = np.repeat(rings[:, 0], counts)
+    turn = angle[np.arange(len(radius)) - np.repeat(starts, counts)]
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), np.repeat(rings[:, 1], counts)], axis=-1)
+
+    corners: list[list[Doubles]] = []
+    first = 0
+    for piece in pieces:
+        # By strip between two rings, column and corner: below, below, above, above.
+        row = np.arange(len(piece.points) - 1)[:, None, None] + np.array([0, 0, 1, 1])
+        left = np.arange(segments)[:, None]
+        pole = piece.points[row, 0] == 0.0
+        column = np.where(pole, left + 0.5, left + np.array([0, 1, 1, 0]))
+        kept = np.broadcast_to(~pole | np.array([True, False, True, False]), column.shape)
+        phi = 2.0 * np.pi * column / segments
+        outward, z = np.moveaxis(piece.normals[row], -1, 0)
+        x, y = np.cos(phi), np.sin(phi)
+        if piece.v is not None:
+            s, t = column / segments, piece.v[row]
+        else:
+            part = 0.5 * piece.points[row, 0] / piece.points[:, 0].max()
+            s, t = 0.5 + part * x, 0.5 + part * y * z
+        index = starts[first + row] + np.where(pole, 0, column.astype(np.intp) % segments)
+        values = np.broadcast_arrays(index, outward * x, outward * y, z, s, t)
+        corners.append([kept.sum(axis=-1).ravel(), *(each[kept] for each in values)])
+        first += len(piece.points) - 1
+    sizes, index, *columns = (np.concatenate(each) for each in zip(*corners, strict=True))
+    roll = _ROLLS[axis]
+    return _Surface(
+        points=np.roll(points, roll, axis=1),
+        face_sizes=sizes,
+        face_points=index,
+        normals=np.roll(np.stack(columns[:3], axis=-1), roll, axis=1),
+        st=np.stack(columns[3:], axis=-1),
+    )
+
+
+# By type of prim: how its surface is made, and of which attributes.
+_KINDS: dict[str, tuple[Callable[..., _Surface | None], tuple[str, ...]]] = {
+    "Cube": (_cube, ("size",)),
+    "Sphere": (lambda axis, n, radius: _capsule(axis, n, radius, radius, 0.0), ("radius",)),
+    "Cylinder": (lambda axis, n, radius, height: _frustum(axis, n, radius, radius, height), ("radius", "height")),
+    "Cylinder_1": (_frustum, ("radiusBottom", "radiusTop", "height")),
+    "Cone": (lambda axis, n, radius, height: _frustum(axis, n, radius, 0.0, height), ("radius", "height")),
+    "Capsule": (lambda axis, n, radius, height: _capsule(axis, n, radius, radius, height), ("radius", "height")),
+    "Capsule_1": (_capsule, ("radiusBottom", "radiusTop", "height")),
+    "Plane": (_plane, ("width", "length")),
+}
+PRIMITIVES = tuple(_KINDS)

@@ -1,0 +1,152 @@
+"""Skeletons of UsdSkel at a time: how their joints have moved from the bind pose, and the weights of blend shapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdSkel
+
+from lookdev.asset.shape import Doubles
+from lookdev.errors import AssetError
+
+_ANIMATION = "skel:animationSource"
+_COMPONENTS = ("translations", "rotations", "scales")
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """The names of a skeleton's joints, and transforms (j, 4, 4) for row vectors from the bind pose to the pose."""
+
+    names: tuple[str, ...]
+    transforms: Doubles
+
+
+class Skeletons:
+    """Reads skeletons at a time. `notes` grow with what a file lacks and USD has a rule for."""
+
+    def __init__(self, time: Usd.TimeCode) -> None:
+        self.notes: list[str] = []
+        self._time = time
+        self._cache = UsdSkel.Cache()
+        self._poses: dict[Sdf.Path, Pose | None] = {}
+        self._animations: dict[Sdf.Path, Usd.Prim | None] = {}
+
+    def pose(self, skeleton: Usd.Prim) -> Pose | None:
+        """Return the pose of a skeleton; None where it has neither an animation of its joints nor a rest pose.
+
+        Raises
+        ------
+        AssetError
+            Joints, transforms and animation contradict each other, or a bind transform has no inverse.
+        """
+        path = skeleton.GetPath()
+        if path not in self._poses:
+            self._poses[path] = self._pose(skeleton)
+        return self._poses[path]
+
+    def animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
+        """Return the SkelAnimation that a skeleton is bound to, itself or by an ancestor, or None."""
+        path = skeleton.GetPath()
+        if path not in self._animations:
+            self._animations[path] = self._animation(skeleton)
+        return self._animations[path]
+
+    def weights(self, skeleton: Usd.Prim) -> dict[str, float]:
+        """Return the weights of a skeleton's blend shapes by their names.
+
+        Raises
+        ------
+        AssetError
+            The animation has not one finite weight for each name.
+        """
+        animation = self.animation(skeleton)
+        if animation is None:
+            return {}
+        names = _strings(animation, "blendShapes")
+        values = animation.GetAttribute("blendShapeWeights").Get(self._time)
+        weights = np.asarray([] if values is None else values, np.float64)
+        if len(weights) and len(weights) != len(names):
+            raise AssetError(
+                f"{animation.GetPath()}: has {len(weights)} blendShapeWeights, but {len(names)} blendShapes; "
+                "they must agree"
+            )
+        if not np.isfinite(weights).all():
+            name = names[int(np.isfinite(weights).argmin())]
+            raise AssetError(f"{animation.GetPath()}: the weight of blend shape {name} is not finite")
+        return dict(zip(names, weights.tolist(), strict=False))
+
+    def _animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
+        prim = skeleton
+        while not prim.IsPseudoRoot():
+            targets = prim.GetRelationship(_ANIMATION).GetForwardedTargets() if prim.HasAPI(UsdSkel.BindingAPI) else []
+            if targets:
+                found = prim.GetStage().GetPrimAtPath(targets[0])
+                if found and found.IsA(UsdSkel.Animation):
+                    return found
+                self.notes.append(f"{prim.GetPath()}: {_ANIMATION} {targets[0]} is no SkelAnimation: the rest pose")
+                return None
+            prim = prim.GetParent()
+        return None
+
+    def _pose(self, skeleton: Usd.Prim) -> Pose | None:
+        where = skeleton.GetPath()
+        names = _strings(skeleton, "joints")
+        if not names or len(set(names)) != len(names) or not all(Sdf.Path.IsValidPathString(each) for each in names):
+            raise AssetError(f"{where}: joints must be paths such as 'hip/knee', at least one, each once")
+        valid, reason = UsdSkel.Topology(list(names)).Validate()
+        if not valid:
+            raise AssetError(f"{where}: joints are not in order: {reason}")
+        bind = _matrices(skeleton, "bindTransforms", len(names))
+        if bind is None or (np.linalg.det(bind) == 0.0).any():
+            raise AssetError(f"{where}: bindTransforms must be matrices with an inverse, one for each joint")
+        rests = _matrices(skeleton, "restTransforms", len(names)) is not None
+        moved = self._moved_joints(skeleton, set(names))
+        if not moved and not rests:
+            self.notes.append(f"{where}: has neither an animation nor restTransforms: what it moves stays as it is")
+            return None
+        if not rests and moved != set(names):
+            missing = next(name for name in names if name not in moved)
+            raise AssetError(f"{where}: joint {missing} is not animated, and there are no restTransforms")
+        computed = self._cache.GetSkelQuery(UsdSkel.Skeleton(skeleton)).ComputeSkinningTransforms(self._time)
+        transforms = np.array(computed, np.float64)
+        if transforms.shape != (len(names), 4, 4) or not np.isfinite(transforms).all():
+            raise AssetError(f"{where}: USD cannot compute finite transforms of its {len(names)} joints")
+        return Pose(names, transforms)
+
+    def _moved_joints(self, skeleton: Usd.Prim, names: set[str]) -> set[str]:
+        """Return which joints the animation moves; what USD ignores is noted."""
+        animation = self.animation(skeleton)
+        if animation is None:
+            return set()
+        where, joints = animation.GetPath(), _strings(animation, "joints")
+        counts = {name: len(animation.GetAttribute(name).Get(self._time) or []) for name in _COMPONENTS}
+        if not any(counts.values()):
+            return set()
+        if absent := [name for name, count in counts.items() if count == 0]:
+            self.notes.append(f"{where}: has no {' and '.join(absent)}, without which USD ignores it: the rest pose")
+            return set()
+        for name, count in counts.items():
+            if count != len(joints):
+                raise AssetError(f"{where}: has {count} {name}, but {len(joints)} joints; they must agree")
+        if joints and not names & set(joints):
+            self.notes.append(f"{where}: animates no joint of {skeleton.GetPath()}: the rest pose")
+        return names & set(joints)
+
+
+def _strings(prim: Usd.Prim, name: str) -> tuple[str, ...]:
+    return tuple(prim.GetAttribute(name).Get() or ())
+
+
+def _matrices(prim: Usd.Prim, name: str, count: int) -> Any:
+    """Return matrices (count, 4, 4), None where there are none."""
+    value = prim.GetAttribute(name).Get()
+    if not value:
+        return None
+    matrices = np.array(value, np.float64)
+    if matrices.shape != (count, 4, 4):
+        raise AssetError(f"{prim.GetPath()}: has {len(matrices)} {name}, but {count} joints; they must agree")
+    if not np.isfinite(matrices).all():
+        raise AssetError(f"{prim.GetPath()}: {name} must be finite")
+    return matrices

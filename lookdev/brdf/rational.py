@@ -1,0 +1,33 @@
+"""Small rationals in plain arithmetic, which can be traced: for integrals that have no closed form."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from lookdev.brdf.vectors import Real
+
+Rows = Sequence[Sequence[float]]
+
+
+@dataclass(frozen=True)
+class Rational:
+    """A quotient of two polynomials in x and y; a row has the coefficients of one power of x, by powers of y."""
+
+    numerator: Rows
+    denominator: Rows
+
+    def __call__(self, x: Real, y: Real = 0.0) -> Real:
+        """Evaluate at x and y, (...), within the fitted domain."""
+        return polynomial(self.numerator, x, y) / polynomial(self.denominator, x, y)
+
+
+def polynomial(rows: Rows, x: Real, y: Real) -> Real:
+    """Evaluate the sum of ``rows[i][j] x^i y^j`` by Horner's rule."""
+    total: Real = 0.0
+    for row in reversed(rows):
+        inner: Real = 0.0
+        for coefficient in reversed(row):
+            inner = inner * y + coefficient
+        total = total * x + inner
+    return total

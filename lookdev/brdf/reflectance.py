@@ -1,0 +1,40 @@
+"""Directional albedo of a GGX lobe with Schlick's Fresnel term, fitted: what a coat withholds from what is beneath.
+
+``python -m lookdev.closures.reflectance`` makes the table ``data/reflectance.json``: coefficients and residuals.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.rational import Rational
+from lookdev.brdf.vectors import Array, Real, mix
+
+DATA = Path(__file__).parent / "data" / "reflectance.json"
+"""The file of the table."""
+
+
+def ggx_reflectance(cos_theta: Array, alpha: Array, f0: Array) -> Real:
+    """Return the share of uniform light, (...), that a lobe of an alpha and a mean F0, (...), reflects to a view.
+
+    The lobe is GGX with Smith's separable shadowing; its Fresnel term rises from `f0` to 1.
+    """
+    whole = np.clip(_fit("whole")(relative_cosine(cos_theta, alpha), alpha), 0.0, 1.0)
+    typical = np.clip(_fit("cosine")(cos_theta, alpha), 0.0, 1.0)
+    return whole * mix(f0, 1.0, schlick_weight(typical))
+
+
+def relative_cosine(cos_theta: Array, alpha: Array) -> Array:
+    """Return the cosine of the view relative to the lobe's width, in [0, 1], in which fits are smooth, (...)."""
+    return cos_theta / np.sqrt(cos_theta * cos_theta + alpha * alpha)
+
+
+@cache
+def _fit(name: str) -> Rational:
+    entry = json.loads(DATA.read_text())[name]
+    return Rational(entry["numerator"], entry["denominator"])

@@ -1,0 +1,137 @@
+"""Values of a job file: names, paths, numbers with their ranges, and the base of every table."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Tag,
+    ValidationInfo,
+)
+from pydantic_core import CoreSchema, PydanticCustomError, core_schema
+
+from lookdev.asset import BUILTINS
+from lookdev.errors import nearest_hint
+from lookdev.light import BUILTIN_LIGHTS
+from lookdev.output.display import VIEWS
+from lookdev.render.backends import job_backends
+
+# Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
+NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
+PRIM_PATH = r"^(/[^/\s]+)+$"
+PATTERNS: dict[str, str] = {
+    NAME: "letters, digits, '_', '-' and '.', which is not the first",
+    PRIM_PATH: "an absolute prim path, like '/Paint'",
+}
+"""The hint for a string that does not match a pattern."""
+
+
+def wrong(what: str, hint: str = "") -> PydanticCustomError:
+    """Return the fault of a key, to be raised by its validator."""
+    return PydanticCustomError("lookdev", "{what}", {"what": what, "hint": hint})
+
+
+@dataclass(frozen=True)
+class _OneOf:
+    """The annotation of a name in a registry; the registry is read with each job."""
+
+    names: Callable[[], Iterable[str]]
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return core_schema.no_info_after_validator_function(self._known, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return handler(schema) | {"enum": list(self.names())}
+
+    def _known(self, name: str) -> str:
+        known = list(self.names())
+        if name not in known:
+            raise wrong(f"unknown value '{name}'", nearest_hint(name, known))
+        return name
+
+
+def _devices() -> dict[str, None]:
+    return {device: None for backend in job_backends().values() for device in backend.devices}
+
+
+BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
+BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
+BackendName = Annotated[str, _OneOf(job_backends)]
+Device = Annotated[str, _OneOf(_devices)]
+View = Annotated[str, _OneOf(lambda: VIEWS)]
+
+
+def _resolve(value: object, info: ValidationInfo[dict[str, Path]]) -> Path:
+    if not isinstance(value, str) or not value or "\0" in value:
+        raise wrong("should be a path in quotes")
+    return Path(os.path.normpath(info.context["file"].parent / value))
+
+
+def _readable(*suffixes: str) -> AfterValidator:
+    def check(path: Path) -> Path:
+        if path.suffix.lower() not in suffixes:
+            raise wrong(f"'{path.name}' is of no known kind", f"known: {', '.join(suffixes)}")
+        if not (os.access(path, os.R_OK) and path.is_file()):
+            raise wrong(f"no readable file {path}", "paths are relative to the job file")
+        return path
+
+    return AfterValidator(check)
+
+
+def folder(path: Path) -> Path:
+    """Return the path of a folder, which may not exist yet; a file in its place is a fault."""
+    nearest = next(place for place in (path, *path.parents) if place.exists())
+    if not nearest.is_dir():
+        raise wrong(f"{nearest} is not a folder", "name a folder; it is made if it does not exist")
+    return path
+
+
+JobPath = Annotated[Path, BeforeValidator(_resolve)]
+UsdFile = Annotated[JobPath, _readable(".usd", ".usda", ".usdc", ".usdz")]
+IblFile = Annotated[JobPath, _readable(".exr", ".hdr")]
+PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
+Name = Annotated[str, Field(pattern=NAME, max_length=100)]
+Text = Annotated[str, Field(min_length=1)]
+Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
+TimeCode = Annotated[float, Field(ge=-1e9, le=1e9)]
+Channel = Annotated[float, Field(ge=0.0, le=1e6)]
+Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller
+Background = Annotated[
+    Annotated[Literal["black", "ibl"], Tag("name")] | Annotated[tuple[Channel, Channel, Channel], Tag("rgb")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "rgb"),
+]
+Purpose = Literal["default", "render", "proxy", "guide"]
+SubdivisionLevel = Annotated[
+    Annotated[Literal["auto"], Tag("name")] | Annotated[Annotated[int, Field(ge=0, le=6)], Tag("level")],
+    Discriminator(lambda value: "name" if isinstance(value, str) else "level"),
+]
+
+
+class Table(BaseModel):
+    """A table of the job file."""
+
+    model_config = ConfigDict(strict=True, frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+def instead_of(other: str) -> AfterValidator:
+    """Return the rule that either a key or an earlier one is given."""
+
+    def check(value: str | None, info: ValidationInfo) -> str | None:
+        # A faulty key is absent from info.data, and counts as given.
+        if (value is None) == (info.data.get(other, ...) is None):
+            raise wrong(f"give exactly one of '{other}' and '{info.field_name}'")
+        return value
+
+    return AfterValidator(check)

@@ -1,0 +1,130 @@
+"""The tables of a job about its asset, and about what the asset's parts wear."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from lookdev.job.keys import (
+    BuiltinAsset,
+    Name,
+    PrimPath,
+    Purpose,
+    SubdivisionLevel,
+    Table,
+    Text,
+    TimeCode,
+    UsdFile,
+    instead_of,
+    wrong,
+)
+
+_Variants = dict[Text, Text]
+
+
+class JobAsset(Table):
+    """What is turned: a USD file or a built-in asset."""
+
+    usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with the geometry.")
+    builtin: Annotated[BuiltinAsset | None, instead_of("usd")] = Field(
+        default=None, validate_default=True, description="A built-in asset, instead of a file."
+    )
+    prim: PrimPath | None = Field(
+        default=None, description="Render only what is under this prim of the USD file; default: everything."
+    )
+    variants: _Variants = Field(
+        default_factory=dict,
+        description="The variant chosen in each variant set of the asset: { modelingVariant = 'hero' }; "
+        "default: the file's own choice.",
+    )
+    time: TimeCode | None = Field(
+        default=None, description="The time code at which an animated asset is shown; default: its first."
+    )
+    purposes: Annotated[tuple[Purpose, ...], Field(min_length=1)] = Field(
+        default=("default", "render"), description="Prims of these purposes are rendered."
+    )
+    subdivision: SubdivisionLevel = Field(
+        default="auto",
+        description="How often subdivision surfaces are refined; auto: by their size in the frame.",
+    )
+    missing: Literal["error", "warn"] = Field(
+        default="error",
+        description="What a file that the asset names and that cannot be found is: an error, or a note.",
+    )
+
+    @field_validator("prim", "variants", "time", "purposes", "subdivision", "missing")
+    @classmethod
+    def _key_of_a_file(cls, value: object, info: ValidationInfo) -> object:
+        if info.data.get("builtin") is not None:
+            raise wrong("has no meaning with a built-in asset", f"'{info.field_name}' goes with 'usd'")
+        return value
+
+    @field_validator("variants")
+    @classmethod
+    def _one_of_each(cls, value: dict[str, str]) -> dict[str, str]:
+        return _without_star(value)
+
+
+class JobAssign(Table):
+    """What some parts of the asset wear."""
+
+    prims: Annotated[tuple[Text, ...], Field(min_length=1)] = Field(
+        description="Prims of the asset, with all that is below them: paths, globs ('/Car/Body*'), "
+        "and collections ('/Car.collection:paint')."
+    )
+    material: UsdFile = Field(description="A USD file with their look, a UsdShade material.")
+    prim: PrimPath | None = Field(
+        default=None, description="The material's prim; default: the file's default prim, or its only material."
+    )
+    variants: _Variants = Field(
+        default_factory=dict, description="The variant chosen in each variant set of the material."
+    )
+
+    @field_validator("variants")
+    @classmethod
+    def _one_of_each(cls, value: dict[str, str]) -> dict[str, str]:
+        return _without_star(value)
+
+
+class JobLook(Table):
+    """One look: what each part of the asset wears."""
+
+    name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
+    material: UsdFile | None = Field(
+        default=None,
+        description="A USD file with a UsdShade material, for every part that nothing is assigned to; "
+        "default: what the asset itself binds.",
+    )
+    prim: PrimPath | None = Field(
+        default=None, description="The material's prim; default: the file's default prim, or its only material."
+    )
+    variants: _Variants = Field(
+        default_factory=dict,
+        description="The variant chosen in each variant set of the material, or of the asset where the look has no "
+        "'material': { wear = 'dirty' }. '*' makes a look of each: { wear = '*' } of 'paint' gives 'paint_clean', "
+        "'paint_dirty'.",
+    )
+    parts: Annotated[tuple[Text, ...], Field(min_length=1)] | None = Field(
+        default=None,
+        description="Prims, as those of 'assign', that 'material' covers; the rest wear what the asset binds; "
+        "default: all.",
+    )
+    layer: UsdFile | None = Field(
+        default=None, description="A USD layer that is composed over the asset, with bindings, materials, variants."
+    )
+    assign: tuple[JobAssign, ...] = Field(default=(), description="Materials of some parts; the first that fits.")
+
+    @field_validator("prim", "parts")
+    @classmethod
+    def _key_of_a_material(cls, value: object, info: ValidationInfo) -> object:
+        if info.data.get("material", ...) is None:
+            raise wrong("has no meaning without 'material'", "a look without 'material' wears what the asset binds")
+        return value
+
+
+def _without_star(variants: dict[str, str]) -> dict[str, str]:
+    for name, choice in variants.items():
+        if choice == "*":
+            raise wrong(f"'{name}' is '*'", "only the 'variants' of a [[look]] can stand for several looks")
+    return variants

@@ -1,0 +1,67 @@
+"""From control cages to the meshes that are rendered: refined by their size in the frame, or by the job's own level."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Literal
+
+from lookdev.asset import Asset, Mesh
+from lookdev.asset.store import make_asset
+from lookdev.asset.subdivision import orbit_pixel, refine_all, refinement_levels
+from lookdev.errors import AssetError
+from lookdev.scene import Camera
+
+_MOST_CORNERS = 32_000_000
+"""Refined corners of an asset whose level the job gives, about 8 GB while they are made."""
+
+
+class Refinery:
+    """Refines the cages of assets; what several looks show is refined once.
+
+    `level` is that of every cage, or "auto"; `width` is that of the frame, pixels.
+    """
+
+    def __init__(self, level: Literal["auto"] | int, width: int) -> None:
+        self._level = level
+        self._width = width
+        # Beside what was made is what it was made of, so that no other object gets its id.
+        self._meshes: dict[tuple[int, int], tuple[Mesh, Mesh]] = {}
+        self._assets: dict[tuple[int, tuple[int, ...]], tuple[Asset, Asset]] = {}
+
+    def refined(self, asset: Asset, camera: Camera, detailed: Collection[int] = ()) -> tuple[Asset, tuple[str, ...]]:
+        """Return an asset without cages, seen by a camera, and notes; `detailed` and errors as `refinement_levels`.
+
+        Raises AssetError, too, where the job's own level makes too many faces.
+        """
+        if all(mesh.subdivision is None for mesh in asset.meshes):
+            return asset, ()
+        levels, notes = self._levels(asset, camera, detailed)
+        key = id(asset), levels
+        if key not in self._assets:
+            unmade = {
+                (id(mesh), level): mesh
+                for mesh, level in zip(asset.meshes, levels, strict=True)
+                if (id(mesh), level) not in self._meshes
+            }
+            made = refine_all(list(unmade.values()), [level for _, level in unmade])
+            self._meshes |= {each: (mesh, unmade[each]) for each, mesh in zip(unmade, made, strict=True)}
+            meshes = [self._meshes[id(mesh), level][0] for mesh, level in zip(asset.meshes, levels, strict=True)]
+            flags = {"convex": asset.convex, "sheet": asset.sheet, "revolved": asset.revolved}
+            whole = make_asset(asset.name, meshes, asset.instances, asset.slots, **flags)
+            self._assets[key] = replace(whole, unit=asset.unit, notes=asset.notes), asset
+        return self._assets[key][0], notes
+
+    def _levels(
+        self, asset: Asset, camera: Camera, detailed: Collection[int]
+    ) -> tuple[tuple[int, ...], tuple[str, ...]]:
+        if self._level == "auto":
+            pixel = orbit_pixel(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
+            chosen = refinement_levels(asset, pixel, detailed)
+            return chosen.levels, chosen.notes
+        levels = [0 if mesh.subdivision is None else self._level for mesh in asset.meshes]
+        corners = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(asset.meshes, levels, strict=True))
+        if corners > _MOST_CORNERS:
+            what = f"{corners} corners of faces; at most {_MOST_CORNERS} would be right"
+            raise AssetError(f"subdivision = {self._level} makes {what}, or subdivision = 'auto'")
+        return tuple(levels), ()

@@ -1,0 +1,73 @@
+"""Colour spaces by the names that USD and MaterialX have for them, and their way to linear Rec.709."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pxr import Gf
+
+_LINEAR = "lin_rec709_scene"
+# MaterialX's names, and those of no colour space; the values are names of ours or of USD's (Gf.ColorSpaceNames).
+_NAMES = {
+    "": "raw",
+    "none": "raw",
+    "raw": "raw",
+    "data": "raw",
+    "identity": "raw",
+    "unknown": "raw",
+    "lin_rec709": "raw",
+    "lin_srgb": "raw",
+    _LINEAR: "raw",
+    "sRGB": "sRGB",
+    "srgb_texture": "sRGB",
+    "srgb_rec709_scene": "sRGB",
+    "acescg": "lin_ap1_scene",
+    "lin_ap1": "lin_ap1_scene",
+    "g18_rec709": "g18_rec709_scene",
+    "g22_rec709": "g22_rec709_scene",
+    "rec709_display": "g24_rec709_scene",
+    "g22_ap1": "g22_ap1_scene",
+    "lin_adobergb": "lin_adobergb_scene",
+    "adobergb": "g22_adobergb_scene",
+    "lin_displayp3": "lin_p3d65_scene",
+    "srgb_displayp3": "srgb_p3d65_scene",
+}
+
+
+def colorspace_named(name: str) -> str | None:
+    """Return the name for `Texture.colorspace`: ``"raw"``, ``"sRGB"`` or one of USD's; None for an unknown space."""
+    known = _NAMES.get(name, name)
+    return known if known in ("raw", "sRGB") or Gf.ColorSpace.IsValid(known) else None
+
+
+def to_linear_rec709(color: ArrayLike, space: str) -> NDArray[np.float64]:
+    """Convert colours (..., 3) of a space that `colorspace_named` returns: its curve, its primaries, white to white."""
+    value = np.asarray(color, np.float64)
+    if space == "raw":
+        return value
+    if space == "sRGB":
+        return srgb_to_linear(value)
+    gamma, has_toe, matrix = _definition(space)
+    if has_toe:
+        value = srgb_to_linear(value)
+    elif gamma != 1.0:
+        value = np.maximum(value, 0.0) ** gamma
+    return value @ matrix
+
+
+def srgb_to_linear(encoded: ArrayLike) -> NDArray[np.float64]:
+    """Decode sRGB to linear values: the piecewise curve of IEC 61966-2-1."""
+    value = np.asarray(encoded, np.float64)
+    # No power of the values below the knee: those of a float image can be negative.
+    return np.where(value <= 0.04045, value / 12.92, ((np.maximum(value, 0.04045) + 0.055) / 1.055) ** 2.4)
+
+
+@cache
+def _definition(space: str) -> tuple[float, bool, NDArray[np.float64]]:
+    """Return the exponent, whether the curve is sRGB's, and the matrix (3, 3) that row vectors are multiplied by."""
+    source, target = Gf.ColorSpace(space), Gf.ColorSpace(_LINEAR)
+    # Every curve maps 0 and 1 to themselves.
+    rows = [target.Convert(source, Gf.Vec3f(*axis)).GetRGB() for axis in np.eye(3).tolist()]
+    return float(source.GetGamma()), source.GetLinearBias() > 0.0, np.array(rows, np.float64)

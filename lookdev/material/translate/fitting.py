@@ -1,0 +1,141 @@
+"""Make the fits of `lookdev.material.translate.lobes`: ``python -m lookdev.material.translate.fitting``.
+
+They are functions of one number. Means over all views, weighted by the square of their cosine, of directional albedos:
+
+- `lost`: 1 less that of Disney's specular lobe with a Fresnel term of 1, by alpha.
+- `hidden`: what that lobe would reflect more with shadowing by correlated heights, as other models have, by alpha.
+- `sheen`: that of MaterialX's `sheen_bsdf` in mode ``conty_kulla`` (Estevez and Kulla 2017), by its roughness.
+- `fuzz`: the same in mode ``zeltner`` (Zeltner, Burley and Chiang 2022).
+- `rough`: that of `oren_nayar_diffuse_bsdf` without energy compensation (Oren and Nayar 1994), by its roughness.
+
+The last three are those of MaterialX's own formulas. `edge` is the reflectance at grazing incidence, at most 1, with
+which Schlick's term is nearest to a dielectric's up to 80 degrees, by the root of its reflectance at normal incidence
+over `WHITE_EDGE`. A residual is the largest error.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.lobes import Directions
+from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+from lookdev.closures.rational import Degree, Floats, Problem, fit_rational
+from lookdev.closures.setups import ONE, disney_lobe
+from lookdev.material.translate.lobes import DATA, WHITE_EDGE
+
+_POINTS = np.linspace(0.0, 1.0, 41)
+_ABOVE, _BELOW = Degree(3, 0, 3), Degree(2, 0, 2)
+_CELLS = (48, 32)
+
+
+def lost(alpha: float) -> float:
+    """Multiple scattering, nearly."""
+    return 1.0 - _mean(lambda view: _reflected(view, alpha, correlated=False))
+
+
+def hidden(alpha: float) -> float:
+    """Light that separable shadowing hides, and shadowing by correlated heights does not (Heitz 2014, section 5.3)."""
+    return _mean(lambda view: _reflected(view, alpha, correlated=True) - _reflected(view, alpha, correlated=False))
+
+
+def _reflected(view: Floats, alpha: float, *, correlated: bool) -> float:
+    lobe = disney_lobe("specular", view, metallic=1.0, baseColor=ONE, roughness=np.sqrt(alpha))
+    wi, weight = half_vector_grid(view, max(alpha, 0.001), _CELLS)
+    energy = np.asarray(lobe.evaluate(Directions.of(view, wi)))[:, 0] * wi[:, 2]
+    if correlated:
+        # G1 = 2 / (1 + root), and G2 = 2 / (root_i + root_o).
+        i, o = (np.sqrt(1.0 + alpha * alpha * (1.0 / cosine**2 - 1.0)) for cosine in (wi[:, 2], view[2]))
+        energy = energy * 0.5 * (1.0 + i) * (1.0 + o) / (i + o)
+    return float(energy @ weight)
+
+
+def sheen(roughness: float) -> float:
+    """Estevez and Kulla's distribution over MaterialX's denominator."""
+    inverse = 1.0 / max(roughness, 0.005)
+
+    def f(d: Directions) -> Floats:
+        cosine = np.asarray(d.wm)[..., 2]
+        sine2 = np.maximum(1.0 - cosine * cosine, 0.0)
+        distribution = (2.0 + inverse) * sine2 ** (0.5 * inverse) / (2.0 * np.pi)
+        i, o = d.cos_theta_i, d.cos_theta_o
+        return np.asarray(distribution / (4.0 * (i + o - i * o)))
+
+    return _mean(_integral(f))
+
+
+def fuzz(roughness: float) -> float:
+    """Zeltner's Gaussian, fitted to a table of directional albedos."""
+    y = max(roughness, 0.01)
+    s = y * (0.0206607 + 1.58491 * y) / (0.0379424 + y * (1.32227 + y))
+    m = y * (-0.193854 + y * (-1.14885 + y * (1.7932 - 0.95943 * y * y))) / (0.046391 + y)
+    o = y * (0.000654023 + (-0.0207818 + 0.119681 * y) * y) / (1.26264 + y * (-1.92021 + y))
+    return _mean(lambda view: float(np.exp(-0.5 * ((view[2] - m) / s) ** 2) / (s * np.sqrt(2.0 * np.pi)) + o))
+
+
+def rough(roughness: float) -> float:
+    variance = roughness * roughness
+    a, b = 1.0 - 0.5 * variance / (variance + 0.33), 0.45 * variance / (variance + 0.09)
+
+    def f(d: Directions) -> Floats:
+        i, o = np.asarray(d.cos_theta_i), np.asarray(d.cos_theta_o)
+        s = (d.wo * d.wi).sum(axis=-1) - i * o  # type: ignore[attr-defined]
+        return np.asarray((a + b * np.maximum(s, 0.0) / np.maximum(i, o)) / np.pi)
+
+    return _mean(_integral(f))
+
+
+def edge(share: float) -> float:
+    root = WHITE_EDGE * share
+    ior = (1.0 + root) / (1.0 - root)
+    c = np.cos(np.radians(np.linspace(0.0, 80.0, 81)))
+    g = np.sqrt(ior * ior + c * c - 1.0)
+    exact = 0.5 * ((g - c) / (g + c)) ** 2 * (1.0 + (((g + c) * c - 1.0) / ((g - c) * c + 1.0)) ** 2)
+    weight = np.asarray(schlick_weight(c))
+    return min(float(((exact - root * root) * weight).sum() / (weight * weight).sum() + root * root), 1.0)
+
+
+FUNCTIONS: dict[str, Callable[[float], float]] = {
+    "lost": lost,
+    "hidden": hidden,
+    "sheen": sheen,
+    "fuzz": fuzz,
+    "rough": rough,
+    "edge": edge,
+}
+"""By the name of the fit."""
+
+
+def make_table() -> dict[str, Any]:
+    """Return the table."""
+    table = {}
+    for name, function in FUNCTIONS.items():
+        target = np.array([function(float(x)) for x in _POINTS])
+        found = fit_rational(Problem(_POINTS, np.zeros_like(_POINTS), target, np.full(41, 0.001)), _ABOVE, _BELOW)
+        error = np.abs(np.asarray(found(_POINTS)) - target).max()
+        table[name] = {
+            "numerator": found.numerator,
+            "denominator": found.denominator,
+            "residual": float(f"{error:.2g}"),
+        }
+    return table
+
+
+def _mean(albedo: Callable[[Floats], float]) -> float:
+    x, weight = np.polynomial.legendre.leggauss(16)  # type: ignore[no-untyped-call]
+    cosines = 0.5 * (x + 1.0)
+    views = np.stack([np.sqrt(1.0 - cosines**2), np.zeros(16), cosines], axis=-1)
+    return float(sum(1.5 * w * c * c * albedo(view) for view, c, w in zip(views, cosines, weight, strict=True)))
+
+
+def _integral(f: Callable[[Directions], Floats]) -> Callable[[Floats], float]:
+    wi, weight = hemisphere_grid(64)
+    return lambda view: float((f(Directions.of(view, wi)) * wi[:, 2]) @ weight)
+
+
+if __name__ == "__main__":
+    DATA.write_text(json.dumps(make_table(), indent=1) + "\n")

@@ -1,0 +1,137 @@
+"""glTF's metallic-roughness model, as the MaterialX node `gltf_pbr`.
+
+- glTF 2.0 Specification, appendix B, and its material extensions. Khronos Group.
+"""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+
+from lookdev.brdf import Parameter, StackLayer
+from lookdev.brdf.parameters import normal_parameter
+from lookdev.brdf.vectors import Array, Parameters, Real, mix, scale
+from lookdev.material.translate.lobes import Interface, f0_of_ior, fabric, largest, mixture, surface, varnish
+from lookdev.material.translate.translation import (
+    EMISSION,
+    HUE_AT_GRAZING,
+    ROTATION,
+    SHEEN,
+    TANGENT,
+    THIN_FILM,
+    TRANSMISSION,
+    VOLUME,
+    Loss,
+    Translation,
+    losses_of,
+    tangent_parameter,
+)
+
+_PARAMETERS = {
+    parameter.name: parameter
+    for parameter in (
+        Parameter("base_color", "color", (1.0, 1.0, 1.0)),
+        Parameter("metallic", "float", 1.0),
+        Parameter("roughness", "float", 1.0),
+        normal_parameter("normal", ""),
+        tangent_parameter("tangent"),
+        Parameter("occlusion", "float", 1.0),
+        Parameter("transmission", "float", 0.0),
+        Parameter("specular", "float", 1.0),
+        Parameter("specular_color", "color", (1.0, 1.0, 1.0), (0.0, inf)),
+        Parameter("ior", "float", 1.5, (1.0, inf)),
+        Parameter("alpha", "float", 1.0),
+        Parameter("alpha_mode", "token", "0", choices=("0", "1", "2")),
+        Parameter("alpha_cutoff", "float", 0.5),
+        Parameter("iridescence", "float", 0.0),
+        Parameter("iridescence_ior", "float", 1.3, (1.0, inf)),
+        Parameter("iridescence_thickness", "float", 100.0, (0.0, inf)),
+        Parameter("sheen_color", "color", (0.0, 0.0, 0.0)),
+        Parameter("sheen_roughness", "float", 0.0),
+        Parameter("clearcoat", "float", 0.0),
+        Parameter("clearcoat_roughness", "float", 0.0),
+        normal_parameter("clearcoat_normal", ""),
+        Parameter("emissive", "color", (0.0, 0.0, 0.0)),
+        Parameter("emissive_strength", "float", 1.0, (0.0, inf)),
+        Parameter("thickness", "float", 0.0, (0.0, inf)),
+        Parameter("attenuation_distance", "float", 0.0, (0.0, inf)),
+        Parameter("attenuation_color", "color", (1.0, 1.0, 1.0)),
+        Parameter("anisotropy_strength", "float", 0.0, directed=True),
+        Parameter("anisotropy_rotation", "float", 0.0, (0.0, 6.283185)),
+        Parameter("dispersion", "float", 0.0, (0.0, inf)),
+    )
+}
+
+
+def _layers(p: Parameters) -> list[StackLayer]:
+    color, metallic, blurred = p["base_color"], p["metallic"], p["roughness"]
+    presence = _presence(p)
+    f0 = scale(np.minimum(scale(p["specular_color"], f0_of_ior(p["ior"])), 1.0), p["specular"])
+    emerging, interface = mixture(
+        color, Interface(f0, p["specular"], blurred), Interface(color, 1.0, blurred), metallic
+    )
+    weight = largest(p["sheen_color"])
+    hue = scale(p["sheen_color"], 1.0 / np.where(weight > 0.0, weight, 1.0))
+    emerging = fabric(emerging, weight, hue, "sheen", p["sheen_roughness"] * p["sheen_roughness"])
+    roughness, anisotropic = _stretched(p)
+    layers = surface(
+        emerging,
+        interface,
+        p["normal"],
+        presence=presence,
+        kept=presence,
+        roughness=roughness,
+        anisotropic=anisotropic,
+        clear=p["transmission"] * (1.0 - metallic),
+        ior=p["ior"],
+    )
+    mask = p["clearcoat"] * presence
+    return [*layers, varnish("clearcoat", np.asarray(1.5), p["clearcoat_roughness"], p["clearcoat_normal"], mask)]
+
+
+def _presence(p: Parameters) -> Real:
+    if p["alpha_mode"] == "0":
+        return np.asarray(1.0)
+    alpha: Array = p["alpha"]
+    return np.where(alpha >= p["alpha_cutoff"], 1.0, 0.0) if p["alpha_mode"] == "1" else alpha
+
+
+def _stretched(p: Parameters) -> tuple[Real, Real]:
+    """Return roughness and `anisotropic` of the alphas ``mix(roughness^2, 1, strength^2)`` and ``roughness^2``."""
+    roughness, strength = p["roughness"], p["anisotropy_strength"]
+    across = np.maximum(roughness * roughness, 1e-5)
+    along = mix(across, 1.0, strength * strength)
+    quotient = across / along
+    # At most ten to one: beyond, the narrower alpha is kept.
+    aspect2 = np.maximum(quotient, 0.1)
+    return np.sqrt(across / np.sqrt(aspect2)), (1.0 - aspect2) * (1.0 / 0.9)
+
+
+GLTF_PBR = Translation(
+    "gltf_pbr",
+    "glTF PBR",
+    ("ND_gltf_pbr_surfaceshader",),
+    _PARAMETERS,
+    _layers,
+    losses_of(
+        _PARAMETERS,
+        {
+            "tangent": Loss(TANGENT),
+            "occlusion": Loss("the light that reaches a point is traced"),
+            "transmission": Loss(TRANSMISSION),
+            "specular_color": Loss(HUE_AT_GRAZING, gray=True),
+            "iridescence": Loss(THIN_FILM),
+            "iridescence_ior": Loss(THIN_FILM, "iridescence"),
+            "iridescence_thickness": Loss(THIN_FILM, "iridescence"),
+            "sheen_color": Loss(SHEEN),
+            "emissive": Loss(EMISSION),
+            "emissive_strength": Loss(EMISSION, "emissive"),
+            **{
+                name: Loss(VOLUME, "transmission")
+                for name in ("thickness", "attenuation_distance", "attenuation_color", "dispersion")
+            },
+            "anisotropy_rotation": Loss(ROTATION, "anisotropy_strength"),
+        },
+    ),
+)

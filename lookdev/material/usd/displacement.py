@@ -1,0 +1,59 @@
+"""The displacement of a look: the shader LookdevDisplacement, which outputs:lookdev:displacement leads to."""
+
+from __future__ import annotations
+
+from math import inf
+from typing import Literal, get_args
+
+from pxr import Sdf, Usd, UsdShade
+
+from lookdev.brdf import Parameter
+from lookdev.errors import nearest_hint
+from lookdev.material.look import Displacement, Formula, Primvar, Texture
+from lookdev.material.usd.inputs import read_input
+from lookdev.material.usd.network import Network, Source, shader_id
+
+TERMINAL = "outputs:lookdev:displacement"
+SHADER = "LookdevDisplacement"
+
+Units = Literal["object", "world"]
+
+_HEIGHT = Parameter("height", "float", 0.0, (-inf, inf), (-inf, inf))
+_INPUTS = ("height", "scale", "midlevel", "units")
+
+
+def read_displacement(network: Network, material: UsdShade.Material) -> Displacement | None:
+    """Return the displacement of a material; None where it has none or, with a fault noted, where it is wrong."""
+    terminal = material.GetPrim().GetAttribute(TERMINAL)
+    if not terminal:
+        return None
+    source = network.follow(terminal)
+    if not isinstance(source, Source):
+        if source is not None:
+            network.fault(terminal, "is not connected", f"connect it to a {SHADER} shader")
+        return None
+    if (given := shader_id(source.shader)) != SHADER:
+        network.fault(terminal, f"<{source.path}> has the unknown info:id '{given}'", nearest_hint(given, [SHADER]))
+        return None
+    network.check_inputs(source.shader, _INPUTS)
+    inputs = {name: source.shader.GetPrim().GetAttribute(f"inputs:{name}") for name in _INPUTS}
+    noted = len(network.faults)
+    height = read_input(network, inputs["height"], _HEIGHT) if inputs["height"] else None
+    if height is None and len(network.faults) == noted:
+        network.fault(f"{source.path}.inputs:height", "is neither set nor connected", "give it a value, or connect it")
+    scale, midlevel = (_number(network, inputs[name]) for name in ("scale", "midlevel"))
+    units = _units(network, inputs["units"])
+    if not isinstance(height, float | Texture | Primvar | Formula):
+        return None
+    return Displacement(height, 1.0 if scale is None else scale, midlevel or 0.0, units)
+
+
+def _number(network: Network, attribute: Usd.Attribute) -> float | None:
+    return network.constant(attribute, Sdf.ValueTypeNames.Float) if attribute else None
+
+
+def _units(network: Network, attribute: Usd.Attribute) -> Units:
+    given = network.constant(attribute, Sdf.ValueTypeNames.Token) if attribute else None
+    if given is not None and given not in get_args(Units):
+        network.fault(attribute, f"unknown value '{given}'", nearest_hint(given, get_args(Units)))
+    return "world" if given == "world" else "object"

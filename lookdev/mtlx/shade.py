@@ -1,0 +1,348 @@
+"""A MaterialX document as a USD layer, with prims where USD's own plugin for MaterialX has them.
+
+- /MaterialX/Materials/<name> is a Material, whose `outputs:mtlx:surface` leads to its shader. The inputs of that shader
+  are inputs of the material, which other layers may override.
+- A node is a Shader whose `info:id` is its node definition's name, by the convention ``ND_<category>_<type>``.
+- Values, connections, colour spaces (as `colorSpace` of an attribute) and paths of images (absolute) are those of the
+  document. Lengths are in metres, angles in degrees.
+
+What upstream of a material connects is written into that material, so that a reference to it alone is whole.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import posixpath
+import re
+from functools import cache
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import MaterialX as mx
+from pxr import Ar, Sdf, Tf
+
+from lookdev.cache import atomic_path, cache_dir
+from lookdev.errors import Fault, LookError
+from lookdev.mtlx.document import read_document
+
+NOTES = "lookdev:notes"
+"""Key of a layer's customLayerData: what of the document is not in it, as lines of file, place, text and hint."""
+
+_MOST_PRIMS = 100_000
+_LARGEST = 1e18  # the product of two larger numbers is not a float32
+_TYPES = {
+    "float": Sdf.ValueTypeNames.Float,
+    "integer": Sdf.ValueTypeNames.Int,
+    "boolean": Sdf.ValueTypeNames.Bool,
+    "string": Sdf.ValueTypeNames.String,
+    "filename": Sdf.ValueTypeNames.Asset,
+    "color3": Sdf.ValueTypeNames.Color3f,
+    "color4": Sdf.ValueTypeNames.Color4f,
+    "vector2": Sdf.ValueTypeNames.Float2,
+    "vector3": Sdf.ValueTypeNames.Float3,
+    "vector4": Sdf.ValueTypeNames.Float4,
+}
+_COUNTS = {"float": 1, "integer": 1, "vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+_UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
+_UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
+_UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
+_INTERFACES = {
+    "standard_surface": "standard_surface",
+    "open_pbr_surface": "open_pbr_surface",
+    "gltf_pbr": "gltf_pbr",
+    "UsdPreviewSurface": "usd_preview_surface",
+}
+# Node definitions of a version that is not the default one.
+_VERSIONS = {("standard_surface", "1.0.0"): "_100"}
+_TERMINALS = {"surfaceshader": "surface", "displacementshader": "displacement"}
+# Control characters, and tokens for other parts of a path than a UDIM tile.
+_NO_PATH = re.compile(r"[\x00-\x1f\x7f-\x9f{]|<(?!UDIM>)")
+
+
+def document_layer(path: str) -> Path:
+    """Return the file, in the cache, of the USD layer that stands for a MaterialX document.
+
+    Parameters
+    ----------
+    path
+        Path of the document, which may be inside a package: ``a.usdz[b.mtlx]``.
+
+    Raises
+    ------
+    LookError
+        The document is missing or malformed: every fault, with its place in it.
+    """
+    asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if Ar.IsPackageRelativePath(path) else None
+    try:
+        data = asset.GetBuffer() if asset else Path(path).read_bytes()
+    except OSError as error:
+        raise LookError([Fault(path, "", f"cannot be read: {error.strerror}")]) from error
+    text = _Writer(data, path).text()
+    file = cache_dir("mtlx") / f"{hashlib.sha256(text.encode()).hexdigest()}.usda"
+    if not file.exists():
+        with atomic_path(file) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return file
+
+
+class _Writer:
+    """Writes the materials of a document."""
+
+    def __init__(self, data: bytes, file: str) -> None:
+        self.file = file
+        self.document, notes = read_document(data, file)
+        self.notes = list(notes)
+        self.faults: list[Fault] = []
+        self._layer = Sdf.Layer.CreateAnonymous(".usda")
+        self._prims = 0
+        # Of the material that is being written: the prim of each node and graph, by the path of its element, and the
+        # nodes that have a prim without inputs yet.
+        self._material: Sdf.PrimSpec
+        self._written: dict[str, Sdf.PrimSpec] = {}
+        self._pending: list[tuple[Any, Sdf.PrimSpec]] = []
+
+    def text(self) -> str:
+        """Return the layer as text; LookError with every fault of the document."""
+        root = self._prim(self._layer, "MaterialX", "Scope")
+        materials = self._prim(root, "Materials", "Scope")
+        for node in self.document.getMaterialNodes():
+            self._write_material(materials, node)
+        for child in self.document.getChildren():
+            if not isinstance(child, mx.Node | mx.NodeGraph | mx.Output):
+                self._note(child, f"<{child.getCategory()}> is not read")
+        if self.faults:
+            raise LookError(self.faults)
+        self._layer.defaultPrim = "MaterialX"
+        if self.notes:
+            lines = [
+                "\t".join(" ".join(text.split()) for text in (each.file, each.where, each.what, each.hint))
+                for each in self.notes
+            ]
+            self._layer.customLayerData = {NOTES: "\n".join(lines)}
+        return str(self._layer.ExportToString())
+
+    def _fault(self, element: Any, what: str, hint: str = "") -> None:
+        self.faults.append(Fault(self.file, element.getNamePath(), what, hint))
+
+    def _note(self, element: Any, what: str, hint: str = "") -> None:
+        self.notes.append(Fault(self.file, element.getNamePath(), what, hint))
+
+    def _prim(self, parent: Sdf.Layer | Sdf.PrimSpec, name: str, kind: str) -> Sdf.PrimSpec:
+        """Define a prim of a MaterialX name, made unique."""
+        self._prims += 1
+        if self._prims > _MOST_PRIMS:
+            what = f"its materials are made of more than {_MOST_PRIMS} nodes, each counted for every material"
+            raise LookError([Fault(self.file, "", what)])
+        taken = parent.rootPrims if isinstance(parent, Sdf.Layer) else parent.nameChildren
+        valid = Tf.MakeValidIdentifier(name.replace(":", "__"))
+        unique = next(each for n in count(1) if (each := valid if n == 1 else f"{valid}_{n}") not in taken)
+        return Sdf.PrimSpec(parent, unique, Sdf.SpecifierDef, kind)
+
+    def _write_material(self, materials: Sdf.PrimSpec, node: Any) -> None:
+        self._material = self._prim(materials, node.getName(), "Material")
+        self._written.clear()
+        for name, terminal in _TERMINALS.items():
+            if (port := node.getInput(name)) and (target := self._target(port, self.document)):
+                self._attribute(
+                    self._material, f"outputs:mtlx:{terminal}", "token"
+                ).connectionPathList.explicitItems = [target]
+                self._publish(target.GetPrimPath())
+        for port in node.getInputs():
+            if port.getName() not in _TERMINALS:
+                self._note(port, "is not read", f"only {' and '.join(_TERMINALS)} are")
+        while self._pending:
+            self._write_node(*self._pending.pop())
+
+    def _publish(self, path: Sdf.Path) -> None:
+        """Write the terminal shader of the material, whose inputs become the material's."""
+        number = next((n for n, (_, prim) in enumerate(self._pending) if prim.path == path), None)
+        if number is None:
+            return
+        node, shader = self._pending.pop(number)
+        given = {each.getName(): each for each in node.getInputs()}
+        types = _interface(node.getCategory()) | {name: each.getType() for name, each in given.items()}
+        for name, kind in types.items():
+            inner = self._attribute(shader, f"inputs:{name}", kind)
+            if name in given and _is_connected(given[name]):
+                self._fill(inner, given[name], self._scope(node))
+                continue
+            outer = self._attribute(self._material, f"inputs:{name}", kind)
+            inner.connectionPathList.explicitItems = [outer.path]
+            if name in given:
+                self._fill(outer, given[name], self._scope(node))
+
+    def _write_node(self, node: Any, shader: Sdf.PrimSpec) -> None:
+        for port in node.getInputs():
+            self._fill(self._attribute(shader, f"inputs:{port.getName()}", port.getType()), port, self._scope(node))
+
+    @staticmethod
+    def _scope(node: Any) -> Any:
+        return node.getParent()
+
+    def _attribute(self, prim: Sdf.PrimSpec, name: str, kind: str) -> Sdf.AttributeSpec:
+        valid = ":".join(map(Tf.MakeValidIdentifier, name.split(":")))
+        found = prim.attributes.get(valid)
+        return found or Sdf.AttributeSpec(prim, valid, _TYPES.get(kind, Sdf.ValueTypeNames.Token))
+
+    def _fill(self, attribute: Sdf.AttributeSpec, port: Any, scope: Any) -> None:
+        """Give an attribute the value or the connection of a port."""
+        if target := self._target(port, scope):
+            if channels := port.getAttribute("channels"):
+                target = self._swizzled(attribute, target, port, channels)
+            attribute.connectionPathList.explicitItems = [target]
+            return
+        if not port.getValueString():
+            return
+        value = self._value(port)
+        if value is not None:
+            attribute.default = value
+        space = port.getActiveColorSpace()
+        if space and port.getType() in ("color3", "color4", "filename"):
+            attribute.SetInfo("colorSpace", space)
+
+    def _swizzled(self, attribute: Sdf.AttributeSpec, target: Sdf.Path, port: Any, channels: str) -> Sdf.Path:
+        """Return the output of a swizzle between a port and its source, for the channels that the port names."""
+        parent = attribute.owner.nameParent
+        swizzle = self._shader(
+            parent, f"{attribute.owner.name}_{port.getName()}_channels", f"ND_swizzle_{port.getType()}"
+        )
+        self._attribute(swizzle, "inputs:in", "token").connectionPathList.explicitItems = [target]
+        self._attribute(swizzle, "inputs:channels", "string").default = channels
+        return self._attribute(swizzle, "outputs:out", port.getType()).path
+
+    def _shader(self, parent: Sdf.PrimSpec, name: str, identifier: str) -> Sdf.PrimSpec:
+        shader = self._prim(parent, name, "Shader")
+        Sdf.AttributeSpec(shader, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform).default = identifier
+        return shader
+
+    def _target(self, port: Any, scope: Any) -> Sdf.Path | None:
+        """Return the property that a port is connected to, and have it written; None where the port holds a value.
+
+        `scope` is the document or the node graph whose children the port's connections name. What is not there has a
+        path too, which the reader of the material reports.
+        """
+        seen = set()
+        while _is_connected(port):
+            interface, graph, node, output = (
+                port.getAttribute(name) for name in ("interfacename", "nodegraph", "nodename", "output")
+            )
+            parent = self._container(scope)
+            if interface:
+                return parent.path.AppendProperty(f"inputs:{Tf.MakeValidIdentifier(interface)}")
+            if graph or node:
+                found = scope.getChild(graph or node) or self.document.getChild(graph or node)
+                if isinstance(found, mx.NodeGraph):
+                    return self._graph_output(found, output)
+                if isinstance(found, mx.Node):
+                    return self._attribute(self._node(found), f"outputs:{output or 'out'}", found.getType()).path
+            elif (found := scope.getOutput(output)) and output not in seen:
+                seen.add(output)
+                port = found
+                continue
+            return parent.path.AppendChild(Tf.MakeValidIdentifier(graph or node or output)).AppendProperty(
+                "outputs:out"
+            )
+        return None
+
+    def _container(self, scope: Any) -> Sdf.PrimSpec:
+        """Return the prim that holds the nodes of a scope: the material for the document, else a NodeGraph."""
+        if not isinstance(scope, mx.NodeGraph):
+            return self._material
+        path = scope.getNamePath()
+        if path not in self._written:
+            prim = self._written[path] = self._prim(self._material, scope.getName(), "NodeGraph")
+            for port in scope.getInputs():
+                self._fill(self._attribute(prim, f"inputs:{port.getName()}", port.getType()), port, self.document)
+        return self._written[path]
+
+    def _graph_output(self, graph: Any, name: str) -> Sdf.Path:
+        outputs = graph.getOutputs()
+        name = name or (outputs[0].getName() if len(outputs) == 1 else "out")
+        prim = self._container(graph)
+        path: Sdf.Path = prim.path.AppendProperty(f"outputs:{Tf.MakeValidIdentifier(name)}")
+        output = graph.getOutput(name)
+        if output and path.name not in prim.attributes:
+            self._fill(self._attribute(prim, path.name, output.getType()), output, graph)
+        return path
+
+    def _node(self, node: Any) -> Sdf.PrimSpec:
+        path = node.getNamePath()
+        if path not in self._written:
+            version = _VERSIONS.get((node.getCategory(), node.getVersionString()), "")
+            identifier = node.getNodeDefString() or f"ND_{node.getCategory()}_{node.getType()}{version}"
+            parent = self._container(node.getParent())
+            self._written[path] = self._shader(parent, node.getName(), identifier)
+            self._pending.append((node, self._written[path]))
+        return self._written[path]
+
+    def _value(self, port: Any) -> object:
+        """Return the value of a port; None, and a note or a fault, where it is of another type or malformed."""
+        kind, text = port.getType(), port.getValueString()
+        if kind == "filename":
+            return self._asset(port)
+        if kind == "string":
+            return text
+        if kind == "boolean" and text in ("true", "false"):
+            return text == "true"
+        if kind in _COUNTS:
+            try:
+                numbers = tuple(float(part) for part in re.split(r"[,\s]+", text.strip()))
+            except ValueError:
+                numbers = ()
+            if len(numbers) == _COUNTS[kind] and all(abs(number) <= _LARGEST for number in numbers):
+                scale = self._scale(port)
+                numbers = tuple(number * scale for number in numbers)
+                return int(numbers[0]) if kind == "integer" else numbers[0] if len(numbers) == 1 else numbers
+        elif kind != "boolean":
+            self._note(port, f"a value of type '{kind:.40}' is not read")
+            return None
+        hint = f"{_COUNTS.get(kind, 1)} finite numbers, separated by commas, within {_LARGEST:g}"
+        self._fault(port, f"'{text:.40}' is not a value", "true or false" if kind == "boolean" else hint)
+        return None
+
+    def _scale(self, port: Any) -> float:
+        """Return the factor from the unit of a port to metres or degrees."""
+        unit = port.getUnit()
+        if unit and unit not in _UNITS:
+            self._note(port, f"the unit '{unit:.40}' is unknown", f"one of {', '.join(_UNITS)} is read")
+        return _UNITS.get(unit, 1.0)
+
+    def _asset(self, port: Any) -> Sdf.AssetPath | None:
+        """Return the absolute path of an image, which is relative to the document."""
+        # Documents come from every system: either slash separates folders.
+        prefix, name = port.getActiveFilePrefix(), port.getValueString()
+        prefixed, plain = (mx.FilePath(each).asString(mx.FormatPosix) for each in (prefix + name, name))
+        if _NO_PATH.search(prefixed):
+            self._note(port, f"'{prefixed:.80}' is not read", "the path of one image or of a <UDIM> set is")
+            return None
+        found = self._absolute(prefixed)
+        if prefix and not Path(found).exists() and Path(self._absolute(plain)).is_file():
+            self._note(port, f"there is no {prefixed:.80}", f"{plain:.80}, without the fileprefix, is taken")
+            found = self._absolute(plain)
+        return Sdf.AssetPath(found)
+
+    def _absolute(self, name: str) -> str:
+        if posixpath.isabs(name):
+            return name
+        if Ar.IsPackageRelativePath(self.file):
+            package, inner = Ar.SplitPackageRelativePathInner(self.file)
+            inside = posixpath.normpath(posixpath.join(posixpath.dirname(inner), name))
+            return str(Ar.JoinPackageRelativePath(package, inside))
+        return posixpath.normpath(posixpath.join(Path(self.file).absolute().parent.as_posix(), name))
+
+
+def _is_connected(port: Any) -> bool:
+    return any(port.getAttribute(name) for name in ("interfacename", "nodegraph", "nodename", "output"))
+
+
+@cache
+def _interface(category: str) -> dict[str, str]:
+    """Return the type of every input of a surface shader of the MaterialX library; none of an unknown one."""
+    if category not in _INTERFACES:
+        return {}
+    library = mx.createDocument()
+    mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{_INTERFACES[category]}.mtlx"))
+    definition = library.getNodeDef(f"ND_{category}_surfaceshader")
+    return {each.getName(): each.getType() for each in definition.getActiveInputs()}

@@ -1,0 +1,74 @@
+"""The camera of a shot, as it is in a USD file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset.silhouette import turning_axis
+from lookdev.asset.usd_camera import UsdCamera
+from lookdev.scene.camera import Camera, Lens
+
+_SAME_SHAPE = 0.01  # relative difference of two aspect ratios that nobody notices
+_NEAREST = 0.1  # distance of the target in that of the farthest point, so that the clip range holds what is near
+
+
+def shot_camera(shot: UsdCamera, points: NDArray[np.float64]) -> Camera:
+    """Return a camera of a USD file that orbits the turning axis of an asset with the outline `points` (n, 3).
+
+    The width of its aperture fills the width of the frame. The target only serves the range of depths that is seen.
+    """
+    width, _ = shot.apertures
+    right, _, back = np.array(shot.frame)
+    plain = Camera(
+        fov=math.degrees(2.0 * math.atan(width / (2.0 * shot.focal_length))),
+        elevation=_degrees(back[2], math.hypot(back[0], back[1])),
+        target=(0.0, 0.0, 0.0),
+        distance=1.0,
+        azimuth=_degrees(back[1], back[0]) + 90.0,
+    )
+    level, upright, _ = plain.frame
+    lens = None
+    if shot.f_stop > 0.0 and shot.focus_distance > 0.0:
+        lens = Lens(shot.focal_length / shot.f_stop, shot.focus_distance)
+    position = np.array(shot.position)
+    distance = _NEAREST * float(np.linalg.norm(points - position, axis=1).max())
+    x, y, z = (position - distance * back).tolist()
+    return Camera(
+        fov=plain.fov,
+        elevation=plain.elevation,
+        target=(x, y, z),
+        distance=distance,
+        azimuth=plain.azimuth,
+        roll=_degrees(float(right @ upright), float(right @ level)),
+        axis=turning_axis(points),
+        shift=(shot.offsets[0] / width, shot.offsets[1] / width),
+        lens=lens,
+    )
+
+
+def shot_notes(shot: UsdCamera, points: NDArray[np.float64], resolution: tuple[int, int]) -> Iterator[str]:
+    """Yield what the picture of a shot leaves out, and where its frame has another shape than the camera's."""
+    yield from shot.notes
+    (width, height), (columns, rows) = shot.apertures, resolution
+    wanted, given = width / height, columns / rows
+    if abs(given / wanted - 1.0) > _SAME_SHAPE:
+        seen = "less" if given > wanted else "more"
+        yield (
+            f"{shot.path}: its frame is {wanted:.3g} times as wide as high, that of the job {given:.3g} times: "
+            f"the widths agree, and {seen} is seen above and below"
+        )
+    depths = (np.array(shot.position) - points) @ np.array(shot.frame[2])
+    near, far = shot.clipping
+    if depths.max() <= 0.0:
+        yield f"{shot.path}: the asset is behind it, as long as it is not turned"
+    elif depths.min() < near or depths.max() > far:
+        yield f"{shot.path}: its clippingRange would cut the asset; it is not applied"
+
+
+def _degrees(y: float, x: float) -> float:
+    # Rounded, so that frames have the same digest on every machine.
+    return round(math.degrees(math.atan2(y, x)), 10) + 0.0

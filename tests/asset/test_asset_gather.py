@@ -1,0 +1,120 @@
+"""Small meshes joined: the same surface in fewer meshes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lookdev.asset import Asset, Instance, Mesh, Slot
+from lookdev.asset.bounds import about_origin
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.gather import gathered
+from lookdev.asset.store import make_asset
+
+BALL = make_sphere(8, 4).meshes[0]
+WEAR = {"wear": BALL.uvs["st"][:, 0].copy(), "tint": BALL.normals.copy()}
+
+
+def many(count: int = 80, mesh: Mesh = BALL, spread: float = 10.0) -> Asset:
+    """Return balls, each a mesh with a slot of its own, turned, sheared and placed at random."""
+    rng = np.random.default_rng(3)
+    instances = []
+    for number in range(count):
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.eye(3) + 0.3 * rng.normal(size=(3, 3))
+        matrix[:3, 0] *= np.sign(np.linalg.det(matrix[:3, :3]))
+        matrix[:3, 3] = spread * rng.normal(size=3)
+        instances.append(Instance(number, matrix))
+    slots = np.arange(count, dtype=np.int32)
+    meshes = [replace(mesh, name=f"/{slot}", face_slots=np.full_like(mesh.face_slots, slot)) for slot in slots]
+    return about_origin(make_asset("many", meshes, instances, [Slot(f"/{slot}") for slot in slots]))
+
+
+def surface(asset: Asset) -> dict[int, np.ndarray]:
+    """Return, for the number of each slot, all that its corners have in the world, (m, ...), normals unit."""
+    found = {}
+    for instance in asset.instances:
+        mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
+        places = mesh.points[mesh.corner_points] @ linear.T + instance.matrix[:3, 3]
+        normals, tangents = mesh.normals @ np.linalg.inv(linear), mesh.tangents @ linear.T
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+        carried = [values.reshape(len(places), -1) for values in (*mesh.uvs.values(), *mesh.primvars.values())]
+        sizes = np.repeat(mesh.face_sizes, mesh.face_sizes)[:, None]
+        rows = np.concatenate([places, normals, tangents, *carried, sizes], axis=1)
+        slots = np.repeat(mesh.face_slots, mesh.face_sizes)
+        found |= {slot: rows[slots == slot] for slot in np.unique(slots)}
+    return found
+
+
+def assert_same_surface(one: Asset, other: Asset) -> None:
+    expected, found = surface(one), surface(other)
+    assert expected.keys() == found.keys()
+    for slot, rows in expected.items():
+        # A few roundings to float32, of places as far away as the radius.
+        np.testing.assert_allclose(found[slot], rows, rtol=0.0, atol=4e-7 * max(1.0, one.radius))
+
+
+def test_many_small_meshes_are_one() -> None:
+    asset = many(mesh=replace(BALL, primvars=WEAR))
+    joined = gathered(asset)
+    assert len(joined.meshes) == len(joined.instances) == 1
+    assert joined.meshes[0].corner_points.dtype == np.int32
+    assert joined.slots == asset.slots
+    assert_same_surface(asset, joined)
+
+
+def test_a_few_meshes_stay_as_they_are() -> None:
+    asset = many(20)
+    assert gathered(asset) is asset
+
+
+def test_meshes_of_other_attributes_are_joined_by_themselves() -> None:
+    asset = many()
+    meshes = [replace(mesh, primvars=WEAR) if i % 3 == 0 else mesh for i, mesh in enumerate(asset.meshes)]
+    asset = replace(asset, meshes=tuple(meshes))
+    joined = gathered(asset)
+    assert {tuple(mesh.primvars) for mesh in joined.meshes} == {(), tuple(WEAR)}
+    assert_same_surface(asset, joined)
+
+
+def _reflected(asset: Asset) -> Asset:
+    first, *others = asset.instances
+    return replace(asset, instances=(replace(first, matrix=first.matrix @ np.diag([-1.0, 1.0, 1.0, 1.0])), *others))
+
+
+def _twice(asset: Asset) -> Asset:
+    moved = asset.instances[0].matrix.copy()
+    moved[:3, 3] += 1.0
+    return replace(asset, instances=(*asset.instances, replace(asset.instances[0], matrix=moved)))
+
+
+def _large(asset: Asset) -> Asset:
+    mesh = make_sphere(64, 32).meshes[0]
+    return replace(asset, meshes=(replace(mesh, name="/0"), *asset.meshes[1:]))
+
+
+def _fine(asset: Asset) -> Asset:
+    first, *others = asset.instances
+    matrix = first.matrix @ np.diag([1e-5, 1e-5, 1e-5, 1.0])
+    return replace(asset, instances=(replace(first, matrix=matrix), *others))
+
+
+@pytest.mark.parametrize("change", [_reflected, _twice, _large, _fine])
+def test_a_mesh_stays_apart_that_joining_would_change_or_copy(change) -> None:
+    asset = change(many())
+    joined = gathered(asset)
+    assert len(joined.meshes) == 2
+    assert joined.meshes[1] is asset.meshes[0]
+    assert len(joined.instances) == 2 + (change is _twice)
+    assert_same_surface(asset, joined)
+
+
+def test_a_joined_mesh_has_a_limited_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.asset.gather._CORNERS", 10 * len(BALL.corner_points))
+    asset = many()
+    joined = gathered(asset)
+    assert len(joined.meshes) == 8
+    assert_same_surface(asset, joined)

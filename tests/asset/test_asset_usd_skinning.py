@@ -1,0 +1,549 @@
+"""UsdSkel: poses and blend shapes by hand, against USD's own baking, and every way in which a rig can be broken."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
+
+from lookdev.asset.shape import Attribute
+from lookdev.asset.usd.skinning import Skinning
+from lookdev.errors import AssetError
+
+HALF = np.sqrt(0.5)
+POINTS = [(0, 0, 0), (0, 0, 1), (0, 0, 2), (1, 0, 2)]
+JOINTS = ["hip", "hip/knee"]
+UP = Gf.Matrix4d(1.0).SetTranslate((0, 0, 1))
+EARLY = Usd.TimeCode.EarliestTime()
+
+
+class Rig:
+    """A leg of two joints, the knee 1 above the hip; at time 10 it is bent by a right angle about x."""
+
+    def __init__(self):
+        self.stage = Usd.Stage.CreateInMemory()
+        self.root = UsdSkel.Root.Define(self.stage, "/Leg")
+        self.skeleton = UsdSkel.Skeleton.Define(self.stage, "/Leg/Bones")
+        self.skeleton.GetJointsAttr().Set(JOINTS)
+        self.skeleton.GetBindTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
+        self.skeleton.GetRestTransformsAttr().Set([Gf.Matrix4d(1.0), UP])
+        self.animation = UsdSkel.Animation.Define(self.stage, "/Leg/Bend")
+        self.animation.GetJointsAttr().Set(JOINTS)
+        self.animation.GetTranslationsAttr().Set([(0, 0, 0), (0, 0, 1)])
+        self.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * 2))
+        self.animation.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0)] * 2, 0.0)
+        self.animation.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0), Gf.Quatf(HALF, HALF, 0, 0)], 10.0)
+        self.api(self.skeleton).CreateAnimationSourceRel().SetTargets(["/Leg/Bend"])
+        self.mesh = self.skin("/Leg/Skin")
+
+    def api(self, schema):
+        return UsdSkel.BindingAPI.Apply(schema.GetPrim())
+
+    def skin(self, path, indices=(0, 1) * 4, weights=(1, 0, 1, 0, 0, 1, 0.5, 0.5), size=2, constant=False):
+        mesh = UsdGeom.Mesh.Define(self.stage, path)
+        mesh.GetPointsAttr().Set(POINTS)
+        mesh.GetFaceVertexCountsAttr().Set([4])
+        mesh.GetFaceVertexIndicesAttr().Set([0, 3, 2, 1])
+        api = self.api(mesh)
+        api.CreateSkeletonRel().SetTargets(["/Leg/Bones"])
+        api.CreateJointIndicesPrimvar(constant, size).Set(list(indices))
+        api.CreateJointWeightsPrimvar(constant, size).Set([float(each) for each in weights])
+        return mesh
+
+    def shape(self, name, offsets, indices=None, normals=None):
+        """Add a blend shape to the mesh, whose weights are animated by `weigh`."""
+        shape = UsdSkel.BlendShape.Define(self.stage, f"{self.mesh.GetPath()}/{name}")
+        shape.GetOffsetsAttr().Set(offsets)
+        if indices is not None:
+            shape.GetPointIndicesAttr().Set(indices)
+        if normals is not None:
+            shape.GetNormalOffsetsAttr().Set(normals)
+        api = self.api(self.mesh)
+        api.CreateBlendShapesAttr().Set([*(api.GetBlendShapesAttr().Get() or []), name])
+        api.CreateBlendShapeTargetsRel().AddTarget(shape.GetPath())
+        return shape
+
+    def weigh(self, names, weights, time=None):
+        self.animation.GetBlendShapesAttr().Set(names)
+        self.animation.GetBlendShapeWeightsAttr().Set(weights, EARLY if time is None else time)
+
+    def deformed(self, time=10.0, prim=None):
+        return Skinning(Usd.TimeCode(time)).deformed((prim or self.mesh).GetPrim())
+
+    def world(self, time=10.0):
+        """Return the deformed points in the world (n, 3)."""
+        return in_world(self.deformed(time).points, self.deformed(time).space, time)
+
+    def baked(self, time=10.0):
+        """Return the points in the world (n, 3) and the normals of the mesh after USD has baked the skinning."""
+        self.stage.SetEditTarget(self.stage.GetSessionLayer())
+        assert UsdSkel.BakeSkinning(self.root, Gf.Interval(time, time))
+        points = np.array(self.mesh.GetPointsAttr().Get(time), float)
+        normals = self.mesh.GetNormalsAttr().Get(time)
+        return in_world(points, self.mesh.GetPrim(), time), normals
+
+
+def in_world(points, prim, time):
+    matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(prim), float)
+    return np.column_stack([points, np.ones(len(points))]) @ matrix[:, :3]
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+def test_a_bent_knee_linearly(rig):
+    # About the knee, (0, 0, 1): (x, y, z) becomes (x, -z, y). The last point is the mean of staying and turning.
+    np.testing.assert_allclose(rig.world(), [(0, 0, 0), (0, 0, 1), (0, -1, 1), (1, -0.5, 1.5)], atol=1e-6)
+
+
+def test_a_bent_knee_by_dual_quaternions(rig):
+    rig.api(rig.mesh).CreateSkinningMethodAttr().Set(UsdSkel.Tokens.dualQuaternion)
+    # Half of the way is half of the angle, which keeps the length.
+    np.testing.assert_allclose(rig.world()[2:], [(0, -1, 1), (1, -HALF, 1 + HALF)], atol=1e-6)
+
+
+def test_the_pose_is_that_of_the_time(rig):
+    np.testing.assert_allclose(rig.world(0.0), POINTS, atol=1e-6)
+    np.testing.assert_allclose(rig.world(5.0)[2], (0, -HALF, 1 + HALF), atol=1e-4)  # quaternions of 32 bits, slerped
+    np.testing.assert_allclose(Skinning(EARLY).deformed(rig.mesh.GetPrim()).points, POINTS, atol=1e-6)
+
+
+def test_the_skeleton_places_the_points_and_the_mesh_does_not(rig):
+    UsdGeom.Xformable(rig.mesh).AddTranslateOp().Set((7, 7, 7))
+    UsdGeom.Xformable(rig.skeleton).AddTranslateOp().Set((0, 0, 5))
+    UsdGeom.Xformable(rig.root).AddRotateZOp().Set(90.0)
+    assert rig.deformed().space == rig.skeleton.GetPrim()
+    assert Skinning(EARLY).space(rig.mesh.GetPrim()) == rig.skeleton.GetPrim()
+    np.testing.assert_allclose(rig.world()[2], (1, 0, 6), atol=1e-6)
+
+
+def placed(rig):
+    UsdGeom.Xformable(rig.mesh).AddTranslateOp().Set((1, 2, 3))
+    UsdGeom.Xformable(rig.mesh).AddRotateYOp().Set(30.0)
+    UsdGeom.Xformable(rig.skeleton).AddRotateXOp().Set(20.0)
+    UsdGeom.Xformable(rig.root).AddScaleOp().Set((2, 3, 4))
+    rig.api(rig.mesh).CreateGeomBindTransformAttr().Set(Gf.Matrix4d(1.0).SetTranslate((0.5, 0, 0.25)))
+
+
+def reordered(rig):
+    rig.api(rig.mesh).CreateJointsAttr().Set(["hip/knee"])
+    rig.api(rig.mesh).CreateJointIndicesPrimvar(False, 1).Set([0] * 4)
+    rig.api(rig.mesh).CreateJointWeightsPrimvar(False, 1).Set([1.0] * 4)
+
+
+def rigid(rig):
+    rig.api(rig.mesh).CreateJointIndicesPrimvar(True, 2).Set([1, 0])
+    rig.api(rig.mesh).CreateJointWeightsPrimvar(True, 2).Set([1.0, 0.0])
+    for primvar in (rig.api(rig.mesh).GetJointIndicesPrimvar(), rig.api(rig.mesh).GetJointWeightsPrimvar()):
+        primvar.SetInterpolation(UsdGeom.Tokens.constant)
+
+
+def inherited(rig):
+    api = rig.api(rig.mesh)
+    api.GetSkeletonRel().ClearTargets(True)
+    api.GetPrim().RemoveProperty("skel:skeleton")
+    rig.api(rig.root).CreateSkeletonRel().SetTargets(["/Leg/Bones"])
+    rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
+    rig.api(rig.root).CreateAnimationSourceRel().SetTargets(["/Leg/Bend"])
+
+
+def sparse_animation(rig):
+    rig.animation.GetJointsAttr().Set(["hip/knee"])
+    rig.animation.GetTranslationsAttr().Set([(0, 0, 1.5)])
+    rig.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 2, 1)]))
+    rig.animation.GetRotationsAttr().Set([Gf.Quatf(HALF, HALF, 0, 0)], 10.0)
+
+
+def still(rig):
+    rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
+    rig.skeleton.GetRestTransformsAttr().Set([UP, UP])
+
+
+def dual(rig):
+    rig.api(rig.mesh).CreateSkinningMethodAttr().Set(UsdSkel.Tokens.dualQuaternion)
+
+
+def blended(rig):
+    rig.shape("Bulge", [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
+    shape = rig.shape("Tip", [(0, 0, 2), (2, 0, 0)], [2, 3])
+    shape.CreateInbetween("half").SetWeight(0.5)
+    shape.GetInbetween("half").SetOffsets([(0, 3, 0), (0, 0, 0)])
+    rig.weigh(["Other", "Tip", "Bulge"], [0.9, 0.7, 0.3])
+    rig.weigh(["Other", "Tip", "Bulge"], [0.9, 0.7, 0.3], 10.0)
+
+
+@pytest.mark.parametrize(
+    "ways",
+    [
+        (placed,),
+        (reordered,),
+        (rigid, placed),
+        (inherited, placed),
+        (sparse_animation,),
+        (still,),
+        (blended,),
+        (blended, placed),
+        (dual, placed),
+        (dual, blended, reordered),
+    ],
+    ids=lambda ways: "-".join(way.__name__ for way in ways),
+)
+def test_as_usd_bakes_it(rig, ways):
+    for way in ways:
+        way(rig)
+    mine = rig.world()
+    assert np.ptp(mine, axis=0).max() > 0.5
+    assert np.abs(mine - in_world(POINTS, rig.mesh.GetPrim(), 10.0)).max() > 0.1
+    np.testing.assert_allclose(mine, rig.baked()[0], atol=2e-6)
+
+
+@pytest.mark.parametrize("method", [UsdSkel.Tokens.classicLinear, UsdSkel.Tokens.dualQuaternion])
+def test_a_random_rig_as_usd_bakes_it(method):
+    rng = np.random.default_rng(16)
+    rig = Rig()
+    names = [f"a{i}" if i < 3 else f"a{i % 3}/b{i}" for i in range(12)]
+
+    def random_matrix():
+        axis = rng.normal(size=3).tolist()
+        turn = Gf.Matrix4d(1.0).SetRotate(Gf.Rotation(Gf.Vec3d(*axis), rng.uniform(-90.0, 90.0)))
+        return turn * Gf.Matrix4d(1.0).SetTranslate(Gf.Vec3d(*rng.normal(size=3).tolist()))
+
+    rig.skeleton.GetJointsAttr().Set(names)
+    rig.skeleton.GetBindTransformsAttr().Set([random_matrix() for _ in names])
+    rig.skeleton.GetRestTransformsAttr().Set([random_matrix() for _ in names])
+    rig.animation.GetJointsAttr().Set(names[::-1])
+    rig.animation.GetTranslationsAttr().Set(Vt.Vec3fArray.FromNumpy(rng.normal(size=(12, 3)).astype(np.float32)))
+    rig.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(*rng.uniform(0.5, 2.0, 3).tolist()) for _ in names]))
+    turns = [Gf.Quatf(Gf.Rotation(Gf.Vec3d(*rng.normal(size=3).tolist()), 50.0).GetQuat()) for _ in names]
+    rig.animation.GetRotationsAttr().Set(turns, 10.0)
+    weights = rng.uniform(size=(200, 4))
+    weights /= weights.sum(axis=1, keepdims=True)
+    rig.mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(rng.normal(size=(200, 3)).astype(np.float32)))
+    rig.mesh.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(rng.normal(size=(200, 3)).astype(np.float32)))
+    rig.mesh.SetNormalsInterpolation("vertex")
+    api = rig.api(rig.mesh)
+    api.CreateJointIndicesPrimvar(False, 4).Set(rng.integers(0, 12, 800).tolist())
+    api.CreateJointWeightsPrimvar(False, 4).Set(weights.ravel().tolist())
+    api.CreateSkinningMethodAttr().Set(method)
+    api.CreateGeomBindTransformAttr().Set(random_matrix())
+    mine = rig.world()
+    normals = Attribute("normals", np.array(rig.mesh.GetNormalsAttr().Get()), "vertex")
+    turned = rig.deformed().normals(normals, np.arange(200)).values
+    points, baked = rig.baked()
+    np.testing.assert_allclose(mine, points, atol=1e-5)
+    baked = np.array(baked, float)  # without transforms, the space of the mesh is that of the skeleton
+    np.testing.assert_allclose(turned, baked / np.linalg.norm(baked, axis=1, keepdims=True), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("weight", "moved"), [(0.25, 0.5), (0.5, 1.0), (0.75, 3.0), (1.0, 5.0), (1.5, 9.0), (-0.5, -1.0), (0.0, 0.0)]
+)
+def test_between_two_inbetweens_a_blend_shape_is_linear(rig, weight, moved):
+    shape = rig.shape("Up", [(0, 0, 5)], [3])
+    shape.CreateInbetween("half").SetWeight(0.5)
+    shape.GetInbetween("half").SetOffsets([(0, 0, 1)])
+    rig.weigh(["Up"], [weight])
+    rig.mesh.GetPrim().RemoveProperty("primvars:skel:jointIndices")
+    rig.mesh.GetPrim().RemoveProperty("primvars:skel:jointWeights")
+    got = rig.deformed()
+    if weight == 0.0:
+        assert got is None
+    else:
+        np.testing.assert_allclose(got.points - POINTS, [(0, 0, 0)] * 3 + [(0, 0, moved)], atol=1e-6)
+        assert got.space == rig.mesh.GetPrim()  # no joint moves it: its own transform places it
+
+
+def test_blend_shapes_come_before_the_skeleton_and_their_weights_are_animated(rig):
+    rig.shape("Long", [(0, 0, 1)], [2])
+    rig.weigh(["Long"], [0.0], 0.0)
+    rig.weigh(["Long"], [1.0], 10.0)
+    np.testing.assert_allclose(rig.world()[2], (0, -2, 1), atol=1e-6)
+    np.testing.assert_allclose(rig.world(0.0)[2], (0, 0, 2), atol=1e-6)
+
+
+def test_normals_turn_with_the_points(rig):
+    normals = [(0, 1, 0)] * 4
+    vertex = rig.deformed().normals(Attribute("normals", np.array(normals), "vertex"), np.array([0, 3, 2, 1]))
+    np.testing.assert_allclose(vertex.values, [(0, 1, 0), (0, 1, 0), (0, 0, 1), (0, HALF, HALF)], atol=1e-6)
+    corner = rig.deformed().normals(Attribute("normals", np.array(normals), "faceVarying"), np.array([0, 3, 2, 1]))
+    np.testing.assert_allclose(corner.values, [(0, 1, 0), (0, HALF, HALF), (0, 0, 1), (0, 1, 0)], atol=1e-6)
+    assert corner.interpolation == "faceVarying"
+    uniform = Attribute("normals", np.array([(0, 1, 0)]), "uniform")
+    assert rig.deformed().normals(uniform, np.array([0, 3, 2, 1])) is None
+
+
+def test_normals_of_a_squashed_limb_are_those_of_its_surface(rig):
+    rig.animation.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1), Gf.Vec3h(1, 4, 1)]))
+    rigid(rig)
+    got = rig.deformed(0.0).normals(Attribute("normals", np.array([(0, 1, 1)] * 4), "vertex"), np.arange(4))
+    np.testing.assert_allclose(got.values, [np.array([0, 1, 4]) / np.sqrt(17.0)] * 4, atol=1e-6)
+
+
+def test_blend_shapes_turn_normals_by_point(rig):
+    rig.shape("Lean", [(0, 0, 0)], [1], normals=[(0, 0, 1)])
+    rig.weigh(["Lean"], [1.0])
+    normals = Attribute("normals", np.array([(0, 1, 0)] * 4), "vertex")
+    np.testing.assert_allclose(rig.deformed(0.0).normals(normals, np.arange(4)).values[1], (0, HALF, HALF), atol=1e-6)
+
+
+def test_a_gprim_without_points_is_moved_as_a_whole(rig):
+    ball = UsdGeom.Sphere.Define(rig.stage, "/Leg/Foot")
+    api = rig.api(ball)
+    api.CreateSkeletonRel().SetTargets(["/Leg/Bones"])
+    api.CreateJointIndicesPrimvar(True, 1).Set([1])
+    api.CreateJointWeightsPrimvar(True, 1).Set([1.0])
+    got = Skinning(Usd.TimeCode(10.0)).deformed(ball.GetPrim(), np.array([(0.0, 0.0, 3.0), (0.0, 1.0, 1.0)]))
+    np.testing.assert_allclose(got.points, [(0, -2, 1), (0, 0, 2)], atol=1e-6)
+
+
+def test_instances_are_posed_by_their_own_animation(rig):
+    stage = rig.stage
+    rig.skeleton.GetPrim().RemoveProperty("skel:animationSource")
+    rest = UsdSkel.Animation.Define(stage, "/Straight")
+    rest.GetJointsAttr().Set(JOINTS)
+    rest.GetTranslationsAttr().Set([(0, 0, 0), (0, 0, 2)])
+    rest.GetScalesAttr().Set(Vt.Vec3hArray([Gf.Vec3h(1, 1, 1)] * 2))
+    rest.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0)] * 2)
+    for name, source in (("A", "/Leg/Bend"), ("B", "/Straight"), ("C", "/Leg/Bend")):
+        prim = UsdSkel.Root.Define(stage, f"/Crowd/{name}")
+        prim.GetPrim().GetReferences().AddInternalReference("/Leg")
+        prim.GetPrim().SetInstanceable(True)
+        prim.AddTranslateOp().Set((len(name), 0, 0))
+        rig.api(prim).CreateAnimationSourceRel().SetTargets([source])
+    skinning = Skinning(Usd.TimeCode(10.0))
+    a, b, c = (skinning.deformed(stage.GetPrimAtPath(f"/Crowd/{name}/Skin")) for name in "ABC")
+    np.testing.assert_allclose(a.points[2], (0, -1, 1), atol=1e-6)
+    np.testing.assert_allclose(b.points[2], (0, 0, 3), atol=1e-6)
+    assert a.key == c.key != b.key
+    assert a.points is c.points  # computed once
+    assert str(skinning.space(stage.GetPrimAtPath("/Crowd/C/Skin")).GetPath()) == "/Crowd/C/Bones"
+
+
+def outside(rig):
+    Sdf.CopySpec(rig.stage.GetRootLayer(), "/Leg/Skin", rig.stage.GetRootLayer(), "/Loose")
+    rig.mesh = UsdGeom.Mesh.Get(rig.stage, "/Loose")
+
+
+NOTED = {
+    "outside": (outside, "/Loose: is below no SkelRoot"),
+    "no skeleton": (lambda r: r.mesh.GetPrim().RemoveProperty("skel:skeleton"), "/Leg/Skin: is bound to no skeleton"),
+    "no pose": (
+        lambda r: [r.skeleton.GetPrim().RemoveProperty(name) for name in ("skel:animationSource", "restTransforms")],
+        "/Leg/Bones: has neither an animation nor restTransforms",
+    ),
+}
+
+
+@pytest.mark.parametrize(("spoil", "note"), NOTED.values(), ids=NOTED)
+def test_what_usd_does_not_deform_is_noted(rig, spoil, note):
+    spoil(rig)
+    skinning = Skinning(Usd.TimeCode(10.0))
+    assert skinning.deformed(rig.mesh.GetPrim()) is None
+    assert skinning.space(rig.mesh.GetPrim()) == rig.mesh.GetPrim()
+    assert len(skinning.notes) == 1
+    assert skinning.notes[0].startswith(note)
+
+
+RESTING = {
+    "missing source": (
+        lambda r: r.api(r.skeleton).GetAnimationSourceRel().SetTargets(["/Leg/Gone"]),
+        "/Leg/Bones: skel:animationSource /Leg/Gone is no SkelAnimation",
+    ),
+    "no scales": (lambda r: r.animation.GetPrim().RemoveProperty("scales"), "/Leg/Bend: has no scales"),
+    "other joints": (
+        lambda r: r.animation.GetJointsAttr().Set(["x", "x/y"]),
+        "/Leg/Bend: animates no joint of /Leg/Bones",
+    ),
+}
+
+
+@pytest.mark.parametrize(("spoil", "note"), RESTING.values(), ids=RESTING)
+def test_an_animation_that_usd_ignores_leaves_the_rest_pose(rig, spoil, note):
+    rig.skeleton.GetRestTransformsAttr().Set([UP, UP])
+    spoil(rig)
+    skinning = Skinning(Usd.TimeCode(10.0))
+    np.testing.assert_allclose(skinning.deformed(rig.mesh.GetPrim()).points, np.add(POINTS, (0, 0, 1)), atol=1e-6)
+    assert len(skinning.notes) == 1
+    assert skinning.notes[0].startswith(note)
+
+
+def test_an_inbetween_without_effect_is_noted(rig):
+    rig.shape("Up", [(0, 0, 5)], [3]).CreateInbetween("end").SetWeight(1.0)
+    rig.weigh(["Up"], [1.0])
+    skinning = Skinning(EARLY)
+    np.testing.assert_allclose(skinning.deformed(rig.mesh.GetPrim()).points[3], (1, 0, 7), atol=1e-6)
+    assert skinning.notes == ("/Leg/Skin/Up.inbetweens:end: no weight, or that of another shape: it has no effect",)
+
+
+def test_what_is_bound_to_nothing_is_not_deformed(rig):
+    plain = UsdGeom.Mesh.Define(rig.stage, "/Leg/Plain")
+    skinning = Skinning(Usd.TimeCode(10.0))
+    assert skinning.deformed(plain.GetPrim()) is None
+    assert skinning.notes == ()
+
+
+def indices(*values):
+    return lambda rig: rig.api(rig.mesh).GetJointIndicesAttr().Set(list(values))
+
+
+def weights(*values):
+    return lambda rig: rig.api(rig.mesh).GetJointWeightsAttr().Set(list(values))
+
+
+def shaped(spoil):
+    def both(rig):
+        shape = rig.shape("Up", [(0, 0, 1)], [3])
+        rig.weigh(["Up"], [1.0])
+        spoil(rig, shape)
+
+    return both
+
+
+def two_inbetweens(rig, shape):
+    shape.CreateInbetween("half").SetWeight(0.5)
+    shape.GetInbetween("half").SetOffsets([(0, 0, 1)] * 3)
+    rig.weigh(["Up"], [0.6])
+
+
+BROKEN = {
+    "joint index": (indices(0, 2, *[0] * 6), "/Leg/Skin: jointIndices must lie in 0..1"),
+    "negative joint": (indices(0, -1, *[0] * 6), "/Leg/Skin: jointIndices must lie in 0..1"),
+    "nan weight": (
+        weights(float("nan"), *[0.0] * 7),
+        "/Leg/Skin: jointIndices must lie in 0..1, and jointWeights be finite",
+    ),
+    "few indices": (indices(0, 1), "/Leg/Skin: has 2 jointIndices and 8 jointWeights; 2 of both for each point"),
+    "odd influences": (
+        lambda r: (indices(0, 1, 0)(r), weights(1.0, 0.0, 1.0)(r)),
+        "/Leg/Skin: has 3 jointIndices and 3 jointWeights; 2 of both",
+    ),
+    "few points": (
+        lambda r: (
+            indices(0, 1)(r),
+            weights(1.0, 0.0)(r),
+            r.mesh.GetPointsAttr().Set(POINTS * 2),
+            indices(*[0] * 8)(r),
+            weights(*[0.5] * 8)(r),
+        ),
+        "/Leg/Skin: has joints for 4 points, but 8 points",
+    ),
+    "no weights": (
+        lambda r: r.mesh.GetPrim().RemoveProperty("primvars:skel:jointWeights"),
+        "/Leg/Skin: has only one of jointIndices and jointWeights",
+    ),
+    "element size": (
+        lambda r: r.api(r.mesh).GetJointIndicesPrimvar().SetElementSize(4),
+        "/Leg/Skin: jointIndices and jointWeights must have the same elementSize",
+    ),
+    "interpolation": (
+        lambda r: [
+            UsdGeom.Primvar(r.mesh.GetPrim().GetAttribute(f"primvars:skel:joint{name}")).SetInterpolation("uniform")
+            for name in ("Indices", "Weights")
+        ],
+        "/Leg/Skin: jointIndices and jointWeights must have the same elementSize of at least 1, and both the",
+    ),
+    "constant size": (
+        lambda r: (rigid(r), indices(1, 0, 1, 0)(r), weights(1.0, 0.0, 1.0, 0.0)(r)),
+        "/Leg/Skin: has 4 jointIndices and 4 jointWeights; 2 of both for all points",
+    ),
+    "unknown joint": (
+        lambda r: r.api(r.mesh).CreateJointsAttr().Set(["hip", "toe"]),
+        "/Leg/Skin: skel:joints names toe",
+    ),
+    "method": (lambda r: r.api(r.mesh).CreateSkinningMethodAttr().Set("magic"), "/Leg/Skin: skinningMethod is 'magic'"),
+    "nan bind": (
+        lambda r: r.api(r.mesh).CreateGeomBindTransformAttr().Set(Gf.Matrix4d(float("nan"))),
+        "/Leg/Skin: geomBindTransform is not finite",
+    ),
+    "no such skeleton": (
+        lambda r: r.api(r.mesh).GetSkeletonRel().SetTargets(["/Leg/Gone"]),
+        "/Leg/Skin: skel:skeleton /Leg/Gone is no Skeleton",
+    ),
+    "no joints": (lambda r: r.skeleton.GetJointsAttr().Set(Vt.TokenArray()), "/Leg/Bones: joints must be paths"),
+    "joint twice": (lambda r: r.skeleton.GetJointsAttr().Set(["hip", "hip"]), "/Leg/Bones: joints must be paths"),
+    "bad joint path": (
+        lambda r: r.skeleton.GetJointsAttr().Set(["hip", "hip//knee"]),
+        "/Leg/Bones: joints must be paths",
+    ),
+    "child first": (
+        lambda r: r.skeleton.GetJointsAttr().Set(JOINTS[::-1]),
+        "/Leg/Bones: joints are not in order: Joint 0",
+    ),
+    "no bind": (
+        lambda r: r.skeleton.GetPrim().RemoveProperty("bindTransforms"),
+        "/Leg/Bones: bindTransforms must be matrices with an inverse",
+    ),
+    "few binds": (
+        lambda r: r.skeleton.GetBindTransformsAttr().Set([UP]),
+        "/Leg/Bones: has 1 bindTransforms, but 2 joints",
+    ),
+    "flat bind": (
+        lambda r: r.skeleton.GetBindTransformsAttr().Set([UP, Gf.Matrix4d(0.0)]),
+        "/Leg/Bones: bindTransforms must be matrices with an inverse",
+    ),
+    "nan rest": (
+        lambda r: r.skeleton.GetRestTransformsAttr().Set([UP, Gf.Matrix4d(float("nan"))]),
+        "/Leg/Bones: restTransforms must be finite",
+    ),
+    "few rests": (
+        lambda r: r.skeleton.GetRestTransformsAttr().Set([UP]),
+        "/Leg/Bones: has 1 restTransforms, but 2 joints",
+    ),
+    "rest needed": (
+        lambda r: (r.skeleton.GetPrim().RemoveProperty("restTransforms"), sparse_animation(r)),
+        "/Leg/Bones: joint hip is not animated, and there are no restTransforms",
+    ),
+    "few translations": (
+        lambda r: r.animation.GetTranslationsAttr().Set([(0, 0, 0)]),
+        "/Leg/Bend: has 1 translations, but 2 joints",
+    ),
+    "nan rotation": (
+        lambda r: r.animation.GetRotationsAttr().Set([Gf.Quatf(1, 0, 0, 0), Gf.Quatf(float("nan"), 0, 0, 0)], 10.0),
+        "/Leg/Bones: USD cannot compute finite transforms of its 2 joints",
+    ),
+    "blend target": (
+        shaped(lambda r, s: r.api(r.mesh).GetBlendShapeTargetsRel().SetTargets(["/Leg/Skin/Gone"])),
+        "/Leg/Skin: skel:blendShapeTargets /Leg/Skin/Gone is no BlendShape",
+    ),
+    "blend names": (
+        shaped(lambda r, s: r.api(r.mesh).GetBlendShapesAttr().Set(["Up", "Down"])),
+        "/Leg/Skin: has 2 skel:blendShapes and 1 targets",
+    ),
+    "blend weights": (
+        shaped(lambda r, s: r.weigh(["Up", "Down"], [1.0])),
+        "/Leg/Bend: has 1 blendShapeWeights, but 2 blendShapes",
+    ),
+    "nan blend weight": (
+        shaped(lambda r, s: r.weigh(["Up"], [float("nan")])),
+        "/Leg/Bend: the weight of blend shape Up is not finite",
+    ),
+    "point index": (
+        shaped(lambda r, s: s.GetPointIndicesAttr().Set([4])),
+        "/Leg/Skin/Up: pointIndices must lie in 0..3",
+    ),
+    "negative point": (
+        shaped(lambda r, s: s.GetPointIndicesAttr().Set([-1])),
+        "/Leg/Skin/Up: pointIndices must lie in 0..3",
+    ),
+    "offsets": (
+        shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, 0, 1)] * 2)),
+        "/Leg/Skin/Up: has 2 offsets, but 1 points",
+    ),
+    "nan offset": (
+        shaped(lambda r, s: s.GetOffsetsAttr().Set([(0, np.nan, 0)])),
+        "/Leg/Skin/Up.offsets: every offset must be finite",
+    ),
+    "inbetween": (shaped(two_inbetweens), "/Leg/Skin/Up: its shapes have 3 and 1 offsets"),
+}
+
+
+@pytest.mark.parametrize(("spoil", "message"), BROKEN.values(), ids=BROKEN)
+def test_a_broken_rig_is_an_error_at_its_place(rig, spoil, message, capfd):
+    spoil(rig)
+    with pytest.raises(AssetError, match="^" + re.escape(message)):
+        rig.deformed()
+    assert capfd.readouterr().err == ""

@@ -1,0 +1,290 @@
+"""What of a stage is shown, where and when: instances in instances, time, visibility, purpose, units."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from asset_arrays import world_points
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from usd_file import CUBE_POINTS, TYPES, primvar
+
+from lookdev.errors import AssetError
+
+
+def means(asset):
+    return np.array([points.mean(axis=0) for points in world_points(asset)])
+
+
+def instance(file, path, of, at=(0.0, 0.0, 0.0)):
+    prim = UsdGeom.Xform.Define(file.stage, path)
+    prim.GetPrim().GetReferences().AddInternalReference(of)
+    prim.GetPrim().SetInstanceable(True)
+    prim.AddTranslateOp().Set(at)
+    return prim.GetPrim()
+
+
+def instancer(file, path, prototypes, positions, numbers=None):
+    made = UsdGeom.PointInstancer.Define(file.stage, path)
+    made.GetPrototypesRel().SetTargets(prototypes)
+    made.GetPositionsAttr().Set(Vt.Vec3fArray(positions))
+    made.GetProtoIndicesAttr().Set(numbers or [0] * len(positions))
+    return made
+
+
+def nested(file):
+    """/World/A and B, instances of /Big, in which X and Y are instances of /Small, which holds a cube."""
+    file.mesh("/Small/Cube")
+    file.stage.GetPrimAtPath("/Small").SetSpecifier(Sdf.SpecifierClass)
+    file.stage.CreateClassPrim("/Big")
+    instance(file, "/Big/X", "/Small", (1.0, 0.0, 0.0))
+    instance(file, "/Big/Y", "/Small", (2.0, 0.0, 0.0))
+    instance(file, "/World/A", "/Big", (0.0, 10.0, 0.0))
+    instance(file, "/World/B", "/Big", (0.0, 20.0, 0.0))
+
+
+def test_nested_instances_are_one_mesh(file):
+    nested(file)
+    asset = file.read()
+    assert len(asset.meshes) == 1
+    expected = {f"/World/{a}/{b}/Cube": (x, y, 0) for a, y in (("A", 10), ("B", 20)) for b, x in (("X", 1), ("Y", 2))}
+    assert [each.path for each in asset.instances] == list(expected)
+    np.testing.assert_allclose(means(asset), list(expected.values()), atol=1e-6)
+    assert [slot.path for slot in asset.slots] == ["/World/A/X/Cube"]
+    (only,) = file.read(prim="/World/B/Y").instances
+    assert only.path == "/World/B/Y/Cube"
+
+
+def test_instancers_of_instances_of_instancers(file):
+    file.mesh("/Leaf/Cube")
+    instancer(file, "/Tree/Leaves", ["/Leaf"], [(0, 0, 1), (0, 0, 2)])
+    instance(file, "/Wood/First", "/Tree", (1.0, 0.0, 0.0))
+    instance(file, "/Wood/Second", "/Tree", (2.0, 0.0, 0.0))
+    for name in ("Leaf", "Tree", "Wood"):
+        file.stage.GetPrimAtPath(f"/{name}").SetSpecifier(Sdf.SpecifierClass)
+    outer = instancer(file, "/World/Woods", ["/Wood"], [(0, 10, 0), (0, 20, 0), (0, 30, 0)])
+    UsdGeom.Xformable(outer).AddScaleOp().Set((2.0, 2.0, 2.0))
+    asset = file.read()
+    assert (len(asset.meshes), len(asset.instances)) == (1, 12)
+    expected = sorted((2 * x, 2 * y, 2 * z) for x in (1, 2) for y in (10, 20, 30) for z in (1, 2))
+    np.testing.assert_allclose(sorted(map(tuple, means(asset).round(3))), expected, atol=1e-3)
+    assert {each.path for each in asset.instances} == {"/Leaf/Cube"}
+
+
+def test_ten_thousand_instances_are_one_mesh(file):
+    grid = UsdGeom.PointInstancer.Define(file.stage, "/World/Grid")
+    file.mesh("/World/Grid/Proto")
+    grid.GetPrototypesRel().SetTargets(["/World/Grid/Proto"])
+    places = np.stack(np.unravel_index(np.arange(10_000), (100, 100, 1)), axis=-1).astype(np.float32) * 3
+    grid.GetPositionsAttr().Set(Vt.Vec3fArray.FromNumpy(places))
+    grid.GetProtoIndicesAttr().Set(Vt.IntArray(10_000, 0))
+    asset = file.read()
+    assert len(asset.meshes) == 1
+    np.testing.assert_allclose([each.matrix[:3, 3] for each in asset.instances], places)
+
+
+def test_inactive_and_invisible_ids_are_left_out(file):
+    file.mesh("/World/Grid/Proto")
+    grid = instancer(file, "/World/Grid", ["/World/Grid/Proto"], [(i, 0, 0) for i in range(6)])
+    grid.GetIdsAttr().Set([10, 11, 12, 13, 14, 15])
+    grid.DeactivateId(11)
+    grid.GetInvisibleIdsAttr().Set([14], 1.0)
+    grid.GetInvisibleIdsAttr().Set([10, 15], 5.0)
+    np.testing.assert_allclose(means(file.read(time=1.0))[:, 0], [0, 2, 3, 5])
+    np.testing.assert_allclose(means(file.read(time=5.0))[:, 0], [2, 3, 4])
+
+
+def test_a_prototype_without_size_is_no_crash(file):
+    file.mesh("/World/Grid/Proto/Cube")
+    UsdGeom.Xform.Define(file.stage, "/World/Grid/Proto").AddScaleOp().Set((0.0, 0.0, 0.0))
+    instancer(file, "/World/Grid", ["/World/Grid/Proto"], [(0, 0, 0)])
+    file.mesh("/World/Seen")
+    asset = file.read()
+    assert [each.path for each in asset.instances] == ["/World/Seen"]
+    assert asset.notes == (f"{file.path}: without volume, left out (1): /World/Grid/Proto/Cube",)
+
+
+def test_instancers_that_hold_each_other_are_a_fault(file):
+    file.mesh("/P/Cube")
+    instancer(file, "/P/ToQ", ["/Q"], [(0, 0, 0)])
+    instancer(file, "/Q/ToP", ["/P"], [(0, 0, 0)])
+    with pytest.raises(AssetError, match=r"thing\.usda: /Q/ToP: prototype /P holds the instancer itself"):
+        file.read()
+
+
+def test_instancers_nest_so_deep_and_no_deeper(file):
+    file.mesh("/P0/Cube")
+    for i in range(1, 40):
+        instancer(file, f"/P{i}/I", [f"/P{i - 1}"], [(1, 0, 0)])
+    (deep,) = file.read(prim="/P32").instances
+    np.testing.assert_allclose(deep.matrix[:3, 3], (32, 0, 0))
+    with pytest.raises(AssetError, match="/P1/I: is an instancer inside 32 others; at most 31 would be right"):
+        file.read(prim="/P33")
+
+
+def test_constant_primvars_from_outside_an_instance_are_its_own(file):
+    nested(file)
+    for path, value in (("/World", 1.0), ("/World/B", 2.0)):
+        primvar(file.stage.GetPrimAtPath(path), "wear", TYPES.FloatArray, "constant", [value])
+    primvar(file.stage.GetPrimAtPath("/World/B"), "displayColor", TYPES.Color3fArray, "constant", [(1, 0, 0)])
+    asset = file.read()
+    assert [each.mesh for each in asset.instances] == [0, 0, 1, 1]
+    first, second = asset.meshes
+    assert list(first.primvars) == ["wear"]
+    np.testing.assert_array_equal(first.primvars["wear"], np.ones(24))
+    np.testing.assert_array_equal(second.primvars["wear"], np.full(24, 2.0))
+    np.testing.assert_array_equal(second.primvars["displayColor"], np.tile([1.0, 0.0, 0.0], (24, 1)))
+    assert second.points is first.points
+
+
+def moving(file):
+    points = file.mesh("/Cube").GetPointsAttr()
+    for time in (7.0, 9.0):
+        points.Set([Gf.Vec3f(*point) * time for point in CUBE_POINTS], time)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("start", "time", "size"),
+    [(None, None, 7.0), (9.0, None, 9.0), (9.0, 7.0, 7.0), (None, 8.0, 8.0), (None, 99.0, 9.0)],
+)
+def test_the_time_is_the_given_one_else_the_start_of_the_stage_else_the_earliest(file, start, time, size):
+    moving(file)
+    if start is not None:
+        file.stage.SetStartTimeCode(start)
+    assert file.read(time=time).radius == pytest.approx(size * np.sqrt(3))
+
+
+def test_value_clips_are_read(file, tmp_path):
+    clip = Usd.Stage.CreateNew(str(tmp_path / "clip.usda"))
+    points = UsdGeom.Mesh.Define(clip, "/Model").GetPointsAttr()
+    for time in (0.0, 10.0):
+        points.Set(Vt.Vec3fArray([Gf.Vec3f(*point) * (1.0 + time) for point in CUBE_POINTS]), time)
+    clip.GetRootLayer().Save()
+    mesh = file.mesh("/Cube")
+    mesh.GetPointsAttr().Clear()
+    clips = Usd.ClipsAPI(mesh.GetPrim())
+    clips.SetClipAssetPaths([Sdf.AssetPath("./clip.usda")])
+    clips.SetClipPrimPath("/Model")
+    clips.SetClipActive([(0.0, 0.0)])
+    clips.SetClipTimes([(0.0, 0.0), (20.0, 10.0)])
+    manifest = Usd.Stage.CreateNew(str(tmp_path / "manifest.usda"))
+    UsdGeom.Mesh.Define(manifest, "/Model").CreatePointsAttr()
+    manifest.GetRootLayer().Save()
+    clips.SetClipManifestAssetPath(Sdf.AssetPath("./manifest.usda"))
+    assert file.read(time=10.0).radius == pytest.approx(6.0 * np.sqrt(3))
+
+
+def test_visibility_is_that_of_the_time(file):
+    file.mesh("/A")
+    visibility = UsdGeom.Imageable(file.mesh("/B").GetPrim()).GetVisibilityAttr()
+    visibility.Set("inherited", 1.0)
+    visibility.Set("invisible", 2.0)
+    assert [each.path for each in file.read(time=1.5).instances] == ["/A", "/B"]
+    assert [each.path for each in file.read(time=2.0).instances] == ["/A"]
+
+
+@pytest.mark.parametrize(
+    ("purposes", "seen"),
+    [(("default", "render"), ["/D", "/R"]), (("default", "proxy"), ["/D", "/P"]), (("guide",), ["/G", "/G/Below"])],
+)
+def test_purposes_are_the_given_ones_and_inherited(file, purposes, seen):
+    for path, purpose in (("/D", None), ("/R", "render"), ("/P", "proxy"), ("/G", "guide"), ("/G/Below", None)):
+        mesh = file.mesh(path)
+        if purpose:
+            mesh.GetPurposeAttr().Set(purpose)
+    assert [each.path for each in file.read(purposes=purposes).instances] == seen
+
+
+def test_a_transform_that_resets_the_stack_is_in_the_world(file):
+    UsdGeom.Xform.Define(file.stage, "/World").AddTranslateOp().Set((5.0, 0.0, 0.0))
+    mesh = UsdGeom.Xformable(file.mesh("/World/Cube"))
+    mesh.AddTranslateOp().Set((0.0, 1.0, 0.0))
+    mesh.SetResetXformStack(True)
+    np.testing.assert_allclose(means(file.read()), [[0, 1, 0]])
+
+
+def test_types_without_a_reader_are_named(file):
+    file.mesh("/World/Cube")
+    for i in range(5):
+        file.stage.DefinePrim(f"/World/Smoke{i}", "Volume")
+    file.stage.DefinePrim("/World/Cloth", "AcmeCloth")
+    assert file.read().notes == (
+        f"{file.path}: of type Volume, not rendered (5): /World/Smoke0, /World/Smoke1, /World/Smoke2, ...",
+        f"{file.path}: of the type AcmeCloth, which USD does not know, not rendered (1): /World/Cloth",
+    )
+    with pytest.raises(AssetError, match=r"has no surface to render below /World/Smoke1; .*; of type Volume"):
+        file.read(prim="/World/Smoke1")
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, -0.01), "metersPerUnit is -0.01; it must be"),
+        (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, float("inf")), "metersPerUnit is inf"),
+        (lambda file: file.stage.SetMetadata("upAxis", "X"), "upAxis is 'X'; it must be Y or Z"),
+        (
+            lambda file: UsdGeom.Xformable(file.stage.GetPrimAtPath("/Cube")).AddTranslateOp().Set((np.nan, 0, 0)),
+            "/Cube: its transform is not finite",
+        ),
+        (
+            lambda file: (
+                UsdGeom.Xformable(file.stage.GetPrimAtPath("/Cube"))
+                .AddTransformOp()
+                .Set(Gf.Matrix4d(1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
+            ),
+            "/Cube: its transform is not affine",
+        ),
+    ],
+)
+def test_faults_of_a_stage(file, spoil, message):
+    file.mesh("/Cube")
+    spoil(file)
+    with pytest.raises(AssetError, match=r"thing\.usda: " + message):
+        file.read()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"time": float("nan")}, "the time is nan; it must be a number"),
+        ({"purposes": ("rander",)}, r"there is no purpose 'rander' \(did you mean 'render'\?\)"),
+    ],
+)
+def test_faults_of_the_options(file, options, message):
+    file.mesh("/Cube")
+    with pytest.raises(AssetError, match=message):
+        file.read(**options)
+
+
+def test_all_faulty_meshes_are_reported_together(file):
+    for i in range(30):
+        file.mesh(f"/M{i:02}").GetHoleIndicesAttr().Set([9])
+    file.mesh("/Rule").GetInterpolateBoundaryAttr().Set("never")
+    with pytest.raises(AssetError, match=r"thing\.usda: /Rule: interpolateBoundary is 'never'"):
+        file.read()
+    file.stage.RemovePrim("/Rule")
+    with pytest.raises(AssetError) as caught:
+        file.read()
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 21
+    assert all(line.startswith(f"{file.path}: /M") for line in lines[:-1])
+    assert lines[-1] == f"{file.path}: 10 more faults"
+
+
+def test_operations_of_a_transform_that_are_not_there_are_noted(file):
+    mesh = file.mesh("/Cube")
+    mesh.AddTranslateOp().Set((1, 0, 0))
+    mesh.GetXformOpOrderAttr().Set(["!resetXformStack!", "xformOp:scale", "xformOp:translate", "!invert!xformOp:scale"])
+    asset = file.read()
+    np.testing.assert_allclose(means(asset), [[1, 0, 0]])
+    expected = [f"xformOpOrder names {name}xformOp:scale, which is not there (1): /Cube" for name in ("", "!invert!")]
+    assert asset.notes == tuple(f"{file.path}: {note}" for note in expected)
+
+
+def test_a_transform_that_usd_cannot_compute_is_a_fault_of_its_prim(file, capfd):
+    mesh = file.mesh("/World/Cube")
+    mesh.GetPrim().CreateAttribute("xformOp:bend", Sdf.ValueTypeNames.Float).Set(1.0)
+    mesh.GetXformOpOrderAttr().Set(["xformOp:bend"])
+    with pytest.raises(AssetError, match=r"thing\.usda: /World/Cube: USD cannot compute its transform: .*'bend'"):
+        file.read()
+    assert capfd.readouterr().err == ""

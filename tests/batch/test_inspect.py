@@ -1,0 +1,182 @@
+"""What `lookdev inspect` lists of an asset."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.batch.inspect import MOST_LINES, Inspection, inspect_file
+from lookdev.batch.portrait import group_names
+from lookdev.errors import AssetError, StageError
+from lookdev.output.legend import write_legend
+from lookdev.stage import Composition
+
+ROBOT = """#usda 1.0
+(
+    defaultPrim = "Robot"
+    metersPerUnit = 0.01
+    upAxis = "Z"
+)
+def Xform "Robot" (
+    variants = { string size = "small" }
+    prepend variantSets = "size"
+)
+{
+    variantSet "size" = {
+        "small" {
+            double3 xformOp:scale = (1, 1, 1)
+            uniform token[] xformOpOrder = ["xformOp:scale"]
+        }
+        "large" {
+            double3 xformOp:scale = (2, 2, 2)
+            uniform token[] xformOpOrder = ["xformOp:scale"]
+        }
+    }
+    def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"])
+    {
+        point3f[] points = [(0, 0, 0), (100, 0, 0), (100, 100, 0), (0, 100, 50)]
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        int[] creaseIndices = [0, 1]
+        int[] creaseLengths = [2]
+        float[] creaseSharpnesses = [3]
+        texCoord2f[] primvars:map1 = [(0, 0), (1, 0), (1, 1), (0, 1)] (interpolation = "faceVarying")
+        rel material:binding = </Robot/Looks/Lamp>
+    }
+    def Mesh "Lid"
+    {
+        uniform token subdivisionScheme = "none"
+        point3f[] points = [(0, 0, 10), (100, 0, 10), (100, 100, 10), (0, 100, 10)]
+        int[] faceVertexCounts = [3, 3]
+        int[] faceVertexIndices = [0, 1, 2, 0, 2, 3]
+        float[] primvars:wear = [0, 1, 0, 1] (interpolation = "vertex")
+    }
+    def Mesh "Guide"
+    {
+        uniform token purpose = "guide"
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 900)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }
+    def Volume "Smoke"
+    {
+    }
+    def Scope "Looks"
+    {
+        def Material "Lamp"
+        {
+            token outputs:surface.connect = </Robot/Looks/Lamp/Shader.outputs:surface>
+            def Shader "Shader"
+            {
+                uniform token info:id = "UsdPreviewSurface"
+                color3f inputs:emissiveColor = (1, 1, 1)
+                token outputs:surface
+            }
+        }
+    }
+}
+"""
+
+
+@pytest.fixture
+def robot(tmp_path: Path) -> Path:
+    file = tmp_path / "robot.usda"
+    file.write_text(ROBOT, encoding="utf-8")
+    return file
+
+
+def inspected(file: Path, **given: object) -> Inspection:
+    return inspect_file(Composition(file, **given))[0]  # type: ignore[arg-type]
+
+
+def test_parts_counts_and_bounds(robot: Path) -> None:
+    found = inspected(robot)
+    assert (found.meshes, found.instances, found.points, found.faces, found.faces_shown) == (2, 2, 8, 3, 3)
+    np.testing.assert_allclose([found.minimum, found.maximum], [[0, 0, 0], [1, 1, 0.5]], atol=1e-7)
+    body, lid = found.parts
+    assert (body.path, body.faces, body.subdivision) == ("/Robot/Body", 1, "catmullClark (1 crease)")
+    assert (body.uv_sets, body.material) == (("map1",), "/Robot/Looks/Lamp")
+    assert (lid.subdivision, lid.uv_sets, lid.primvars, lid.material) == ("", (), ("wear",), "")
+
+
+def test_what_is_not_rendered_is_listed(robot: Path) -> None:
+    found = inspected(robot)
+    assert "/Robot/Smoke" in " ".join(found.notes)
+    (lamp,) = found.materials
+    assert lamp.layers == ("UsdPreviewSurface as Disney",)
+    assert len(lamp.lost) == 1
+    assert "emissiveColor" in lamp.lost[0]
+    text = found.text()
+    assert "emissiveColor" in text
+    assert "/Robot/Smoke" in text
+
+
+def test_the_text_is_a_tree(robot: Path) -> None:
+    lines = inspected(robot).text().splitlines()
+    assert lines[0].endswith("1 x 1 x 0.5 m, 2 meshes, 2 instances, 8 points, 3 faces")
+    assert lines[2:5] == [
+        "Robot",
+        "  Body  1 face   catmullClark (1 crease)  uv map1                 /Robot/Looks/Lamp",
+        "  Lid   2 faces                           no uv    primvars wear  no material",
+    ]
+
+
+def test_variants_and_purposes_decide_what_is_there(robot: Path) -> None:
+    assert inspected(robot, variants=(("size", "large"),)).maximum == pytest.approx((2.0, 2.0, 1.0))
+    found, _ = inspect_file(Composition(robot), purposes=("default", "guide"))
+    assert [part.path for part in found.parts] == ["/Robot/Body", "/Robot/Lid", "/Robot/Guide"]
+    with pytest.raises(StageError, match="no variant 'huge'"):
+        inspected(robot, variants=(("size", "huge"),))
+    with pytest.raises(AssetError, match="no surface"):
+        inspected(robot, prim="/Robot/Looks")
+
+
+def test_the_data_is_plain(robot: Path) -> None:
+    found = inspected(robot)
+    data = json.loads(json.dumps(found.data()))
+    assert data["parts"][0]["path"] == "/Robot/Body"
+    assert data["materials"][0]["lost"] == list(found.materials[0].lost)
+
+
+def test_a_long_list_is_cut_in_text_only(tmp_path: Path) -> None:
+    card = """def Mesh "m{}" {{
+        uniform token subdivisionScheme = "none"
+        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, {}, 0)]
+        int[] faceVertexCounts = [3]
+        int[] faceVertexIndices = [0, 1, 2]
+    }}"""
+    cards = "\n".join(card.format(i, i) for i in range(1, MOST_LINES + 3))
+    file = tmp_path / "many.usda"
+    file.write_text(f"#usda 1.0\n{cards}\n", encoding="utf-8")
+    found = inspected(file)
+    assert len(found.parts) == MOST_LINES + 2
+    assert "... and 2 more parts" in found.text()
+
+
+@pytest.mark.parametrize(
+    ("paths", "names"),
+    [
+        (["/Car/Body", "/Car/Wheels/FL"], ["Body", "Wheels/FL"]),
+        (["/Car"], ["Car"]),
+        ([f"/Car/Bolts/b{i}" for i in range(30)] + ["/Car/Body"], ["Bolts"] * 30 + ["Body"]),
+        ([f"/b{i}" for i in range(30)], ["all"] * 30),
+    ],
+)
+def test_parts_of_many_share_colours_by_group(paths: list[str], names: list[str]) -> None:
+    assert group_names(paths) == names
+
+
+def test_a_legend_is_beside_the_picture(tmp_path: Path) -> None:
+    import OpenImageIO as oiio
+
+    file = tmp_path / "legend.png"
+    picture = np.full((40, 60, 3), 7, np.uint8)
+    write_legend(file, picture, "robot", [(f"part {i}", (0.5, 0.0, 0.0)) for i in range(4)], "Raw")
+    pixels = oiio.ImageBuf(str(file)).get_pixels(oiio.UINT8)
+    assert (pixels[:40, :60] == 7).all()
+    assert pixels.shape[0] > 40  # the list is longer than the picture
+    red = (pixels == (128, 0, 0)).all(axis=-1)
+    assert red[:, 60:].any(axis=1).sum() == 4 * 14

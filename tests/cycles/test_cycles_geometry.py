@@ -1,0 +1,151 @@
+"""The data of Blender that show an asset: what each mesh carries, and where its instances stand."""
+
+from __future__ import annotations
+
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scripts import run_script
+
+from lookdev.asset import Asset, Instance, Slot
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.store import make_asset
+from lookdev.codegen import HANDEDNESS, AttributeBinding, ShaderSource
+
+# Blender is started, but nothing is rendered.
+pytestmark = pytest.mark.cycles
+
+BALL = make_sphere(8, 4).meshes[0]
+CORNERS, FACES = len(BALL.corner_points), len(BALL.face_sizes)
+WEAR = BALL.uvs["st"][:, 0].copy()
+
+PLAIN = ShaderSource("plain", "", (), (), "1")
+WORN = ShaderSource(
+    "worn",
+    "",
+    (),
+    (AttributeBinding("u", "st", "uv"), AttributeBinding("w", "wear", "float", (0.25,))),
+    "2",
+)
+TINTED = ShaderSource(
+    "tinted",
+    "",
+    (),
+    (AttributeBinding("w", "wear", "float", (0.75,)), AttributeBinding("t", "tint", "color", (0.1, 0.2, 0.3))),
+    "3",
+)
+LEANING = ShaderSource("leaning", "", (), (AttributeBinding("h", HANDEDNESS, "float"),), "4")
+SOURCES = (PLAIN, WORN, TINTED, LEANING)
+
+
+def moved(x: float, shear: float = 0.0) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[0, 1], matrix[:3, 3] = shear, (x, 0.5, -0.25)
+    return matrix
+
+
+def balls() -> Asset:
+    """Return five balls: the second has two slots, the last has a primvar of its own and two UV sets."""
+    halves = (np.arange(FACES) >= FACES // 2).astype(np.int32)
+    slots = [np.zeros(FACES, np.int32), 1 + halves, *(np.full(FACES, slot, np.int32) for slot in (3, 4, 5))]
+    meshes = [replace(BALL, name=f"/{i}", face_slots=each) for i, each in enumerate(slots)]
+    meshes[4] = replace(meshes[4], primvars={"wear": WEAR}, uvs=BALL.uvs | {"more": BALL.uvs["st"]})
+    instances = [Instance(i, moved(3.0 * i)) for i in range(5)]
+    return make_asset("balls", meshes, instances, [Slot(f"/{slot}") for slot in range(6)])
+
+
+def crowd(each: int = 3) -> Asset:
+    """Return two meshes, each shown several times, and one that is shown once."""
+    meshes = [replace(BALL, name=name) for name in ("/a", "/b", "/c")]
+    instances = [Instance(i % 2, moved(3.0 * i, 0.1 * i)) for i in range(2 * each)]
+    return make_asset("crowd", meshes, [*instances, Instance(2, moved(-5.0))], [Slot("/a")])
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    folder = tmp_path_factory.mktemp("geometry")
+    request, out = folder / "request.pickle", folder / "answer.pickle"
+    cases = {
+        "balls": (balls(), SOURCES, (0, 1, 2, 3, 2, 1), {}),
+        "covered": (balls(), SOURCES, (0,) * 6, {"covered": True}),
+        "apart": (balls(), SOURCES, (0,) * 6, {"apart": True}),
+        "crowd": (crowd(), SOURCES, (0,), {}),
+        "crowd apart": (crowd(), SOURCES, (0,), {"apart": True}),
+        "crowd of many": (crowd(1000), SOURCES, (0,), {}),
+    }
+    request.write_bytes(pickle.dumps(cases))
+    run_script("geometry_probe.py", request, out)
+    answers: dict[str, Any] = pickle.loads(out.read_bytes())
+    return answers
+
+
+def test_a_mesh_has_the_materials_of_its_own_faces(built: dict[str, Any]) -> None:
+    meshes = built["balls"]["meshes"]
+    assert [meshes[f"/{i}"]["materials"] for i in range(5)] == [
+        ["plain"],
+        ["worn", "tinted"],
+        ["leaning"],
+        ["tinted"],
+        ["worn"],
+    ]
+    np.testing.assert_array_equal(meshes["/1"]["material_index"], np.arange(FACES) >= FACES // 2)
+    assert all(meshes[f"/{i}"]["material_index"] is None for i in (0, 2, 3, 4))
+
+
+def test_a_mesh_carries_what_its_sources_read(built: dict[str, Any]) -> None:
+    meshes = built["balls"]["meshes"]
+    always = {"lookdev_normal", "lookdev_tangent"}
+    assert [set(meshes[f"/{i}"]["attributes"]) - always for i in range(5)] == [
+        set(),
+        {"st", "wear", "tint"},
+        {HANDEDNESS},
+        {"wear", "tint"},
+        {"st", "wear"},
+    ]
+    for mesh in meshes.values():
+        np.testing.assert_array_equal(mesh["attributes"]["lookdev_normal"], BALL.normals)
+        np.testing.assert_array_equal(mesh["attributes"]["lookdev_tangent"], BALL.tangents)
+    np.testing.assert_array_equal(meshes["/4"]["attributes"]["wear"][:, 0], WEAR)
+    np.testing.assert_array_equal(meshes["/4"]["attributes"]["st"], BALL.uvs["st"])
+    np.testing.assert_array_equal(meshes["/2"]["attributes"][HANDEDNESS], 1.0)
+
+
+def test_what_a_mesh_lacks_has_the_fallback_of_each_faces_source(built: dict[str, Any]) -> None:
+    found = built["balls"]["meshes"]["/1"]["attributes"]
+    second = np.repeat(np.arange(FACES) >= FACES // 2, BALL.face_sizes)
+    np.testing.assert_array_equal(found["wear"][:, 0], np.where(second, 0.75, 0.25).astype(np.float32))
+    np.testing.assert_allclose(found["tint"][second], [[0.1, 0.2, 0.3]] * second.sum())
+
+
+def test_users_of_blender_find_edges_and_all_uv_sets(built: dict[str, Any]) -> None:
+    meshes = built["apart"]["meshes"]
+    assert all(mesh["edges"] > FACES for mesh in meshes.values())
+    assert [meshes[f"/{i}"]["uvs"] for i in (0, 4)] == [["st"], ["st", "more"]]
+
+
+def test_a_pass_of_coordinates_finds_a_uv_set(built: dict[str, Any]) -> None:
+    assert all(len(mesh["uvs"]) == 1 for mesh in built["covered"]["meshes"].values())
+
+
+@pytest.mark.parametrize(
+    ("case", "each", "objects"), [("crowd", 3, 2), ("crowd apart", 3, 7), ("crowd of many", 1000, 2)]
+)
+def test_every_instance_stands_in_its_place(built: dict[str, Any], case: str, each: int, objects: int) -> None:
+    asset = crowd(each)
+    assert built[case]["objects"] == objects
+    # Instances of nodes have their object's colour: one assignment controls all of them.
+    expected = sorted((asset.meshes[one.mesh].name, one.matrix.tolist()) for one in asset.instances)
+    found = sorted((name, matrix.tolist()) for name, matrix, _ in built[case]["seen"])
+    assert [name for name, _ in found] == [name for name, _ in expected]
+    np.testing.assert_allclose([place for _, place in found], [place for _, place in expected], rtol=1e-6)
+
+
+def test_instances_have_the_colour_of_their_object(built: dict[str, Any]) -> None:
+    assert {(name, color) for name, _, color in built["crowd"]["seen"]} == {
+        ("/c", (0.25, 0.5, 0.75, 0.0)),
+        ("/a", (0.25, 0.5, 0.75, 1.0)),
+        ("/b", (0.25, 0.5, 0.75, 1.0)),
+    }

@@ -1,0 +1,167 @@
+"""Cameras of a job: one for all looks or one each, by silhouette or sphere, or from a file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.asset import Asset, load_asset
+from lookdev.asset.mesh import Instance
+from lookdev.asset.silhouette import outline
+from lookdev.asset.store import make_asset
+from lookdev.errors import FaultsError
+from lookdev.job import Job, parse_job
+from lookdev.job.cameras import element_arcs, job_cameras
+from lookdev.job.scenes import job_scenes
+from lookdev.scene import Camera, frame_camera, frame_fill
+
+JOB = """
+output = "out"
+[asset]
+usd = "asset.usda"
+[[look]]
+name = "small"
+material = "asset.usda"
+[[look]]
+name = "large"
+material = "asset.usda"
+[[ibl]]
+name = "white"
+builtin = "white"
+[[turntable]]
+kind = "element"
+frames = 8
+[render]
+resolution = [160, 90]
+"""
+ASSET = """#usda 1.0
+( defaultPrim = "Paint"
+  upAxis = "Z"
+  metersPerUnit = 1 )
+def Mesh "Card"
+{
+    int[] faceVertexCounts = [4]
+    int[] faceVertexIndices = [0, 1, 2, 3]
+    point3f[] points = [(-1, 0, -1), (1, 0, -1), (1, 0, 1), (-1, 0, 1)]
+}
+def Material "Paint"
+{
+    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        token outputs:layer
+    }
+}
+def Camera "Shot"
+{
+    float focalLength = 40
+    float horizontalAperture = 32
+    float verticalAperture = 18
+    double3 xformOp:translate = (0, 0, 9)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+
+
+def moved(scale: float, x: float = 0.0) -> Asset:
+    ball = load_asset(builtin="suzanne")
+    matrix = np.diag([scale, scale, scale, 1.0])
+    matrix[0, 3] = x
+    return make_asset("ball", ball.meshes, [Instance(0, matrix)], ball.slots)
+
+
+SHOWN = {"small": moved(0.2), "large": moved(1.0, 3.0)}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "asset.usda").write_text(ASSET)
+    return tmp_path
+
+
+def job_of(folder: Path, camera: str = "") -> Job:
+    return parse_job(f"{JOB}\n[camera]\n{camera}", folder / "job.toml")
+
+
+def cameras(folder: Path, camera: str = "") -> dict[str, Camera]:
+    found, notes = job_cameras(job_of(folder, camera), SHOWN)
+    assert notes == ()
+    assert list(found) == ["small", "large"]
+    return found
+
+
+def test_all_looks_share_a_camera_that_frames_what_any_shows(folder: Path) -> None:
+    found = cameras(folder)
+    both = np.concatenate([outline(asset) for asset in SHOWN.values()])
+    assert found["small"] == found["large"] == frame_fill(both, (160, 90))
+
+
+def test_each_look_may_have_its_own(folder: Path) -> None:
+    found = cameras(folder, 'framing = "each"\nfill = 0.5\nfov = 20\nelevation = 5')
+    for look, asset in SHOWN.items():
+        assert found[look] == frame_fill(outline(asset), (160, 90), fov=20.0, elevation=5.0, fill=0.5)
+
+
+def test_a_margin_frames_bounding_spheres(folder: Path) -> None:
+    each = cameras(folder, 'framing = "each"\nmargin = 1.2')
+    for look, asset in SHOWN.items():
+        assert each[look] == frame_camera(asset.center, asset.radius, (160, 90), margin=1.2)
+    one = cameras(folder, "margin = 1.2")
+    assert one["small"] == one["large"]
+    points = np.concatenate([outline(asset) for asset in SHOWN.values()])
+    assert one["small"].distance > each["large"].distance
+    assert np.linalg.norm(points - one["small"].target, axis=1).max() < one["small"].distance
+
+
+def test_the_angles_are_those_of_the_turntables(folder: Path) -> None:
+    more = """
+    azimuth = 20
+    [[turntable]]
+    kind = "lighting"
+    name = "sun"
+    frames = 4
+    [[turntable]]
+    kind = "element"
+    name = "part"
+    frames = 5
+    start = 30
+    degrees = -90
+    [[turntable]]
+    kind = "element"
+    name = "still"
+    frames = 1
+    start = 70
+    """
+    assert element_arcs(job_of(folder, more)) == ((-20.0, 360.0), (-20.0, 0.0), (10.0, -90.0), (50.0, 0.0))
+
+
+def test_a_camera_of_the_assets_file_is_read(folder: Path) -> None:
+    made = job_scenes(job_of(folder, 'usd = "/Shot"'))
+    (camera,) = {scene.camera for scene in made.scenes.values()}
+    np.testing.assert_allclose(camera.position, [0.0, 0.0, 9.0], atol=1e-9)
+    assert (camera.elevation, camera.reach, camera.pivot) == (90.0, pytest.approx(0.4), (0.0, 0.0))
+    assert made.notes == ()
+
+
+def test_a_camera_of_another_file_is_read(folder: Path) -> None:
+    (folder / "shot.usda").write_text(ASSET.replace("(0, 0, 9)", "(0, 0, 7)").replace("= 18", "= 32"))
+    made = job_scenes(job_of(folder, 'usd = "/Shot"\nfile = "shot.usda"'))
+    (camera,) = {scene.camera for scene in made.scenes.values()}
+    assert camera.position[2] == pytest.approx(7.0)
+    assert "/Shot: its frame is 1 times as wide as high" in made.notes[-1]
+
+
+def test_a_faulty_camera_is_reported(folder: Path) -> None:
+    with pytest.raises(FaultsError, match=r"asset\.usda: /Shto: there is no such prim \(did you mean '/Shot'\?\)"):
+        job_scenes(job_of(folder, 'usd = "/Shto"'))
+
+
+def test_equal_assets_share_a_camera(folder: Path) -> None:
+    asset = SHOWN["large"]
+    found, _ = job_cameras(job_of(folder, 'framing = "each"'), {"a": asset, "b": replace(asset, name="again")})
+    assert found["a"] is found["b"]

@@ -1,0 +1,217 @@
+"""From dressed assets to those that are rendered: cages refined, surfaces displaced, and the cameras that see them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.asset.silhouette import outline
+from lookdev.errors import FaultsError
+from lookdev.job import parse_job
+from lookdev.job.scenes import JobScenes, job_scenes
+from lookdev.scene import Pose, Scene
+
+CUBE = """#usda 1.0
+(
+    upAxis = "Z"
+    metersPerUnit = 1
+)
+def Mesh "Cube"
+{
+    uniform token subdivisionScheme = "SCHEME"
+    int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+    int[] faceVertexIndices = [0, 1, 3, 2, 4, 6, 7, 5, 0, 4, 5, 1, 2, 3, 7, 6, 0, 2, 6, 4, 1, 5, 7, 3]
+    point3f[] points = [(0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1), (1, 1, 0), (1, 1, 1)]
+    texCoord2f[] primvars:map1 = [(0, 0)] ( interpolation = "constant" )
+}
+"""
+MATERIAL = """#usda 1.0
+def Material "Paint"
+{
+    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
+    DISPLACEMENT
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        token outputs:layer
+    }
+    def Shader "Moved"
+    {
+        uniform token info:id = "LookdevDisplacement"
+        float inputs:height = 0.5
+        token outputs:displacement
+    }
+}
+"""
+JOB = """
+output = "out"
+[asset]
+usd = "cube.usda"
+{asset}
+[[look]]
+name = "one"
+{look}
+[[ibl]]
+name = "white"
+builtin = "white"
+[[turntable]]
+kind = "element"
+frames = 2
+[render]
+resolution = [{width}, {width}]
+"""
+MOVED = "token outputs:lookdev:displacement.connect = </Paint/Moved.outputs:displacement>"
+
+SECOND = '    texCoord2f[] primvars:map2 = [(0, 0)] ( interpolation = "constant" )\n'
+
+Make = Callable[..., JobScenes]
+
+
+@pytest.fixture
+def make(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Make:
+    """Return a function that makes the scenes of a job, of a cube with a subdivision scheme."""
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "paint.usda").write_text(MATERIAL.replace("DISPLACEMENT", ""))
+    (tmp_path / "swollen.usda").write_text(MATERIAL.replace("DISPLACEMENT", MOVED))
+
+    def made(look: str = "", asset: str = "", width: int = 64, scheme: str = "catmullClark") -> JobScenes:
+        (tmp_path / "cube.usda").write_text(CUBE.replace("SCHEME", scheme))
+        return job_scenes(parse_job(JOB.format(look=look, asset=asset, width=width), tmp_path / "job.toml"))
+
+    return made
+
+
+def scene_of(made: JobScenes, look: str = "one") -> Scene:
+    return made.scenes[look, "white"]
+
+
+def faces(scene: Scene) -> int:
+    return sum(len(mesh.face_sizes) for mesh in scene.asset.meshes)
+
+
+@pytest.mark.parametrize("level", [0, 1, 3])
+def test_the_job_can_say_how_often_a_cage_is_refined(make: Make, level: int) -> None:
+    scene = scene_of(make(asset=f"subdivision = {level}"))
+    assert faces(scene) == 6 * 4**level
+    assert scene.asset.meshes[0].subdivision is None
+    # The limit of a cube's corners is known: 5/18 of the way to the middle of the cube, of each coordinate.
+    corner = scene.asset.meshes[0].points.min(axis=0)
+    assert (corner > 0.05).all() == (level > 0)
+
+
+def test_a_mesh_that_is_no_cage_stays_as_it_is(make: Make) -> None:
+    assert faces(scene_of(make(asset="subdivision = 3", scheme="none"))) == 6
+    assert faces(scene_of(make(scheme="none"))) == 6
+
+
+def test_a_cage_is_refined_by_its_size_in_the_frame(make: Make) -> None:
+    assert 6 < faces(scene_of(make(width=16))) < faces(scene_of(make(width=512)))
+
+
+def test_the_camera_frames_the_limit_surface(make: Make) -> None:
+    """At fill 0.7, the widest of the poses covers 70 % of the frame."""
+    scene = scene_of(make('[[look]]\nname = "two"', width=256))
+    points = outline(scene.asset)
+    camera = scene.camera
+    extents = []
+    for angle in np.linspace(0.0, 360.0, 360, endpoint=False):
+        right, up, back = camera.orbited(-Pose(float(angle), 0.0).element).frame
+        seen = points - camera.orbited(-angle).position
+        depth = -(seen @ back)
+        extents.append(np.abs(np.stack([seen @ right, seen @ up]) / depth).max(axis=1) / camera.reach)
+    # Points of the level that was chosen; between two poses the extent is less than the square of half a degree away.
+    assert np.max(extents) == pytest.approx(0.7, abs=1e-4)
+
+
+def test_looks_share_what_is_refined(make: Make) -> None:
+    made = make('material = "paint.usda"\n[[look]]\nname = "two"\n')
+    one, two = (scene_of(made, name).asset for name in ("one", "two"))
+    assert one is two
+
+
+def test_a_displaced_look_has_a_surface_of_its_own(make: Make) -> None:
+    made = make('material = "paint.usda"\n[[look]]\nname = "two"\nmaterial = "swollen.usda"')
+    plain, swollen = (scene_of(made, name) for name in ("one", "two"))
+    assert swollen.asset.radius == pytest.approx(plain.asset.radius + 0.5, rel=0.05)
+    assert plain.camera == swollen.camera  # that frames both
+    alone = scene_of(make('material = "swollen.usda"'))
+    assert alone.asset.digest == swollen.asset.digest
+    assert alone.camera == swollen.camera
+
+
+def test_a_displaced_polygon_mesh_is_refined_first(make: Make) -> None:
+    plain = scene_of(make('material = "paint.usda"', scheme="none"))
+    swollen = scene_of(make('material = "swollen.usda"', scheme="none"))
+    assert faces(plain) == 6
+    assert faces(swollen) > 6
+    assert faces(scene_of(make('material = "swollen.usda"', "subdivision = 2", scheme="none"))) == 6 * 4**2
+
+
+WAVY = MATERIAL.replace("DISPLACEMENT", MOVED).replace("height = 0.5", "height.connect = </Paint/Waves.outputs:result>")
+WAVY = f"""{WAVY.rstrip().removesuffix("}")}
+    def Shader "Waves"
+    {{
+        uniform token info:id = "LookdevExpression"
+        string inputs:expression = "0.5 + st[0]"
+        float2 inputs:st.connect = </Paint/St.outputs:result>
+        float outputs:result
+    }}
+    def Shader "St"
+    {{
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }}
+}}
+"""
+
+
+def test_a_displacement_reads_a_uv_set_of_another_name(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "wavy.usda").write_text(WAVY)
+    made = make('material = "wavy.usda"')
+    assert made.notes == ("/Cube has no UV set 'st', which looks ask for: 'map1' is read",)
+    swollen = scene_of(make('material = "swollen.usda"'))
+    assert scene_of(made).asset.radius == pytest.approx(swollen.asset.radius, rel=1e-3)
+
+
+def test_faults_of_what_is_rendered_have_the_place_of_their_look(make: Make, tmp_path: Path) -> None:
+    (tmp_path / "wavy.usda").write_text(WAVY)
+    (tmp_path / "many.usda").write_text(
+        CUBE.replace("SCHEME", "none").replace("    texCoord2f", f"{SECOND}    texCoord2f")
+    )
+    text = JOB.format(look='[[look]]\nname = "two"\nmaterial = "wavy.usda"', asset="", width=16)
+    with pytest.raises(FaultsError) as caught:
+        job_scenes(parse_job(text.replace("cube.usda", "many.usda"), tmp_path / "job.toml"))
+    (fault,) = caught.value.faults
+    assert (fault.file, fault.where) == (str(tmp_path / "job.toml"), "look[1]")
+    assert "'st'; it has: map1, map2" in fault.what
+
+
+def test_a_level_that_makes_too_many_faces_is_a_fault(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.job.refinery._MOST_CORNERS", 24 * 4**3)
+    assert faces(scene_of(make(asset="subdivision = 3"))) == 6 * 4**3
+    with pytest.raises(FaultsError, match=r"look\[0\]: subdivision = 4 makes 6144 corners of faces; at most 1536"):
+        make(asset="subdivision = 4")
+
+
+def test_a_time_is_noted_where_nothing_is_animated(make: Make, tmp_path: Path) -> None:
+    note = make(asset="time = 12").notes[0]
+    assert re.fullmatch(r".*/cube.usda: time = 12 has no effect: nothing in it is animated", note)
+    moving = "point3f[] points.timeSamples = { 0: [(0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1), (1, 0, 0), (1, 0, 1), "
+    moving += (
+        "(1, 1, 0), (1, 1, 1)], 10: [(0, 0, 0), (0, 0, 3), (0, 1, 0), (0, 1, 3), (1, 0, 0), (1, 0, 3), (1, 1, 0), "
+    )
+    moving += "(1, 1, 3)] }"
+    text = re.sub(r"point3f\[\] points = .*", moving, CUBE.replace("SCHEME", "none"))
+    (tmp_path / "moving.usda").write_text(text)
+    job = JOB.replace("cube.usda", "moving.usda")
+    tops = {}
+    for time in ("", "time = 5", "time = 20"):
+        made = job_scenes(parse_job(job.format(look="", asset=time, width=16), tmp_path / "job.toml"))
+        assert not [note for note in made.notes if "animated" in note]
+        tops[time] = float(scene_of(made).asset.meshes[0].points[:, 2].max())
+    assert tops == {"": 1.0, "time = 5": 2.0, "time = 20": 3.0}

@@ -1,0 +1,472 @@
+"""From a job to its scenes: what each part wears, by every way to say it, and every fault of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.errors import FaultsError
+from lookdev.job import parse_job
+from lookdev.job.scenes import JobScenes, job_scenes
+
+MATERIAL = """
+def Material "{name}"
+{{
+    token outputs:lookdev:surface.connect = <{path}/Base.outputs:layer>
+    def Shader "Base"
+    {{
+        uniform token info:id = "LookdevDisney"
+        float inputs:roughness = {roughness}
+        token outputs:layer
+    }}
+}}
+"""
+TEXTURED = """#usda 1.0
+def Material "{name}"
+{{
+    token outputs:lookdev:surface.connect = </{name}/Base.outputs:layer>
+    def Shader "Base"
+    {{
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor.connect = </{name}/Map.outputs:rgb>
+        token outputs:layer
+    }}
+    def Shader "Map"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @map.png@
+        token inputs:sourceColorSpace = "raw"
+        token inputs:wrapS = "repeat"
+        token inputs:wrapT = "repeat"
+        float2 inputs:st.connect = </{name}/St.outputs:result>
+        color3f outputs:rgb
+    }}
+    def Shader "St"
+    {{
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "{st}"
+        float2 outputs:result
+    }}
+}}
+"""
+SQUARE = """
+    uniform token subdivisionScheme = "none"
+    int[] faceVertexCounts = [4, 4]
+    int[] faceVertexIndices = [0, 1, 4, 3, 1, 2, 5, 4]
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1)]
+"""
+UVS = 'texCoord2f[] primvars:{name} = [(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1)] ( interpolation = "vertex" )\n'
+ASSET = f"""#usda 1.0
+(
+    upAxis = "Z"
+    metersPerUnit = 1
+)
+def Xform "Car" (
+    prepend apiSchemas = ["CollectionAPI:trim", "CollectionAPI:empty"]
+    prepend variantSets = "finish"
+    variants = {{ string finish = "matt" }}
+)
+{{
+    rel collection:trim:includes = [</Car/Hood>, </Car/Right/Hub>]
+    def Mesh "Body" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {{
+        {SQUARE}
+        {UVS.format(name="st")}
+        rel material:binding = </Car/Paint>
+        def GeomSubset "Door" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+        {{
+            uniform token elementType = "face"
+            uniform token familyName = "materialBind"
+            int[] indices = [1]
+            rel material:binding = </Car/Rubber>
+        }}
+    }}
+    def Mesh "Hood"
+    {{
+        {SQUARE}
+        color3f[] primvars:displayColor = [(1, 0, 0)] ( interpolation = "constant" )
+    }}
+    def Mesh "Bare"
+    {{
+        {SQUARE}
+    }}
+    def Xform "Left" (
+        instanceable = true
+        references = </Wheel>
+    ) {{
+    }}
+    def Xform "Right" (
+        instanceable = true
+        references = </Wheel>
+    ) {{
+    }}
+    {MATERIAL.format(name="Paint", path="/Car/Paint", roughness="").replace("roughness = ", "roughness")}
+    {MATERIAL.format(name="Rubber", path="/Car/Rubber", roughness=0.75)}
+    variantSet "finish" = {{
+        "matt" {{
+            over "Paint" {{
+                over "Base" {{
+                    float inputs:roughness = 0.5
+                }}
+            }}
+        }}
+        "gloss" {{
+            over "Paint" {{
+                over "Base" {{
+                    float inputs:roughness = 0.125
+                }}
+            }}
+        }}
+    }}
+}}
+class Xform "Wheel"
+{{
+    def Mesh "Hub"
+    {{
+        {SQUARE}
+        {UVS.format(name="map1")}
+    }}
+}}
+"""
+JOB = """
+output = "out"
+[asset]
+{asset}
+[[look]]
+name = "one"
+{look}
+[[ibl]]
+name = "white"
+builtin = "white"
+[[turntable]]
+kind = "element"
+frames = 2
+[render]
+resolution = [8, 8]
+"""
+GOLD = 'material = "gold.usda"'
+OWN = {
+    "/Car/Body": 0.5,
+    "/Car/Body/Door": 0.75,
+    "/Car/Hood": "displayColor",
+    "/Car/Bare": "neutral",
+    "/Car/Left/Hub": "neutral",
+    "/Car/Right/Hub": "neutral",
+}
+BARE = "look 'one': nothing covers /Car/Bare and 2 more; they are rendered neutral grey"
+
+Make = Callable[..., JobScenes]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "car.usda").write_text(ASSET)
+    for name, roughness in {"gold": 0.25, "dirt": 1.0}.items():
+        text = MATERIAL.format(name=name.title(), path=f"/{name.title()}", roughness=roughness)
+        (tmp_path / f"{name}.usda").write_text(f"#usda 1.0\n{text}")
+    for name, st in {"checks": "st", "stripes": "map1", "dots": "other"}.items():
+        (tmp_path / f"{name}.usda").write_text(TEXTURED.format(name=name.title(), st=st))
+    assert oiio.ImageBuf(np.full((2, 2, 3), 128, np.uint8)).write(str(tmp_path / "map.png"))
+    return tmp_path
+
+
+@pytest.fixture
+def make(folder: Path) -> Make:
+    """Return a function that makes the scenes of a job from the lines of its look and its asset."""
+
+    def made(look: str = "", asset: str = 'usd = "car.usda"') -> JobScenes:
+        return job_scenes(parse_job(JOB.format(look=look, asset=asset), folder / "job.toml"))
+
+    return made
+
+
+def worn(made: JobScenes, name: str = "one") -> dict[str, float | str]:
+    """Return, for each part, the roughness of the look that it wears, or the name of a look without one."""
+    scene = made.scenes[name, "white"]
+    result: dict[str, float | str] = {}
+    for instance in scene.asset.instances:
+        mesh = scene.asset.meshes[instance.mesh]
+        for slot in np.unique(mesh.face_slots):
+            path = scene.asset.slots[slot].path
+            path = instance.path + path.removeprefix(mesh.name) if instance.path else path
+            look = scene.looks[slot]
+            given = look.layers[0].inputs.get("roughness", look.name) if look.name != "neutral" else look.name
+            assert isinstance(given, float | str)
+            result[path] = given
+    return result
+
+
+def faults(make: Make, look: str = "", asset: str = 'usd = "car.usda"') -> list[str]:
+    with pytest.raises(FaultsError) as caught:
+        make(look, asset)
+    return [f"{Path(fault.file).name}: {fault.where}: {fault.what} ({fault.hint})" for fault in caught.value.faults]
+
+
+def test_a_look_without_material_wears_what_the_asset_binds(make: Make) -> None:
+    made = make()
+    assert worn(made) == OWN
+    assert made.notes == (BARE,)
+
+
+def test_a_material_covers_all_parts(make: Make) -> None:
+    made = make(GOLD)
+    assert worn(made) == dict.fromkeys(OWN, 0.25)
+    assert made.notes == ()
+    assert made.scenes["one", "white"].looks[0].name == "one"
+
+
+def test_a_material_with_parts_leaves_the_rest_to_the_asset(make: Make) -> None:
+    made = make(f'{GOLD}\nparts = ["/Car/Body/Door", "*/Hub", "/Car.collection:trim"]')
+    assert worn(made) == OWN | dict.fromkeys(["/Car/Body/Door", "/Car/Hood", "/Car/Left/Hub", "/Car/Right/Hub"], 0.25)
+    assert made.notes == ("look 'one': nothing covers /Car/Bare; it is rendered neutral grey",)
+
+
+ASSIGN = '[[look.assign]]\nprims = [{prims}]\nmaterial = "{material}.usda"\n'
+
+
+def test_materials_are_assigned_to_parts_of_one_picture(make: Make) -> None:
+    first, second = ASSIGN.format(prims='"/Car/Body/Door"', material="gold"), 'prims = ["/Car/Body", "*/Left"]'
+    made = make(f'{first}[[look.assign]]\n{second}\nmaterial = "dirt.usda"\n')
+    assert worn(made) == OWN | {"/Car/Body": 1.0, "/Car/Body/Door": 0.25, "/Car/Left/Hub": 1.0}
+    # Only one of two instances: the mesh is split.
+    meshes = made.scenes["one", "white"].asset.meshes
+    assert len(meshes) == 5
+    assert meshes[4].points is meshes[3].points
+
+
+def test_the_rest_wears_the_material_of_the_look(make: Make) -> None:
+    made = make(GOLD + "\n" + ASSIGN.format(prims='"/Car.collection:trim"', material="dirt"))
+    assert worn(made) == dict.fromkeys(OWN, 0.25) | {"/Car/Hood": 1.0, "/Car/Right/Hub": 1.0}
+
+
+def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) -> None:
+    tin = MATERIAL.format(name="Tin", path="/Tin", roughness="").replace("roughness = ", "roughness")
+    tin = tin.replace('"Tin"', '"Tin" (\n prepend variantSets = "wear"\n variants = { string wear = "new" }\n)')
+    worn_or_new = "".join(
+        f'"{name}" {{\nover "Base" {{\nfloat inputs:roughness = {roughness}\n}}\n}}\n'
+        for name, roughness in {"worn": 0.875, "new": 0.3125}.items()
+    )
+    gold = folder.joinpath("gold.usda")
+    gold.write_text(f'{gold.read_text()}{tin.rstrip().removesuffix("}")}variantSet "wear" = {{\n{worn_or_new}}}\n}}\n')
+    assign = ASSIGN.format(prims='"/Car"', material="gold") + 'prim = "/Tin"\n'
+    assert set(worn(make(assign)).values()) == {0.3125}
+    assert set(worn(make(assign + 'variants = { wear = "worn" }\n')).values()) == {0.875}
+
+
+def test_built_in_assets_are_dressed_by_part(make: Make) -> None:
+    assign = ASSIGN.format(prims='"*/base"', material="dirt")
+    made = make(assign, 'builtin = "shaderball"')
+    assert worn(made) == {"/shaderball/body": "neutral", "/shaderball/base": 1.0}
+    assert made.notes == ("look 'one': nothing covers /shaderball/body; it is rendered neutral grey",)
+
+
+LAYER = """#usda 1.0
+over "Car"
+{
+    over "Body" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {
+        rel material:binding = </Car/Rubber>
+    }
+    over "Left" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+    {
+        rel material:binding = </Gold>
+    }
+}
+def "Gold" ( references = @./gold.usda@</Gold> ) {
+}
+"""
+
+
+def test_a_layer_is_composed_over_the_asset(make: Make, folder: Path) -> None:
+    folder.joinpath("looks.usda").write_text(LAYER)
+    second = '\n[[look]]\nname = "two"\n[[look]]\nname = "three"\nlayer = "looks.usda"\n'
+    made = make('layer = "looks.usda"' + second + ASSIGN.format(prims='"/Car/Body"', material="dirt"))
+    layered = OWN | {"/Car/Body": 0.75, "/Car/Left/Hub": 0.25}
+    assert worn(made) == layered
+    assert worn(made, "two") == OWN
+    assert worn(made, "three") == layered | {"/Car/Body": 1.0, "/Car/Body/Door": 1.0}
+    one, two, three = (made.scenes[name, "white"].asset for name in ("one", "two", "three"))
+    assert one is three
+    assert one.digest != two.digest
+
+
+def test_a_layer_that_overrides_nothing_is_noted(make: Make, folder: Path) -> None:
+    folder.joinpath("looks.usda").write_text(LAYER.replace('over "Left"', 'over "Lfet"'))
+    assert any("/Car/Lfet: overrides a prim that is not there" in note for note in make('layer = "looks.usda"').notes)
+
+
+def test_variants_without_material_are_those_of_the_asset(make: Make) -> None:
+    assert worn(make('variants = { finish = "gloss" }')) == OWN | {"/Car/Body": 0.125}
+    chosen = make("", 'usd = "car.usda"\nvariants = { finish = "gloss" }')
+    assert worn(chosen) == OWN | {"/Car/Body": 0.125}
+    both = make('variants = { finish = "matt" }', 'usd = "car.usda"\nvariants = { finish = "gloss" }')
+    assert worn(both) == OWN
+    every = make('variants = { finish = "*" }')
+    assert [look.name for look in every.job.look] == ["one_gloss", "one_matt"]
+    assert worn(every, "one_gloss")["/Car/Body"] == 0.125
+    assert worn(every, "one_matt") == OWN
+    # Those of a material leave the asset as it is.
+    assert worn(make(GOLD, 'usd = "car.usda"\nvariants = { finish = "gloss" }')) == dict.fromkeys(OWN, 0.25)
+
+
+def test_notes_on_an_asset_are_told_once(make: Make) -> None:
+    made = make('\n[[look]]\nname = "two"\n' + GOLD)
+    assert len(set(made.notes)) == len(made.notes)
+
+
+def test_equal_dressings_are_one_asset(make: Make) -> None:
+    assign = ASSIGN.format(prims='"*/Left"', material="gold")
+    made = make(assign + '[[look]]\nname = "two"\n' + assign.replace("gold", "dirt"))
+    one, two = (made.scenes[name, "white"].asset for name in ("one", "two"))
+    assert one.digest == two.digest
+    assert worn(made) == OWN | {"/Car/Left/Hub": 0.25}
+    assert worn(made, "two") == OWN | {"/Car/Left/Hub": 1.0}
+
+
+def test_another_uv_set_stands_for_the_one_asked_for(make: Make) -> None:
+    made = make(ASSIGN.format(prims='"*/Hub"', material="checks") + ASSIGN.format(prims='"*/Body"', material="stripes"))
+    assert made.notes[1:] == (
+        "/Car/Body has no UV set 'map1', which looks ask for: 'st' is read",
+        "/Car/Left/Hub has no UV set 'st', which looks ask for: 'map1' is read",
+    )
+
+
+@pytest.mark.parametrize(
+    ("look", "fault"),
+    [
+        (
+            ASSIGN.format(prims='"/Car/Body", "/Car/Wheel*"', material="gold"),
+            "look[0].assign[0].prims: '/Car/Wheel*' fits no part (known: /Car/Bare, /Car/Body, /Car/Hood, /Car/Left, "
+            "/Car/Right)",
+        ),
+        (
+            ASSIGN.format(prims='"/Car"', material="gold") + ASSIGN.format(prims='"/Car/Rihgt"', material="gold"),
+            "look[0].assign[1].prims: '/Car/Rihgt' fits no part (did you mean '/Car/Right'?)",
+        ),
+        (f'{GOLD}\nparts = ["/Cra"]', "look[0].parts: '/Cra' fits no part (did you mean '/Car'?)"),
+        (
+            f'{GOLD}\nparts = ["/Car.collection:empty"]',
+            "look[0].parts: '/Car.collection:empty' fits no part (it includes none that is rendered)",
+        ),
+        (
+            f'{GOLD}\nparts = ["/Car.collection:trin"]',
+            "look[0].parts: '/Car.collection:trin' is no collection of the asset: /Car has no 'trin' "
+            "(did you mean 'trim'?) ()",
+        ),
+    ],
+)
+def test_a_pattern_that_fits_nothing_is_a_fault(make: Make, look: str, fault: str) -> None:
+    assert faults(make, look) == [f"job.toml: {fault}"]
+
+
+def test_a_built_in_asset_has_no_collections(make: Make) -> None:
+    (fault,) = faults(make, f'{GOLD}\nparts = ["/x.collection:y"]', 'builtin = "shaderball"')
+    assert fault == "job.toml: look[0].parts: '/x.collection:y': a built-in asset has no collections ()"
+
+
+@pytest.mark.parametrize(
+    ("look", "asset", "fault"),
+    [
+        ('variants = { finihs = "gloss" }', "", "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"),
+        ('variants = { finihs = "*" }', "", "car.usda: : has no variant set 'finihs' (did you mean 'finish'?)"),
+        ('variants = { finish = "glos" }', "", "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
+        ("", '\nvariants = { finish = "glos" }', "'finish' has no variant 'glos' (did you mean 'gloss'?)"),
+        ("", '\nprim = "/Cat"', "car.usda: /Cat: there is no such prim"),
+    ],
+)
+def test_an_unknown_part_of_the_asset_is_a_fault(make: Make, look: str, asset: str, fault: str) -> None:
+    (found,) = faults(make, look, 'usd = "car.usda"' + asset)
+    assert fault in found
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("no USD", "USD cannot open it"),
+        ('#usda 1.0\n(\n subLayers = [@gone.usda@]\n)\nover "Car" {\n}', "gone.usda"),
+        ('#usda 1.0\ndef "X" ( references = @gone.usda@ ) {\n}', "gone.usda"),
+        ('#usda 1.0\ndef "X" ( references = </X/Y> ) {\n}', "/X"),
+    ],
+)
+def test_a_layer_that_breaks_is_a_fault(make: Make, folder: Path, text: str, what: str) -> None:
+    folder.joinpath("looks.usda").write_text(text)
+    found = faults(make, 'layer = "looks.usda"')
+    assert len(found) == 1
+    assert what in found[0]
+
+
+def test_faults_of_assigned_materials_and_of_patterns_are_reported_at_once(make: Make, folder: Path) -> None:
+    folder.joinpath("dirt.usda").write_text("no USD")
+    look = ASSIGN.format(prims='"/Wrong"', material="dirt") + 'prim = "/X"\n'
+    found = faults(make, look + ASSIGN.format(prims='"/Car"', material="gold") + 'prim = "/X"\n')
+    assert len(found) == 3
+    assert found[0].startswith("dirt.usda: : USD cannot open it")
+    assert found[1].startswith("gold.usda: /X: no such prim")
+    assert found[2].startswith("job.toml: look[0].assign[0].prims: '/Wrong' fits no part")
+
+
+PREVIEW = """
+def Material "{name}"
+{{
+    token outputs:surface.connect = </{name}/Surface.outputs:surface>
+    def Shader "Surface"
+    {{
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:emissiveColor = (1, 1, 1)
+        color3f inputs:diffuseColor.connect = </{name}/Map.outputs:rgb>
+        token outputs:surface
+    }}
+    def Shader "Map"
+    {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @map.png@
+        token inputs:sourceColorSpace = "raw"
+        float2 inputs:st.connect = </{name}/St.outputs:result>
+        color3f outputs:rgb
+    }}
+    def Shader "St"
+    {{
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }}
+}}
+"""
+BOUND = """
+def Mesh "{name}" ( prepend apiSchemas = ["MaterialBindingAPI"] )
+{{
+    {square}
+    rel material:binding = </{material}>
+}}
+"""
+
+
+def test_translated_materials_are_read_at_zero_without_uvs_and_their_losses_are_told_once(
+    make: Make, folder: Path
+) -> None:
+    meshes = [("A", "Red"), ("B", "Blue"), ("C", "Red")]
+    bound = (BOUND.format(name=name, square=SQUARE, material=material) for name, material in meshes)
+    materials = (PREVIEW.format(name=name) for name in ("Red", "Blue"))
+    (folder / "car.usda").write_text("".join(["#usda 1.0\n", *bound, *materials]))
+    made = make('\n[[look]]\nname = "two"\n')
+    assert [look.name for look in made.scenes["one", "white"].looks] == ["Red", "Blue", "Red"]
+    (lost, uvs) = made.notes
+    assert "/Red/Surface.inputs:emissiveColor and 1 more: " in lost
+    assert uvs == "/A and 2 more have no UV set 'st', which looks ask for: nor another; textures are read at (0, 0)"
+    assert worn(made, "two") == worn(made)
+
+
+@pytest.mark.parametrize(("opacity", "presence"), [("[1, 1]", False), ("[0.5, 1]", True)])
+def test_a_display_opacity_counts_where_it_is_below_one(make: Make, folder: Path, opacity: str, presence: bool) -> None:
+    primvar = f'float[] primvars:displayOpacity = {opacity} ( interpolation = "uniform" )\n color3f'
+    (folder / "car.usda").write_text(
+        ASSET.replace("color3f[] primvars:displayColor", f"{primvar}[] primvars:displayColor")
+    )
+    scene = make().scenes["one", "white"]
+    (look,) = {look.name: look for look in scene.looks if look.name == "displayColor"}.values()
+    assert ("opacity" in look.layers[0].inputs) == presence

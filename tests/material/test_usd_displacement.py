@@ -1,0 +1,91 @@
+"""Displacement of looks: what `outputs:lookdev:displacement` leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from look_files import disney, faults_of, look, shader, texture
+
+from lookdev.material import Displacement
+from lookdev.material.look import Formula, Primvar, Texture
+from lookdev.material.usd import read_look
+
+Write = Callable[..., Path]
+
+TERMINAL = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
+
+
+def displaced(inputs: str, more: str = "") -> str:
+    return TERMINAL + disney() + shader("Moved", "LookdevDisplacement", inputs) + more
+
+
+def test_a_look_without_displacement_has_none(write: Write) -> None:
+    assert read_look(write(disney())).displacement is None
+
+
+def test_a_constant_and_all_settings(write: Write) -> None:
+    inputs = """float inputs:height = 0.5
+    float inputs:scale = -2
+    float inputs:midlevel = 0.25
+    token inputs:units = "world" """
+    assert read_look(write(displaced(inputs))).displacement == Displacement(0.5, -2.0, 0.25, "world")
+
+
+def test_defaults(write: Write) -> None:
+    assert read_look(write(displaced("float inputs:height = 7"))).displacement == Displacement(7.0, 1.0, 0.0, "object")
+
+
+@pytest.mark.parametrize(
+    ("output", "more", "kind"),
+    [
+        ("Tex.outputs:g", texture(), Texture),
+        ("P.outputs:result", shader("P", "UsdPrimvarReader_float", 'string inputs:varname = "h"'), Primvar),
+        ("X.outputs:result", shader("X", "LookdevExpression", 'string inputs:expression = "2 - 5"'), Formula),
+    ],
+)
+def test_heights_come_from_nodes(write: Write, output: str, more: str, kind: type) -> None:
+    found = read_look(write(displaced(f"float inputs:height.connect = </M/{output}>", more))).displacement
+    assert found is not None
+    assert isinstance(found.height, kind)
+
+
+@pytest.mark.parametrize(
+    ("body", "where", "what"),
+    [
+        ("token outputs:lookdev:displacement\n" + disney(), "/M.outputs:lookdev:displacement", "is not connected"),
+        (
+            TERMINAL.replace("Moved", "Base") + disney(),
+            "/M.outputs:lookdev:displacement",
+            "has the unknown info:id 'LookdevDisney'",
+        ),
+        (TERMINAL + disney(), "/M.outputs:lookdev:displacement", "is no output of a shader"),
+        (displaced(""), "/M/Moved.inputs:height", "is neither set nor connected"),
+        (displaced("color3f inputs:height = (1, 1, 1)"), "/M/Moved.inputs:height", "has type color3f"),
+        (displaced("float inputs:height = nan"), "/M/Moved.inputs:height", "nan is not finite"),
+        (displaced("float inputs:height = 1\nfloat inputs:scale = inf"), "/M/Moved.inputs:scale", "inf is not finite"),
+        (displaced("float inputs:height = 1\nfloat inputs:sacle = 1"), "/M/Moved.inputs:sacle", "unknown input"),
+        (displaced('float inputs:height = 1\ntoken inputs:units = "feet"'), "/M/Moved.inputs:units", "unknown value"),
+        (
+            displaced("float inputs:height.connect = </M/Tex.outputs:rgb>", texture()),
+            "/M/Moved.inputs:height",
+            "cannot use </M/Tex.outputs:rgb>",
+        ),
+        (
+            displaced("float inputs:height.connect = </M/Moved.inputs:height>"),
+            "/M/Moved.inputs:height",
+            "which is no output of a shader",
+        ),
+        (
+            displaced("float inputs:height = 1\nfloat inputs:scale.connect = </M/Tex.outputs:r>", texture()),
+            "/M/Moved.inputs:scale",
+            "it must be a constant",
+        ),
+    ],
+)
+def test_faults(tmp_path: Path, write: Write, body: str, where: str, what: str) -> None:
+    write(body)
+    (tmp_path / "look.usda").write_text(look(body))
+    found = faults_of(tmp_path / "look.usda")
+    assert any(place == where and what in f"{said} ({hint})" for place, said, hint in found), found

@@ -1,0 +1,188 @@
+"""Directional albedos of foreign shading models, by their own definitions.
+
+- UsdPreviewSurface Specification, Pixar; usd_preview_surface.mtlx and previewSurface.glslfx.
+- MaterialX 1.39, libraries/bxdf: node graphs of standard_surface, open_pbr_surface and gltf_pbr; libraries/pbrlib and
+  "MaterialX Physically Based Shading Nodes": closures.
+- Gulbrandsen, O. 2014. Artist Friendly Metallic Fresnel. JCGT 3(4).
+- Turquin, E. 2019. Practical multiple scattering compensation for microfacet models.
+
+GGX has Smith's height-correlated shadowing and Turquin's compensation by the albedo of the lobe with a Fresnel term of
+1. A layer withholds from what is beneath its own directional albedo, the mean over RGB. All albedos are integrated,
+where MaterialX has fits. Surfaces are opaque, thick and isotropic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.lobes import Directions
+from lookdev.brdf.microfacet import gtr2_aniso
+from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
+
+Floats = NDArray[np.float64]
+Fresnel = Callable[[Floats], Floats]
+"""From cosines (n,) to reflectances (n, 3)."""
+
+_CELLS = (40, 24)
+
+
+def view(degrees: float) -> Floats:
+    theta = np.radians(degrees)
+    return np.array([np.sin(theta), 0.0, np.cos(theta)])
+
+
+@lru_cache(maxsize=64)
+def _ggx(alpha: float, degrees: float) -> tuple[Floats, Floats]:
+    """Return cosines to the half vectors, (n,), and weights (n,) whose sum is the albedo with a Fresnel term of 1."""
+    wo = view(degrees)
+    wi, weight = half_vector_grid(wo, alpha, _CELLS)
+    d = Directions.of(wo, wi)
+    i, o = wi[:, 2], wo[2]
+    # Heitz 2014, eq. 99, over 4 cos_theta_i cos_theta_o.
+    visible = 0.5 / (
+        i * np.sqrt(alpha**2 + (1.0 - alpha**2) * o * o) + o * np.sqrt(alpha**2 + (1.0 - alpha**2) * i * i)
+    )
+    return np.asarray(d.cos_theta_d), np.asarray(gtr2_aniso(d.wm, alpha, alpha) * visible * i * weight)
+
+
+def lobe(roughness: float, degrees: float, fresnel: Fresnel) -> Floats:
+    """Return the albedo, (3,), of a GGX lobe, compensated (Turquin 2019, eqs. 14 and 16)."""
+    cosines, weight = _ggx(max(roughness * roughness, 1e-3), degrees)
+    f, whole = fresnel(cosines), weight.sum()
+    return np.asarray(((1.0 + f * (1.0 - whole) / whole) * f * weight[:, None]).sum(axis=0))
+
+
+def schlick(f0: Any, f90: Any) -> Fresnel:
+    def fresnel(cosines: Floats) -> Floats:
+        weight = np.asarray(schlick_weight(cosines))[:, None]
+        return np.asarray(f0 * (1.0 - weight) + f90 * weight * np.ones(3))
+
+    return fresnel
+
+
+def dielectric(ior: float) -> Fresnel:
+    def fresnel(c: Floats) -> Floats:
+        g2 = ior * ior + c * c - 1.0
+        g = np.sqrt(np.maximum(g2, 0.0))
+        f = 0.5 * ((g - c) / (g + c)) ** 2 * (1.0 + (((g + c) * c - 1.0) / ((g - c) * c + 1.0)) ** 2)
+        return np.where(g2 < 0.0, 1.0, f)[:, None] * np.ones(3)
+
+    return fresnel
+
+
+def conductor(reflectivity: Floats, edge: Floats) -> Fresnel:
+    """Return the Fresnel term of a metal by its two colours (Gulbrandsen 2014)."""
+    r = np.clip(reflectivity, 0.0, 0.99)
+    root = np.sqrt(r)
+    n = (1.0 - edge) * (1.0 + root) / (1.0 - root) + edge * (1.0 - r) / (1.0 + r)
+    k2 = np.maximum(((n + 1.0) ** 2 * r - (n - 1.0) ** 2) / (1.0 - r), 0.0)
+
+    def fresnel(cosines: Floats) -> Floats:
+        c2 = (cosines * cosines)[:, None]
+        s2 = 1.0 - c2
+        t0 = n * n - k2 - s2
+        both = np.sqrt(t0 * t0 + 4.0 * n * n * k2)
+        a = np.sqrt(np.maximum(0.5 * (both + t0), 0.0))
+        t1, t2 = both + c2, 2.0 * a * cosines[:, None]
+        rs = (t1 - t2) / (t1 + t2)
+        t3, t4 = c2 * both + s2 * s2, t2 * s2
+        return np.asarray(0.5 * rs * (1.0 + (t3 - t4) / (t3 + t4)))
+
+    return fresnel
+
+
+def layered(top: Floats, base: Floats, weight: float = 1.0) -> Floats:
+    """MaterialX's `layer`."""
+    return weight * top + (1.0 - weight * float(top.mean())) * base
+
+
+def preview_surface(p: dict[str, Any], degrees: float) -> Floats:
+    at_normal = ((1.0 - p["ior"]) / (1.0 + p["ior"])) ** 2
+    color, metallic = np.asarray(p["diffuseColor"]), p["metallic"]
+    if p["useSpecularWorkflow"] == "1":
+        f0, f90, diffuse = np.asarray(p["specularColor"]), np.ones(3), color
+    else:
+        f90 = 1.0 - metallic + metallic * color
+        f0 = (1.0 - metallic) * at_normal * f90 + metallic * f90
+        diffuse = (1.0 - metallic) * color
+    base = layered(lobe(p["roughness"], degrees, schlick(f0, f90)), diffuse)
+    return layered(lobe(p["clearcoatRoughness"], degrees, schlick(at_normal, 1.0)), base, p["clearcoat"])
+
+
+def oren_nayar(roughness: float, degrees: float) -> float:
+    """MaterialX's `oren_nayar_diffuse_bsdf` of a white colour, without energy compensation."""
+    wi, weight = hemisphere_grid(48)
+    wo = view(degrees)
+    variance = roughness * roughness
+    s = np.maximum(wi @ wo - wi[:, 2] * wo[2], 0.0) / np.maximum(wi[:, 2], wo[2])
+    f = 1.0 - 0.5 * variance / (variance + 0.33) + 0.45 * variance / (variance + 0.09) * s
+    return float((f * wi[:, 2] / np.pi) @ weight)
+
+
+def sheen_bsdf(roughness: float, degrees: float) -> float:
+    """MaterialX's `sheen_bsdf` of Estevez and Kulla (2017)."""
+    wi, weight = hemisphere_grid(96)
+    wo = view(degrees)
+    d = Directions.of(wo, wi)
+    inverse = 1.0 / max(roughness, 0.005)
+    distribution = (2.0 + inverse) * (1.0 - np.asarray(d.wm)[:, 2] ** 2) ** (0.5 * inverse) / (2.0 * np.pi)
+    return float((distribution / (4.0 * (wi[:, 2] + wo[2] - wi[:, 2] * wo[2])) * wi[:, 2]) @ weight)
+
+
+def standard_surface(p: dict[str, Any], degrees: float) -> Floats:
+    over, gamma = p["coat"], 1.0 + p["coat"] * p["coat_affect_color"]
+    roughness = p["specular_roughness"]
+    roughness += (1.0 - roughness) * p["coat_affect_roughness"] * over * p["coat_roughness"]
+    base_color, specular_color = np.asarray(p["base_color"]), np.asarray(p["specular_color"])
+    diffuse = p["base"] * base_color**gamma * oren_nayar(p["diffuse_roughness"], degrees)
+    diffuse = (1.0 - p["subsurface"]) * diffuse + p["subsurface"] * np.asarray(p["subsurface_color"]) ** gamma
+    if p["sheen"]:
+        albedo = sheen_bsdf(p["sheen_roughness"], degrees)
+        diffuse = p["sheen"] * albedo * np.asarray(p["sheen_color"]) + (1.0 - p["sheen"] * albedo) * diffuse
+    reflected = lobe(roughness, degrees, dielectric(p["specular_IOR"]))
+    # The tint is that of the reflection; the white part is withheld.
+    own = p["specular"] * specular_color * reflected + (1.0 - p["specular"] * reflected) * diffuse
+    metal = lobe(roughness, degrees, conductor(p["base"] * base_color, p["specular"] * specular_color))
+    mixed = p["metalness"] * metal + (1.0 - p["metalness"]) * own
+    attenuated = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
+    return layered(lobe(p["coat_roughness"], degrees, dielectric(p["coat_IOR"])), attenuated, over)
+
+
+def gltf_pbr(p: dict[str, Any], degrees: float) -> Floats:
+    color, metallic = np.asarray(p["base_color"]), p["metallic"]
+    at_normal = np.minimum(((1.0 - p["ior"]) / (1.0 + p["ior"])) ** 2 * np.asarray(p["specular_color"]), 1.0)
+    top = lobe(p["roughness"], degrees, schlick(at_normal * p["specular"], p["specular"]))
+    mixed = metallic * lobe(p["roughness"], degrees, schlick(color, 1.0)) + (1.0 - metallic) * layered(top, color)
+    return layered(lobe(p["clearcoat_roughness"], degrees, dielectric(1.5)), mixed, p["clearcoat"])
+
+
+def open_pbr_surface(p: dict[str, Any], degrees: float) -> Floats:
+    over, weight, metalness = p["coat_weight"], p["specular_weight"], p["base_metalness"]
+    own, coated = p["specular_roughness"], p["coat_roughness"]
+    roughness = (1.0 - over) * own + over * min(1.0, 2.0 * coated**4 + own**4) ** 0.25
+    color, specular_color = np.asarray(p["base_color"]), np.asarray(p["specular_color"])
+    under = np.asarray(p["subsurface_color"])
+    diffuse = (1.0 - p["subsurface_weight"]) * p["base_weight"] * color + p["subsurface_weight"] * under
+    quotient = p["specular_ior"] / p["coat_ior"]
+    eta = (1.0 - over) * p["specular_ior"] + over * max(quotient, 1.0 / quotient)
+    root = np.sqrt(min(weight * ((eta - 1.0) / (eta + 1.0)) ** 2, 0.99999)) * np.sign(eta - 1.0)
+    reflected = lobe(roughness, degrees, dielectric((1.0 + root) / (1.0 - root)))
+    # The tint is that of the reflection; the white part is withheld.
+    opaque = specular_color * reflected + (1.0 - reflected) * diffuse
+    # With a white specular_color, the F82 curve is Schlick's.
+    metal = weight * lobe(roughness, degrees, schlick(p["base_weight"] * color, 1.0))
+    mixed = metalness * metal + (1.0 - metalness) * opaque
+    f0 = ((p["coat_ior"] - 1.0) / (p["coat_ior"] + 1.0)) ** 2
+    inside = 1.0 - (1.0 - f0) / p["coat_ior"] ** 2
+    estimate = (1.0 - p["subsurface_weight"]) * color + p["subsurface_weight"] * under
+    estimate = metalness * color * weight + (1.0 - metalness) * estimate
+    darker = over * p["coat_darkening"]
+    mixed = mixed * (1.0 - darker + darker * (1.0 - inside) / (1.0 - estimate * inside))
+    mixed = mixed * (1.0 - over + over * np.asarray(p["coat_color"]))
+    return layered(lobe(coated, degrees, dielectric(p["coat_ior"])), mixed, over)

@@ -1,0 +1,322 @@
+"""Every translation has the inputs of its node's definition, and is traced, folded and masked as any layer is."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import MaterialX as mx
+import numpy as np
+import pytest
+from pxr import Sdr
+
+from lookdev.brdf import MODELS, Parameter, StackLayer, evaluate, stack_bsdf
+from lookdev.brdf.parameters import complete
+from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.nodes.exact import generate_nodes_exact
+from lookdev.codegen.nodes.look import generate_nodes
+from lookdev.codegen.osl.surface import generate_surface
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import present_lobes
+from lookdev.errors import CodegenError, ModelError
+from lookdev.light import load_environment, prepare_light
+from lookdev.material import Bump, Layer, Look, Primvar, Texture
+from lookdev.material.translate import (
+    TRANSLATIONS,
+    Translation,
+    display_color_look,
+    foreign_shaders,
+    layer_parameters,
+    translated,
+)
+from lookdev.material.translate.fitting import FUNCTIONS
+from lookdev.material.translate.lobes import fit
+from lookdev.material.values import look_bsdf, look_layers
+
+LIGHT = prepare_light(load_environment(builtin="white"))
+EVERY = pytest.mark.parametrize("each", TRANSLATIONS.values(), ids=lambda each: each.name)
+KINDS = {"float": "float", "color3": "color", "vector3": "normal", "integer": "token", "boolean": "token"}
+
+
+class Carried:
+    """Points that have primvars, by name, and nothing else."""
+
+    def __init__(self, primvars: dict[str, Any]) -> None:
+        self._primvars = primvars
+
+    def primvar(self, primvar: Primvar) -> Any:
+        return self._primvars[primvar.name]
+
+    def handedness(self) -> Any:
+        return np.ones(())
+
+
+def no_textures(texture: Texture | Bump) -> Path:
+    raise AssertionError(f"{texture} is opened")
+
+
+def surface(layers: tuple[Layer, ...]) -> Any:
+    look = Look("look", layers)
+    return generate_surface(
+        look, no_textures, brdf_samples=None, ibl_samples=None, bounces=0, light=LIGHT, resolution=(8, 8)
+    )
+
+
+def lobes_of(*layers: Layer) -> list[tuple[str, str]]:
+    graph = Graph()
+    bsdf = look_bsdf(Look("look", layers), Inputs(graph, no_textures))
+    return [(lobe.model, lobe.name) for lobe in present_lobes(graph, bsdf)]
+
+
+def random_value(parameter: Parameter, rng: np.random.Generator, shape: tuple[int, ...] = ()) -> Any:
+    low, high = np.maximum(parameter.hard[0], -2.0), np.minimum(parameter.hard[1], 4.0)
+    size = (*shape, 3) if parameter.kind != "float" else shape
+    value = low + (high - low) * np.clip(rng.uniform(-0.3, 1.3, size), 0.0, 1.0)
+    if parameter.kind == "normal":
+        value[..., 2] = 1.0
+    return value
+
+
+def random_inputs(translation: Translation, rng: np.random.Generator, count: int) -> dict[str, Any]:
+    return {
+        name: str(rng.choice(parameter.choices)) if parameter.choices else random_value(parameter, rng, (count,))
+        for name, parameter in translation.parameters.items()
+    }
+
+
+def definition(identifier: str) -> dict[str, tuple[str, str, dict[str, str]]]:
+    """Return type, default and attributes of each input of a node definition of MaterialX."""
+    library = mx.createDocument()
+    for file in ("usd_preview_surface", "standard_surface", "open_pbr_surface", "gltf_pbr"):
+        mx.readFromXmlFile(library, mx.getDefaultDataSearchPath().find(f"libraries/bxdf/{file}.mtlx"))
+    inputs = library.getNodeDef(identifier).getActiveInputs()
+    return {
+        each.getName(): (
+            each.getType(),
+            each.getValueString(),
+            {name: each.getAttribute(name) for name in each.getAttributeNames()},
+        )
+        for each in inputs
+    }
+
+
+@EVERY
+def test_inputs_are_those_of_the_definition(each: Translation) -> None:
+    (identifier,) = each.identifiers
+    if not identifier.startswith("ND_"):
+        node = Sdr.Registry().GetShaderNodeByIdentifier(identifier)
+        assert sorted(node.GetShaderInputNames()) == sorted(each.parameters)
+        for name, parameter in each.parameters.items():
+            known = node.GetShaderInput(name)
+            default, options = known.GetDefaultValueAsSdfType(), [option for option, _ in known.GetOptions()]
+            if parameter.kind == "token":
+                assert parameter.default == str(default)
+                assert set(options) <= set(parameter.choices)
+            else:
+                np.testing.assert_allclose(parameter.default, np.array(default), rtol=1e-6)
+        return
+    known = definition(identifier)
+    assert sorted(known) == sorted(each.parameters)
+    for name, (kind, default, attributes) in known.items():
+        parameter = each.parameters[name]
+        assert parameter.kind == KINDS[kind], name
+        if parameter.kind == "token":
+            assert parameter.default == {"false": "0", "true": "1"}.get(default, default)
+            assert parameter.choices == tuple(str(k) for k in range(len(parameter.choices)))
+            continue
+        if default:
+            np.testing.assert_allclose(parameter.default, np.array(default.split(","), np.float64).squeeze())
+        for end, attribute in zip(parameter.hard, ("uimin", "uimax"), strict=True):
+            if attribute in attributes:
+                assert end == float(attributes[attribute].split(",")[0]), name
+            elif parameter.kind != "normal":
+                assert np.isinf(end), name
+
+
+@EVERY
+def test_layers_are_within_the_ranges_of_their_models(each: Translation) -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        stack = translated(StackLayer(each.name, random_inputs(each, rng, 50)))
+        for layer in stack:
+            assert (np.asarray(layer.mask) >= 0.0).all()
+            assert (np.asarray(layer.mask) <= 1.0).all()
+            for name, value in layer.parameters.items():
+                if not isinstance(value, str):
+                    low, high = MODELS[layer.model].parameters[name].hard
+                    assert (np.asarray(value) >= low).all(), (layer.name, name)
+                    assert (np.asarray(value) <= high).all(), (layer.name, name)
+
+
+@EVERY
+def test_what_varies_is_traced_as_it_is_computed(each: Translation) -> None:
+    rng = np.random.default_rng(2)
+    numbers = {name: parameter for name, parameter in each.parameters.items() if parameter.kind in ("float", "color")}
+    inputs = {
+        name: Primvar(name, 0.5 if parameter.kind == "float" else (0.5, 0.5, 0.5))
+        for name, parameter in numbers.items()
+    }
+    tokens = {name: parameter.choices[-1] for name, parameter in each.parameters.items() if parameter.choices}
+    values = {name: random_value(parameter, rng, (40,)) for name, parameter in numbers.items()}
+    look = Look("look", (Layer("Layer", each.name, inputs | tokens),))
+    stack = look_layers(look, Carried(values))
+    (alone,) = (translated(StackLayer(each.name, complete(each.name, each.parameters, tokens) | values)),)
+    wo, wi = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
+    for one, other in zip(stack, alone, strict=True):
+        np.testing.assert_array_equal(one.mask, other.mask)
+    f = evaluate(stack_bsdf(stack), np.tile(wo, (40, 1)), np.tile(wi, (40, 1)))
+    assert np.isfinite(f).all()
+    assert (f >= 0.0).all()
+    assert surface(look.layers).osl
+    assert generate_nodes(look, no_textures).trees
+
+
+@EVERY
+def test_a_constant_look_has_no_more_lobes_than_it_needs(each: Translation) -> None:
+    (layer,) = (Layer("Layer", each.name, {}),)
+    metal = each.name == "gltf_pbr"  # metallic is 1 there
+    ground = [] if metal and each.parameters["roughness"].default == 0.0 else [("pixar", "diffuse")]
+    assert lobes_of(layer) == [*ground, ("disney", "specular")]
+    source = surface((layer,))
+    assert (source.transmits, source.see_through) == (False, False)
+    assert generate_nodes_exact(Look("look", (layer,)), no_textures, bounces=0).trees
+    assert len(look_layers(Look("look", (layer,)), Inputs(Graph(), no_textures))) == 2
+
+
+def test_a_smooth_metal_has_no_ground() -> None:
+    metal = Layer("Metal", "preview_surface", {"metallic": 1.0, "diffuseColor": (0.9, 0.6, 0.3), "roughness": 0.1})
+    assert lobes_of(metal) == [("disney", "specular")]
+    coated = Layer("Metal", "preview_surface", metal.inputs | {"clearcoat": 1.0})
+    assert lobes_of(coated) == [("disney", "specular")] * 2
+
+
+def test_what_a_foreign_layer_needs_not_is_not_read() -> None:
+    texture = Texture(Path("missing.png"), "rgb", "raw")
+    inputs = {"useSpecularWorkflow": "0", "specularColor": texture, "emissiveColor": texture}
+    assert not surface((Layer("Layer", "preview_surface", inputs),)).textures
+
+
+@pytest.mark.parametrize(
+    ("model", "inputs", "presence", "kept"),
+    [
+        ("preview_surface", {"opacity": 0.25}, 0.25, 1.0),
+        ("preview_surface", {"opacity": 0.25, "opacityMode": "presence"}, 0.25, 0.25),
+        ("preview_surface", {"opacity": 0.25, "opacityThreshold": 0.2}, 1.0, 1.0),
+        ("preview_surface", {"opacity": 0.25, "opacityThreshold": 0.3}, 0.0, 0.0),
+        ("materialx_preview_surface", {"opacity": 0.25, "opacityMode": "1"}, 0.25, 0.25),
+        ("standard_surface", {"opacity": (0.25, 0.5, 0.75)}, 0.5, 0.5),
+        ("open_pbr_surface", {"geometry_opacity": 0.25}, 0.25, 0.25),
+        ("gltf_pbr", {"alpha": 0.25}, 1.0, 1.0),
+        ("gltf_pbr", {"alpha": 0.25, "alpha_mode": "1"}, 0.0, 0.0),
+        ("gltf_pbr", {"alpha": 0.75, "alpha_mode": "1"}, 1.0, 1.0),
+        ("gltf_pbr", {"alpha": 0.25, "alpha_mode": "2"}, 0.25, 0.25),
+    ],
+)
+def test_opacity_is_presence(model: str, inputs: dict[str, Any], presence: float, kept: float) -> None:
+    stack = TRANSLATIONS[model].layers(complete(model, TRANSLATIONS[model].parameters, inputs))
+    ground, specular, *_ = stack
+    assert ground.parameters["presence"] == presence
+    assert specular.mask == pytest.approx(kept)
+    assert (
+        stack_bsdf(translated(StackLayer(model, complete(model, layer_parameters(model), inputs)))).presence == presence
+    )
+
+
+def test_a_cut_out_is_refused_where_it_cannot_be_shown() -> None:
+    look = Look("leaf", (Layer("Leaf", "preview_surface", {"opacity": Primvar("leaf", 1.0)}),))
+    assert surface(look.layers).see_through
+    assert generate_nodes(look, no_textures).see_through
+    with pytest.raises(CodegenError, match="see-through"):
+        generate_nodes_exact(look, no_textures, bounces=0)
+
+
+def test_glass_transmits() -> None:
+    for model, name in (("standard_surface", "transmission"), ("gltf_pbr", "transmission")):
+        glass = Layer("Glass", model, {name: 1.0, "metallic" if model == "gltf_pbr" else "metalness": 0.0})
+        assert ("pixar", "refraction") in lobes_of(glass)
+        assert ("pixar", "diffuse") not in lobes_of(glass)
+        assert surface((glass,)).transmits
+
+
+def test_a_mask_covers_what_is_beneath_by_all_layers_of_a_foreign_one() -> None:
+    rng = np.random.default_rng(3)
+    below, above = ({"diffuseColor": tuple(rng.random(3)), "clearcoat": 1.0, "roughness": r} for r in (0.3, 0.7))
+    layers = (Layer("A", "preview_surface", below), Layer("B", "preview_surface", above, 0.25))
+    wo, wi = np.array([0.6, 0.0, 0.8]), np.array([-0.36, 0.48, 0.8])
+    whole, first, second = (
+        evaluate(look_bsdf(Look("look", each), Carried({})), wo, wi) for each in (layers, layers[:1], layers[1:])
+    )
+    # What the coats of the upper layer withhold, they withhold from what shows beside it, too.
+    np.testing.assert_allclose(whole, 0.25 * second + 0.75 * first, rtol=0.1)
+    names = [layer.name for layer in look_layers(Look("look", layers), Carried({}))]
+    assert names == [f"{layer} {part}" for layer in "AB" for part in ("ground", "specular", "clearcoat")]
+
+
+def test_the_coat_has_a_normal_of_its_own() -> None:
+    given = complete(
+        "standard_surface", layer_parameters("standard_surface"), {"coat": 1.0, "coat_normal": (0.1, 0, 1)}
+    )
+    ground, specular, coat = translated(StackLayer("standard_surface", given))
+    np.testing.assert_array_equal(coat.parameters["normal"], [0.1, 0.0, 1.0])
+    for name, layer in (("normal", specular), ("diffuseNormal", ground)):
+        np.testing.assert_array_equal(layer.parameters[name], [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("model", "inputs", "lost"),
+    [
+        ("preview_surface", {"emissiveColor": (1.0, 0.0, 0.0), "occlusion": 0.5}, {"emissiveColor", "occlusion"}),
+        ("preview_surface", {"emissiveColor": (0.0, 0.0, 0.0), "roughness": 0.1, "metallic": 1.0}, set()),
+        ("preview_surface", {"occlusion": Primvar("ao", 1.0)}, {"occlusion"}),
+        ("standard_surface", {"emission_color": (1.0, 0.0, 0.0), "subsurface_scale": 2.0}, set()),
+        ("standard_surface", {"emission": 1.0, "emission_color": (1.0, 0.5, 0.5)}, {"emission", "emission_color"}),
+        ("standard_surface", {"specular_color": (0.5, 0.5, 0.5), "opacity": (0.5, 0.5, 0.5)}, set()),
+        (
+            "standard_surface",
+            {"specular_color": (0.5, 0.6, 0.5), "opacity": (0.5, 0.6, 0.5)},
+            {"specular_color", "opacity"},
+        ),
+        ("standard_surface", {"specular_rotation": 0.25}, set()),
+        ("standard_surface", {"specular_rotation": 0.25, "specular_anisotropy": 0.5}, {"specular_rotation"}),
+        ("open_pbr_surface", {"thin_film_ior": 1.6, "fuzz_weight": 0.5}, {"fuzz_weight"}),
+        ("gltf_pbr", {"iridescence": 1.0, "iridescence_ior": 1.8}, {"iridescence", "iridescence_ior"}),
+    ],
+)
+def test_losses_are_listed_where_they_have_an_effect(model: str, inputs: dict[str, Any], lost: set[str]) -> None:
+    found = dict(TRANSLATIONS[model].losses(inputs))
+    assert set(found) == lost
+    assert all(found.values())
+
+
+@EVERY
+def test_defaults_lose_nothing(each: Translation) -> None:
+    assert not list(each.losses({name: parameter.default for name, parameter in each.parameters.items()}))
+
+
+def test_identifiers_are_unique() -> None:
+    assert len(foreign_shaders()) == sum(len(each.identifiers) for each in TRANSLATIONS.values())
+    assert foreign_shaders()["UsdPreviewSurface"] == "preview_surface"
+
+
+def test_a_constant_out_of_range_is_named() -> None:
+    with pytest.raises(ModelError, match=r"preview_surface.roughness is 2.0; its range is 0 to 1"):
+        look_layers(Look("look", (Layer("Layer", "preview_surface", {"roughness": 2.0}),)), Carried({}))
+    with pytest.raises(ModelError, match="ior is inf"):
+        look_layers(Look("look", (Layer("Layer", "preview_surface", {"ior": float("inf")}),)), Carried({}))
+
+
+def test_display_color_is_that_of_a_rough_dielectric() -> None:
+    look = display_color_look("part")
+    assert lobes_of(*look.layers) == [("pixar", "diffuse"), ("disney", "specular")]
+    source = surface(look.layers)
+    assert [(each.attribute, each.fallback) for each in source.attributes] == [("displayColor", (0.18, 0.18, 0.18))]
+    assert not source.see_through
+    assert surface(display_color_look("part", opacity=True).layers).see_through
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_fits_are_those_of_the_functions(name: str) -> None:
+    x = np.array([0.05, 0.3, 0.8])
+    wanted = [FUNCTIONS[name](float(each)) for each in x]
+    np.testing.assert_allclose(fit(name)(x), wanted, atol=0.004 if name == "edge" else 1e-3)
+    assert np.isfinite(np.asarray(fit(name)(np.linspace(0.0, 1.0, 1001)))).all()

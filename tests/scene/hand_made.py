@@ -1,0 +1,44 @@
+"""Assets and looks made by hand, of a few squares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from lookdev.asset import Asset, Instance, Mesh, Slot
+from lookdev.asset.store import make_asset
+from lookdev.material import Input, Layer, Look
+
+
+def squares(name: str, slots: Sequence[int] = (0,), uvs: Sequence[str] = ("st",), default_uv: str = "") -> Mesh:
+    """Return a row of unit squares in the plane y = 0, one for each entry of `slots`, its slot."""
+    x = np.repeat(np.arange(len(slots)), 4) + np.tile([0.0, 1.0, 1.0, 0.0], len(slots))
+    z = np.tile([0.0, 0.0, 1.0, 1.0], len(slots))
+    corners = len(x)
+    st = np.stack([x, z], axis=1).astype(np.float32)
+    return Mesh(
+        name,
+        np.stack([x, np.zeros(corners), z], axis=1).astype(np.float32),
+        np.arange(corners, dtype=np.int32),
+        np.full(len(slots), 4, np.int32),
+        np.array(slots, np.int32),
+        np.tile(np.float32([0.0, -1.0, 0.0]), (corners, 1)),
+        np.tile(np.float32([1.0, 0.0, 0.0]), (corners, 1)),
+        {uv: st + np.float32(number) for number, uv in enumerate(uvs)},
+        default_uv=default_uv,
+    )
+
+
+def asset_of(meshes: Sequence[Mesh], placed: Sequence[tuple[int, str]], slots: Sequence[Slot]) -> Asset:
+    """Return an asset; `placed` has the mesh and the path of each instance, one above the other."""
+    instances = []
+    for height, (mesh, path) in enumerate(placed):
+        matrix = np.eye(4)
+        matrix[2, 3] = 2.0 * height
+        instances.append(Instance(mesh, matrix, path))
+    return make_asset("toy", meshes, instances, slots)
+
+
+def look(name: str, **inputs: Input) -> Look:
+    return Look(name, (Layer("Base", "disney", inputs),))

@@ -1,0 +1,153 @@
+"""Who wears what: parts and their paths, patterns, and meshes that are split without copies."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Mapping
+
+import numpy as np
+import pytest
+from hand_made import asset_of, squares
+
+from lookdev.asset import Asset, Slot, load_asset
+from lookdev.scene.dress import asset_parts, dress, fit_patterns, path_hint
+
+CAR = ["/Car", "/Car/Body", "/Car/Body/red", "/Car/Body/Hood", "/Car/Tires/FL", "/Car/Tires/FR"]
+
+
+def wheels() -> Asset:
+    """Two instances of a wheel, which is a tire and a subset for its rim, and a body."""
+    meshes = [squares("/A/Wheel", [0, 1, 1]), squares("/Body", [2])]
+    slots = [Slot("/A/Wheel", "/A/Rubber"), Slot("/A/Wheel/rim"), Slot("/Body")]
+    return asset_of(meshes, [(0, "/A/Wheel"), (1, "/Body"), (0, "/B/Wheel")], slots)
+
+
+def paths(asset: Asset) -> list[str]:
+    return [part.path for own in asset_parts(asset).values() for part in own]
+
+
+def worn(asset: Asset, wears: Mapping[str, str]) -> dict[str, str]:
+    """Return what each part of an asset wears."""
+    return {part.path: wears[part.slot.path] for own in asset_parts(asset).values() for part in own}
+
+
+def test_a_part_has_the_path_of_its_instance() -> None:
+    assert paths(wheels()) == ["/A/Wheel", "/A/Wheel/rim", "/Body", "/B/Wheel", "/B/Wheel/rim"]
+    assert [part.slot.material for part in asset_parts(wheels())[0, "/B/Wheel"]] == ["/A/Rubber", None]
+    assert paths(load_asset(builtin="shaderball")) == ["/shaderball/body", "/shaderball/base"]
+
+
+def test_a_mesh_that_is_nowhere_has_parts_too() -> None:
+    asset = asset_of([squares("/A", [0]), squares("/B", [1])], [(0, "/A")], [Slot("/A"), Slot("/B")])
+    assert paths(asset) == ["/A", "/B"]
+    assert dress(asset, asset_parts(asset), lambda part: part.path)[1] == {"/A": "/A", "/B": "/B"}
+
+
+def test_instances_that_wear_the_same_stay_one_mesh() -> None:
+    asset = wheels()
+    dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path.rpartition("/")[2])
+    assert dressed is asset
+    assert wears == {"/A/Wheel": "Wheel", "/A/Wheel/rim": "rim", "/Body": "Body"}
+
+
+def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_copies() -> None:
+    asset = wheels()
+    parts = asset_parts(asset)
+    dressed, wears = dress(asset, parts, lambda part: "gold" if part.path == "/B/Wheel/rim" else "grey")
+    assert worn(dressed, wears) == dict.fromkeys(paths(asset), "grey") | {"/B/Wheel/rim": "gold"}
+    assert set(wears) == {slot.path for slot in dressed.slots}
+    assert [each.mesh for each in dressed.instances] == [0, 1, 2]
+    assert dressed.slots[3:] == (Slot("/B/Wheel", "/A/Rubber"), Slot("/B/Wheel/rim"))
+    wheel, body, split = dressed.meshes
+    assert (wheel, body) == asset.meshes
+    np.testing.assert_array_equal(split.face_slots, [3, 4, 4])
+    for name in ("points", "corner_points", "face_sizes", "normals", "tangents", "uvs"):
+        assert getattr(split, name) is getattr(wheel, name)
+    assert dressed.digest != asset.digest
+    # Another look that dresses it alike makes the same asset, whatever it wears.
+    assert dress(asset, parts, lambda part: part.path == "/B/Wheel/rim")[0].digest == dressed.digest
+
+
+def test_what_wears_the_same_shares_one_split() -> None:
+    mesh = squares("/A/Mesh")
+    asset = asset_of([mesh], [(0, f"/{name}/Mesh") for name in "ABCD"], [Slot("/A/Mesh")])
+    dressed, wears = dress(asset, asset_parts(asset), lambda part: part.path in ("/B/Mesh", "/D/Mesh"))
+    assert [each.mesh for each in dressed.instances] == [0, 1, 0, 1]
+    assert wears == {"/A/Mesh": False, "/B/Mesh": True}
+
+
+@pytest.mark.parametrize(
+    ("pattern", "fitting"),
+    [
+        ("/Car/Body", {"/Car/Body", "/Car/Body/red", "/Car/Body/Hood"}),
+        ("/Car/Bod", set()),
+        ("/Car", set(CAR)),
+        ("*", set(CAR)),
+        ("/", set()),
+        ("/Car/Body/*", {"/Car/Body/red", "/Car/Body/Hood"}),
+        ("/Car/*/F?", {"/Car/Tires/FL", "/Car/Tires/FR"}),
+        ("*/[FG]L", {"/Car/Tires/FL"}),
+        ("*/Tir*", {"/Car/Tires/FL", "/Car/Tires/FR"}),
+        ("/car*", set()),
+    ],
+)
+def test_a_pattern_fits_prims_and_what_is_below_them(pattern: str, fitting: Collection[str]) -> None:
+    fits = fit_patterns([pattern], CAR)
+    assert fits.first == dict.fromkeys(fitting, 0)
+    assert fits.unfit == (() if fitting else (0,))
+
+
+def test_the_first_pattern_that_fits_counts() -> None:
+    fits = fit_patterns(["/Car/Body/Hood", "/Car/Body", "/Nothing", "/Car/Body/*", "/Car"], CAR)
+    assert fits.first == {
+        "/Car": 4,
+        "/Car/Body": 1,
+        "/Car/Body/red": 1,
+        "/Car/Body/Hood": 0,
+        "/Car/Tires/FL": 4,
+        "/Car/Tires/FR": 4,
+    }
+    assert fits.unfit == (2,)  # what others take before it, a pattern fits all the same
+
+
+def test_a_collection_fits_its_members_alone() -> None:
+    collections = {"/Car.collection:paint": ["/Car/Body", "/Car/Tires/FL", "/Elsewhere"], "/Car.collection:no": []}
+    fits = fit_patterns(["/Car/Tires/*", *collections, "/Car/Body/red"], CAR, collections)
+    assert fits.first == {"/Car/Body": 1, "/Car/Body/red": 3, "/Car/Tires/FL": 0, "/Car/Tires/FR": 0}
+    assert fits.unfit == (2,)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "hint"),
+    [
+        ("/Car/Tire", "did you mean '/Car/Tires'?"),
+        ("/Car/Tyres/FL", "did you mean '/Car/Tires'?"),
+        ("/Cra/Body", "did you mean '/Car'?"),
+        ("/Car/Tires/Rear*", "known: /Car/Tires/FL, /Car/Tires/FR"),
+        ("Car", "did you mean '/Car'?"),
+        ("*wheel", "known: /Car"),
+        ("/", "known: /Car"),
+    ],
+)
+def test_the_hint_names_the_paths_near_a_pattern(pattern: str, hint: str) -> None:
+    assert path_hint(pattern, CAR) == hint
+
+
+def test_a_hint_is_short() -> None:
+    hint = path_hint("/Car/x", [f"/Car/Part{number:03}" for number in range(500)])
+    assert hint == "known: " + ", ".join(f"/Car/Part{number:03}" for number in range(8)) + ", ... (500)"
+
+
+def test_many_parts_and_patterns_take_little_time() -> None:
+    """20,000 parts take about half a second, and are given ten; quadratic work would take minutes."""
+    paths = [f"/World/Group{number // 100}/Mesh{number}" for number in range(20_000)]
+    meshes = [squares(path, [slot]) for slot, path in enumerate(paths)]
+    asset = asset_of(meshes, list(enumerate(paths)), [Slot(path) for path in paths])
+    start = time.perf_counter()
+    parts = asset_parts(asset)
+    first = fit_patterns([f"/World/Group{number}?" for number in range(0, 50)], paths).first
+    dressed, wears = dress(asset, parts, lambda part: first.get(part.path))
+    assert time.perf_counter() - start < 10.0
+    assert len(first) == 19_000  # all but the groups 0 to 9
+    assert len(wears) == 20_000
+    assert dressed is asset

@@ -1,0 +1,78 @@
+"""UV sets that looks ask for, and what is read where a mesh has another one, or none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hand_made import asset_of, look, squares
+
+from lookdev.asset import Asset, Mesh, Slot
+from lookdev.material import Bump, Coordinates, Displacement, Formula, Layer, Look, Texture
+from lookdev.material.expression import parse
+from lookdev.scene.uvs import look_uvs, with_uvs
+
+
+def texture(st: str, channel: str = "rgb") -> Texture:
+    return Texture(Path("map.png"), channel, "raw", st=st)  # type: ignore[arg-type]
+
+
+def one(mesh: Mesh) -> Asset:
+    return asset_of([mesh], [(0, "/A")], [Slot("/A")])
+
+
+def test_the_sets_of_a_look_are_those_of_all_that_varies_in_it() -> None:
+    formula = Formula(parse("a * b[0]"), {"a": texture("e", "r"), "b": Coordinates("f")}, {"a": "float", "b": "color"})
+    inputs = {"baseColor": texture("a"), "roughness": texture("b", "r"), "normal": Bump(texture("c", "r"))}
+    layers = (Layer("Base", "disney", inputs), Layer("Top", "disney", {"metallic": formula}, texture("d", "r")))
+    displaced = Look("all", layers, displacement=Displacement(texture("g", "r")))
+    assert look_uvs(displaced) == ("a", "b", "c", "e", "f", "d", "g")
+    assert look_uvs(look("plain", roughness=0.5)) == ()
+
+
+def test_a_set_that_is_there_is_read_without_a_note() -> None:
+    asset = one(squares("/A", uvs=("st", "map1"), default_uv="st"))
+    assert with_uvs(asset, {"/A": look("x", baseColor=texture("map1"))}) == (asset, ())
+
+
+@pytest.mark.parametrize(("sets", "default"), [(("map1",), "map1"), (("st", "map2"), "st")])
+def test_the_default_set_stands_for_one_that_is_not_there(sets: tuple[str, ...], default: str) -> None:
+    mesh = squares("/A", uvs=sets, default_uv=default)
+    asset = one(mesh)
+    made, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("uv"))})
+    assert notes == (f"/A has no UV set 'uv', which looks ask for: '{default}' is read",)
+    assert list(made.meshes[0].uvs) == [*sets, "uv"]
+    assert made.meshes[0].uvs["uv"] is mesh.uvs[default]
+    assert made.meshes[0].points is mesh.points
+    assert made.digest != asset.digest
+
+
+def test_a_note_counts_the_meshes() -> None:
+    meshes = [squares(f"/{name}", [slot], ("map1",), "map1") for slot, name in enumerate("ABC")]
+    asset = asset_of(meshes, [(0, "/A"), (1, "/B"), (2, "/C")], [Slot("/A"), Slot("/B"), Slot("/C")])
+    x, y = look("x", baseColor=texture("st")), look("y", baseColor=texture("st"))
+    _, notes = with_uvs(asset, {"/A": x, "/B": y, "/C": x})
+    assert notes == ("/A and 2 more have no UV set 'st', which looks ask for: 'map1' is read",)
+
+
+@pytest.mark.parametrize("sets", [(), ("map1", "map2")])
+def test_a_set_that_nothing_can_stand_for_stays_missing(sets: tuple[str, ...]) -> None:
+    asset = one(squares("/A", uvs=sets))
+    assert with_uvs(asset, {"/A": look("x", baseColor=texture("st"))}) == (asset, ())
+
+
+def test_the_assets_own_look_reads_zero_on_a_mesh_without_any() -> None:
+    asset = one(squares("/A", uvs=()))
+    made, notes = with_uvs(asset, {"/A": look("x", baseColor=texture("st"))}, own=["/A"])
+    assert notes == ("/A has no UV set 'st', which looks ask for: nor another; textures are read at (0, 0)",)
+    np.testing.assert_array_equal(made.meshes[0].uvs["st"], np.zeros((4, 2), np.float32))
+    candidates = one(squares("/A", uvs=("map1", "map2")))
+    assert with_uvs(candidates, {"/A": look("x", baseColor=texture("st"))}, own=["/A"]) == (candidates, ())
+
+
+def test_a_look_of_the_job_beside_it_is_not_given_zero() -> None:
+    asset = asset_of([squares("/A", [0, 1], uvs=())], [(0, "/A")], [Slot("/A"), Slot("/A/part")])
+    asking, plain = look("x", baseColor=texture("st")), look("y", roughness=0.25)
+    assert with_uvs(asset, {"/A": asking, "/A/part": asking}, own=["/A"]) == (asset, ())
+    assert with_uvs(asset, {"/A": asking, "/A/part": plain}, own=["/A"])[1]

@@ -1,0 +1,273 @@
+"""Composing USD files: layers over them, variants, what is missing, and MaterialX files."""
+
+from __future__ import annotations
+
+import pytest
+from pxr import UsdGeom, UsdShade
+
+from lookdev.errors import LookError, StageError
+from lookdev.stage import Composition, compose
+
+CAR = """#usda 1.0
+(
+    defaultPrim = "Car"
+    upAxis = "Z"
+    metersPerUnit = 1
+)
+def Xform "Car" (
+    variants = {
+        string model = "plain"
+    }
+    prepend variantSets = "model"
+)
+{
+    variantSet "model" = {
+        "plain" {
+            def Sphere "Plain"
+            {
+            }
+        }
+        "sport" (
+            variants = {
+                string trim = "none"
+            }
+            prepend variantSets = "trim"
+        ) {
+            def Sphere "Sport"
+            {
+            }
+            variantSet "trim" = {
+                "none" {
+                }
+                "wing" {
+                    def Cube "Wing"
+                    {
+                    }
+                }
+            }
+        }
+    }
+    def Xform "Wheel" (
+        references = @wheel.usda@
+        instanceable = true
+    )
+    {
+    }
+}
+def Xform "Van" (
+    references = @core.usda@</Car>
+)
+{
+}
+"""
+WHEEL = """#usda 1.0
+(
+    defaultPrim = "Wheel"
+)
+def Xform "Wheel"
+{
+    def Xform "Tire" (
+        variants = {
+            string tread = "slick"
+        }
+        prepend variantSets = "tread"
+    )
+    {
+        variantSet "tread" = {
+            "slick" {
+                def Sphere "Slick"
+                {
+                }
+            }
+            "rain" {
+                def Sphere "Rain"
+                {
+                }
+            }
+        }
+    }
+}
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "car.usda").write_text(CAR)
+    (tmp_path / "core.usda").write_text(CAR.partition('def Xform "Van"')[0])
+    (tmp_path / "wheel.usda").write_text(WHEEL)
+    return tmp_path
+
+
+def composed(folder, **options):
+    return compose(Composition(folder / "car.usda", **options))
+
+
+def there(stage, *paths):
+    return [bool(stage.GetPrimAtPath(path)) for path in paths]
+
+
+def test_a_file_as_it_is(folder):
+    result = composed(folder)
+    assert there(result.stage, "/Car/Plain", "/Van/Plain", "/Car/Sport") == [True, True, False]
+    assert result.notes == ()
+    assert result.stage.GetDefaultPrim().GetPath() == "/Car"
+    assert UsdGeom.GetStageUpAxis(result.stage) == "Z"
+
+
+def test_variants_are_selected_wherever_a_prim_has_the_set_those_inside_variants_too(folder):
+    stage = composed(folder, variants=(("trim", "wing"), ("model", "sport"))).stage
+    assert there(stage, "/Car/Plain", "/Car/Wing", "/Van/Wing") == [False, True, True]
+
+
+def test_variants_are_those_of_prims_above_and_below_the_chosen_one(folder):
+    stage = composed(folder, prim="/Car/Sport", variants=(("model", "sport"),)).stage
+    assert there(stage, "/Car/Sport", "/Van/Sport") == [True, False]
+
+
+def test_variants_inside_an_instance_are_selected_in_that_instance(folder):
+    stage = composed(folder, prim="/Car/Wheel", variants=(("tread", "rain"),)).stage
+    assert there(stage, "/Car/Wheel/Tire/Rain", "/Car/Wheel/Tire/Slick") == [True, False]
+    assert there(stage, "/Van/Wheel/Tire/Rain", "/Van/Wheel/Tire/Slick") == [False, True]
+
+
+def test_a_prim_whose_set_lacks_the_variant_keeps_its_own_with_a_note(folder):
+    text = CAR.replace('def Xform "Van" (\n    references = @core.usda@</Car>\n)', VAN)
+    (folder / "car.usda").write_text(text)
+    result = composed(folder, variants=(("model", "sport"),))
+    assert there(result.stage, "/Car/Sport", "/Van/Long") == [True, True]
+    note = f"{folder}/car.usda: /Van: variant set 'model' has no variant 'sport'; 'long' stays selected"
+    assert result.notes == (note,)
+
+
+VAN = """def Xform "Van" (
+    variants = {
+        string model = "long"
+    }
+    prepend variantSets = "model"
+)
+{
+    variantSet "model" = {
+        "long" {
+            def Sphere "Long"
+            {
+            }
+        }
+    }
+}
+def Xform "Other"
+"""
+
+
+@pytest.mark.parametrize(
+    ("variants", "message"),
+    [
+        ((("modle", "sport"),), r"car\.usda: has no variant set 'modle' \(did you mean 'model'\?\)"),
+        ((("xyz", "sport"),), r"has no variant set 'xyz' \(known: model, tread\)"),
+        ((("model", "sprot"),), r"variant set 'model' has no variant 'sprot' \(did you mean 'sport'\?\)"),
+        ((("trim", "wing"),), r"has no variant set 'trim'"),  # it is inside a variant that is not selected
+    ],
+)
+def test_unknown_variants_are_faults_that_list_the_known_ones(folder, variants, message):
+    with pytest.raises(StageError, match=message):
+        composed(folder, variants=variants)
+
+
+def test_a_layer_is_stronger_than_the_file_and_relative_to_its_own_folder(folder):
+    other = folder / "looks"
+    other.mkdir()
+    (other / "more.usda").write_text('#usda 1.0\ndef Xform "More"\n{\n    def Cone "Cone"\n    {\n    }\n}\n')
+    over = '#usda 1.0\nover "Car"\n{\n    over "Plain"\n    {\n        double radius = 7\n    }\n'
+    over += '    def "Added" (\n        references = @more.usda@</More>\n    )\n    {\n    }\n}\n'
+    over += 'over "Cra"\n{\n    over "Plain"\n    {\n    }\n}\n'
+    (other / "looks.usda").write_text(over)
+    result = composed(folder, layer=other / "looks.usda")
+    assert UsdGeom.Sphere(result.stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 7.0
+    assert there(result.stage, "/Car/Added/Cone") == [True]
+    assert result.notes == (f"{other}/looks.usda: /Cra: overrides a prim that is not there, and has no effect",)
+    # The layers on disk and in memory are as before.
+    assert UsdGeom.Sphere(composed(folder).stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 1.0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"prim": "Car"}, r"'Car' is not the path of a prim \(one looks like '/World/Car'\)"),
+        ({"prim": "/Car.radius"}, "is not the path of a prim"),
+        ({"prim": "/Car/Weel"}, r"/Car/Weel: there is no such prim \(below /Car there are: /Car/Plain, /Car/Wheel\)"),
+        ({"layer": "none.usda"}, r"none\.usda: no such file"),
+        ({"layer": "bad.usda"}, r"bad\.usda: USD cannot open it"),
+    ],
+)
+def test_faults_of_the_options(folder, options, message):
+    (folder / "bad.usda").write_text("#usda 1.0\ndef Mesh {")
+    if "layer" in options:
+        options = {"layer": folder / options["layer"]}
+    with pytest.raises(StageError, match=message):
+        composed(folder, **options)
+
+
+BROKEN = {
+    "reference": ("references = @none.usda@</X>", "/A: Could not open asset @none.usda@ for reference"),
+    "payload": ("payload = @none.usda@</X>", "/A: Could not open asset @none.usda@ for payload"),
+    "not USD": ("references = @junk.usda@</X>", "/A: Could not open asset @.*junk.usda@ .* is not a valid usda layer"),
+    "no target": ("references = @wheel.usda@</Weel>", "/A: Unresolved reference prim path @.*wheel.usda@</Weel>"),
+    "cycle": ("references = </A/B>", "/A: Cycle detected: .* CANNOT reference"),
+    "missing MaterialX": ("references = @none.mtlx@</MaterialX>", "/A: Could not open asset @none.mtlx@"),
+}
+
+
+@pytest.mark.parametrize(("arc", "message"), BROKEN.values(), ids=BROKEN)
+def test_what_cannot_be_composed_is_a_fault_at_its_prim_or_a_note(folder, arc, message, capfd):
+    (folder / "junk.usda").write_text("junk")
+    inside = '    def Xform "B" (\n        references = </A>\n    )\n    {\n    }\n' if "</A" in arc else ""
+    (folder / "car.usda").write_text(f'{CAR}def Xform "A" (\n    {arc}\n)\n{{\n{inside}}}\n')
+    with pytest.raises(StageError, match=r"(?s)car\.usda: " + message) as caught:
+        composed(folder)
+    assert isinstance(caught.value, LookError)  # a look's file is a USD file, too
+    result = composed(folder, missing="warn")
+    assert result.notes == tuple(map(str, caught.value.faults))
+    assert there(result.stage, "/A", "/Car/Plain") == [True, True]
+    assert capfd.readouterr().err == ""
+
+
+def test_a_missing_sublayer_is_a_fault_of_the_file(folder):
+    (folder / "car.usda").write_text(CAR.replace("    defaultPrim", "    subLayers = [@none.usda@]\n    defaultPrim"))
+    with pytest.raises(StageError, match=r"car\.usda: Could not load sublayer @none.usda@"):
+        composed(folder)
+    assert len(composed(folder, missing="warn").notes) == 1
+
+
+def test_one_missing_file_of_many_prims_is_one_fault(folder):
+    prims = "".join(f'def Xform "X{i}" (\n    references = </Y>\n)\n{{\n}}\n' for i in range(5))
+    text = f'#usda 1.0\nclass Xform "Y" (\n    references = @none.usda@</X>\n)\n{{\n}}\n{prims}'
+    (folder / "car.usda").write_text(text)
+    with pytest.raises(StageError) as caught:
+        composed(folder)
+    assert len(caught.value.faults) == 1
+    assert str(caught.value).endswith("(and 5 more prims)")
+
+
+def test_materials_of_materialx_files_are_bound_in_instances_too(folder):
+    (folder / "m.mtlx").write_text(
+        '<materialx version="1.38"><standard_surface name="S" type="surfaceshader"/><surfacematerial name="Gold" '
+        'type="material"><input name="surfaceshader" type="surfaceshader" nodename="S"/></surfacematerial></materialx>'
+    )
+    (folder / "part.usda").write_text(
+        '#usda 1.0\ndef "Part"\n{\n    def "Looks" (\n        references = @m.mtlx@</MaterialX/Materials>\n    )\n'
+        '    {\n    }\n    def Sphere "Ball"\n    {\n        rel material:binding = </Part/Looks/Gold>\n    }\n}\n'
+    )
+    text = "#usda 1.0\n" + "".join(
+        f'def "{name}" (\n    instanceable = {flag}\n    references = @part.usda@</Part>\n)\n{{\n}}\n'
+        for name, flag in (("A", "false"), ("B", "true"))
+    )
+    (folder / "car.usda").write_text(text)
+    result = composed(folder)
+    assert result.notes == ()
+    for name in "AB":
+        ball = UsdShade.MaterialBindingAPI(result.stage.GetPrimAtPath(f"/{name}/Ball"))
+        assert ball.ComputeBoundMaterial()[0].GetPath() == f"/{name}/Looks/Gold"
+
+
+def test_payloads_are_loaded(folder):
+    (folder / "car.usda").write_text('#usda 1.0\ndef "A" (\n    payload = @wheel.usda@\n)\n{\n}\n')
+    assert there(composed(folder).stage, "/A/Tire/Slick") == [True]
