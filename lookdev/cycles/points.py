@@ -99,7 +99,7 @@ def self_test() -> dict[str, object]:
     """Evaluate a diffuse lobe in Cycles: a RenderError reports a wrong value of the OSL that was compiled and run."""
     layers = [PointLayer("disney", {"variant": "2014"})]
     columns = point_columns(layers)
-    row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0}
+    row = dict.fromkeys(columns, 0.0) | {"wo_z": 1.0, "wi_z": 1.0, "layer0_roughness": 1.0, "layer0_presence": 1.0}
     row |= {f"layer0_baseColor_{i}": 0.5 for i in range(3)}
     table = np.array([[row[name] for name in columns]], dtype=np.float32)
     f, _ = evaluate_points(generate_points(layers, ["diffuse"]), table, point_cells(layers))
