@@ -52,7 +52,8 @@ def inspect(
     from lookdev.material.variants import parse_variants
     from lookdev.stage import Composition
 
-    composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()))
+    # What is missing is listed beside the rest.
+    composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()), missing="warn")
     found, shown = inspect_file(composition, time, tuple(purposes or (Purpose.default, Purpose.render)))
     typer.echo(json.dumps(found.data(), indent=2) if as_json else found.text())
     if png is not None:

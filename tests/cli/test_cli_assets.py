@@ -1,0 +1,83 @@
+"""lookdev inspect: its text, its data, and what is wrong with its arguments."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Command = Callable[..., tuple[int, str, str]]
+
+CARD = """#usda 1.0
+def Mesh "Card" (prepend apiSchemas = ["MaterialBindingAPI"])
+{
+    uniform token subdivisionScheme = "none"
+    point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 0, 1)]
+    int[] faceVertexCounts = [3]
+    int[] faceVertexIndices = [0, 1, 2]
+    rel material:binding = </Paint>
+}
+def Material "Paint"
+{
+    token outputs:surface.connect = </Paint/Shader.outputs:surface>
+    def Shader "Shader"
+    {
+        uniform token info:id = "UsdPreviewSurface"
+        color3f inputs:diffuseColor.connect = </Paint/Image.outputs:rgb>
+        token outputs:surface
+    }
+    def Shader "Image"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @./none.png@
+        float3 outputs:rgb
+    }
+}
+def "Lost" (references = @./none.usda@)
+{
+}
+"""
+
+
+@pytest.fixture
+def card(tmp_path: Path) -> Path:
+    file = tmp_path / "card.usda"
+    file.write_text(CARD, encoding="utf-8")
+    return file
+
+
+def test_what_is_missing_is_listed_with_the_rest(run_cli: Command, card: Path) -> None:
+    code, shown, errors = run_cli("inspect", str(card))
+    assert (code, errors) == (0, "")
+    assert "Card" in shown
+    assert "none.png" in shown
+    assert "none.usda" in shown
+
+
+def test_the_data_is_json(run_cli: Command, card: Path) -> None:
+    code, shown, _ = run_cli("inspect", str(card), "--json", "--prim", "/Card")
+    assert code == 0
+    assert [part["path"] for part in json.loads(shown)["parts"]] == ["/Card"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--purpose", "hero"), "'hero' is not one of"),
+        (("--prim", "/Cart"), "/Cart: there is no such prim"),
+        (("--variants", "size=big"), "has no variant set 'size'"),
+        (("--layer", "looks.usda"), "looks.usda: no such file"),
+    ],
+)
+def test_wrong_arguments_leave_with_2(run_cli: Command, card: Path, arguments: tuple[str, ...], message: str) -> None:
+    code, _, errors = run_cli("inspect", str(card), *arguments)
+    assert code == 2
+    assert message in " ".join(errors.replace("│", " ").split())
+
+
+def test_a_file_that_is_not_there(run_cli: Command) -> None:
+    code, _, errors = run_cli("inspect", "nowhere.usda")
+    assert code == 2
+    assert "nowhere.usda: no such file" in errors
