@@ -79,7 +79,8 @@ def _about_its_axis(scene: Scene) -> bool:
 def _attribute_faults(scene: Scene, task: SceneTask) -> Iterator[Fault]:
     """Yield attributes that sources read and meshes lack, once for all parts; only USD primvars have a fallback."""
     lacking: dict[tuple[str, str, str], list[str]] = {}
-    for mesh in scene.asset.meshes:
+    reading = any(source.attributes for source in task.shaders)
+    for mesh in scene.asset.meshes if reading else ():
         for slot in np.unique(mesh.face_slots):
             source = task.shaders[task.worn[slot]]
             for binding in source.attributes:

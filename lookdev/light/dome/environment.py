@@ -15,7 +15,6 @@ import numpy as np
 import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import convolve1d
 
 from lookdev.errors import EnvironmentMapError, nearest_hint
 
@@ -163,6 +162,9 @@ def _neighbour_mean(radiance: Floats, nan: NDArray[np.bool_]) -> Floats:
     """Return the mean of the 3 x 3 texels around each, periodic in u and clamped in v, without those that are NaN."""
 
     def around(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        # Not at the top: as in `lookdev.metrics`.
+        from scipy.ndimage import convolve1d
+
         columns = convolve1d(values, np.ones(3), axis=0, mode="nearest")
         return np.asarray(convolve1d(columns, np.ones(3), axis=1, mode="wrap"))
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from lookdev.light.dome.warp import BilinearWarp, lookup, place_directions
 
@@ -32,6 +31,9 @@ def draw_points(table: Floats, warp: BilinearWarp, side: int) -> tuple[NDArray[n
 
     `table` (H, W, 3) is the radiance, row 0 at the zenith, and `warp` that of the mean of its channels.
     """
+    # Not at the top: it takes longer to import than a drawn map to read.
+    from scipy.stats import qmc
+
     # Of a power of two of Sobol points, one is in each cell of the grid.
     u = qmc.Sobol(2, scramble=True, rng=SOBOL_SEED).random(side * side)
     u = u[np.argsort(along_hilbert(np.floor(u * side).astype(np.int64), side))]
