@@ -25,7 +25,7 @@ _TEMPORARY = re.compile(r"\..+\.\d+-[0-9a-f]{8}\.(exr|png|json)")
 
 @contextmanager
 def output_lock(output: Path) -> Iterator[Path]:
-    """Lock an output folder, which is made if it does not exist, and yield its state folder.
+    """Lock an output folder, made if it does not exist, and yield its state folder, without scratch of a killed run.
 
     The kernel releases the lock when the process ends. Raises OutputError where another run holds it (the message names
     the run), or the folder cannot be written.
@@ -45,6 +45,9 @@ def output_lock(output: Path) -> Iterator[Path]:
             raise OutputError(f"{output}: {holder} renders to it; wait for its end, or choose another output") from None
         except OSError as error:
             raise OutputError(f"{output}: its file system gives no locks: {error.strerror}") from error
+        for scratch in folder.glob(SCRATCH_PREFIX + "*"):
+            # The worker of a killed run may still write to it; the next run removes what remains.
+            shutil.rmtree(scratch, ignore_errors=True)
         stream.truncate(0)
         now = datetime.now(UTC).isoformat(timespec="seconds")
         stream.write(f"process {os.getpid()} on {socket.gethostname()} (since {now})\n")
@@ -52,13 +55,10 @@ def output_lock(output: Path) -> Iterator[Path]:
         yield folder
 
 
-def remove_leftovers(state_folder: Path, folders: Iterable[Path]) -> None:
-    """Remove temporary files of a killed run from `folders`, and its scratch. Call with the lock held."""
-    for folder in {state_folder, *folders}:
+def remove_leftovers(folders: Iterable[Path]) -> None:
+    """Remove temporary files of a killed run from `folders`. Call with the lock held."""
+    for folder in folders:
         if folder.is_dir():
             for path in folder.iterdir():
                 if _TEMPORARY.fullmatch(path.name):
                     path.unlink(missing_ok=True)
-    for scratch in state_folder.glob(SCRATCH_PREFIX + "*"):
-        # The worker of the killed run may still write to it; the next run removes what remains.
-        shutil.rmtree(scratch, ignore_errors=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import platform
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -94,12 +94,27 @@ def render_job(
     `prepare` is `lookdev.batch.prepare.prepare_job`, called under the lock, so that no other run changes the frames
     that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
-    with output_lock(load_job(path).output):
+    job = load_job(path)
+    command = BACKENDS[job.render.backend].command
+    with output_lock(job.output) as folder, _opened(folder, command) as worker:
+        # Blender starts while files are read; an error is that of the first frame, then.
+        with suppress(WorkerError):
+            worker.launch()
         prepared = prepare(path)
         for note in prepared.notes:
             report(Noted(note))
         job = prepared.job
-        return run_plan(prepared.plan, job.outputs, job.render.background, force=force, report=report)
+        return run_plan(prepared.plan, job.outputs, job.render.background, force=force, worker=worker, report=report)
+
+
+@contextmanager
+def _opened(folder: Path, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Worker]:
+    """Yield a worker with its log and scratch in a state folder, and end it."""
+    with (
+        tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=folder) as scratch,
+        Worker(command, folder / "worker.log", Path(scratch), patience) as worker,
+    ):
+        yield worker
 
 
 def render_setups(
@@ -118,6 +133,7 @@ def run_plan(
     *,
     force: bool = False,
     behind: Background | None = None,
+    worker: Worker | None = None,
     worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
     report: Report = lambda event: None,
@@ -136,8 +152,9 @@ def run_plan(
         Render every frame, done or not.
     behind
         Returns the light behind each frame, instead of `background_light`.
-    worker_command, patience
-        The render worker, by default the backend's, and its patience.
+    worker
+        The render worker, which the caller ends; None: one that `worker_command`, by default the backend's, and
+        `patience` describe.
     report
         Is called with every event.
 
@@ -151,7 +168,7 @@ def run_plan(
     pictures = Pictures(plan, outputs, background, behind or background_light(background))
     run = _Run(plan, pictures, report)
     try:
-        run.render(run.bring_up_to_date(force), worker_command, patience)
+        run.render(run.bring_up_to_date(force), worker, worker_command, patience)
     except KeyboardInterrupt:
         return run.result(interrupted=True)
     except BrokenPipeError:
@@ -192,7 +209,7 @@ class _Run:
         tasks = [frame.task for frame in self._plan.frames]
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named by lights, beside those of the looks.
-        remove_leftovers(self._folder, folders | {self._folder / folder.name for folder in folders})
+        remove_leftovers({self._folder} | folders | {self._folder / folder.name for folder in folders})
         pending = tasks if force else list(self._plan.pending())
         # By file: equal looks have one digest.
         waiting = {task.files for task in pending}
@@ -211,15 +228,16 @@ class _Run:
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
 
-    def render(self, tasks: Sequence[FrameTask], command: Sequence[str] | None, patience: float) -> None:
+    def render(
+        self, tasks: Sequence[FrameTask], worker: Worker | None, command: Sequence[str] | None, patience: float
+    ) -> None:
         """Render frames; only a worker that never starts ends the batch."""
         if not tasks:
             return
-        command = command or BACKENDS[tasks[0].scene.backend].command
         with ExitStack() as stack:
-            scratch = stack.enter_context(tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=self._folder))
-            log = self._folder / "worker.log"
-            worker = stack.enter_context(Worker(command, log, Path(scratch), patience))
+            if worker is None:
+                command = command or BACKENDS[tasks[0].scene.backend].command
+                worker = stack.enter_context(_opened(self._folder, command, patience))
             for task in tasks:
                 started = time.monotonic()
                 self._report(FrameStarted(self._name(task)))

@@ -6,5 +6,6 @@
 - `measure`: the schedule of renders, and the measurements of each
 - `curves`: time to an error, by a measured curve
 - `sequence`: turntables by the batch runner against a plain Blender script; `growth`: cost over size
+- `scale`: large assets up to the first sample; `scale_files` writes them, `scale_job` is a job in a fresh process
 - `results`, `report`: all measurements as files, a table and plots; `run` does everything in order
 """

@@ -17,6 +17,7 @@ from rich.text import Text
 from lookdev.bench.growth import Growth
 from lookdev.bench.measure import TARGETS, CellResult
 from lookdev.bench.results import Machine, Results
+from lookdev.bench.scale import WAYS, ScaleResults
 from lookdev.bench.sequence import SequenceResult
 from lookdev.cache import atomic_path
 
@@ -123,6 +124,22 @@ def _sequence(sequence: SequenceResult) -> Table:
         speeds = ", ".join(f"{run.frames_per_minute:.2f}" for run in sequence.runs if run.backend == backend)
         table.add_row(backend, str(samples), f"{sequence.relmse[backend]:.2e}", speeds)
     return table
+
+
+def print_scale(results: ScaleResults, console: Console) -> None:
+    """Print the machine, and a row for each case and way with the medians of its starts."""
+    console.print(Text(machine_line(results.machine)))
+    table = Table(box=box.SIMPLE_HEAD)
+    for column in ("", "s to the plan", "s to the first sample", "MB", "lookdev takes", "of the memory"):
+        table.add_column(column, justify="right")
+    for case in dict.fromkeys(each.case for each in results.starts):
+        rows = {way: results.median(case, way) for way in WAYS}
+        for way, (planned, sample, memory) in rows.items():
+            row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / _MEGABYTE:.0f}"]
+            if way != "lookdev":
+                row += [f"x{rows['lookdev'][1] / sample:.2f}", f"x{rows['lookdev'][2] / memory:.2f}"]
+            table.add_row(*row)
+    console.print(table)
 
 
 def _growth(growth: Growth) -> Table:

@@ -31,6 +31,9 @@ def bench(
     sequence: Annotated[
         bool, typer.Option("--sequence", help="Turntables against a plain Blender script, and how cost grows.")
     ] = False,
+    scale: Annotated[
+        bool, typer.Option("--scale", help="Large assets up to the first sample, against Blender's own import.")
+    ] = False,
     frames: Annotated[
         int, typer.Option("--frames", metavar="N", min=4, help="With --sequence: frames of the growth test.")
     ] = 100,
@@ -50,6 +53,13 @@ def bench(
     from lookdev.bench.report import print_results
     from lookdev.bench.run import run_matrix, run_sequence
 
+    report = partial(typer.echo, err=True)
+    if scale:
+        from lookdev.bench.report import print_scale
+        from lookdev.bench.scale import run_scale
+
+        print_scale(run_scale(out, report, repeats=repeats or 3), Console())
+        return
     options = parse_options(
         {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
         everything=everything,
@@ -61,7 +71,6 @@ def bench(
         fresh=fresh,
     )
 
-    report = partial(typer.echo, err=True)
     results = run_sequence(options, out, report, frames=frames) if sequence else run_matrix(options, out, report)
     print_results(results, Console())
     raise typer.Exit(0 if results.complete else 130)

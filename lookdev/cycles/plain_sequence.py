@@ -36,7 +36,7 @@ def render(request: dict[str, Any]) -> None:
     material = principled_material(PrincipledSource("principled", request["principled"]))
     turned = _add_asset(scene, about_origin(asset), material)
     _add_camera(scene, request["camera"], asset)
-    texture, mapping = _light(scene)
+    texture, mapping = light_by_texture(scene)
     lit_by = None
     for frame in request["frames"]:
         if frame["light"] != lit_by:
@@ -100,7 +100,8 @@ def _add_camera(scene: Any, camera: dict[str, Any], asset: Asset) -> None:
     scene.camera = item
 
 
-def _light(scene: Any) -> tuple[Any, Any]:
+def light_by_texture(scene: Any) -> tuple[Any, Any]:
+    """Light a scene by an environment texture; return its node and the node that turns it."""
     scene.world = bpy.data.worlds.new("light")
     tree = version.empty_node_tree(scene.world)
     coordinates = tree.nodes.new("ShaderNodeTexCoord")

@@ -39,7 +39,7 @@ class Answers:
 
         `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
         """
-        figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": _most_memory()}
+        figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
         self.send(type="done", digest=digest, arrays=arrays, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
@@ -55,8 +55,8 @@ def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[n
     return path
 
 
-def _most_memory() -> int:
-    """Return the peak memory of this process in bytes; getrusage() includes the parent's."""
-    status = Path("/proc/self/status").read_text()
+def peak_memory(process: str = "self") -> int:
+    """Return the peak memory of a process, by its number, in bytes; getrusage() includes the parent's."""
+    status = Path(f"/proc/{process}/status").read_text()
     kilobytes = next(line.split()[1] for line in status.splitlines() if line.startswith("VmHWM:"))
     return 1024 * int(kilobytes)

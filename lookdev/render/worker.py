@@ -103,6 +103,7 @@ class Worker:
         self._environment = os.environ | {"TMPDIR": str(scratch)}
         self._patience = patience
         self._process: subprocess.Popen[bytes] | None = None
+        self._ready = False
         self._blender = ""
         log.write_bytes(b"")
 
@@ -112,8 +113,8 @@ class Worker:
     def __exit__(self, *exception: object) -> None:
         self.kill()
 
-    def start(self) -> None:
-        """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
+    def launch(self) -> None:
+        """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
         if self._process is not None:
             return
         with self.log.open("ab") as log:
@@ -129,11 +130,18 @@ class Worker:
                 )
             except OSError as error:
                 raise WorkerError(f"the render worker {self._command[0]} cannot be started: {error}") from error
+
+    def start(self) -> None:
+        """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
+        self.launch()
+        if self._ready:
+            return
+        assert self._process is not None
         with self._killed_on_error():
             message = self._receive(self._process)
             if not isinstance(message, Ready):
                 raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
-            self._blender = message.blender
+            self._ready, self._blender = True, message.blender
 
     def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
         """Render one frame on a started worker.
@@ -157,7 +165,7 @@ class Worker:
 
     def kill(self) -> None:
         """Kill the process and its children."""
-        process, self._process = self._process, None
+        process, self._process, self._ready = self._process, None, False
         if process is None:
             return
         _kill_group(process)

@@ -58,7 +58,8 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
     ]
     for path in left + kept:
         path.touch()
-    remove_leftovers(state, [frames, tmp_path / "not_made_yet"])
+    with output_lock(tmp_path):
+        assert not (state / "scratch-abc").exists()
+        remove_leftovers([state, frames, tmp_path / "not_made_yet"])
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in kept)
-    assert not (state / "scratch-abc").exists()

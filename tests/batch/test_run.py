@@ -5,7 +5,9 @@ import re
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import batch_case as case
@@ -17,8 +19,9 @@ import lookdev
 from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, RunStarted, SheetWritten
 from lookdev.batch.lock import output_lock
 from lookdev.batch.run import background_light, render_job
-from lookdev.errors import JobError, OutputError, WorkerError
+from lookdev.errors import AssetError, JobError, OutputError, WorkerError
 from lookdev.output.exr import read_frame, read_header
+from lookdev.render.backends import BACKENDS
 
 FRAMES = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
 FILES = sorted([*FRAMES, "lighting.0001"])
@@ -255,7 +258,8 @@ def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> No
     leftover.write_bytes(b"half a frame")
     own = place(tmp_path) / ".keep"
     own.touch()
-    result = case.run(tmp_path)
+    with output_lock(tmp_path / "out"):
+        result = case.run(tmp_path)
     assert (result.done, result.rendered, result.exit_code) == (6, 4, 0)
     assert sorted(case.requests(tmp_path)) == sorted([f"{name}.exr" for name in [*FRAMES, "element.0003"]])
     assert not leftover.exists()
@@ -297,6 +301,31 @@ def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
         render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
     with pytest.raises(AssertionError):
         render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_the_worker_starts_while_the_job_is_prepared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool
+) -> None:
+    job = case.make_job(tmp_path)
+    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
+    record = replace(BACKENDS["exact"], command=case.command(tmp_path))
+    monkeypatch.setitem(BACKENDS, "exact", record)
+
+    def prepare(path: Path) -> object:
+        case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 1)
+        if fails:
+            raise AssetError("damaged")
+        return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
+
+    if fails:
+        with pytest.raises(AssetError, match="damaged"):
+            render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
+    else:
+        assert render_job(tmp_path / "job.toml", prepare).exit_code == 0  # type: ignore[arg-type]
+    (pid,) = case.worker_pids(tmp_path)
+    case.wait_until(lambda: not case.is_alive(pid))
+    assert not list((tmp_path / "out" / ".lookdev").glob("scratch-*"))
 
 
 def test_render_job_reports_faults_before_it_makes_anything(tmp_path: Path) -> None:

@@ -13,6 +13,8 @@ from lookdev.bench import growth, sequence
 from lookdev.bench.backends import open_candidates
 from lookdev.bench.matrix import Cell, Options, has_mitsuba
 from lookdev.bench.run import run_matrix, run_sequence
+from lookdev.bench.scale import Case, run_scale
+from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
 from lookdev.bench.sequence import Subject, producers
 from lookdev.output.exr import read_frame
 
@@ -88,3 +90,17 @@ def test_a_small_sequence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> No
     assert results.sequence.ratio > 0.0
     stored = json.loads((tmp_path / "results.json").read_text())
     assert [each["of"] for each in stored["growth"]] == ["frames", "pixels", "layers", "triangles"]
+
+
+def test_a_small_scale(tmp_path: Path) -> None:
+    cases = {
+        "quads": Case("", lambda file: write_quads(file, 20)),
+        "instances": Case("", lambda file: write_instances(file, 3, 4)),
+        "meshes": Case("", lambda file: write_meshes(file, 100)),
+    }
+    results = run_scale(tmp_path, quiet, repeats=1, cases=cases)
+    assert len(results.starts) == 6
+    for start in results.starts:
+        assert 0.1 < start.planned < start.sample
+        assert len(start.memory) == (2 if start.way == "lookdev" else 1)
+        assert min(start.memory) > 1e8

@@ -43,6 +43,19 @@ def test_a_frame_comes_back_with_its_progress(worker: Worker, task: FrameTask, t
     assert list((tmp_path / "scratch").iterdir()) == []
 
 
+def test_a_launched_worker_is_started_once(worker: Worker, task: FrameTask, tmp_path: Path) -> None:
+    worker.launch()
+    worker.launch()
+    worker.start()
+    worker.start()
+    assert worker.render(task, lambda progress: None).blender == "4.5.0 fake"
+    assert len(worker_pids(tmp_path)) == 1
+    worker.kill()
+    worker.start()  # another one
+    assert worker.render(task, lambda progress: None).blender == "4.5.0 fake"
+    assert len(worker_pids(tmp_path)) == 2
+
+
 @pytest.mark.parametrize(
     ("what", "message"),
     [

@@ -1,0 +1,41 @@
+"""A job up to the first sample of its first frame: ``python -m lookdev.bench.scale_job JOB.toml``.
+
+Lines of JSON go to standard output: one when the frames are planned, and one at the first sample, with the peak memory
+of this process and of its worker in bytes.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from lookdev.batch.events import FrameFailed, FrameProgressed, RunStarted
+from lookdev.batch.prepare import prepare_job
+from lookdev.batch.run import render_job
+from lookdev.errors import RenderError
+from lookdev.render.answers import Answers, peak_memory
+
+
+def main(job: Path) -> None:
+    """Run the job, and leave it at the first sample."""
+    answers = Answers()
+
+    def report(event: object) -> None:
+        match event:
+            case RunStarted():
+                answers.send(reached="planned")
+            case FrameProgressed(samples=samples) if samples:
+                answers.send(reached="sample", memory=[peak_memory(), *map(peak_memory, _children())])
+                raise KeyboardInterrupt  # ends the run
+            case FrameFailed(reason=reason):
+                raise RenderError(reason)
+
+    render_job(job, prepare_job, report=report)
+
+
+def _children() -> list[str]:
+    return [number for file in Path("/proc/self/task").glob("*/children") for number in file.read_text().split()]
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

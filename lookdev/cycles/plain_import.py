@@ -1,0 +1,49 @@
+"""A USD file in Blender up to its first sample, scripted plainly, with which ``lookdev bench --scale`` compares jobs.
+
+Run as ``python -m lookdev.cycles.plain_import REQUEST.json``. Blender's own importer makes geometry and materials; the
+light is an environment texture. Lines of JSON go to standard output, as of `lookdev.bench.scale_job`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from lookdev.cycles.leave import leaving
+from lookdev.cycles.plain_sequence import light_by_texture
+from lookdev.render.answers import Answers, peak_memory
+
+
+def render(request: dict[str, Any], answers: Answers) -> None:
+    """Render one sample of a file."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.wm.usd_import(filepath=request["file"])
+    answers.send(reached="planned")
+    scene = bpy.data.scenes[0]
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x, scene.render.resolution_y = request["resolution"]
+    scene.render.film_transparent = True
+    settings = scene.cycles
+    settings.samples = 1
+    settings.use_adaptive_sampling = settings.use_denoising = False
+    settings.max_bounces = request["bounces"]
+    texture, _ = light_by_texture(scene)
+    lights = Path(bpy.utils.resource_path("LOCAL"), "datafiles", "studiolights", "world")
+    texture.image = bpy.data.images.load(str(lights / f"{request['light']}.exr"))
+    scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+    scene.camera.location = (0.0, -request["distance"], request["distance"])
+    scene.camera.rotation_euler = (math.pi / 4.0, 0.0, 0.0)
+    scene.collection.objects.link(scene.camera)
+    bpy.ops.render.render()
+    answers.send(reached="sample", memory=[peak_memory()])
+
+
+if __name__ == "__main__":
+    channel = Answers()
+    with leaving():
+        render(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8")), channel)

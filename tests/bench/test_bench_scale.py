@@ -1,0 +1,98 @@
+"""Large assets: what the files contain, at small sizes, and how starts are measured, with processes that do nothing."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+from bench_fakes import quiet
+from rich.console import Console
+
+from lookdev.asset import Asset, load_asset
+from lookdev.bench import scale
+from lookdev.bench.report import print_scale
+from lookdev.bench.scale import Case, ScaleResults, Start, run_scale
+from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
+from lookdev.errors import RenderError
+
+
+def made(tmp_path: Path, write, *sizes: int) -> Asset:
+    write(tmp_path / "asset.usdc", *sizes)
+    return load_asset(tmp_path / "asset.usdc")
+
+
+def test_a_file_has_the_size_that_is_asked_for(tmp_path: Path) -> None:
+    asset = made(tmp_path, write_quads, 30)
+    (mesh,) = asset.meshes
+    assert len(mesh.face_sizes) == 900
+    assert asset.radius == pytest.approx(2.0**0.5, rel=0.01)
+
+
+def test_instances_share_one_mesh(tmp_path: Path) -> None:
+    asset = made(tmp_path, write_instances, 4, 5)
+    assert (len(asset.meshes), len(asset.instances), len(asset.meshes[0].face_sizes)) == (1, 16, 25)
+    assert 1.0 < asset.radius < 1.5
+
+
+def test_every_box_is_a_mesh(tmp_path: Path) -> None:
+    asset = made(tmp_path, write_meshes, 205)
+    assert (len(asset.meshes), len(asset.instances), len(asset.slots)) == (205, 205, 205)
+    assert {len(mesh.face_sizes) for mesh in asset.meshes} == {6}
+    assert 1.0 < asset.radius < 1.5
+
+
+TELLS = """
+import json, sys
+print(json.dumps({"reached": "planned"}), flush=True)
+print(json.dumps({"reached": "sample", "memory": [3, 4]}), flush=True)
+"""
+
+
+@pytest.fixture
+def processes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]]:
+    """Let a program stand for each process that is measured; return their arguments."""
+    started: list[list[str]] = []
+    real = scale.subprocess.Popen
+
+    def popen(command: list[str], **options: object) -> object:
+        started.append(command[2:])
+        return real([sys.executable, "-c", TELLS if "broken" not in command[-1] else "raise SystemExit(3)"], **options)
+
+    monkeypatch.setattr(scale.subprocess, "Popen", popen)
+    return started
+
+
+def cases(*names: str) -> dict[str, Case]:
+    return {name: Case(name, lambda file: write_quads(file, 2)) for name in names}
+
+
+def test_both_ways_alternate_after_one_start_to_warm_up(processes: list[list[str]], tmp_path: Path) -> None:
+    results = run_scale(tmp_path, quiet, repeats=2, cases=cases("a", "b"))
+    ours, plain = "lookdev.bench.scale_job", "lookdev.cycles.plain_import"
+    assert [(module, Path(request).name) for module, request in processes] == [
+        (ours, "warm.toml"),
+        *[(ours, "a.toml"), (plain, "a.json"), (ours, "b.toml"), (plain, "b.json")] * 2,
+    ]
+    assert [(each.case, each.way) for each in results.starts[:2]] == [("a", "lookdev"), ("a", "blender")]
+    assert all(0.0 < each.planned <= each.sample and each.memory == (3, 4) for each in results.starts)
+    stored = json.loads((tmp_path / "scale.json").read_text())
+    assert len(stored["starts"]) == 8
+
+
+def test_a_process_that_fails_is_named(processes: list[list[str]], tmp_path: Path) -> None:
+    with pytest.raises(RenderError, match="broken, lookdev: ended with exit code 3"):
+        run_scale(tmp_path, quiet, repeats=1, cases=cases("broken"))
+
+
+def test_the_table_has_the_ratio_of_the_medians() -> None:
+    results = ScaleResults()
+    for sample in (1.0, 3.0, 8.0):
+        results.starts.append(Start("quads", "lookdev", 0.5, sample, (100_000_000, 200_000_000)))
+        results.starts.append(Start("quads", "blender", 0.5, 2.0 * sample, (600_000_000,)))
+    console = Console(record=True, width=100)
+    print_scale(results, console)
+    text = console.export_text()
+    assert "x0.50" in text
+    assert text.count("3.00") == 1
