@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
@@ -14,9 +14,9 @@ sys.path += [str(Path(__file__).parents[1] / room) for room in ("batch", "bench"
 
 import batch_case as case
 
-from lookdev.batch.run import run_plan
 from lookdev.cli import main
 from lookdev.job import load_job
+from lookdev.render.backends import BACKENDS
 
 Command = Callable[..., tuple[int, str, str]]
 Provide = Callable[..., None]
@@ -39,12 +39,12 @@ def run_cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
 def provide(monkeypatch: pytest.MonkeyPatch) -> Provide:
     """Return a function that puts another module in the place of one."""
 
-    def replace(name: str, **members: object) -> None:
+    def put(name: str, **members: object) -> None:
         module = ModuleType(name)
         vars(module).update(members)
         monkeypatch.setitem(sys.modules, name, module)
 
-    return replace
+    return put
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, provide: Provide) 
         return SimpleNamespace(job=job, plan=case.make_plan(job), notes=("city: 3 texels repaired",))
 
     provide("lookdev.batch.prepare", prepare_job=prepare_job)
-    monkeypatch.setattr("lookdev.batch.run.run_plan", partial(run_plan, worker_command=case.command(tmp_path)))
+    monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=tuple(case.command(tmp_path))))
     return path
 
 

@@ -6,17 +6,17 @@ import json
 import re
 import sys
 from collections.abc import Callable
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
 
 import batch_case as case
 import pytest
 
 from lookdev.batch.examples import Example, copy_example, list_examples
-from lookdev.batch.run import run_plan
 from lookdev.errors import OutputError
 from lookdev.job import json_schema, load_job
 from lookdev.material.usd import read_look
+from lookdev.render.backends import BACKENDS
 from lookdev.stage import Composition, compose
 
 Command = Callable[..., tuple[int, str, str]]
@@ -44,8 +44,8 @@ def test_failed_frames_are_exit_code_1_and_a_list_on_stderr(run_cli: Command, jo
 def test_a_worker_that_never_starts_is_exit_code_1(
     run_cli: Command, job_file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    fake = partial(run_plan, worker_command=(sys.executable, "-c", "raise ImportError('bpy')"))
-    monkeypatch.setattr("lookdev.batch.run.run_plan", fake)
+    broken = replace(BACKENDS["exact"], command=(sys.executable, "-c", "raise ImportError('bpy')"))
+    monkeypatch.setitem(BACKENDS, "exact", broken)
     code, _, errors = run_cli("render", job_file)
     assert code == 1
     assert "lookdev doctor" in errors
