@@ -152,7 +152,10 @@ Corners = NDArray[np.float32]
 
 
 def corner_meshes(asset: Asset) -> list[tuple[Corners, Corners, Corners]]:
-    """Return each instance as triangles in world space: positions, normals and UVs of their corners (3 t, ...)."""
+    """Return each instance as triangles in world space: positions, normals and UVs of their corners (3 t, ...).
+
+    The UVs are those of the mesh's first set; 0 where it has none, which no look of constants notices.
+    """
     meshes = []
     for instance in asset.instances:
         mesh = asset.meshes[instance.mesh]
@@ -161,7 +164,7 @@ def corner_meshes(asset: Asset) -> list[tuple[Corners, Corners, Corners]]:
         positions = mesh.points[mesh.corner_points[corners]] @ matrix.T + instance.matrix[:3, 3]
         normals = mesh.normals[corners] @ np.linalg.inv(matrix)
         normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-        uvs = next(iter(mesh.uvs.values()))[corners]
+        uvs = next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2)))[corners]
         meshes.append((positions.astype(np.float32), normals.astype(np.float32), uvs.astype(np.float32)))
     return meshes
 

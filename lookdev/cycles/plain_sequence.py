@@ -81,7 +81,8 @@ def _mesh(mesh: Mesh, material: Any) -> Any:
     data = bpy.data.meshes.new(mesh.name)
     faces = np.split(mesh.corner_points, np.cumsum(mesh.face_sizes)[:-1])
     data.from_pydata(mesh.points.tolist(), [], [face.tolist() for face in faces])
-    data.uv_layers.new(name="st").data.foreach_set("uv", next(iter(mesh.uvs.values())).ravel())
+    if mesh.uvs:
+        data.uv_layers.new(name="st").data.foreach_set("uv", next(iter(mesh.uvs.values())).ravel())
     data.normals_split_custom_set(mesh.normals)
     data.materials.append(material)
     return data

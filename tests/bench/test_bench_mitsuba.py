@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -45,3 +47,13 @@ def test_triangles_cover_the_polygons(asset: Asset) -> None:
         agree = (facing * normals.reshape(-1, 3, 3).mean(axis=1)).sum(axis=1) > 0
         assert agree.mean() > 0.99
         assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_mesh_without_uvs_has_those_of_the_origin() -> None:
+    asset = make_boulder(200)
+    bare = replace(asset, meshes=tuple(replace(mesh, uvs={}) for mesh in asset.meshes))
+    for (positions, normals, uvs), (like, others, _) in zip(corner_meshes(bare), corner_meshes(asset), strict=True):
+        np.testing.assert_array_equal(positions, like)
+        np.testing.assert_array_equal(normals, others)
+        assert uvs.shape == (len(positions), 2)
+        assert not uvs.any()
