@@ -24,10 +24,11 @@ from lookdev.checks.stability import stress
 from lookdev.codegen import ShaderSource
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.job import JobTurntable
+from lookdev.job.keys import MATERIAL_SUFFIXES
 from lookdev.job.scenes import each_variant
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
-from lookdev.material.usd import read_look
+from lookdev.material.usd.bound import read_any_look
 from lookdev.plan import Setup, Turns, make_setup
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -62,7 +63,6 @@ DEPTHS: dict[DepthName, Depth] = {
 }
 
 _RENDERS = 4  # of a frame, two halves each
-_LOOK_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 # For a look without a job.
 _ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
 _TURNTABLE = JobTurntable(kind="element", frames=8)
@@ -126,7 +126,7 @@ def _read(
     file: Path, prim: str | None, variants: Mapping[str, str], backend: str | None
 ) -> tuple[tuple[Setup, ...], Turns]:
     """Return the setups of a job or a look, and their turntables."""
-    if file.suffix.lower() not in _LOOK_SUFFIXES:
+    if file.suffix.lower() not in MATERIAL_SUFFIXES:
         if backend is not None:
             raise LookdevError(f"{file}: the backend of a job is 'backend' in its table [render], not --backend")
         made = read_setups(file)
@@ -138,7 +138,7 @@ def _read(
     stem = "".join(character if character.isascii() and character.isalnum() else "_" for character in file.stem)
     setups = []
     for name, chosen in each_variant(stem, file, prim, variants):
-        scene = Scene.of_look(asset, read_look(file, prim, chosen, name, open_images=False), light, _RESOLUTION)
+        scene = Scene.of_look(asset, read_any_look(file, prim, chosen, name).look, light, _RESOLUTION)
         setups.append(make_setup(name, _LIGHT, scene, Sampling(), backend or "exact"))
     return tuple(setups), Turns((_TURNTABLE,), Path())
 

@@ -13,9 +13,7 @@ import numpy as np
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.silhouette import outline
 from lookdev.asset.usd import read_usd
-from lookdev.brdf import MODELS
 from lookdev.material import Bump, Formula, Look, Texture
-from lookdev.material.translate import TRANSLATIONS
 from lookdev.material.usd.bound import BoundLook, read_bound
 from lookdev.stage import Composition, compose
 
@@ -151,13 +149,8 @@ def _subdivision(mesh: Mesh) -> str:
 
 def _material(path: str, bound: BoundLook) -> InspectedMaterial:
     look = bound.look
-    titles = tuple(_title(layer.model) for layer in look.layers)
     lost = tuple(str(fault).removeprefix(f"{fault.file}: ") for fault in bound.lost)
-    return InspectedMaterial(path, titles, _textures(look), look.displacement is not None, lost)
-
-
-def _title(model: str) -> str:
-    return MODELS[model].title if model in MODELS else f"{TRANSLATIONS[model].title} as {MODELS['disney'].title}"
+    return InspectedMaterial(path, bound.titles, _textures(look), look.displacement is not None, lost)
 
 
 def _textures(look: Look) -> int:

@@ -15,7 +15,9 @@ app = typer.Typer()
 
 @app.command(rich_help_panel="Looks")
 def validate(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="A USD file with looks.", show_default=False)],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="A USD or MaterialX file with looks.", show_default=False)
+    ],
     prim: Prim = None,
     variants: Variants = None,
     as_json: AsJson = False,

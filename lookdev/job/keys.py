@@ -99,7 +99,10 @@ def folder(path: Path) -> Path:
 
 
 JobPath = Annotated[Path, BeforeValidator(_resolve)]
-UsdFile = Annotated[JobPath, _readable(".usd", ".usda", ".usdc", ".usdz")]
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+MATERIAL_SUFFIXES = (*USD_SUFFIXES, ".mtlx")
+UsdFile = Annotated[JobPath, _readable(*USD_SUFFIXES)]
+MaterialFile = Annotated[JobPath, _readable(*MATERIAL_SUFFIXES)]
 IblFile = Annotated[JobPath, _readable(".exr", ".hdr")]
 PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]

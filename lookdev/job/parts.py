@@ -8,6 +8,7 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from lookdev.job.keys import (
     BuiltinAsset,
+    MaterialFile,
     Name,
     PrimPath,
     Purpose,
@@ -73,7 +74,7 @@ class JobAssign(Table):
         description="Prims of the asset, with all that is below them: paths, globs ('/Car/Body*'), "
         "and collections ('/Car.collection:paint')."
     )
-    material: UsdFile = Field(description="A USD file with their look, a UsdShade material.")
+    material: MaterialFile = Field(description="A USD or MaterialX file with their look, a material.")
     prim: PrimPath | None = Field(
         default=None, description="The material's prim; default: the file's default prim, or its only material."
     )
@@ -91,9 +92,9 @@ class JobLook(Table):
     """One look: what each part of the asset wears."""
 
     name: Name = Field(description="The look's name, unique; it becomes a folder of the output.")
-    material: UsdFile | None = Field(
+    material: MaterialFile | None = Field(
         default=None,
-        description="A USD file with a UsdShade material, for every part that nothing is assigned to; "
+        description="A USD or MaterialX file with a material, for every part that nothing is assigned to; "
         "default: what the asset itself binds.",
     )
     prim: PrimPath | None = Field(

@@ -13,10 +13,11 @@ from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
 from lookdev.job.schema import Job
 from lookdev.job.turned import Assets, Turned
-from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as
+from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as, lost_notes
 from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Look
-from lookdev.material.usd import expand_variants, read_look
+from lookdev.material.usd import expand_variants
+from lookdev.material.usd.bound import read_any_look
 from lookdev.scene import Film, Scene
 from lookdev.stage import open_stage
 
@@ -47,7 +48,7 @@ def job_scenes(job: Job) -> JobScenes:
     for look in job.look:
         place = places[look.name]
         with collected(job, place, faults):
-            materials = _materials(job, look, place, faults)
+            materials = _materials(job, look, place, notes, faults)
             if look.name in turned:
                 dressed[look.name] = dress_as(look, materials, turned[look.name], Place(str(job.file), place), faults)
                 notes += dressed[look.name].notes
@@ -128,7 +129,7 @@ def _variants(look: JobLook, assets: Assets) -> Iterator[tuple[str, dict[str, st
         yield from _named(look.name, look.variants, lambda: assets.looks(look))
 
 
-def _materials(job: Job, look: JobLook, place: str, faults: list[Fault]) -> list[Look]:
+def _materials(job: Job, look: JobLook, place: str, notes: list[str], faults: list[Fault]) -> list[Look]:
     """Return the looks of each `assign` of a look, and last that of its `material`; grey where one has a fault."""
     made: list[Look] = []
     given: tuple[JobAssign | JobLook, ...] = (*look.assign, look)
@@ -138,5 +139,7 @@ def _materials(job: Job, look: JobLook, place: str, faults: list[Fault]) -> list
         key, name = (place, look.name) if each is look else (f"{place}.assign[{number}]", None)
         made.append(NEUTRAL)
         with collected(job, key, faults):
-            made[-1] = read_look(each.material, each.prim, each.variants, name, open_images=False)
+            found = read_any_look(each.material, each.prim, each.variants, name)
+            made[-1] = found.look
+            notes += lost_notes(found.lost)
     return made

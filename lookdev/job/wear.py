@@ -81,7 +81,7 @@ def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: P
     looks: dict[int | str | None, Look] = {**dict(enumerate(materials)), None: NEUTRAL}
     looks |= {path: each.look for path, each in bound.items()}
     looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
-    notes = list(_summary(fault for each in bound.values() for fault in each.lost))
+    notes = list(lost_notes(fault for each in bound.values() for fault in each.lost))
     if bare := [part.path for part in left if choose(part) is None]:
         more = f" and {len(bare) - 1} more; they are" if len(bare) > 1 else "; it is"
         notes.append(f"look '{given.name}': nothing covers {bare[0]}{more} rendered neutral grey")
@@ -89,7 +89,7 @@ def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: P
     return Dressed(asset, {path: looks[key] for path, key in chosen.items()}, own, tuple(notes))
 
 
-def _summary(lost: Iterable[Fault]) -> Iterator[str]:
+def lost_notes(lost: Iterable[Fault]) -> Iterator[str]:
     """Yield what materials lose, once for all that lose an input of the same name for the same reason."""
     alike: dict[tuple[str, str, str, str], list[Fault]] = {}
     for fault in lost:

@@ -254,7 +254,8 @@ ASSIGN = '"paint.usda"\n[[look.assign]]\nprims = ["/Ball"]\nmaterial = "paint.us
             "unknown key",
             "mater",
         ),
-        ('"paint.usda"', ASSIGN[:-7] + '.mtlx"', "look[0].assign[0].material", "'pain.mtlx' is of no known", ".usd"),
+        ('"paint.usda"', ASSIGN[:-7] + '.glb"', "look[0].assign[0].material", "'pain.glb' is of no known", ".mtlx"),
+        ('"paint.usda"', '"paint.usda"\nlayer = "a.mtlx"', "look[0].layer", "'a.mtlx' is of no known", ".usdz"),
         ('"paint.usda"', ASSIGN + '\nvariants = { a = "*" }', "look[0].assign[0].variants", "'a' is '*'", "[[look]]"),
     ],
 )

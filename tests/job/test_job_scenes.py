@@ -258,6 +258,33 @@ def test_an_assigned_material_has_prim_and_variants(make: Make, folder: Path) ->
     assert set(worn(make(assign + 'variants = { wear = "worn" }\n')).values()) == {0.875}
 
 
+STUDIO = """<materialx version="1.38">
+  <standard_surface name="S" type="surfaceshader">
+    <input name="subsurface" type="float" value="0.5"/>
+  </standard_surface>
+  <surfacematerial name="Studio" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S"/>
+  </surfacematerial>
+</materialx>"""
+
+
+def test_a_material_of_another_model_covers_parts_and_its_losses_are_noted(make: Make, folder: Path) -> None:
+    folder.joinpath("studio.mtlx").write_text(STUDIO)
+    assign = ASSIGN.format(prims='"/Car/Hood"', material="studio").replace(".usda", ".mtlx")
+    made = make(GOLD + "\n" + assign + '[[look]]\nname = "two"\nmaterial = "studio.mtlx"')
+    assert worn(made) == dict.fromkeys(OWN, 0.25) | {"/Car/Hood": "Studio"}
+    assert worn(made, "two") == dict.fromkeys(OWN, "two")
+    assert {look.layers[0].model for look in made.scenes["two", "white"].looks} == {"standard_surface"}
+    (note,) = made.notes
+    assert note.startswith(f"{folder / 'studio.mtlx'}: /MaterialX/Materials/Studio/S.inputs:subsurface: ")
+
+
+def test_a_material_of_another_model_that_cannot_be_read_is_an_error(make: Make, folder: Path) -> None:
+    folder.joinpath("studio.mtlx").write_text(STUDIO.replace("standard_surface", "lama_surface"))
+    found = faults(make, 'material = "studio.mtlx"')
+    assert "studio.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in found
+
+
 def test_built_in_assets_are_dressed_by_part(make: Make) -> None:
     assign = ASSIGN.format(prims='"*/base"', material="dirt")
     made = make(assign, 'builtin = "shaderball"')

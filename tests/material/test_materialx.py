@@ -214,7 +214,12 @@ def test_what_does_not_map_is_reported(tmp_path: Path) -> None:
                 "the connection to <noise3d> 'n' is not carried over",
                 "a LookdevDisney layer lets no light through",
             ),
-            ("Plain", "has the surface shader <standard_surface>", "only disney_principled is supported"),
+            (
+                "Plain",
+                "has the surface shader <standard_surface>",
+                "only disney_principled is imported; "
+                "the document itself, as 'material' of a look in a job, is read whatever its model",
+            ),
             ("Other", "<standard_surface> is not carried over", ""),
             ("warp", "<noise2d> is not carried over", ""),
             ("m", "<multiply> is not carried over", ""),

@@ -74,7 +74,8 @@ def test_other_shading_models_are_named(tmp_path: Path) -> None:
     other = '<standard_surface name="O" type="surfaceshader"/>'
     empty = '<surfacematerial name="E" type="material"/>'
     file = document(tmp_path, nodes=other, material=MATERIAL.replace('nodename="S"', 'nodename="O"') + empty)
-    hint = "only disney_principled is supported"
+    hint = "only disney_principled is imported; "
+    hint += "the document itself, as 'material' of a look in a job, is read whatever its model"
     assert faults_of(file) == [
         ("M", "has the surface shader <standard_surface>", hint),
         ("E", "has no surface shader", hint),

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from bound_files import preview
 from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
 
 from lookdev.cli import main
@@ -128,6 +129,38 @@ def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_n
     assert examine(file).findings == (
         Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", "it must be within [0, 1]"),
     )
+
+
+READ_AS = ("note", "/M", "is read as Standard Surface as Disney")
+
+
+def test_a_material_of_another_model_is_named_and_what_it_loses_noted(write) -> None:
+    body = preview("float inputs:subsurface = 1", identifier="ND_standard_surface_surfaceshader")
+    first, second = findings(file := write(body, ""))
+    assert first == READ_AS
+    assert second[:2] == ("note", "/M/S.inputs:subsurface")
+    assert not examine(file).has_errors
+
+
+def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
+    file = write(preview("float3 inputs:diffuseColor = (1, 0, 0)"), "")
+    ((severity, place, what), _) = findings(file)
+    assert (severity, place) == ("warning", "/M/S.inputs:diffuseColor")
+    assert "Expected 'color3f'" in what
+
+
+def test_what_one_variant_of_another_model_loses_is_noted(write) -> None:
+    lossy, plain = ('\nover "S" {\nfloat inputs:subsurface = %d\n}\n' % value for value in (1, 0))  # noqa: UP031
+    body = preview("", identifier="ND_standard_surface_surfaceshader") + VARIANTS % (lossy, plain)
+    first, second = examine(write(body, "", WITH_VARIANTS)).findings
+    assert (first.severity, first.prim, first.what) == READ_AS
+    assert (second.input, second.variants) == ("inputs:subsurface", ("wear=dusty",))
+
+
+def test_a_material_of_another_model_that_cannot_be_read_is_an_error(write) -> None:
+    found = findings(write(preview("", identifier="ND_lama_surface"), ""))
+    assert found[0] == ("error", "/M", "has no surface shader that can be read")
+    assert {severity for severity, _, _ in found} == {"error"}
 
 
 def test_a_variant_inside_a_variant_is_examined(write) -> None:

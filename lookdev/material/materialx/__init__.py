@@ -27,6 +27,7 @@ from lookdev.material.materialx.network import Network
 NODE = "disney_principled"
 """The one surface shader that is imported."""
 
+_ELSEWHERE = "the document itself, as 'material' of a look in a job, is read whatever its model"
 _PARAMETERS = DISNEY.parameters
 _WHY = {
     "specTrans": "a LookdevDisney layer lets no light through",
@@ -117,7 +118,7 @@ def _read_material(network: Network, material: Any, layers: dict[str, dict[str, 
             layers[path] = _read_layer(network, source.element)
         return ImportedMaterial(material.getName(), layers[path])
     found = f"the surface shader <{category}>" if category else "no surface shader"
-    network.lose(material, f"has {found}", f"only {NODE} is supported")
+    network.lose(material, f"has {found}", f"only {NODE} is imported; {_ELSEWHERE}")
     return None
 
 

@@ -56,13 +56,13 @@ def read_look(
     network = Network(file, open_images)
     with reading(file):
         path = find_material(network, stage, prim, variants or {})
-        return _read(network, stage, path, name)
+        return read_found(network, stage, path, name)
 
 
 def read_material(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Look:
     """Read the look of a material of an open stage, as it is composed there; errors as `read_look`, of `file`."""
     with reading(file):
-        return _read(Network(file), stage, path, None)
+        return read_found(Network(file), stage, path, None)
 
 
 def layer_faults(file: Path, layer: UsdShade.Shader) -> tuple[Fault, ...]:
@@ -112,12 +112,9 @@ def has_look(file: Path, prim: str) -> bool:
     return bool(material) and bool(material.GetPrim().GetAttribute(TERMINAL).HasAuthoredConnections())
 
 
-def _read(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
-    for error in stage.GetCompositionErrors():
-        site = error.rootSite.path
-        # The site is empty for a path that is an expression which USD cannot evaluate.
-        if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
-            network.fault(site, usd_words(str(error)))
+def read_found(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str | None) -> Look:
+    """Read the look at the path that `find_material` has returned; raises LookError with all faults of the network."""
+    check_composition(network, stage, path)
     if path is None:
         raise LookError(network.faults)
     material = UsdShade.Material(stage.GetPrimAtPath(path))
@@ -125,6 +122,15 @@ def _read(network: Network, stage: Usd.Stage, path: Sdf.Path | None, name: str |
     if network.faults:
         raise LookError(network.faults)
     return Look(name or path.name, layers, f"{network.file}<{path}>", displacement)
+
+
+def check_composition(network: Network, stage: Usd.Stage, path: Sdf.Path | None) -> None:
+    """Note errors of the composition, above, at and below a path where one is given."""
+    for error in stage.GetCompositionErrors():
+        site = error.rootSite.path
+        # The site is empty for a path that is an expression which USD cannot evaluate.
+        if path is None or not site or path.HasPrefix(site) or site.HasPrefix(path):
+            network.fault(site, usd_words(str(error)))
 
 
 def find_material(network: Network, stage: Usd.Stage, prim: str | None, variants: Mapping[str, str]) -> Sdf.Path | None:

@@ -1,4 +1,4 @@
-"""The materials that an asset binds, as looks.
+"""Materials of any shading model as looks: those that an asset binds, and those of a file that a job names.
 
 A material of `lookdev` is read as any look: faults are errors. Of any other, the surface shader is a layer of its
 translation (`lookdev.material.translate`), and what cannot be carried is listed.
@@ -18,13 +18,13 @@ from lookdev.errors import Fault, LookError, TextureError
 from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.textures import image_header, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders
-from lookdev.material.usd import read_material
+from lookdev.material.usd import check_composition, find_material, read_found, read_material
 from lookdev.material.usd.network import TERMINAL, Network, Source, shader_id
 from lookdev.material.usd.nodes import NODES
 from lookdev.material.usd.reader import Reader, category
 from lookdev.material.usd.terms import Term, Unread
 from lookdev.mtlx import NOTES
-from lookdev.stage import Composed, reading
+from lookdev.stage import Composed, open_stage, reading
 
 GREY = Layer("Grey", "disney", {"baseColor": (0.18, 0.18, 0.18)})
 """The layer of a part whose material cannot be read."""
@@ -41,6 +41,11 @@ class BoundLook:
 
     look: Look
     lost: tuple[Fault, ...] = ()
+
+    @property
+    def titles(self) -> tuple[str, ...]:
+        """The model of each layer, and of a translated one also what it is rendered as."""
+        return tuple(_title(layer.model) for layer in self.look.layers)
 
 
 def read_bound(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]:
@@ -75,14 +80,64 @@ def read_bound(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]
                 looks[path] = BoundLook(read_material(file, stage, prim.GetPath()))
                 continue
             material = _Material(file, path)
-            look = (
-                material.read(prim) if prim and prim.IsA(UsdShade.Material) else material.grey(path, "is no material")
-            )
+            try:
+                look = material.read(prim)
+            except Unread as unread:
+                look = material.grey(str(unread))
             absent |= dict.fromkeys(material.reader.missing)
-            looks[path] = BoundLook(look, (*material.network.faults, *dict.fromkeys(material.reader.missing)))
+            looks[path] = BoundLook(look, material.lost)
     if absent and composed.composition.missing == "error":
         raise LookError(absent)
     return looks
+
+
+def read_any_look(
+    file: Path, prim: str | None = None, variants: Mapping[str, str] | None = None, name: str | None = None
+) -> BoundLook:
+    """Read a material of a file, of `lookdev` or of another model; parameters as `read_look`.
+
+    The images of a material of `lookdev` are not opened. Raises LookError as `read_look` and `read_foreign`.
+    """
+    stage, network = open_stage(file), Network(file, opens_images=False)
+    with reading(file):
+        path = find_material(network, stage, prim, variants or {})
+        if path is None or not is_foreign(stage.GetPrimAtPath(path)):
+            return BoundLook(read_found(network, stage, path, name))
+        if network.faults:
+            raise LookError(network.faults)
+        found = read_foreign(file, stage, path)
+        return replace(found, look=replace(found.look, name=name or found.look.name))
+
+
+def is_foreign(material: Usd.Prim) -> bool:
+    """Return whether a material has no output of `lookdev`, but a surface of another model."""
+    own = material.GetAuthoredPropertiesInNamespace("outputs:lookdev")
+    return not own and any(_is_connected(material, name) for name in _SURFACES)
+
+
+def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
+    """Read a material of another model, of an open stage, that somebody has chosen.
+
+    Raises
+    ------
+    LookError
+        It is not composed without errors, its surface shader cannot be read, or images are missing.
+    """
+    material, network = _Material(file, str(path)), Network(file)
+    with reading(file):
+        check_composition(network, stage, path)
+        try:
+            look = material.read(stage.GetPrimAtPath(path))
+        except Unread as unread:
+            network.fault(path, str(unread))
+            raise LookError((*network.faults, *material.lost)) from unread
+    if absent := (*network.faults, *material.reader.missing):
+        raise LookError(dict.fromkeys(absent))
+    return BoundLook(look, material.lost)
+
+
+def _title(model: str) -> str:
+    return MODELS[model].title if model in MODELS else f"{TRANSLATIONS[model].title} as {MODELS['disney'].title}"
 
 
 class _Material:
@@ -91,13 +146,20 @@ class _Material:
         self.network = Network(file)
         self.reader = Reader(self.network, NODES)
 
-    def grey(self, where: object, what: str, hint: str = "its parts are grey") -> Look:
-        """Return the look of a material that cannot be read."""
-        self.network.fault(where, what, hint)
+    @property
+    def lost(self) -> tuple[Fault, ...]:
+        """What is not carried, missing images last."""
+        return (*self.network.faults, *dict.fromkeys(self.reader.missing))
+
+    def grey(self, what: str) -> Look:
+        """Return the look of a material that cannot be read, and note why."""
+        self.network.fault(self.path, what, "its parts are grey")
         return Look(self.path.rpartition("/")[2], (GREY,), f"{self.network.file}<{self.path}>")
 
     def read(self, prim: Usd.Prim) -> Look:
-        """Return the look of a material."""
+        """Return the look of a material; raises Unread where it has no surface that can be read."""
+        if not prim or not prim.IsA(UsdShade.Material):
+            raise Unread("is no material")
         self._note_documents(prim)
         terminals = [name for name in _SURFACES if _is_connected(prim, name)]
         for name in _VOLUMES:
@@ -111,9 +173,7 @@ class _Material:
                 continue
             displacement = self._displacement(prim)
             return Look(prim.GetName(), tuple(layers), f"{self.network.file}<{self.path}>", displacement)
-        if not terminals:
-            return self.grey(prim.GetPath(), "has no surface shader")
-        return self.grey(prim.GetPath(), "has no surface shader that can be read")
+        raise Unread(f"has no surface shader{' that can be read' if terminals else ''}")
 
     def _note_documents(self, prim: Usd.Prim) -> None:
         """Note what MaterialX documents hold that is not in the layers that stand for them."""

@@ -1,7 +1,8 @@
 """All faults of the looks of a file, in every combination of variants.
 
-These are the faults of `read_look`, the findings of USD's own validators, and notes on what is legal without effect. A
-hostile file can hang or kill the process that reads it: `lookdev.material.validate` runs this in a process of its own.
+These are the faults of `read_look`, the findings of USD's own validators, and notes on what is legal without effect. Of
+a material of another shading model, notes say what it is read as and what is not carried. A hostile file can hang or
+kill the process that reads it: `lookdev.material.validate` runs this in a process of its own.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from lookdev.errors import Fault, LookError
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
+from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
 from lookdev.material.validate.unused import Stack, unread
@@ -40,6 +42,8 @@ _DEPENDENCIES = "usdUtilsValidators:MissingReferenceValidator"
 _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
 # USD's error for an unknown shader: nodes of other renderers may be beside ours.
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
+# Nodes of MaterialX are read, or noted; USD's wheels lack its definitions.
+_MATERIALX = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
 _UNRESOLVED = "UnresolvableDependency"
 
@@ -85,9 +89,14 @@ def _examine_material(file: Path, stage: Usd.Stage, prim: str, fixed: Mapping[st
         combinations = islice(_one_by_one(stage, path, fixed), _MOST_VARIANTS)
         what = f"has more than {MOST_COMBINATIONS} combinations of variants; not all were examined"
         found.append(Finding("note", prim, "", what, "each variant was, with the other sets as the file has them"))
-    looks = {_label(chosen): tuple(dict.fromkeys(_examine_look(file, stage, path))) for chosen in combinations}
+    looks: dict[str, tuple[Finding, ...]] = {}
+    foreign: set[str] = set()
+    for chosen in combinations:
+        looks[label := _label(chosen)] = tuple(dict.fromkeys(_examine_look(file, stage, path)))
+        if is_foreign(stage.GetPrimAtPath(path)):
+            foreign.add(label)
     session.Clear()
-    return [*found, *_merged(looks)], len(looks)
+    return [*found, *_merged(looks, foreign)], len(looks)
 
 
 def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
@@ -102,10 +111,10 @@ def _label(chosen: Mapping[str, str]) -> str:
     return ", ".join(f"{name}={choice or '(none)'}" for name, choice in chosen.items())
 
 
-def _merged(looks: Mapping[str, tuple[Finding, ...]]) -> Iterator[Finding]:
+def _merged(looks: Mapping[str, tuple[Finding, ...]], foreign: set[str]) -> Iterator[Finding]:
     """Yield the findings of every combination, and errors and warnings of some combinations with their names.
 
-    Notes on some are left out: another variant may use what one does not.
+    Notes on some are left out: another variant may use what one does not. Those of `foreign` ones are on losses.
     """
     labelled: dict[Finding, list[str]] = {}
     for label, findings in looks.items():
@@ -114,7 +123,7 @@ def _merged(looks: Mapping[str, tuple[Finding, ...]]) -> Iterator[Finding]:
     for finding, labels in labelled.items():
         if len(labels) == len(looks):
             yield finding
-        elif finding.severity != "note":
+        elif finding.severity != "note" or foreign.issuperset(labels):
             yield replace(finding, variants=tuple(labels))
 
 
@@ -155,7 +164,11 @@ def _examine_look(file: Path, stage: Usd.Stage, path: Sdf.Path) -> Iterator[Find
     if _is_huge(prim):
         yield Finding("note", str(path), "", _TOO_LARGE, f"at most {_MOST_PROPERTIES} prims and properties would be")
         return
-    yield from _usd_findings(list(Usd.PrimRange(prim)), own)
+    of_usd = _usd_findings(list(Usd.PrimRange(prim)), own)
+    if is_foreign(prim):  # read more leniently: what USD objects to is rendered
+        yield from (replace(each, severity="warning") if each.severity == "error" else each for each in of_usd)
+        return
+    yield from of_usd
     stack = Stack(file, UsdShade.Material(prim))
     for place, what, hint in (*stack.notes(layers), *unread(prim)):
         yield Finding("note", *_split(place), what, hint)
@@ -183,7 +196,12 @@ def _is_huge(prim: Usd.Prim) -> bool:
 
 
 def _read(file: Path, stage: Usd.Stage, path: Sdf.Path) -> tuple[tuple[Finding, ...], tuple[Layer, ...]]:
+    """Return the findings of the reader in a material, and the layers; of one of another model only notes."""
     try:
+        if is_foreign(stage.GetPrimAtPath(path)):
+            found = read_foreign(file, stage, path)
+            read_as = Finding("note", str(path), "", f"is read as {' and '.join(dict.fromkeys(found.titles))}")
+            return (read_as, *(replace(_from_fault(fault), severity="note") for fault in found.lost)), ()
         return (), read_material(file, stage, path).layers
     except LookError as error:
         return tuple(map(_from_fault, error.faults)), ()
@@ -204,6 +222,8 @@ def _usd_findings(place: Usd.Stage | list[Usd.Prim], own: Iterable[Finding]) -> 
     known = tuple(own)
     for error in UsdValidation.ValidationContext(_validators()).Validate(place)[:MOST_FINDINGS]:
         what = usd_words(error.GetMessage())
+        if error.GetName() == _UNKNOWN_SHADER and what.startswith(_MATERIALX):
+            continue
         where = (site.GetProperty() if site.IsProperty() else site.GetPrim() for site in error.GetSites())
         prim, name = next((_split(str(each.GetPath())) for each in where if each), ("", ""))
         # A missing file is already reported with the input or the reference that names it.
