@@ -28,6 +28,7 @@ def make_plane() -> Asset:
         normals=np.tile(np.array([0, -1, 0], np.float32), (4, 1)),
         tangents=np.tile(np.array([1, 0, 0], np.float32), (4, 1)),
         uvs={"st": uvs},
+        default_uv="st",
     )
     return make_asset("plane", [mesh], [Instance(0, np.eye(4))], [Slot("/plane")], convex=True, sheet=True)
 
@@ -61,6 +62,7 @@ def make_suzanne() -> Asset:
         normals=normals,
         tangents=corner_tangents(points, corner_points, face_sizes, normals, uvs),
         uvs={"st": uvs},
+        default_uv="st",
     )
     return make_asset("suzanne", [mesh], [Instance(0, np.eye(4))], [Slot("/suzanne")])
 

@@ -69,4 +69,5 @@ def revolve(name: str, profile: Profile, segments: int, slot: int = 0) -> Mesh:
         normals=np.stack([radial * np.cos(phi), radial * np.sin(phi), axial], axis=-1).astype(np.float32),
         tangents=np.stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)], axis=-1).astype(np.float32),
         uvs={"st": np.stack([columns / segments, profile.v[rows]], axis=-1).astype(np.float32)},
+        default_uv="st",
     )

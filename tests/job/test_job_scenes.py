@@ -285,6 +285,13 @@ def test_a_material_of_another_model_that_cannot_be_read_is_an_error(make: Make,
     assert "studio.mtlx: /MaterialX/Materials/Studio: has no surface shader that can be read ()" in found
 
 
+def test_a_built_in_asset_has_uvs_for_any_look(make: Make) -> None:
+    made = make('material = "stripes.usda"', 'builtin = "shaderball"')
+    assert all("map1" in mesh.uvs for mesh in made.scenes["one", "white"].asset.meshes)
+    (note,) = made.notes
+    assert "no UV set 'map1', which looks ask for: 'st' is read" in note
+
+
 def test_built_in_assets_are_dressed_by_part(make: Make) -> None:
     assign = ASSIGN.format(prims='"*/base"', material="dirt")
     made = make(assign, 'builtin = "shaderball"')
