@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,18 +35,18 @@ class _Cloud:
         cells = np.repeat(np.arange(len(meshes)) * _CELLS**3, counts)
         ends = np.cumsum(counts)
         for number in np.flatnonzero(divided):
-            cells[ends[number] - counts[number] : ends[number]] += _cells(meshes[number].points, boxes[number])
+            cells[ends[number] - counts[number] : ends[number]] += grid_cells(meshes[number].points, boxes[number])
         order = np.argsort(cells, kind="stable")
         self._points = points[order]
         self._starts = np.flatnonzero(np.diff(cells[order], prepend=-1))
         self._lengths = np.diff(self._starts, append=len(points))
-        self._middles, self._radii = _spheres(_boxes(self._points, self._starts))
+        self._middles, self._radii = bounding_spheres(bounding_boxes(self._points, self._starts))
         parts = np.bincount(cells[order[self._starts]] // _CELLS**3, minlength=len(meshes))
         self._first_part, self._parts = (np.cumsum(parts) - parts)[mesh], parts[mesh]
         matrices = np.array([instance.matrix for instance in instances])
         self._linear, self._offset = matrices[:, :3, :3], matrices[:, :3, 3]
         self._stretch = np.linalg.norm(self._linear, ord=2, axis=(1, 2))
-        middles, radii = _spheres(boxes)
+        middles, radii = bounding_spheres(boxes)
         self.centers = self._placed(np.arange(len(mesh)), middles[mesh])
         self._reach = self._stretch * radii[mesh]
 
@@ -134,21 +135,21 @@ def _joined(meshes: Sequence[Mesh]) -> tuple[Floats, Index, Doubles]:
     """Return the points of all meshes, how many each has, and its least and greatest coordinates (k, 2, 3)."""
     points = np.concatenate([mesh.points for mesh in meshes])
     counts = np.array([len(mesh.points) for mesh in meshes])
-    return points, counts, _boxes(points, np.cumsum(counts) - counts)
+    return points, counts, bounding_boxes(points, np.cumsum(counts) - counts)
 
 
-def _boxes(points: Floats, starts: Index) -> Doubles:
+def bounding_boxes(points: NDArray[np.floating[Any]], starts: Index) -> Doubles:
     """Return the least and the greatest coordinates (k, 2, 3) of runs of points."""
     boxes = [each.reduceat(points, starts) for each in (np.minimum, np.maximum)]
     return np.asarray(np.stack(boxes, axis=1), np.float64)
 
 
-def _spheres(boxes: Doubles) -> tuple[Doubles, Doubles]:
+def bounding_spheres(boxes: Doubles) -> tuple[Doubles, Doubles]:
     """Return the middles (k, 3) of boxes and half their diagonals (k,)."""
     return boxes.mean(axis=1), 0.5 * np.linalg.norm(np.ptp(boxes, axis=1), axis=1)
 
 
-def _cells(points: Floats, box: Doubles) -> Index:
+def grid_cells(points: NDArray[np.floating[Any]], box: Doubles) -> Index:
     """Return the cell of each point of a mesh."""
     extent = np.ptp(box, axis=0)
     cells = np.floor((points - box[0]) * (0.999 * _CELLS / np.where(extent > 0.0, extent, 1.0)))

@@ -42,6 +42,11 @@ def scattered(count, mesh_of, spread, seed=0):
     return asset_of(meshes, instances)
 
 
+def ball(rng, count):
+    points = rng.normal(size=(count, 3))
+    return points / np.linalg.norm(points, axis=1)[:, None]
+
+
 def support(points):
     return (points @ DIRECTIONS).max(axis=0)
 
@@ -52,6 +57,16 @@ ASSETS = {
     "instances": lambda: scattered(500, lambda rng: [rng.normal(size=(3000, 3))], 10.0),
     "flat instances": lambda: scattered(20, lambda rng: [rng.normal(size=(60, 3)) * [1, 1, 0]], 10.0),
     "instances on a line": lambda: scattered(20, lambda rng: [rng.normal(size=(60, 3)) * [1, 0, 0]], [10.0, 0.0, 0.0]),
+    "large flat instances": lambda: scattered(20, lambda rng: [rng.normal(size=(3000, 3)) * [1, 1, 0]], 10.0),
+    "large instances in a plane": lambda: scattered(200, lambda rng: [ball(rng, 3000)], [50.0, 50.0, 0.0]),
+    "large and small": lambda: scattered(
+        40, lambda rng: [ball(rng, 3000), ball(rng, 60), rng.normal(size=(9, 3))], 9.0
+    ),
+    "large instances in one place": lambda: scattered(40, lambda rng: [ball(rng, 3000)], 0.0),
+    "a flat whole": lambda: asset_of(
+        [faces_of(np.random.default_rng(0).normal(size=(3000, 3)) * [1, 1, 0])],
+        [Instance(0, moved(x, x * x, 0)) for x in range(30)],
+    ),
     "far away": lambda: asset_of([faces_of(np.eye(3))], [Instance(0, moved(1e6, x, -1e6)) for x in range(30)]),
     "all in a plane": lambda: asset_of(
         [faces_of(np.eye(3) * [1, 1, 0])], [Instance(0, moved(x, 0, 0)) for x in range(9)]
@@ -71,6 +86,27 @@ def test_the_outline_has_the_hull_of_all_points(name: str) -> None:
 def test_instances_inside_are_left_out() -> None:
     asset = ASSETS["instances"]()
     assert len(outline(asset)) < 0.02 * 500 * 3000
+
+
+@pytest.mark.parametrize(
+    ("shape", "most"),
+    [([1, 1, 0], 100), ([0, 1, 1], 100), ([1, 0, 0], 2)],
+)
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+def test_of_flat_meshes_the_corners_of_their_outline_are_left(shape, most, turn) -> None:
+    linear = np.array([[math.cos(turn), -math.sin(turn), 0.0], [math.sin(turn), math.cos(turn), 0.0], [0.0, 0.0, 1.0]])
+    flat = faces_of(np.random.default_rng(1).normal(size=(3000, 3)) * shape)
+    instances = []
+    for number in range(20):
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = linear, [number, 3 * number, number**2]
+        instances.append(Instance(0, matrix))
+    assert len(outline(asset_of([flat], instances))) <= 20 * most
+
+
+def test_of_round_instances_the_outer_sides_are_left() -> None:
+    asset = ASSETS["large instances in a plane"]()
+    assert len(outline(asset)) < 0.2 * 200 * 3000
 
 
 def test_points_of_no_face_do_not_count() -> None:

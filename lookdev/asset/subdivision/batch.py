@@ -15,8 +15,8 @@ from lookdev.asset.subdivision.topology import Index
 from lookdev.asset.tangents import corner_tangents, perpendicular
 from lookdev.errors import AssetError
 
-_BATCH = 4_000_000
-"""Refined corners that are made at once: small cages share the cost of a call, and memory stays bounded."""
+_BATCH = 1_000_000
+"""Refined corners that are made at once: small cages share the cost of a call, and what is freed is used again."""
 
 
 def refine(mesh: Mesh, level: int) -> Mesh:
