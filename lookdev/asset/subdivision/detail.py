@@ -19,7 +19,7 @@ from lookdev.asset.normals import next_corners
 from lookdev.asset.subdivision.batch import batches, joined
 from lookdev.asset.subdivision.cage import build_cage
 from lookdev.asset.subdivision.limit import complete_normals, limit
-from lookdev.asset.subdivision.refine import masks_of, refine_cage
+from lookdev.asset.subdivision.refine import masks_of, refined_values
 from lookdev.asset.subdivision.rules import interpolate
 from lookdev.asset.subdivision.topology import Doubles, Flags, Index, Level, first_child, split
 
@@ -110,9 +110,10 @@ def refinement_levels(
         for i, level in zip(own, levels, strict=True):
             wanted[i] = level
     flat = [i for i in small if wanted[i] == 0 and asset.meshes[i].uvs]
-    for numbers, _ in batches([asset.meshes[i] for i in flat], [1] * len(flat)):
+    textured = [replace(asset.meshes[i], primvars={}) for i in flat]
+    for numbers, _ in batches(textured, [1] * len(flat)):
         own = [flat[i] for i in numbers]
-        levels = _texture_levels([asset.meshes[i] for i in own], sizes[own], finest).tolist()
+        levels = _texture_levels([textured[i] for i in numbers], sizes[own], finest).tolist()
         for i, level in zip(own, levels, strict=True):
             wanted[i] = level
     for i in set(cages) - set(small):
@@ -194,17 +195,17 @@ def _texture_levels(meshes: list[Mesh], pixels: Doubles, finest: int) -> Index:
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
     control = joined(meshes)
-    refined = refine_cage(control, subdivision, 1)
-    shown = np.zeros(len(control.sizes), bool)
-    shown[refined.origin] = True
+    shown, refined = refined_values(control, subdivision)
     corners, following = np.flatnonzero(np.repeat(shown, control.sizes)), next_corners(control.sizes[shown])
-    first = first_child(np.arange(len(corners)), subdivision.scheme == "loop")
+    first = first_child(corners, subdivision.scheme == "loop")
     points = control.points[control.corners[corners]]
     mesh = np.repeat(np.arange(len(meshes)), [len(each.face_sizes) for each in meshes])
     mesh = np.repeat(mesh, control.sizes)[corners]
     length = np.linalg.norm(points[following] - points, axis=1) / pixels[mesh]
     needed = np.zeros(len(corners))
-    for (_, values), smooth in zip(control.values[: len(meshes[0].uvs)], refined.values, strict=False):
+    for (interpolation, values), smooth in zip(control.values, refined, strict=True):
+        if interpolation in ("constant", "uniform"):
+            continue
         here, there = values[corners], values[corners][following]
         moved = np.linalg.norm([smooth[first] - here, smooth[first + 1] - 0.5 * (here + there)], axis=2).max(axis=0)
         edge = np.linalg.norm(there - here, axis=1)

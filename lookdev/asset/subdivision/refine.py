@@ -82,6 +82,22 @@ def refine_cage(control: Control, subdivision: Subdivision, level: int) -> Refin
     return _shown(cage, half_edges, values[:, :3], normals, origin, at_corners)
 
 
+def refined_values(control: Control, subdivision: Subdivision) -> tuple[Flags, list[Floats]]:
+    """Return which faces (f,) of a cage are shown, and what `refine_cage` returns as values at level 1, of all faces.
+
+    Values that are constant over a face are empty.
+    """
+    rules, cage = masks_of(subdivision), build_cage(control, subdivision)
+    surface, others, linear = _sorted(control, cage, rules, subdivision)
+    at_corners = [np.zeros((0, 0), np.float32) for _ in control.values]
+    for number, each in linear.items():
+        at_corners[number] = split_corners(cage.level, each, rules.triangles).astype(np.float32)
+    for stack in (surface, *others):
+        if any(number >= 0 for number, _ in stack.columns):
+            _spread(*_values_refined(stack, rules, 1), stack.columns, at_corners)
+    return ~cage.hidden, at_corners
+
+
 def _sorted(
     control: Control, cage: Cage, rules: Rules, subdivision: Subdivision
 ) -> tuple[_Stack, list[_Stack], dict[int, Doubles]]:
