@@ -16,7 +16,7 @@ from lookdev.asset.normals import Doubles
 
 _OFTEN = 8  # instances: the corners of a mesh's hull are found faster than the points of so many are placed
 _SMALL = 32  # points of a mesh that are placed faster than its corners are found
-_LARGE = 1024  # points of a mesh whose instances are looked at one by one, cell by cell
+_LARGE = 1024  # points of a mesh that is used often, whose instances are looked at one by one, cell by cell
 _SEEDS = 2**13  # points, of all instances of large meshes, between which their polytope is; more have more planes
 _BLOCK = 2**18  # points at a time
 _TOLERANCE = 1e-9
@@ -46,7 +46,7 @@ def outline(asset: Asset) -> Doubles:
     outer = np.flatnonzero(_Polytope(seeds.reshape(-1, 3), 64).outside(centers, reach))
 
     inner = _Polytope(seeds.reshape(-1, 3), 24)
-    large = np.array([len(cloud) >= _LARGE for cloud in clouds])[shown[outer]]
+    large = ((uses >= _OFTEN) & (np.array([len(cloud) for cloud in clouds]) >= _LARGE))[shown[outer]]
     single, outer = outer[large], outer[~large]
     batch = np.cumsum([len(clouds[each]) for each in shown[outer]]) // _BLOCK
     kept = [np.zeros((0, 3))]
