@@ -204,7 +204,8 @@ def _distinct(points: Index, sizes: Index) -> NDArray[np.bool_]:
         distinct[these] = (corners[:, 1:] != corners[:, :-1]).all(axis=1)
     if len(sizes) == 0:
         return distinct
-    edges = mixed(points.astype(np.uint64) << np.uint64(32) | points[next_corners(sizes)].astype(np.uint64))
+    edges = points.astype(np.uint64) << np.uint64(32) | points[next_corners(sizes)].astype(np.uint64)
+    edges = mixed(edges + np.uint64(1))  # the hash of 0 is 0: an edge from point 0 to itself would not count
     key = np.add.reduceat(edges, starts)
     ordered = np.sort(key)
     if (ordered[1:] == ordered[:-1]).any():

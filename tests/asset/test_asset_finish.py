@@ -118,6 +118,11 @@ def test_which_faces_are_left_out(face: list[int], left: int) -> None:
     assert len(one(shape).face_sizes) == left
 
 
+def test_a_face_is_no_copy_of_one_that_has_the_first_point_twice() -> None:
+    shape = square(face_sizes=np.array([4, 3]), face_points=np.array([1, 0, 0, 3, 3, 1, 0]))
+    np.testing.assert_array_equal(one(shape).face_sizes, [3])
+
+
 def test_an_edge_of_three_faces_is_no_fault() -> None:
     points = np.array([(0, 0, 0), (0, 0, 1), (1, 0, 0), (-1, 1, 0), (-1, -1, 0)], np.float64)
     mesh = one(Shape("/Fan", points, np.array([3, 3, 3]), np.array([0, 1, 2, 0, 1, 3, 0, 1, 4])))
