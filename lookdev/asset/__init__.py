@@ -1,7 +1,7 @@
 """What is turned: geometry as arrays, from USD or built in.
 
 `mesh` defines an asset. `usd` reads one from a file, `builtin` makes one (`revolve`, `shaderball`). A `shape` is a
-surface as a file has it; `finish` makes meshes of shapes with `faces`, `normals` and `tangents`. `bounds` has the
+surface as a file has it; `finish` makes meshes of shapes with `faces` and `normals`. `bounds` has the
 sphere around an asset, `store` its digest and its file in the cache.
 """
 
@@ -65,7 +65,6 @@ def _polygon_mesh(mesh: Mesh) -> Mesh:
         face_sizes=mesh.face_sizes[keep],
         face_slots=mesh.face_slots[keep],
         normals=mesh.normals[corners],
-        tangents=mesh.tangents[corners],
         uvs={name: values[corners] for name, values in mesh.uvs.items()},
         primvars={name: values[corners] for name, values in mesh.primvars.items()},
         subdivision=None,

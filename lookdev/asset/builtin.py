@@ -13,7 +13,6 @@ from lookdev.asset.normals import area_vectors, smooth_normals
 from lookdev.asset.revolve import Profile, revolve
 from lookdev.asset.shaderball import make_shaderball
 from lookdev.asset.store import make_asset
-from lookdev.asset.tangents import corner_tangents
 
 
 def make_plane() -> Asset:
@@ -60,7 +59,7 @@ def make_suzanne() -> Asset:
         face_sizes=face_sizes,
         face_slots=np.zeros_like(face_sizes),
         normals=normals,
-        tangents=corner_tangents(points, corner_points, face_sizes, normals, uvs),
+        tangents=None,
         uvs={"st": uvs},
         default_uv="st",
     )

@@ -1,4 +1,4 @@
-"""From shapes, as files and primitives have them, to meshes: the faces that are kept, their normals and tangents.
+"""From shapes, as files and primitives have them, to meshes: the faces that are kept, and their normals.
 
 What varies over a shape is put at the corners of its faces. Points that no face uses are left out.
 """
@@ -14,12 +14,9 @@ from numpy.typing import NDArray
 
 from lookdev.asset.faces import Faces, first_in_each, raise_all
 from lookdev.asset.mesh import Floats, Mesh, Subdivision
-from lookdev.asset.normals import blocks, face_areas, face_starts, sum_by, unit_or
+from lookdev.asset.normals import batches, blocks, face_areas, face_starts, sum_by, unit_or
 from lookdev.asset.shape import Attribute, Doubles, Index, Shape
-from lookdev.asset.tangents import corner_tangents
 from lookdev.errors import AssetError
-
-_BATCH = 1 << 18  # corners
 
 
 def finish(shapes: Sequence[Shape], y_up: bool = False) -> list[Mesh | None]:
@@ -34,35 +31,27 @@ def finish(shapes: Sequence[Shape], y_up: bool = False) -> list[Mesh | None]:
     AssetError
         Counts, indices and sizes of a shape do not agree, or a number is not finite; a line for each fault.
     """
-    meshes: dict[int, Mesh | None] = {}
+    meshes: list[Mesh | None] = []
     faults: list[str] = []
-    textured = [any(each.is_uv for each in shape.attributes) for shape in shapes]
-    for batch in (*_batches(shapes, textured, True), *_batches(shapes, textured, False)):
+    for batch in batches([len(shape.face_points) for shape in shapes]):
         try:
-            meshes |= zip(batch, _finish([shapes[i] for i in batch], y_up), strict=True)
-        except AssetError as error:
-            faults.append(str(error))
+            meshes += _finish(shapes[batch], y_up)
+        except AssetError:
+            faults += _faults(shapes[batch], y_up)
     raise_all(faults)
-    return [meshes[i] for i in range(len(shapes))]
+    return meshes
 
 
-def _batches(shapes: Sequence[Shape], kinds: Sequence[bool], kind: bool) -> Iterator[list[int]]:
-    """Yield the numbers of shapes of a kind, so many at a time that their arrays fit in a cache."""
-    batch: list[int] = []
-    corners = 0
-    for number, shape in enumerate(shapes):
-        if kinds[number] != kind:
-            continue
-        batch.append(number)
-        corners += len(shape.face_points)
-        if corners >= _BATCH:
-            yield batch
-            batch, corners = [], 0
-    if batch:
-        yield batch
+def _faults(shapes: Sequence[Shape], y_up: bool) -> Iterator[str]:
+    """Yield what is wrong with each of some shapes: a fault of one hides later ones of others."""
+    for shape in shapes:
+        try:
+            _finish([shape], y_up)
+        except AssetError as error:
+            yield str(error)
 
 
-def _finish(shapes: list[Shape], y_up: bool) -> list[Mesh | None]:
+def _finish(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
     faces = Faces.of(shapes)
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
@@ -76,11 +65,6 @@ def _finish(shapes: list[Shape], y_up: bool) -> list[Mesh | None]:
     attributes = _attributes(shapes, faces)
     normals = _normals(shapes, faces, points, corner_points, y_up)
     uvs = [_uvs(shape, values) for shape, values in zip(shapes, attributes, strict=True)]
-    first = [next(iter(each.values())) for each in uvs if each]
-    owner = np.repeat(np.arange(len(shapes)), np.diff(point_starts))
-    tangents = corner_tangents(
-        points, corner_points, faces.sizes, normals, np.concatenate(first) if first else None, owner
-    )
     local = (corner_points - np.repeat(point_starts[:-1], np.diff(faces.corners))).astype(np.int32)
     sizes = faces.sizes.astype(np.int32)
 
@@ -106,7 +90,7 @@ def _finish(shapes: list[Shape], y_up: bool) -> list[Mesh | None]:
                 face_sizes=sizes[of_faces],
                 face_slots=slots,
                 normals=normals[of_corners],
-                tangents=tangents[of_corners],
+                tangents=None,
                 uvs=uvs[i],
                 primvars={each.name: attributes[i][each.name] for each in shape.attributes if not each.is_uv},
                 subdivision=subdivision,

@@ -22,9 +22,10 @@ _STEP = 1e-3
 def gathered(asset: Asset) -> Asset:
     """Return an asset about the origin, with its small meshes of a single instance joined: the same surface.
 
-    Meshes are joined that have UV sets and primvars of the same names. Their normals are transformed by the inverse
-    transpose of their instance's matrix, without normalisation, so that interpolation commutes with it. Meshes stay
-    apart that an instance reflects, and those too fine for float32 so far from the origin.
+    Meshes are joined that have UV sets and primvars of the same names, and all or none have tangents. Their normals are
+    transformed by the inverse transpose of their instance's matrix, without normalisation, so that interpolation
+    commutes with it. Meshes stay apart that an instance reflects, and those too fine for float32 so far from the
+    origin.
     """
     mesh = np.array([instance.mesh for instance in asset.instances])
     matrices = np.array([instance.matrix for instance in asset.instances])
@@ -56,7 +57,8 @@ def _groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
     corners: dict[object, int] = {}
     for i in instances:
         mesh = asset.meshes[asset.instances[i].mesh]
-        layout = tuple(mesh.uvs), tuple((name, values.ndim) for name, values in mesh.primvars.items())
+        widths = tuple((name, values.ndim) for name, values in mesh.primvars.items())
+        layout = mesh.tangents is None, tuple(mesh.uvs), widths
         groups.setdefault(layout, []).append(i)
         corners[layout] = corners.get(layout, 0) + len(mesh.corner_points)
         if corners[layout] >= _CORNERS:
@@ -89,7 +91,7 @@ def _joined(meshes: Sequence[Mesh], matrices: Doubles) -> Mesh:
         face_sizes=join("face_sizes"),
         face_slots=join("face_slots"),
         normals=turn("normals", np.swapaxes(np.linalg.inv(linear), 1, 2) * scales),
-        tangents=turn("tangents", linear / scales),
+        tangents=None if first.tangents is None else turn("tangents", linear / scales),
         uvs={name: np.concatenate([mesh.uvs[name] for mesh in meshes]) for name in first.uvs},
         primvars={name: np.concatenate([mesh.primvars[name] for mesh in meshes]) for name in first.primvars},
     )

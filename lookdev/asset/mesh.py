@@ -52,8 +52,9 @@ class Mesh:
     points (n, 3) metres; corner_points (m,) index into points; face_sizes (f,) corners of each face, at least 3;
     face_slots (f,) index into `Asset.slots`; normals (m, 3) unit shading normals, on the side from which the winding
     is counter-clockwise; tangents (m, 3) unit, orthogonal to the normal, along increasing u of the first UV set or,
-    without one, along the longitude about the z axis; uvs: UV set name to (m, 2), (0, 0) lower left; primvars: name to
-    (m,) or (m, 3). With `subdivision` the mesh is a control cage, which is refined before it is rendered.
+    without one, along the longitude about the z axis: None where they are not known exactly, and `tangents_of` computes
+    them, which few looks need; uvs: UV set name to (m, 2), (0, 0) lower left; primvars: name to (m,) or (m, 3). With
+    `subdivision` the mesh is a control cage, which is refined before it is rendered.
 
     A look that reads a UV set which the mesh lacks gets `default_uv`, "" where there is none or no telling which.
     """
@@ -64,7 +65,7 @@ class Mesh:
     face_sizes: Ints
     face_slots: Ints
     normals: Floats
-    tangents: Floats
+    tangents: Floats | None
     uvs: dict[str, Floats]
     primvars: dict[str, Floats] = field(default_factory=dict)
     subdivision: Subdivision | None = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ Doubles = NDArray[np.float64]
 Numbers = NDArray[np.signedinteger[Any]]
 
 _BLOCK = 1 << 13  # corners
+_BATCH = 1 << 18
 
 
 def face_starts(face_sizes: Numbers) -> NDArray[np.intp]:
@@ -35,6 +36,16 @@ def blocks(face_sizes: Numbers) -> Iterator[tuple[slice, slice]]:
         stop = max(int(np.searchsorted(ends, corner + _BLOCK, side="right")), face + 1)
         yield slice(face, stop), slice(corner, int(ends[stop - 1]))
         face, corner = stop, int(ends[stop - 1])
+
+
+def batches(corners: Sequence[int]) -> Iterator[slice]:
+    """Yield runs of meshes of so many corners each: a run takes longer than NumPy's calls, and its arrays are small."""
+    start = total = 0
+    for number, count in enumerate(corners):
+        total += count
+        if total >= _BATCH or number == len(corners) - 1:
+            yield slice(start, number + 1)
+            start, total = number + 1, 0
 
 
 def face_areas(points: Doubles, corner_points: Numbers, face_sizes: Numbers) -> Doubles:

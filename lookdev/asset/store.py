@@ -6,7 +6,7 @@ import dataclasses
 import hashlib
 import json
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
+from lookdev.asset.tangents import tangents_of
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
 
-_FORMAT = 4
+_FORMAT = 5  # raised, too, when an asset of the same digest gets other tangents
 _FLAGS = ("convex", "sheet", "revolved")
 
 # The fields of `Mesh` that are stored as one array for all meshes: its type, numbers in a row, and rows.
@@ -29,7 +30,7 @@ _ARRAYS: dict[str, tuple[type[np.generic], int, str]] = {
     "face_sizes": (np.int32, 0, "faces"),
     "face_slots": (np.int32, 0, "faces"),
     "normals": (np.float32, 3, "corners"),
-    "tangents": (np.float32, 3, "corners"),
+    "tangents": (np.float32, 3, "tangents"),
 }
 
 
@@ -75,18 +76,26 @@ def asset_digest(asset: Asset) -> str:
     return digest.hexdigest()
 
 
-def save_asset(asset: Asset) -> Path:
+def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
     """Write an asset to the cache, once, and return the file ``assets/<digest>.npz``.
 
-    The paths of instances are left out, which no pixel depends on. Raises ValueError where a mesh is a control cage.
+    In the file, the meshes of the numbers `directed` have tangents; where these are not in the digest yet, it is
+    another one. The paths of instances are left out, which no pixel depends on. Raises ValueError where a mesh is a
+    control cage.
     """
     cages = [mesh.name for mesh in asset.meshes if mesh.subdivision is not None]
     if cages:
         raise ValueError(f"{asset.name}: {cages[0]} is a control cage, which is refined before it is rendered")
     digest = asset.digest or asset_digest(asset)
-    path = cache_dir("assets") / f"{digest}.npz"
+    unknown = [number for number in directed if asset.meshes[number].tangents is None]
+    name = hashlib.sha256(json.dumps([digest, unknown]).encode()).hexdigest() if unknown else digest
+    path = cache_dir("assets") / f"{name}.npz"
     if not path.exists():
-        layouts, sizes = _layouts(asset.meshes)
+        meshes = list(asset.meshes)
+        for number, tangents in zip(unknown, tangents_of([meshes[i] for i in unknown]), strict=True):
+            meshes[number] = dataclasses.replace(meshes[number], tangents=tangents)
+        asset = dataclasses.replace(asset, meshes=tuple(meshes))
+        layouts, sizes = _layouts(meshes)
         head = _description(asset, layouts) | {"center": asset.center, "radius": asset.radius, "digest": digest}
         with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
             _write(archive, "head", np.array(json.dumps(head)))
@@ -113,8 +122,9 @@ def read_asset(path: Path) -> Asset:
         ) from error
 
 
-_Layout = tuple[tuple[str, ...], tuple[tuple[str, int], ...]]
-"""Names of a mesh's UV sets; names of its primvars, and the numbers in a row of each, 0 for a plain array."""
+_Layout = tuple[bool, tuple[str, ...], tuple[tuple[str, int], ...]]
+"""Whether a mesh has tangents; names of its UV sets; names of its primvars, and the numbers in a row of each, 0 for a
+plain array."""
 
 
 def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], NDArray[np.int64]]:
@@ -125,7 +135,8 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], NDArray[np.int64]]:
     numbers: dict[_Layout, int] = {}
     rows = []
     for mesh in meshes:
-        layout = tuple(mesh.uvs), tuple((name, sum(each.shape[1:])) for name, each in mesh.primvars.items())
+        widths = tuple((name, sum(each.shape[1:])) for name, each in mesh.primvars.items())
+        layout = mesh.tangents is not None, tuple(mesh.uvs), widths
         number = numbers.setdefault(layout, len(numbers))
         rows.append((len(mesh.points), len(mesh.corner_points), len(mesh.face_sizes), number))
     return list(numbers), np.array(rows, np.int64).reshape(-1, 4)
@@ -147,7 +158,11 @@ def _columns(asset: Asset, sizes: NDArray[np.int64]) -> Iterator[tuple[str, NDAr
     yield "instance_meshes", np.zeros(0, np.int32), [np.array([each.mesh for each in asset.instances], np.int32)]
     yield "instance_matrices", np.zeros((0, 4, 4)), [np.array([each.matrix for each in asset.instances])]
     for name, (kind, width, _) in _ARRAYS.items():
-        yield name, np.zeros((0, width) if width else 0, kind), [getattr(mesh, name) for mesh in asset.meshes]
+        yield (
+            name,
+            np.zeros((0, width) if width else 0, kind),
+            [array for mesh in asset.meshes if (array := getattr(mesh, name)) is not None],
+        )
     yield "uvs", np.zeros((0, 2), np.float32), [uv for mesh in asset.meshes for uv in mesh.uvs.values()]
     carried = [each.ravel() for mesh in asset.meshes for each in mesh.primvars.values()]
     yield "primvars", np.zeros(0, np.float32), carried
@@ -164,16 +179,19 @@ def _assembled(arrays: Mapping[str, NDArray[Any]]) -> Asset:
     if head["format"] != _FORMAT:
         raise ValueError(f"format {head['format']}, not {_FORMAT}")
     points, corners, faces, layouts = arrays["sizes"].T.tolist()
-    rows = {"points": points, "corners": corners, "faces": faces}
-    columns = {name: _split(arrays[name], rows[of]) for name, (_, _, of) in _ARRAYS.items()}
-    # The UV sets and primvars of each mesh, and its corners.
+    # What each mesh carries, and its corners.
     carried = [(*head["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
-    uvs = iter(_split(arrays["uvs"], [count for names, _, count in carried for _ in names]))
-    flat = [count * max(width, 1) for _, widths, count in carried for _, width in widths]
+    tangents = [count * directed for directed, _, _, count in carried]
+    rows = {"points": points, "corners": corners, "faces": faces, "tangents": tangents}
+    columns = {name: _split(arrays[name], rows[of]) for name, (_, _, of) in _ARRAYS.items()}
+    uvs = iter(_split(arrays["uvs"], [count for _, names, _, count in carried for _ in names]))
+    flat = [count * max(width, 1) for _, _, widths, count in carried for _, width in widths]
     primvars = iter(_split(arrays["primvars"], flat))
     meshes = []
-    for number, (names, widths, _) in enumerate(carried):
+    for number, (directed, names, widths, _) in enumerate(carried):
         given: dict[str, Any] = {name: column[number] for name, column in columns.items()}
+        if not directed:
+            given["tangents"] = None
         given["uvs"] = {uv: next(uvs) for uv in names}
         given["primvars"] = {each: next(primvars).reshape((-1, width) if width else -1) for each, width in widths}
         meshes.append(Mesh(head["meshes"][number], **given))

@@ -10,26 +10,48 @@ Without UVs, tangents follow the longitude about the z axis through the middle o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Floats, Mesh
-from lookdev.asset.normals import Doubles, Numbers, blocks, dot, face_starts, next_corners, sum_by, unit_or
+from lookdev.asset.normals import Doubles, Numbers, batches, blocks, dot, face_starts, next_corners, sum_by, unit_or
+from lookdev.brdf import vectors
 
 _ROUNDS = 8
 
 
 def perpendicular(normals: Doubles) -> Doubles:
-    """Return a unit vector (..., 3) perpendicular to each unit normal, without branches or singularities.
+    """Return a unit vector (..., 3) perpendicular to each unit normal."""
+    return np.asarray(vectors.perpendicular(normals))
 
-    Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017, listing 3, vector b1.
-    """
-    x, y, z = normals[..., 0], normals[..., 1], normals[..., 2]
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    return np.stack([1.0 + sign * x * x * a, sign * x * y * a, -sign * x], axis=-1)
+
+def tangents_of(meshes: Sequence[Mesh]) -> list[Floats]:
+    """Return the tangents (m, 3) of each mesh: its own, or else those that `corner_tangents` finds."""
+    found = {i: mesh.tangents for i, mesh in enumerate(meshes) if mesh.tangents is not None}
+    for textured in (True, False):
+        unknown = [i for i, mesh in enumerate(meshes) if i not in found and bool(mesh.uvs) == textured]
+        for batch in batches([len(meshes[i].corner_points) for i in unknown]):
+            found |= zip(unknown[batch], _tangents_together([meshes[i] for i in unknown[batch]]), strict=True)
+    return [found[i] for i in range(len(meshes))]
+
+
+def _tangents_together(meshes: Sequence[Mesh]) -> list[Floats]:
+    """Return the tangents of meshes that all have UVs, or all have none."""
+    points, corners = np.array([(len(mesh.points), len(mesh.corner_points)) for mesh in meshes]).T
+    first_points = (np.cumsum(points) - points).astype(np.int32)
+    uvs = [next(iter(mesh.uvs.values())) for mesh in meshes if mesh.uvs]
+    together = corner_tangents(
+        np.concatenate([mesh.points for mesh in meshes]),
+        np.concatenate([mesh.corner_points for mesh in meshes]) + np.repeat(first_points, corners),
+        np.concatenate([mesh.face_sizes for mesh in meshes]),
+        np.concatenate([mesh.normals for mesh in meshes]),
+        np.concatenate(uvs) if uvs else None,
+        np.repeat(np.arange(len(meshes)), points),
+    )
+    return np.split(together, np.cumsum(corners)[:-1])
 
 
 def corner_tangents(

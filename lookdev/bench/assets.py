@@ -8,7 +8,6 @@ from lookdev.asset import Asset, Instance, Mesh, Slot
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.normals import Doubles, area_vectors, smooth_normals
 from lookdev.asset.store import make_asset
-from lookdev.asset.tangents import corner_tangents
 
 # Directions and phases of the waves; each octave is twice as fine as the one before.
 _SEED = 6
@@ -27,9 +26,7 @@ def make_boulder(triangles: int) -> Asset:
     corners, sizes = sphere.corner_points, sphere.face_sizes
     areas = area_vectors(points[corners].astype(np.float64), sizes)
     normals = smooth_normals(areas, corners, sizes, len(points)).astype(np.float32)
-    uvs = sphere.uvs["st"]
-    tangents = corner_tangents(points, corners, sizes, normals, uvs)
-    mesh = Mesh("/boulder", points, corners, sizes, sphere.face_slots, normals, tangents, {"st": uvs})
+    mesh = Mesh("/boulder", points, corners, sizes, sphere.face_slots, normals, None, sphere.uvs)
     return make_asset(f"boulder of {triangles} triangles", [mesh], [Instance(0, np.eye(4))], [Slot("/boulder")])
 
 

@@ -100,6 +100,15 @@ def normalize(v: Array) -> Array:
     return scale(v, 1.0 / np.sqrt(dot(v, v)))
 
 
+# Duff et al., "Building an Orthonormal Basis, Revisited", JCGT 6(1), 2017, listing 3, vector b1.
+def perpendicular(n: Array) -> Array:
+    """Return a unit vector (..., 3) perpendicular to each unit vector, without singularities."""
+    x, y, z = n[..., 0], n[..., 1], n[..., 2]
+    sign = np.where(z < 0.0, -1.0, 1.0)
+    a = -1.0 / (sign + z)
+    return vector(1.0 + sign * x * x * a, sign * x * y * a, -sign * x)
+
+
 def reflect(w: Array, wm: Array) -> Array:
     """Mirror `w` about the unit microfacet normal `wm` (Burley 2012, appendix B.1)."""
     return scale(wm, 2.0 * dot(w, wm)) - w

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
-from lookdev.asset.tangents import corner_tangents
 from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch
@@ -222,16 +221,14 @@ def _take(mesh: Mesh, corner: NDArray[np.intp]) -> Mesh:
         mesh,
         corner_points=mesh.corner_points[corner],
         normals=mesh.normals[corner],
-        tangents=mesh.tangents[corner],
+        tangents=None if mesh.tangents is None else mesh.tangents[corner],
         uvs={name: uv[corner] for name, uv in mesh.uvs.items()},
     )
 
 
 def _flat_uvs(mesh: Mesh) -> Mesh:
-    """Make all UVs equal, with the tangents that the importer of assets derives."""
-    uvs = np.full_like(mesh.uvs["st"], 0.5)
-    tangents = corner_tangents(mesh.points, mesh.corner_points, mesh.face_sizes, mesh.normals, uvs)
-    return replace(mesh, uvs={"st": uvs}, tangents=tangents)
+    """Make all UVs equal, and leave out the tangents."""
+    return replace(mesh, uvs={"st": np.full_like(mesh.uvs["st"], 0.5)}, tangents=None)
 
 
 def _anywhere(mesh: Mesh) -> Mesh:

@@ -316,7 +316,7 @@ def _task(look: Look, case: SceneCase) -> FrameTask:
     camera = Camera(30.0, 20.0, case.asset.center, 4.2 * case.asset.radius)
     task = scene_task(Scene.of_look(case.asset, look, prepare_light(case.light), _SIZE, camera), _SAMPLING)
     uv_sets = [each.attribute for source in task.shaders for each in source.attributes if each.kind == "uv"]
-    asset = Content.of(save_asset(_carrying(case.asset, uv_sets)))
+    asset = Content.of(save_asset(_carrying(case.asset, uv_sets), directed=[0]))
     return one_frame(replace(task, asset=asset), Pose(30.0, 75.0), f"stress {look.name}, {case.name}")
 
 

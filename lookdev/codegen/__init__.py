@@ -2,6 +2,7 @@
 
 from lookdev.codegen.source import (
     HANDEDNESS,
+    TANGENT,
     AttributeBinding,
     GroupSocket,
     Link,
@@ -16,6 +17,7 @@ from lookdev.codegen.source import (
 
 __all__ = [
     "HANDEDNESS",
+    "TANGENT",
     "AttributeBinding",
     "GroupSocket",
     "Link",

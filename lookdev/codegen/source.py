@@ -10,6 +10,9 @@ from typing import Literal, Protocol
 
 from lookdev.cache import Content
 
+TANGENT = "lookdev_tangent"
+"""Name of the mesh attribute of the tangents, which only sources that depend on their direction read."""
+
 HANDEDNESS = "lookdev_handedness"
 """Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
 
@@ -26,13 +29,16 @@ class TextureBinding:
 class AttributeBinding:
     """A mesh attribute, and the parameter of a shader that takes it.
 
-    A mesh without it has `fallback` everywhere; None: every mesh must have it (a UV set).
+    A mesh without it has `fallback` everywhere; None: every mesh must have it (a UV set, the tangents).
     """
 
     parameter: str
     attribute: str
-    kind: Literal["uv", "float", "color"]
+    kind: Literal["uv", "float", "color", "vector"]
     fallback: tuple[float, ...] | None = None
+
+
+TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")
 
 
 class Source(Protocol):

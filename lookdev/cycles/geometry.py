@@ -20,7 +20,7 @@ from lookdev.asset.gather import gathered
 from lookdev.asset.mesh import Asset, Floats, Mesh
 from lookdev.asset.normals import face_starts
 from lookdev.asset.tangents import handedness
-from lookdev.codegen import HANDEDNESS, AttributeBinding, Source
+from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,6 @@ def _build_mesh(
             data.attributes[name].data.foreach_set("vector", uv.ravel())
     # Blender's own custom normals have 16 bits; attributes have 32.
     _add_attribute(data, "lookdev_normal", mesh.normals)
-    _add_attribute(data, "lookdev_tangent", mesh.tangents)
     for name, values in _attributes(mesh, np.repeat(face_sources, mesh.face_sizes), bindings).items():
         _add_attribute(data, name, values)
     return data
@@ -211,6 +210,9 @@ def _attributes(
         for binding in each:
             if binding.attribute == HANDEDNESS:
                 found[HANDEDNESS] = handedness(mesh)
+            elif binding.attribute == TANGENT:
+                assert mesh.tangents is not None, "a scene task has the tangents that its sources read"
+                found[TANGENT] = mesh.tangents
             elif binding.attribute in mesh.primvars:
                 found[binding.attribute] = mesh.primvars[binding.attribute]
             elif binding.fallback is not None:

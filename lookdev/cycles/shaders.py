@@ -23,7 +23,12 @@ from lookdev.light import Light
 Array = NDArray[np.int32] | NDArray[np.float32]
 
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
-_ATTRIBUTE_SOCKETS = {"uv": "NodeSocketVector", "float": "NodeSocketFloat", "color": "NodeSocketColor"}
+_ATTRIBUTE_SOCKETS = {
+    "uv": "NodeSocketVector",
+    "float": "NodeSocketFloat",
+    "color": "NodeSocketColor",
+    "vector": "NodeSocketVector",
+}
 
 
 def compile_osl(osl: str) -> Path:
@@ -53,8 +58,7 @@ def surface_material(source: ShaderSource, light: Light) -> Any:
     material.cycles.emission_sampling = "NONE"
     tree = version.empty_node_tree(material)
     script = script_node(tree, source, values, arrays)
-    _link_attribute(tree, script, "shading_normal", "lookdev_normal", "uv")
-    _link_attribute(tree, script, "shading_tangent", "lookdev_tangent", "uv")
+    _link_attribute(tree, script, "shading_normal", "lookdev_normal", "vector")
     for attribute in source.attributes:
         _link_attribute(tree, script, attribute.parameter, attribute.attribute, attribute.kind)
     return material

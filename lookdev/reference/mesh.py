@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.normals import area_vectors, face_starts
-from lookdev.asset.tangents import handedness
+from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.brdf import Bsdf
 from lookdev.errors import AssetError
 from lookdev.material import Look, Primvar
@@ -70,7 +70,7 @@ class MeshScene:
         # A reflected instance reflects its bitangents.
         self._reflected = np.linalg.det(self._linear) < 0.0
         self._normals = np.concatenate([mesh.normals for mesh in asset.meshes]).astype(np.float64)
-        self._tangents = np.concatenate([mesh.tangents for mesh in asset.meshes]).astype(np.float64)
+        self._tangents = np.concatenate(tangents_of(asset.meshes)).astype(np.float64)
         self._carried: dict[object, Floats] = {}
         # Embree computes in float32: the asset is moved to the origin and scaled to unit size.
         self._embree = EmbreeScene(robust=True)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from lookdev.asset import save_asset
+import numpy as np
+
+from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen import Source
+from lookdev.codegen import TANGENT, Source
 from lookdev.errors import CodegenError
 from lookdev.light import world_image
 from lookdev.render.backends import BACKENDS, Setting
@@ -44,14 +47,22 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
     kept = {(source.name, source.digest): source for source in sources}
     numbers = {key: number for number, key in enumerate(kept)}
     worn = {key: numbers[source.name, source.digest] for key, source in zip(different, sources, strict=True)}
+    shaders, slots = tuple(kept.values()), tuple(worn[id(look)] for look in scene.looks)
     return SceneTask(
-        asset=Content.of(save_asset(asset)),
+        asset=Content.of(save_asset(asset, _directed(asset, [shaders[number] for number in slots]))),
         backend=backend,
-        shaders=tuple(kept.values()),
-        worn=tuple(worn[id(look)] for look in scene.looks),
+        shaders=shaders,
+        worn=slots,
         lights=scene.lights,
         resolution=scene.film.resolution,
         sampling=chosen,
         camera=scene.camera,
         device=device,
     )
+
+
+def _directed(asset: Asset, worn: Sequence[Source]) -> Iterator[int]:
+    """Yield the numbers of meshes whose tangents are read by a source that one of their slots wears."""
+    reading = np.array([any(each.attribute == TANGENT for each in source.attributes) for source in worn])
+    if reading.any():
+        yield from (number for number, mesh in enumerate(asset.meshes) if reading[mesh.face_slots].any())

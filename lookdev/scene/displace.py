@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lookdev.asset.mesh import Asset, Instance, Mesh, Subdivision
 from lookdev.asset.normals import area_vectors, dot, smooth_normals, sum_by, unit_or
 from lookdev.asset.store import make_asset
-from lookdev.asset.tangents import corner_tangents, handedness, perpendicular
+from lookdev.asset.tangents import handedness
 from lookdev.errors import AssetError
 from lookdev.material import Displacement, Look, Primvar
 from lookdev.material.points import ImagePoints
@@ -143,14 +143,7 @@ def _moved(mesh: Mesh, own: Doubles, world: Doubles, linear: Doubles) -> Mesh:
     moved = mesh.points + sum_by(mesh.corner_points, offsets, count) / used[:, None]
     points = moved.astype(np.float32)
     turned = _turned(normals, _surface_normals(mesh, mesh.points), _surface_normals(mesh, points)).astype(np.float32)
-    result = replace(mesh, points=points, normals=turned)
-    uvs = next(iter(mesh.uvs.values()), None)
-    if uvs is None:
-        tangents, n = mesh.tangents.astype(np.float64), turned.astype(np.float64)
-        along = unit_or(tangents - dot(tangents, n) * n, perpendicular(n))
-        return replace(result, tangents=along.astype(np.float32))
-    corners, sizes = mesh.corner_points, mesh.face_sizes
-    return replace(result, tangents=corner_tangents(points, corners, sizes, turned, uvs))
+    return replace(mesh, points=points, normals=turned, tangents=None)
 
 
 def _surface_normals(mesh: Mesh, points: NDArray[np.float32]) -> Doubles:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Real, cross, dot, scale, vector
+from lookdev.brdf.vectors import Array, Real, cross, dot, perpendicular, scale, vector
 
 LEAST_COSINE = 1e-4
 """Cosine between the viewer and a normal that is bent towards the viewer."""
@@ -26,7 +26,7 @@ class ShadingFrame:
         return vector(dot(w, self.tangent), dot(w, self.bitangent), dot(w, self.normal))
 
 
-def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, hand: Real = 1.0) -> ShadingFrame:
+def shading_frame(normal: Array, tangent: Array | None, facet: Array, viewer: Array, hand: Real = 1.0) -> ShadingFrame:
     """Return the frame in which a BSDF is evaluated.
 
     Seen from behind, the frame is flipped: normal, tangent and bitangent change sign together, so that a bump seen from
@@ -36,7 +36,8 @@ def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, ha
     Parameters
     ----------
     normal, tangent : (..., 3)
-        Interpolated over the mesh, in the world; the normal of unit length.
+        Interpolated over the mesh, in the world; the normal of unit length. Without a tangent, any one is taken: for
+        BSDFs that look alike however the frame is turned about its normal.
     facet, viewer : (..., 3)
         Unit normal of the triangle, and unit direction to the viewer.
     hand : (...)
@@ -44,11 +45,15 @@ def shading_frame(normal: Array, tangent: Array, facet: Array, viewer: Array, ha
     """
     facet = scale(facet, np.where(dot(facet, viewer) < 0.0, -1.0, 1.0))
     side = np.where(dot(normal, facet) < 0.0, -1.0, 1.0)
-    n, t = scale(normal, side), scale(tangent, side)
+    n = scale(normal, side)
     lean = dot(n, viewer)
     bent = _unit(n + scale(viewer, LEAST_COSINE - lean))
     n = np.where(np.expand_dims(lean < LEAST_COSINE, -1), bent, n)
-    t = _unit(t - scale(n, dot(t, n)))
+    if tangent is None:
+        t = perpendicular(n)
+    else:
+        t = scale(tangent, side)
+        t = _unit(t - scale(n, dot(t, n)))
     return ShadingFrame(t, scale(cross(n, t), side * hand), n, facet)
 
 

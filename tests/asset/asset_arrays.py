@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.normals import area_vectors
+from lookdev.asset.tangents import tangents_of
 
 
 def face_areas(mesh: Mesh) -> NDArray[np.float64]:
@@ -31,7 +32,8 @@ def world_points(asset: Asset) -> list[NDArray[np.float64]]:
 def check_mesh(mesh: Mesh) -> None:
     """Assert the invariants that `lookdev.asset.mesh` states of a mesh alone."""
     corners = int(mesh.face_sizes.sum())
-    for array in (mesh.points, mesh.normals, mesh.tangents, *mesh.uvs.values(), *mesh.primvars.values()):
+    (tangents,) = tangents_of([mesh])
+    for array in (mesh.points, mesh.normals, tangents, *mesh.uvs.values(), *mesh.primvars.values()):
         assert array.dtype == np.float32
         assert np.isfinite(array).all()
     for array in (mesh.corner_points, mesh.face_sizes, mesh.face_slots):
@@ -40,7 +42,7 @@ def check_mesh(mesh: Mesh) -> None:
     assert mesh.corner_points.shape == (corners,)
     assert 0 <= mesh.corner_points.min() <= mesh.corner_points.max() < len(mesh.points)
     assert mesh.face_slots.shape == mesh.face_sizes.shape
-    assert mesh.normals.shape == mesh.tangents.shape == (corners, 3)
+    assert mesh.normals.shape == tangents.shape == (corners, 3)
     assert all(uv.shape == (corners, 2) for uv in mesh.uvs.values())
     assert mesh.default_uv in ("", *mesh.uvs)
     if (rules := mesh.subdivision) is not None:
@@ -52,8 +54,8 @@ def check_mesh(mesh: Mesh) -> None:
         assert rules.interpolation.keys() == mesh.uvs.keys() | mesh.primvars.keys()
     # Three products of float32 unit components: a few rounding errors of 6e-8.
     np.testing.assert_allclose(np.linalg.norm(mesh.normals, axis=1), 1.0, atol=5e-7)
-    np.testing.assert_allclose(np.linalg.norm(mesh.tangents, axis=1), 1.0, atol=5e-7)
-    np.testing.assert_allclose((mesh.normals * mesh.tangents).sum(axis=1), 0.0, atol=5e-7)
+    np.testing.assert_allclose(np.linalg.norm(tangents, axis=1), 1.0, atol=5e-7)
+    np.testing.assert_allclose((mesh.normals * tangents).sum(axis=1), 0.0, atol=5e-7)
 
 
 def check_asset(asset: Asset) -> None:

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from asset_arrays import check_mesh
 
-from lookdev.asset import finish as module
 from lookdev.asset.finish import finish
 from lookdev.asset.mesh import Mesh, Subdivision
 from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.tangents import tangents_of
 from lookdev.errors import AssetError
 
-ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals", "tangents")
+ARRAYS = ("points", "corner_points", "face_sizes", "face_slots", "normals")
 INTERPOLATIONS = ("constant", "uniform", "varying", "vertex", "faceVarying")
 
 
@@ -75,9 +75,12 @@ def test_shapes_are_finished_together_as_alone(seed: int, y_up: bool, monkeypatc
     shapes = [random_shape(rng, f"/{i}") for i in range(60)]
     alone = [finish([shape], y_up)[0] for shape in shapes]
     for batch in (1 << 18, 100):
-        monkeypatch.setattr(module, "_BATCH", batch)
+        monkeypatch.setattr("lookdev.asset.normals._BATCH", batch)
         for left, right in zip(finish(shapes, y_up), alone, strict=True):
             assert_same(left, right)
+        kept = [mesh for mesh in alone if mesh is not None]
+        for mesh, tangents in zip(kept, tangents_of(kept), strict=True):
+            np.testing.assert_array_equal(tangents, tangents_of([mesh])[0])
     assert sum(mesh is None for mesh in alone) < 40
     for mesh in alone:
         if mesh is not None:
@@ -142,7 +145,7 @@ def test_normals_and_tangents_do_not_depend_on_scale(scale: float, at: float) ->
     uv = Attribute("st", square().points[:, :2], "vertex", is_uv=True)
     mesh = one(square(points=(square().points + at) * scale, attributes=(uv,)))
     np.testing.assert_allclose(mesh.normals, np.tile([0.0, 0.0, 1.0], (8, 1)), atol=1e-6)
-    np.testing.assert_allclose(mesh.tangents, np.tile([1.0, 0.0, 0.0], (8, 1)), atol=1e-6)
+    np.testing.assert_allclose(tangents_of([mesh])[0], np.tile([1.0, 0.0, 0.0], (8, 1)), atol=1e-6)
 
 
 def test_nothing_is_nothing() -> None:

@@ -12,6 +12,7 @@ from lookdev.asset.bounds import about_origin
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.gather import gathered
 from lookdev.asset.store import make_asset
+from lookdev.asset.tangents import tangents_of
 
 BALL = make_sphere(8, 4).meshes[0]
 WEAR = {"wear": BALL.uvs["st"][:, 0].copy(), "tint": BALL.normals.copy()}
@@ -38,7 +39,7 @@ def surface(asset: Asset) -> dict[int, np.ndarray]:
     for instance in asset.instances:
         mesh, linear = asset.meshes[instance.mesh], instance.matrix[:3, :3]
         places = mesh.points[mesh.corner_points] @ linear.T + instance.matrix[:3, 3]
-        normals, tangents = mesh.normals @ np.linalg.inv(linear), mesh.tangents @ linear.T
+        normals, tangents = mesh.normals @ np.linalg.inv(linear), tangents_of([mesh])[0] @ linear.T
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
         carried = [values.reshape(len(places), -1) for values in (*mesh.uvs.values(), *mesh.primvars.values())]
@@ -55,6 +56,15 @@ def assert_same_surface(one: Asset, other: Asset) -> None:
     for slot, rows in expected.items():
         # A few roundings to float32, of places as far away as the radius.
         np.testing.assert_allclose(found[slot], rows, rtol=0.0, atol=4e-7 * max(1.0, one.radius))
+
+
+def test_meshes_with_tangents_are_joined_apart_from_those_without() -> None:
+    asset = many()
+    meshes = tuple(replace(mesh, tangents=None) if i % 2 else mesh for i, mesh in enumerate(asset.meshes))
+    joined = gathered(replace(asset, meshes=meshes))
+    assert len(joined.meshes) == 2
+    with_tangents = next(mesh for mesh in joined.meshes if mesh.tangents is not None)
+    assert set(with_tangents.face_slots) == set(range(0, len(meshes), 2))
 
 
 def test_many_small_meshes_are_one() -> None:

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from asset_arrays import check_asset
 
-from lookdev.asset import Slot, read_asset, save_asset
+from lookdev.asset import Instance, Slot, read_asset, save_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import asset_digest, make_asset
+from lookdev.asset.tangents import tangents_of
 from lookdev.cache import cache_dir
 from lookdev.errors import AssetError
 
@@ -46,6 +47,21 @@ def test_a_saved_asset_is_not_written_again(asset):
     after = save_asset(asset).stat()
     assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
     assert [path.name for path in cache_dir("assets").iterdir()] == [f"{asset.digest}.npz"]
+
+
+def test_tangents_are_saved_where_they_are_asked_for(asset):
+    bare = replace(asset.meshes[0], tangents=None)
+    asset = make_asset("pair", [bare, bare], [Instance(0, np.eye(4)), Instance(1, np.eye(4))], asset.slots)
+    plain, directed = save_asset(asset), save_asset(asset, [1])
+    assert plain != directed
+    assert [mesh.tangents for mesh in read_asset(plain).meshes] == [None, None]
+    first, second = read_asset(directed).meshes
+    assert first.tangents is None
+    np.testing.assert_array_equal(second.tangents, tangents_of([bare])[0])
+    np.testing.assert_array_equal(second.normals, bare.normals)
+    assert read_asset(directed).digest == asset.digest
+    # Those that a mesh has are saved anyway.
+    assert save_asset(read_asset(directed), [1]) == save_asset(read_asset(directed))
 
 
 def _with_mesh(asset, **changes):

@@ -14,7 +14,7 @@ from node_interpreter import Carried, Interpreter
 from lookdev.brdf import MODELS
 from lookdev.brdf.frames import Leaning
 from lookdev.closures import Closure, closure_cosine, lobe_closures
-from lookdev.codegen import HANDEDNESS, Link, NodeSource, NodeTree, ShaderNode
+from lookdev.codegen import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, ShaderNode
 from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.errors import ModelError
@@ -301,7 +301,7 @@ def test_light_that_passes_through_is_reported(inputs: dict[str, Any], transmits
 
 def test_a_normal_that_leans_reads_the_handedness() -> None:
     source = check((Layer("base", "disney", {"normal": (0.2, 0.3, 1.0)}),))
-    assert [binding.attribute for binding in source.attributes] == [HANDEDNESS]
+    assert [binding.attribute for binding in source.attributes] == [HANDEDNESS, TANGENT]
     crossed = [node for node in tree_of(source, "Lookdev Frame").nodes if node.kind == "VectorTransform"]
     plain = tree_of(generate(Layer("base", "disney", {})), "Lookdev Frame")
     assert len(crossed) > len([node for node in plain.nodes if node.kind == "VectorTransform"])

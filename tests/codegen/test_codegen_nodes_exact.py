@@ -189,8 +189,8 @@ def test_digests_of_different_looks_differ() -> None:
     assert len(set(digests)) == 3
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_the_frame_faces_the_viewer(mirrored: bool) -> None:
+@pytest.mark.parametrize(("mirrored", "directed"), [(False, True), (True, True), (False, False), (True, False)])
+def test_the_frame_faces_the_viewer(mirrored: bool, directed: bool) -> None:
     rng = np.random.default_rng(1)
     viewer, normal, tangent = (unit(rng.normal(size=(COUNT, 3))) for _ in range(3))
     tangent = unit(np.cross(normal, tangent))
@@ -212,7 +212,7 @@ def test_the_frame_faces_the_viewer(mirrored: bool) -> None:
                 return {"Vector": axes @ np.float32(given) if isinstance(given, tuple) else transformed[kind]}
         return None
 
-    found = Interpreter((frame_tree(leaning=True),), answer).run("Lookdev Frame")
+    found = Interpreter((frame_tree(directed=directed, leaning=True),), answer).run("Lookdev Frame")
     n, t, b, wo = (np.asarray(found[name], np.float64) for name in ("Normal", "Tangent", "Bitangent", "Viewer"))
     side = np.where(np.sum(normal * facet, axis=-1, keepdims=True) < 0.0, -1.0, 1.0)
     lean = np.sum(side * normal * viewer, axis=-1)

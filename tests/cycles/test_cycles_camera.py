@@ -22,7 +22,7 @@ from lookdev.scene import Camera, Lens, Pose, Sampling, Scene, frame_fill
 pytestmark = pytest.mark.cycles
 
 POSE = Pose(30.0, 75.0)
-SIZE, SAMPLES, SEEDS, BOUNCES = (48, 36), 32, 6, 2
+SIZE, SAMPLES, SEEDS, BOUNCES = (48, 36), 32, 12, 2
 PAINT = Look("paint", (Layer("Base", "disney", {"baseColor": (0.6, 0.3, 0.2), "roughness": 0.4}),))
 LACE = Look("lace", (Layer("Base", "pixar", {"surfaceColor": (0.6, 0.3, 0.2), "roughness": 0.4, "presence": 0.5}),))
 

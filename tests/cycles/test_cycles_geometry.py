@@ -13,7 +13,7 @@ from scripts import run_script
 from lookdev.asset import Asset, Instance, Slot
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
-from lookdev.codegen import HANDEDNESS, AttributeBinding, ShaderSource
+from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, ShaderSource
 
 # Blender is started, but nothing is rendered.
 pytestmark = pytest.mark.cycles
@@ -37,7 +37,9 @@ TINTED = ShaderSource(
     (AttributeBinding("w", "wear", "float", (0.75,)), AttributeBinding("t", "tint", "color", (0.1, 0.2, 0.3))),
     "3",
 )
-LEANING = ShaderSource("leaning", "", (), (AttributeBinding("h", HANDEDNESS, "float"),), "4")
+LEANING = ShaderSource(
+    "leaning", "", (), (AttributeBinding("h", HANDEDNESS, "float"), AttributeBinding("t", TANGENT, "vector")), "4"
+)
 SOURCES = (PLAIN, WORN, TINTED, LEANING)
 
 
@@ -97,20 +99,19 @@ def test_a_mesh_has_the_materials_of_its_own_faces(built: dict[str, Any]) -> Non
 
 def test_a_mesh_carries_what_its_sources_read(built: dict[str, Any]) -> None:
     meshes = built["balls"]["meshes"]
-    always = {"lookdev_normal", "lookdev_tangent"}
-    assert [set(meshes[f"/{i}"]["attributes"]) - always for i in range(5)] == [
+    assert [set(meshes[f"/{i}"]["attributes"]) - {"lookdev_normal"} for i in range(5)] == [
         set(),
         {"st", "wear", "tint"},
-        {HANDEDNESS},
+        {HANDEDNESS, TANGENT},
         {"wear", "tint"},
         {"st", "wear"},
     ]
     for mesh in meshes.values():
         np.testing.assert_array_equal(mesh["attributes"]["lookdev_normal"], BALL.normals)
-        np.testing.assert_array_equal(mesh["attributes"]["lookdev_tangent"], BALL.tangents)
     np.testing.assert_array_equal(meshes["/4"]["attributes"]["wear"][:, 0], WEAR)
     np.testing.assert_array_equal(meshes["/4"]["attributes"]["st"], BALL.uvs["st"])
     np.testing.assert_array_equal(meshes["/2"]["attributes"][HANDEDNESS], 1.0)
+    np.testing.assert_array_equal(meshes["/2"]["attributes"][TANGENT], BALL.tangents)
 
 
 def test_what_a_mesh_lacks_has_the_fallback_of_each_faces_source(built: dict[str, Any]) -> None:

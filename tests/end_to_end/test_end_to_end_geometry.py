@@ -13,6 +13,7 @@ from stage import Stage, difference
 from lookdev.asset import Asset, Instance, Mesh
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
+from lookdev.asset.tangents import tangents_of
 from lookdev.light import EnvironmentMap, make_environment
 from lookdev.light.mapping import direction_to_uv, rotate_z, uv_to_direction
 from lookdev.material import Layer, Look
@@ -101,7 +102,7 @@ def baked(mesh: Mesh, matrix: Floats) -> Mesh:
     else:
         order = np.arange(len(corners))
     normals = mesh.normals[order] @ np.linalg.inv(linear)
-    tangents = mesh.tangents[order] @ linear.T
+    tangents = tangents_of([mesh])[0][order] @ linear.T
     return replace(
         mesh,
         points=(mesh.points @ linear.T + matrix[:3, 3]).astype(np.float32),
@@ -127,7 +128,7 @@ def in_pieces(asset: Asset, count: int) -> Asset:
             face_sizes=mesh.face_sizes[faces],
             face_slots=mesh.face_slots[faces],
             normals=mesh.normals[corners],
-            tangents=mesh.tangents[corners],
+            tangents=tangents_of([mesh])[0][corners],
             uvs={name: uv[corners] for name, uv in mesh.uvs.items()},
         )
         matrix = affine(turned(360.0 * rng.random())[:3, :3] * 3.0 ** rng.normal(), tuple(rng.normal(size=3)))

@@ -11,6 +11,7 @@ from shapes import CAMERA, INSIDE, POSE, SIZE, Plane, Sphere
 from lookdev.asset import Instance, Mesh, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
+from lookdev.asset.tangents import tangents_of
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
 from lookdev.light import load_environment, prepare_light
@@ -203,7 +204,7 @@ def test_a_reflected_instance_reflects_its_frames():
 
 def test_a_normal_that_leans_away_is_bent_towards_its_viewer():
     mesh = box_mesh()
-    leaning = mesh.normals + 3.0 * mesh.tangents
+    leaning = mesh.normals + 3.0 * tangents_of([mesh])[0]
     leaning /= np.linalg.norm(leaning, axis=-1, keepdims=True)
     scene = box_scene(mesh=replace(mesh, normals=leaning.astype(np.float32)))
     places, wo = places_in(scene, 400, np.random.default_rng(9))

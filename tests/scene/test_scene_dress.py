@@ -61,7 +61,7 @@ def test_a_mesh_of_which_some_instances_wear_something_else_is_split_without_cop
     wheel, body, split = dressed.meshes
     assert (wheel, body) == asset.meshes
     np.testing.assert_array_equal(split.face_slots, [3, 4, 4])
-    for name in ("points", "corner_points", "face_sizes", "normals", "tangents", "uvs"):
+    for name in ("points", "corner_points", "face_sizes", "normals", "uvs"):
         assert getattr(split, name) is getattr(wheel, name)
     assert dressed.digest != asset.digest
     # Another look that dresses it alike makes the same asset, whatever it wears.

@@ -12,7 +12,6 @@ from lookdev.asset.mesh import Interpolation, Mesh, Subdivision
 from lookdev.asset.subdivision.cage import Control, Tags, tags
 from lookdev.asset.subdivision.refine import Refined, refine_cage
 from lookdev.asset.subdivision.topology import Index
-from lookdev.asset.tangents import corner_tangents, perpendicular
 from lookdev.errors import AssetError
 
 _BATCH = 1_000_000
@@ -87,18 +86,17 @@ def _refine_batch(meshes: list[Mesh], level: int) -> list[Mesh]:
         others = [values[own] for values in refined.values[len(uvs) :]]
         shaped = [each.reshape(-1, *old.shape[1:]) for each, old in zip(others, mesh.primvars.values(), strict=True)]
         result.append(
-            _with_tangents(
-                replace(
-                    mesh,
-                    points=positions[points[i] : points[i + 1]],
-                    corner_points=(rank[refined.corners[own]] - points[i]).astype(np.int32),
-                    face_sizes=refined.sizes[faces[i] : faces[i + 1]].astype(np.int32),
-                    face_slots=slots[faces[i] : faces[i + 1]],
-                    normals=refined.normals[own],
-                    uvs=uvs,
-                    primvars=dict(zip(mesh.primvars, shaped, strict=True)),
-                    subdivision=None,
-                )
+            replace(
+                mesh,
+                points=positions[points[i] : points[i + 1]],
+                corner_points=(rank[refined.corners[own]] - points[i]).astype(np.int32),
+                face_sizes=refined.sizes[faces[i] : faces[i + 1]].astype(np.int32),
+                face_slots=slots[faces[i] : faces[i + 1]],
+                normals=refined.normals[own],
+                tangents=None,
+                uvs=uvs,
+                primvars=dict(zip(mesh.primvars, shaped, strict=True)),
+                subdivision=None,
             )
         )
     return result
@@ -139,14 +137,6 @@ def _points_by_mesh(refined: Refined, corner_mesh: Index, count: int) -> tuple[I
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
     return order, rank, np.searchsorted(owner[order], np.arange(count + 1))
-
-
-def _with_tangents(mesh: Mesh) -> Mesh:
-    if not mesh.uvs:
-        return replace(mesh, tangents=perpendicular(mesh.normals.astype(np.float64)).astype(np.float32))
-    uvs = next(iter(mesh.uvs.values()))
-    tangents = corner_tangents(mesh.points, mesh.corner_points, mesh.face_sizes, mesh.normals, uvs)
-    return replace(mesh, tangents=tangents)
 
 
 def _nothing_left(mesh: Mesh) -> str:

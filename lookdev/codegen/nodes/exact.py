@@ -20,7 +20,8 @@ from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.frame import add_frame, frame_tree
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
-from lookdev.codegen.source import HANDEDNESS, Link, NodeSource
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, Link, NodeSource
+from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node, reachable
 from lookdev.codegen.trace.lobes import assume_positive, present_lobes, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -63,7 +64,8 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder = TreeBuilder(look.name)
     roots = [elements_of(weight), elements_of(world)]
     names = [str(node.args[0]) for node in reachable([each for root in roots for each in root]) if node.op == "symbol"]
-    attributes = bind_inputs(builder, inputs, names)
+    directed = reads_tangent(graph, lobes)
+    attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
     frame = add_frame(builder)
     for name, link in (("t", frame.tangent), ("b", frame.bitangent), ("n", frame.normal)):
         builder.bind([f"{name}_{axis}" for axis in "xyz"], link)
@@ -82,7 +84,7 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     portal = builder.add("BsdfRayPortal", inputs={"Color": color, "Direction": direction})
     builder.add("OutputMaterial", inputs={"Surface": Link(portal, "BSDF")})
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
-    trees = (frame_tree(leaning=leaning), builder.tree())
+    trees = (frame_tree(directed=directed, leaning=leaning), builder.tree())
     transmits = any(lobe.transmits for lobe in lobes)
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)
 

@@ -11,7 +11,7 @@ from lookdev.brdf import Real
 from lookdev.brdf.vectors import cross, dot, normalize
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.group import bound
-from lookdev.codegen.source import GroupSocket, Link, NodeTree, SocketValue
+from lookdev.codegen.source import TANGENT, GroupSocket, Link, NodeTree, SocketValue
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.scene.shading import shading_frame
@@ -20,7 +20,7 @@ GROUP = "Lookdev Frame"
 
 _OUTPUTS = {
     "Normal": "The shading normal on the viewer's side, bent where it would face away from the viewer",
-    "Tangent": "Along the first UV set's u",
+    "Tangent": "Along the first UV set's u, where the look depends on its direction",
     "Bitangent": "Completes the frame",
     "Viewer": "The direction to the viewer in the frame",
 }
@@ -42,10 +42,23 @@ def add_frame(builder: TreeBuilder) -> Frame:
     return Frame(Link(node, "Normal"), Link(node, "Tangent"), Link(node, "Bitangent"))
 
 
-def frame_tree(*, leaning: bool) -> NodeTree:
+def reads_frame_tangent(tree: NodeTree) -> bool:
+    """Return whether nodes of a tree read the frame's tangent, or the viewer's place along it."""
+    frames = {node.name for node in tree.nodes if node.group == GROUP}
+    links = [(node, link) for node in tree.nodes for link in node.inputs.values() if isinstance(link, Link)]
+    viewers = {node.name for node, link in links if link.node in frames and node.kind == "SeparateXYZ"}
+    return any(
+        (link.node in frames and link.socket != "Normal" and node.name not in viewers)
+        or (link.node in viewers and link.socket != "Z")
+        for node, link in links
+    )
+
+
+def frame_tree(*, directed: bool, leaning: bool) -> NodeTree:
     """Return the group that computes the shading frame.
 
-    Where the look bends normals (`leaning`: bumps, normal maps), the bitangent of a reflected instance is reflected.
+    Only a look that depends on the direction of the mesh's tangent (`directed`) reads it. Where the look bends normals
+    (`leaning`: bumps, normal maps), the bitangent of a reflected instance is reflected.
     """
     graph, builder = Graph(), TreeBuilder(GROUP)
 
@@ -68,7 +81,7 @@ def frame_tree(*, leaning: bool) -> NodeTree:
     viewer = given("viewer", Link(geometry, "Incoming"))
     frame = shading_frame(
         normalize(given("normal", to_world("NORMAL", of_mesh("lookdev_normal")))),
-        given("tangent", to_world("VECTOR", of_mesh("lookdev_tangent"))),
+        given("tangent", to_world("VECTOR", of_mesh(TANGENT))) if directed else None,
         given("facet", Link(geometry, "True Normal")),
         viewer,
         hand,

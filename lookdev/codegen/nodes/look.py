@@ -19,10 +19,10 @@ from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.closures import add_shaders, add_transparent, shade
 from lookdev.codegen.nodes.fits import fit_tree, is_fit
-from lookdev.codegen.nodes.frame import add_frame, frame_tree
+from lookdev.codegen.nodes.frame import add_frame, frame_tree, reads_frame_tangent
 from lookdev.codegen.nodes.group import Group, bound, built, socket_of, symbols_of
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
-from lookdev.codegen.source import HANDEDNESS, AttributeBinding, Link, NodeSource, NodeTree
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, AttributeBinding, Link, NodeSource, NodeTree
 from lookdev.codegen.trace.graph import Graph, reachable
 from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, elements_of, symbols
@@ -85,7 +85,9 @@ class _Material:
             whole = self._mixed(parts, stack, names)
         self._builder.add("OutputMaterial", inputs={"Surface": whole.shader})
         attributes = sorted(self._attributes, key=lambda binding: binding.parameter)
-        frame = frame_tree(leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
+        directed = any(map(reads_frame_tangent, self._groups))
+        frame = frame_tree(directed=directed, leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
+        attributes += [TANGENT_BINDING] * directed
         shown = {node.group for tree in self._groups for node in tree.nodes}
         fits = [fit_tree(name) for name in sorted(shown) if is_fit(name)]
         trees = (frame, *fits, *self._groups, self._builder.tree())

@@ -16,22 +16,27 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.codegen.trace.vectors import Triple, match_cross, match_dot, match_normalize
 from lookdev.scene.shading import shading_frame
 
-_GIVEN = ("mesh_normal", "mesh_tangent", "mesh_facet", "I")
+_GIVEN = ("mesh_normal", "mesh_facet", "I")
+_TANGENT = "mesh_tangent"
 
 
-def emit_frame(*, leaning: bool) -> Sequence[str]:
+def emit_frame(*, directed: bool, leaning: bool) -> Sequence[str]:
     """Write the lines that define ``vector t b n facet`` and ``float wo_x wo_y wo_z``.
 
-    They read ``vector mesh_normal mesh_tangent mesh_facet I``, and ``float hand`` where the look bends normals.
+    They read ``vector mesh_normal mesh_facet I``, ``vector mesh_tangent`` where the look depends on its direction, and
+    ``float hand`` where the look bends normals.
     """
     graph = Graph()
-    given: list[Any] = [symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in _GIVEN]
+    given: dict[str, Any] = {
+        name: symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in (*_GIVEN, *[_TANGENT] * directed)
+    }
+    normal, facet, viewer = (given[name] for name in _GIVEN)
     hand: Any = symbol(graph, "hand") if leaning else 1.0
-    frame = shading_frame(given[0], given[1], given[2], given[3], hand)
-    text = _Text({tuple(elements_of(vector)): name for vector, name in zip(given, _GIVEN, strict=True)})
+    frame = shading_frame(normal, given.get(_TANGENT), facet, viewer, hand)
+    text = _Text({tuple(elements_of(vector)): name for name, vector in given.items()})
     for name, vector in (("facet", frame.facet), ("n", frame.normal), ("t", frame.tangent), ("b", frame.bitangent)):
         text.define(f"vector {name}", tuple(elements_of(vector)))
-    for name, element in zip(WO, elements_of(frame.to_local(given[3])), strict=True):
+    for name, element in zip(WO, elements_of(frame.to_local(viewer)), strict=True):
         text.define(f"float {name}", element)
     return text.lines
 
@@ -46,7 +51,9 @@ class _Text:
     def define(self, variable: str, value: Node | Triple) -> None:
         """Compute a number, or a vector, into a variable."""
         self.lines.append(f"    {variable} = {bare(self._computed(value))};")
-        self._named[value] = variable.split()[1]
+        name = self._named[value] = variable.split()[1]
+        if isinstance(value, tuple):
+            self._named |= {each: f"{name}[{i}]" for i, each in enumerate(value) if isinstance(each, Node)}
 
     def _code(self, value: Any) -> str:
         if not isinstance(value, Node | tuple):
@@ -67,6 +74,8 @@ class _Text:
         vector, factors = match_normalize(value), match_cross(value)
         if vector or factors:
             return self._called("normalize", [vector]) if vector else self._called("cross", factors or ())
+        if len({node.op if isinstance(node, Node) else "" for node in value}) > 1:
+            return self._called("vector", value)
         # Component by component the same operation, of vectors and of numbers that all three share.
         operands = zip(*(node.args for node in value), strict=True)
         return self._operation(value[0].op, (each[0] if len(set(each)) == 1 else each for each in operands))

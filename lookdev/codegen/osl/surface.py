@@ -14,7 +14,8 @@ from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import LookUpNames, emit_look_up
 from lookdev.codegen.osl.light import light_sections
-from lookdev.codegen.source import HANDEDNESS, ShaderSource
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ShaderSource
+from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import elements_of
@@ -23,7 +24,7 @@ from lookdev.light import Light
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 
-_OSL_TYPE = {"uv": "vector", "float": "float", "color": "color"}
+_OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
 # Share of a broad lobe in the directions drawn from the BSDF, without and with bounces: light-sampled, it needs
 # directions of its own only for light that the asset reflects. Measured (docs/bench.md): smaller shares are no better.
@@ -97,7 +98,8 @@ def generate_surface(
     )
     names = LookUpNames(inputs)
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell)
-    attributes = inputs.read_by(code.inputs)
+    directed = reads_tangent(graph, lobes)
+    attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
     emitted = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
     bound = tuple(binding for _, bindings in emitted for binding in bindings)
@@ -116,13 +118,14 @@ def generate_surface(
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 *light.code(sampled=ibl_samples > 0).constants,
+                f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
             ],
             "parameters": [
                 *(f'    string {binding.parameter} = "",' for binding in bound),
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
-            "frame": emit_frame(leaning=leaning),
+            "frame": emit_frame(directed=directed, leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **code.sections,
             **light_sections(light),

@@ -149,7 +149,7 @@ def test_many_cages_are_refined_as_each_is_alone(levels, monkeypatch):
         alone = refine(mesh, level)
         assert together.name == mesh.name
         assert list(together.uvs) == list(alone.uvs)
-        for field in ("points", "corner_points", "face_sizes", "face_slots", "normals", "tangents"):
+        for field in ("points", "corner_points", "face_sizes", "face_slots", "normals"):
             np.testing.assert_array_equal(getattr(together, field), getattr(alone, field))
         for name, values in alone.uvs.items():
             np.testing.assert_array_equal(together.uvs[name], values)
