@@ -19,13 +19,15 @@ _ROUNDS = 100
 _TOLERANCE = 1e-7
 _CELLS = 8  # along each side of the box of a mesh
 _FEW_POINTS, _FEW_INSTANCES = 512, 16  # of a mesh that has no cells
+_RUN = 1024  # points
 _INSTANCES = 32  # whose parts are sorted at once
 
 
 class _Cloud:
     """All points of all instances; the search for the farthest one skips instances, and parts of them, by their bounds.
 
-    The parts of a mesh of many points and many instances are the cells of a grid in its box.
+    The parts of a mesh of many points and many instances are the cells of a grid in its box. Those of another mesh are
+    runs of its points, which mostly lie near each other.
     """
 
     def __init__(self, meshes: Sequence[Mesh], instances: Sequence[Instance]) -> None:
@@ -34,8 +36,10 @@ class _Cloud:
         divided = (counts >= _FEW_POINTS) & (np.bincount(mesh, minlength=len(meshes)) >= _FEW_INSTANCES)
         cells = np.repeat(np.arange(len(meshes)) * _CELLS**3, counts)
         ends = np.cumsum(counts)
-        for number in np.flatnonzero(divided):
-            cells[ends[number] - counts[number] : ends[number]] += grid_cells(meshes[number].points, boxes[number])
+        for number in np.flatnonzero(divided | (counts > _RUN)):
+            own = cells[ends[number] - counts[number] : ends[number]]
+            runs = np.arange(len(own)) // max(_RUN, -(-len(own) // _CELLS**3))
+            own += grid_cells(meshes[number].points, boxes[number]) if divided[number] else runs
         order = np.argsort(cells, kind="stable")
         self._points = points[order]
         self._starts = np.flatnonzero(np.diff(cells[order], prepend=-1))
@@ -115,9 +119,8 @@ def about_origin(asset: Asset) -> Asset:
 
     In float32, a metre at a distance of 100 km has 128 steps. The digest remains that of the asset before.
     """
-    points, counts, boxes = _joined(asset.meshes)
-    middles = boxes.mean(axis=1)
-    local = np.split((points - np.repeat(middles, counts, axis=0)).astype(np.float32), np.cumsum(counts)[:-1])
+    middles = _joined(asset.meshes)[2].mean(axis=1)
+    local = [_moved(mesh.points, middle) for mesh, middle in zip(asset.meshes, middles, strict=True)]
     matrices = np.array([instance.matrix for instance in asset.instances])
     shown = [instance.mesh for instance in asset.instances]
     matrices[:, :3, 3] += (matrices[:, :3, :3] @ middles[shown, :, None])[..., 0] - asset.center
@@ -129,6 +132,11 @@ def about_origin(asset: Asset) -> Asset:
         ),
         center=(0.0, 0.0, 0.0),
     )
+
+
+def _moved(points: Floats, origin: Doubles) -> Floats:
+    """Return points about another origin, subtracted in float64."""
+    return np.subtract(points, origin, out=np.empty_like(points), dtype=np.float64, casting="same_kind")
 
 
 def _joined(meshes: Sequence[Mesh]) -> tuple[Floats, Index, Doubles]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Floats
-from lookdev.asset.normals import face_starts, next_corners
+from lookdev.asset.normals import blocks, face_starts, next_corners
 from lookdev.asset.shape import Attribute, Index, Shape
 from lookdev.asset.tangents import mixed
 from lookdev.errors import AssetError
@@ -47,8 +47,8 @@ class Faces:
         """Return the faces that are kept; raises AssetError with a line for each shape that contradicts itself."""
         counts = np.array([(len(each.points), len(each.face_sizes), len(each.face_points)) for each in shapes], np.intp)
         point_starts, all_faces, all_corners = np.vstack([np.zeros(3, np.intp), counts.cumsum(axis=0)]).T
-        sizes = np.concatenate([each.face_sizes for each in shapes]).astype(np.intp)
-        points = np.concatenate([each.face_points for each in shapes]).astype(np.intp)
+        sizes = np.concatenate([each.face_sizes for each in shapes]).astype(np.intp, copy=False)
+        points = np.concatenate([each.face_points for each in shapes]).astype(np.intp, copy=False)
         _check_sizes(shapes, sizes, all_faces)
         _check_range(shapes, points, np.diff(all_corners), counts[:, 0], "faceVertexIndices", "points")
         points += np.repeat(point_starts[:-1], counts[:, 2])
@@ -92,7 +92,7 @@ class Faces:
         """
         numbers = np.array([number for number, _ in given], np.intp)
         raise_all(fault for number, each in given if (fault := self._wrong_count(number, each)))
-        values = np.concatenate([each.values for _, each in given]).astype(np.float32)
+        values = np.concatenate([each.values for _, each in given]).astype(np.float32, copy=False)
         lengths = np.array([len(each.values) for _, each in given], np.intp)
         starts = np.cumsum(lengths) - lengths
         if not (finite := np.isfinite(values)).all():
@@ -196,17 +196,17 @@ def _distinct(points: Index, sizes: Index) -> NDArray[np.bool_]:
 
     Faces are compared by a 64-bit hash, the sum over their directed edges.
     """
-    starts = face_starts(sizes)
-    distinct = np.ones(len(sizes), bool)
-    for size in np.unique(sizes):
-        these = np.flatnonzero(sizes == size)
-        corners = np.sort(points[starts[these][:, None] + np.arange(size)], axis=1)
-        distinct[these] = (corners[:, 1:] != corners[:, :-1]).all(axis=1)
-    if len(sizes) == 0:
-        return distinct
-    edges = points.astype(np.uint64) << np.uint64(32) | points[next_corners(sizes)].astype(np.uint64)
-    edges = mixed(edges + np.uint64(1))  # the hash of 0 is 0: an edge from point 0 to itself would not count
-    key = np.add.reduceat(edges, starts)
+    distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
+    for faces, corners in blocks(sizes):
+        own, mine = sizes[faces], points[corners]
+        starts = face_starts(own)
+        for size in np.unique(own):
+            these = np.flatnonzero(own == size)
+            corner = np.sort(mine[starts[these][:, None] + np.arange(size)], axis=1)
+            distinct[faces][these] = (corner[:, 1:] != corner[:, :-1]).all(axis=1)
+        edges = mine.astype(np.uint64) << np.uint64(32) | mine[next_corners(own)].astype(np.uint64)
+        # The hash of 0 is 0: an edge from point 0 to itself would not count.
+        key[faces] = np.add.reduceat(mixed(edges + np.uint64(1)), starts)
     ordered = np.sort(key)
     if (ordered[1:] == ordered[:-1]).any():
         first = np.unique(key, return_index=True)[1]

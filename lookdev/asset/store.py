@@ -1,11 +1,11 @@
-"""An asset's digest, and its file for the render worker."""
+"""An asset's digest, and its file for the render worker: a line of JSON, then arrays, which are mapped into memory."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
 import json
-import zipfile
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import accumulate
 from pathlib import Path
@@ -20,6 +20,7 @@ from lookdev.asset.tangents import tangents_of
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
 
+_ALIGNMENT = 64  # bytes
 _FORMAT = 5  # raised, too, when an asset of the same digest gets other tangents
 _FLAGS = ("convex", "sheet", "revolved")
 
@@ -63,10 +64,7 @@ def make_asset(
 def asset_digest(asset: Asset) -> str:
     """Return the SHA-256, in hexadecimal, over all arrays, placements, slots and names."""
     layouts, sizes = _layouts(asset.meshes)
-    digest = hashlib.sha256(json.dumps(_description(asset, layouts)).encode())
-    for _, _, parts in _columns(asset, sizes):
-        for part in parts:
-            digest.update(np.ascontiguousarray(part).data)
+    digest = _hashed(_description(asset, layouts), (column for _, column in _columns(asset, sizes)))
     for number, mesh in enumerate(asset.meshes):
         if mesh.subdivision is not None:
             digest.update(f"cage {number}".encode())
@@ -77,7 +75,7 @@ def asset_digest(asset: Asset) -> str:
 
 
 def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
-    """Write an asset to the cache, once, and return the file ``assets/<digest>.npz``.
+    """Write an asset to the cache, once, and return the file ``assets/<digest>.asset``.
 
     In the file, the meshes of the numbers `directed` have tangents; where these are not in the digest yet, it is
     another one. The paths of instances are left out, which no pixel depends on. Raises ValueError where a mesh is a
@@ -89,18 +87,28 @@ def save_asset(asset: Asset, directed: Iterable[int] = ()) -> Path:
     digest = asset.digest or asset_digest(asset)
     unknown = [number for number in directed if asset.meshes[number].tangents is None]
     name = hashlib.sha256(json.dumps([digest, unknown]).encode()).hexdigest() if unknown else digest
-    path = cache_dir("assets") / f"{name}.npz"
+    path = cache_dir("assets") / f"{name}.asset"
     if not path.exists():
         meshes = list(asset.meshes)
         for number, tangents in zip(unknown, tangents_of([meshes[i] for i in unknown]), strict=True):
             meshes[number] = dataclasses.replace(meshes[number], tangents=tangents)
         asset = dataclasses.replace(asset, meshes=tuple(meshes))
+        checksum = asset_digest(asset) if unknown else digest
         layouts, sizes = _layouts(meshes)
-        head = _description(asset, layouts) | {"center": asset.center, "radius": asset.radius, "digest": digest}
-        with atomic_path(path) as temporary, zipfile.ZipFile(temporary, "w") as archive:
-            _write(archive, "head", np.array(json.dumps(head)))
-            for name, empty, parts in _columns(asset, sizes):
-                _write(archive, name, np.concatenate([empty, *parts], casting="no"))
+        shapes = {name: (column.dtype.str, column.shape) for name, column in _columns(asset, sizes)}
+        head = {
+            "description": _description(asset, layouts),
+            "columns": shapes,
+            "center": asset.center,
+            "radius": asset.radius,
+            "digest": digest,
+            "checksum": checksum,
+        }
+        with atomic_path(path) as temporary, temporary.open("wb") as stream:
+            stream.write(json.dumps(head).encode() + b"\n")
+            for _, column in _columns(asset, sizes):
+                stream.write(bytes(-stream.tell() % _ALIGNMENT))
+                stream.write(column.data)
     return path
 
 
@@ -110,13 +118,21 @@ def read_asset(path: Path) -> Asset:
     Raises
     ------
     AssetError
-        The file is missing, cut off or of another format.
+        The file is missing, damaged or of another format.
     """
     try:
-        # np.load leaves a file open that is not an archive.
-        with path.open("rb") as stream, np.load(stream) as arrays:
-            return _assembled({key: arrays[key] for key in arrays.files})
-    except (OSError, EOFError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        with path.open("rb") as stream:
+            line = stream.readline()
+        head, offset, arrays = json.loads(line), len(line), {}
+        stored = np.memmap(path, np.uint8, "r")
+        for name, (kind, shape) in head["columns"].items():
+            offset += -offset % _ALIGNMENT
+            arrays[name] = np.frombuffer(stored, kind, math.prod(shape), offset).reshape(shape)
+            offset += arrays[name].nbytes
+        if _hashed(head["description"], arrays.values()).hexdigest() != head["checksum"]:
+            raise ValueError("its arrays are not those that were written")
+        return _assembled(head, arrays)
+    except (OSError, ValueError, KeyError, TypeError) as error:
         raise AssetError(
             f"{path}: is not an asset of this version of lookdev ({error!r}); delete it, it is made again"
         ) from error
@@ -142,6 +158,13 @@ def _layouts(meshes: Sequence[Mesh]) -> tuple[list[_Layout], NDArray[np.int64]]:
     return list(numbers), np.array(rows, np.int64).reshape(-1, 4)
 
 
+def _hashed(description: Mapping[str, Any], columns: Iterable[NDArray[Any]]) -> hashlib._Hash:
+    digest = hashlib.sha256(json.dumps(description).encode())
+    for column in columns:
+        digest.update(column.data)
+    return digest
+
+
 def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, Any]:
     return {
         "format": _FORMAT,
@@ -152,35 +175,33 @@ def _description(asset: Asset, layouts: Sequence[_Layout]) -> dict[str, Any]:
     }
 
 
-def _columns(asset: Asset, sizes: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[Any], Sequence[NDArray[Any]]]]:
-    """Yield each stored array: its name, an empty one of its type and shape, and the parts that it joins."""
-    yield "sizes", sizes[:0], [sizes]
-    yield "instance_meshes", np.zeros(0, np.int32), [np.array([each.mesh for each in asset.instances], np.int32)]
-    yield "instance_matrices", np.zeros((0, 4, 4)), [np.array([each.matrix for each in asset.instances])]
+def _columns(asset: Asset, sizes: NDArray[np.int64]) -> Iterator[tuple[str, NDArray[Any]]]:
+    """Yield each stored array, contiguous, and its name."""
+    yield "sizes", sizes
+    yield "instance_meshes", np.array([each.mesh for each in asset.instances], np.int32)
+    yield "instance_matrices", np.array([each.matrix for each in asset.instances]).reshape(-1, 4, 4)
     for name, (kind, width, _) in _ARRAYS.items():
-        yield (
-            name,
-            np.zeros((0, width) if width else 0, kind),
-            [array for mesh in asset.meshes if (array := getattr(mesh, name)) is not None],
-        )
-    yield "uvs", np.zeros((0, 2), np.float32), [uv for mesh in asset.meshes for uv in mesh.uvs.values()]
+        given = [array for mesh in asset.meshes if (array := getattr(mesh, name)) is not None]
+        yield name, _joined(np.zeros((0, width) if width else 0, kind), given)
+    yield "uvs", _joined(np.zeros((0, 2), np.float32), [uv for mesh in asset.meshes for uv in mesh.uvs.values()])
     carried = [each.ravel() for mesh in asset.meshes for each in mesh.primvars.values()]
-    yield "primvars", np.zeros(0, np.float32), carried
+    yield "primvars", _joined(np.zeros(0, np.float32), carried)
 
 
-def _write(archive: zipfile.ZipFile, name: str, array: NDArray[Any]) -> None:
-    """Add an array as `np.savez` does, which would hold all of them at once."""
-    with archive.open(f"{name}.npy", "w", force_zip64=True) as stream:
-        np.save(stream, array, allow_pickle=False)
+def _joined(empty: NDArray[Any], parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return arrays of the type of an empty one as one, without a copy of a single one."""
+    if len(parts) == 1 and parts[0].dtype == empty.dtype:
+        return np.ascontiguousarray(parts[0])
+    return np.concatenate([empty, *parts], casting="no")
 
 
-def _assembled(arrays: Mapping[str, NDArray[Any]]) -> Asset:
-    head = json.loads(str(arrays["head"]))
-    if head["format"] != _FORMAT:
-        raise ValueError(f"format {head['format']}, not {_FORMAT}")
+def _assembled(head: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Asset:
+    description = head["description"]
+    if description["format"] != _FORMAT:
+        raise ValueError(f"format {description['format']}, not {_FORMAT}")
     points, corners, faces, layouts = arrays["sizes"].T.tolist()
     # What each mesh carries, and its corners.
-    carried = [(*head["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
+    carried = [(*description["layouts"][layout], count) for layout, count in zip(layouts, corners, strict=True)]
     tangents = [count * directed for directed, _, _, count in carried]
     rows = {"points": points, "corners": corners, "faces": faces, "tangents": tangents}
     columns = {name: _split(arrays[name], rows[of]) for name, (_, _, of) in _ARRAYS.items()}
@@ -194,14 +215,15 @@ def _assembled(arrays: Mapping[str, NDArray[Any]]) -> Asset:
             given["tangents"] = None
         given["uvs"] = {uv: next(uvs) for uv in names}
         given["primvars"] = {each: next(primvars).reshape((-1, width) if width else -1) for each, width in widths}
-        meshes.append(Mesh(head["meshes"][number], **given))
+        meshes.append(Mesh(description["meshes"][number], **given))
     placements = zip(arrays["instance_meshes"].tolist(), arrays["instance_matrices"], strict=True)
     return Asset(
         meshes=tuple(meshes),
         instances=tuple(Instance(mesh, matrix) for mesh, matrix in placements),
-        slots=tuple(Slot(slot, material) for slot, material in head["slots"]),
+        slots=tuple(Slot(slot, material) for slot, material in description["slots"]),
         center=tuple(head["center"]),
-        **{name: head[name] for name in ("name", "radius", "digest", *_FLAGS)},
+        **{name: head[name] for name in ("radius", "digest")},
+        **{name: description[name] for name in ("name", *_FLAGS)},
     )
 
 

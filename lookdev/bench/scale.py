@@ -123,7 +123,7 @@ def _starts(root: Path, cases: Sequence[str], repeats: int, report: Callable[[st
 def _start(root: Path, case: str, way: Way) -> Start:
     cache = root / "cache"
     shutil.rmtree(cache / "assets", ignore_errors=True)
-    for stored in cache.glob("content/*.npz"):
+    for stored in cache.glob("content/*.asset"):
         stored.unlink()
     request = _write_job(root, case) if way == "lookdev" else _write_request(root, case)
     module = "lookdev.bench.scale_job" if way == "lookdev" else "lookdev.cycles.plain_import"

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset.gather import gathered
 from lookdev.asset.mesh import Asset, Floats, Mesh
-from lookdev.asset.normals import face_starts
+from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source
 
@@ -194,10 +194,29 @@ def _build_mesh(
             data.uv_layers.new(name=name, do_init=False)
             data.attributes[name].data.foreach_set("vector", uv.ravel())
     # Blender's own custom normals have 16 bits; attributes have 32.
-    _add_attribute(data, "lookdev_normal", mesh.normals)
+    _add_attribute(data, "lookdev_normal", *_compact(mesh, mesh.normals))
     for name, values in _attributes(mesh, np.repeat(face_sources, mesh.face_sizes), bindings).items():
-        _add_attribute(data, name, values)
+        _add_attribute(data, name, *_compact(mesh, values))
     return data
+
+
+def _compact(mesh: Mesh, values: Floats) -> tuple[Floats, str]:
+    """Return values of corners as those of faces or points, where their corners have equal ones, and Blender's domain.
+
+    Cycles keeps values of corners three times for every triangle.
+    """
+    sizes = mesh.face_sizes
+    at_faces = values[face_starts(sizes)]
+    if all(
+        np.array_equal(values[corners], np.repeat(at_faces[faces], sizes[faces], axis=0))
+        for faces, corners in blocks(sizes)
+    ):
+        return at_faces, "FACE"
+    at_points = np.zeros((len(mesh.points), *values.shape[1:]), np.float32)
+    at_points[mesh.corner_points] = values
+    if all(np.array_equal(values[corners], at_points[mesh.corner_points[corners]]) for _, corners in blocks(sizes)):
+        return at_points, "POINT"
+    return values, "CORNER"
 
 
 def _attributes(

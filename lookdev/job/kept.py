@@ -54,7 +54,7 @@ def kept_refined(key: str, cages: Asset) -> Asset | None:
     """Return the refined asset of some cages that `keep_refined` wrote; None where there is none."""
     match _read(key):
         case {"asset": str(digest)}:
-            file = cache_dir("assets") / f"{digest}.npz"
+            file = cache_dir("assets") / f"{digest}.asset"
         case _:
             return None
     try:

@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from lookdev.asset.silhouette import turning_axis
 from lookdev.errors import AssetError
@@ -113,6 +112,9 @@ def frame_fill(
     AssetError
         The points are not finite, or all in one place.
     """
+    # Not at the top: it takes a third of a second, and the render worker, which imports this room, frames nothing.
+    from scipy.optimize import brentq
+
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     if not (math.isfinite(size) and size > 0.0):
         raise AssetError(f"the asset is {size} m large: it must have a finite, positive size")

@@ -22,6 +22,16 @@ def values(attribute: Any) -> np.ndarray:
     return np.array([np.ravel(getattr(each, field)) for each in attribute.data], np.float32)
 
 
+def at_corners(data: Any, attribute: Any) -> np.ndarray:
+    """Return an attribute of faces, points or corners at every corner."""
+    owners = {
+        "CORNER": range(len(data.loops)),
+        "POINT": [loop.vertex_index for loop in data.loops],
+        "FACE": [face.index for face in data.polygons for _ in face.loop_indices],
+    }
+    return values(attribute)[owners[attribute.domain]]
+
+
 def main(request: Path, out: Path) -> None:
     """Write, for each case, its meshes by name and the objects that an evaluated scene shows."""
     answers = {}
@@ -40,10 +50,11 @@ def main(request: Path, out: Path) -> None:
                 "uvs": [layer.name for layer in data.uv_layers],
                 "edges": len(data.edges),
                 "attributes": {
-                    each.name: values(each)
+                    each.name: at_corners(data, each)
                     for each in data.attributes
-                    if each.domain == "CORNER" and each.data_type in ("FLOAT", "FLOAT_VECTOR", "FLOAT2")
+                    if each.name != "position" and each.data_type in ("FLOAT", "FLOAT_VECTOR", "FLOAT2")
                 },
+                "domains": {each.name: each.domain for each in data.attributes},
             }
         seen = [
             (each.object.data.name, np.array(each.matrix_world), tuple(each.object.color))

@@ -59,6 +59,19 @@ def balls() -> Asset:
     return make_asset("balls", meshes, instances, [Slot(f"/{slot}") for slot in range(6)])
 
 
+SHARED = {
+    "FACE": np.repeat(np.arange(FACES, dtype=np.float32), BALL.face_sizes),
+    "POINT": BALL.corner_points.astype(np.float32),
+    "CORNER": np.arange(CORNERS, dtype=np.float32),
+}
+"""A primvar that changes from face to face, from point to point, from corner to corner."""
+
+
+def sharing() -> Asset:
+    meshes = [replace(BALL, name=f"/{name}", primvars={"wear": values}) for name, values in SHARED.items()]
+    return make_asset("shared", meshes, [Instance(i, moved(3.0 * i)) for i in range(3)], [Slot("/a")])
+
+
 def crowd(each: int = 3) -> Asset:
     """Return two meshes, each shown several times, and one that is shown once."""
     meshes = [replace(BALL, name=name) for name in ("/a", "/b", "/c")]
@@ -74,6 +87,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "balls": (balls(), SOURCES, (0, 1, 2, 3, 2, 1), {}),
         "covered": (balls(), SOURCES, (0,) * 6, {"covered": True}),
         "apart": (balls(), SOURCES, (0,) * 6, {"apart": True}),
+        "shared": (sharing(), SOURCES, (1,), {}),
         "crowd": (crowd(), SOURCES, (0,), {}),
         "crowd apart": (crowd(), SOURCES, (0,), {"apart": True}),
         "crowd of many": (crowd(1000), SOURCES, (0,), {}),
@@ -119,6 +133,13 @@ def test_what_a_mesh_lacks_has_the_fallback_of_each_faces_source(built: dict[str
     second = np.repeat(np.arange(FACES) >= FACES // 2, BALL.face_sizes)
     np.testing.assert_array_equal(found["wear"][:, 0], np.where(second, 0.75, 0.25).astype(np.float32))
     np.testing.assert_allclose(found["tint"][second], [[0.1, 0.2, 0.3]] * second.sum())
+
+
+@pytest.mark.parametrize("domain", ["FACE", "POINT", "CORNER"])
+def test_what_corners_share_is_written_once(built: dict[str, Any], domain: str) -> None:
+    mesh = built["shared"]["meshes"][f"/{domain}"]
+    assert mesh["domains"]["wear"] == domain
+    np.testing.assert_array_equal(mesh["attributes"]["wear"][:, 0], SHARED[domain])
 
 
 def test_users_of_blender_find_edges_and_all_uv_sets(built: dict[str, Any]) -> None:
