@@ -3,67 +3,51 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from copy import copy
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import ConvexHull, QhullError
 
-from lookdev.asset.bounds import bounding_boxes, bounding_spheres, grid_cells, smallest_ball
+from lookdev.asset.bounds import Index, grid_cells, smallest_ball
 from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.normals import Doubles
 
 _OFTEN = 8  # instances: the corners of a mesh's hull are found faster than the points of so many are placed
 _SMALL = 32  # points of a mesh that are placed faster than its corners are found
-_LARGE = 1024  # points of a mesh that is used often, whose instances are looked at one by one, cell by cell
-_SEEDS = 2**13  # points, of all instances of large meshes, between which their polytope is; more have more planes
-_BLOCK = 2**18  # points at a time
-_TOLERANCE = 1e-9
+_PART = 2**11  # points of a mesh that are looked at together
+_COARSE, _FINE = 64, 1024  # planes of a polytope
+_MANY = 2**18  # points that are left by a coarse polytope: a fine one leaves fewer
+_SEEDS = 2**15  # points that decide a fine one
+_BLOCK = 2**20  # numbers at a time
+_TOLERANCE = 1e-12  # of the size of the whole
 
 
 def outline(asset: Asset) -> Doubles:
     """Return points (n, 3) of an asset in world space whose convex hull is that of all its faces.
 
-    They decide the silhouette in every perspective from outside. Of an asset of many instances, what is inside a
-    polytope of its outermost points is left out.
+    They decide the silhouette in every perspective from outside. Of an asset of several instances, what is in or on a
+    polytope of outermost points is left out: instances, then parts of them, by their boxes, and at last points.
     """
-    shown = np.array([instance.mesh for instance in asset.instances])
-    linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
-    offset = np.stack([instance.matrix[:3, 3] for instance in asset.instances])
-    uses = np.bincount(shown, minlength=len(asset.meshes))
-    clouds = [_cloud(mesh, count) for mesh, count in zip(asset.meshes, uses, strict=True)]
-    if len(shown) == 1:
-        return np.asarray(clouds[shown[0]] @ linear[0].T + offset[0])
-
-    extremes = np.stack([np.concatenate([c[c.argmin(axis=0)], c[c.argmax(axis=0)]]) for c in clouds])
-    seeds = np.einsum("kij,kpj->kpi", linear, extremes[shown]) + offset[:, None]
-    middles = 0.5 * (extremes.min(axis=1) + extremes.max(axis=1))
-    radii = 0.5 * np.linalg.norm(np.ptp(extremes, axis=1), axis=1)
-    centers = np.einsum("kij,kj->ki", linear, middles[shown]) + offset
-    stretch = np.linalg.norm(linear, ord=2, axis=(1, 2))
-    reach = stretch * radii[shown]
-    outer = np.flatnonzero(_Polytope(seeds.reshape(-1, 3), 64).outside(centers, reach))
-
-    inner = _Polytope(seeds.reshape(-1, 3), 24)
-    large = ((uses >= _OFTEN) & (np.array([len(cloud) for cloud in clouds]) >= _LARGE))[shown[outer]]
-    single, outer = outer[large], outer[~large]
-    batch = np.cumsum([len(clouds[each]) for each in shown[outer]]) // _BLOCK
-    kept = [np.zeros((0, 3))]
-    for numbers in np.split(outer, np.flatnonzero(np.diff(batch)) + 1) if len(outer) else []:
-        points = np.concatenate([clouds[shown[each]] @ linear[each].T + offset[each] for each in numbers])
-        kept.append(points[inner.outside(points)])
-    cells = {number: _Cells(clouds[number]) for number in np.unique(shown[single])}
-    if len(single):
-        # Corners of many directions of each instance: little is outside of their hull.
-        most = max(_SEEDS // len(single), 6)
-        ends = {number: _extremes(clouds[number], most) for number in cells}
-        more = [ends[shown[k]] @ linear[k].T + offset[k] for k in single]
-        seeds = np.concatenate([seeds.reshape(-1, 3), *more])
-        inner = _Polytope(seeds[inner.outside(seeds)])
-        kept += [cells[shown[k]].outside(inner, linear[k], offset[k], stretch[k]) for k in single]
-    outermost = np.concatenate(kept)
-    return outermost if inner.is_solid else _corners(outermost)
+    meshes = np.array([instance.mesh for instance in asset.instances])
+    uses = np.bincount(meshes, minlength=len(asset.meshes)).tolist()
+    clouds = {number: _cloud(asset.meshes[number], count) for number, count in enumerate(uses) if count}
+    shown = _Placed(clouds, meshes, np.array([instance.matrix for instance in asset.instances]))
+    if len(meshes) == 1:
+        return shown.points()
+    ends = {each: np.concatenate([c[c.argmin(axis=0)], c[c.argmax(axis=0)]]) for each, c in clouds.items()}
+    seeds = replace(shown, clouds=ends).points()
+    inner = _Polytope(_extremes(seeds, _directions(_COARSE))).grown(seeds, _COARSE)
+    if not inner.is_solid:
+        return _corners(shown.points())
+    shown = shown.outside(inner)
+    if shown.size > _MANY:
+        along = _directions(min(max(_SEEDS // len(shown.of), 8), _COARSE))
+        ends = {each: _extremes(clouds[each], along) for each in np.unique(shown.of).tolist()}
+        inner = inner.grown(replace(shown, clouds=ends).points(), _FINE)
+        shown = shown.outside(inner)
+    return np.concatenate([inner.corners, *shown.divided().points_outside(inner)])
 
 
 def turning_axis(points: Doubles) -> tuple[float, float]:
@@ -79,67 +63,136 @@ def turning_axis(points: Doubles) -> tuple[float, float]:
     return x, y
 
 
-class _Cells:
-    """A cloud of points, sorted into cells that have bounding spheres."""
+class _Polytope:
+    """The convex hull of points; that of a flat set has no planes."""
 
     def __init__(self, points: Doubles) -> None:
-        box = np.array([points.min(axis=0), points.max(axis=0)])
-        cells = grid_cells(points, box)
-        order = np.argsort(cells, kind="stable")
-        starts = np.flatnonzero(np.diff(cells[order], prepend=-1))
-        self._points, self._lengths = points[order], np.diff(starts, append=len(points))
-        self._middles, self._radii = bounding_spheres(bounding_boxes(self._points, starts))
-        (self._middle,), (self._radius,) = bounding_spheres(box[None])
+        from scipy.spatial import ConvexHull, QhullError
 
-    def outside(self, polytope: _Polytope, linear: Doubles, offset: Doubles, stretch: float) -> Doubles:
-        """Return the points, placed in the world, that are not inside a polytope."""
-        near = polytope.near(linear @ self._middle + offset, stretch * self._radius)
-        if polytope.is_solid and not near.is_solid:
-            return np.zeros((0, 3))
-        cells = near.outside(self._middles @ linear.T + offset, stretch * self._radii)
-        points = self._points[np.repeat(cells, self._lengths)] @ linear.T + offset
-        return np.asarray(points[near.outside(points)])
-
-
-class _Polytope:
-    """The convex hull of points, or of those that are extreme along some directions; that of a flat set is empty."""
-
-    def __init__(self, points: Doubles, directions: int | None = None) -> None:
-        corners = points if directions is None else _extremes(points, directions)
-        self._middle = corners.mean(axis=0)
-        self._normals, self._offsets = np.zeros((0, 3)), np.zeros(0)
+        self.corners = points
+        self._middle = points.mean(axis=0)
+        self.planes = np.zeros((0, 4))
         with suppress(QhullError):
-            planes = ConvexHull(corners - self._middle).equations
-            self._normals, self._offsets = planes[:, :3], planes[:, 3]
-        self._rounding = _TOLERANCE * self._offsets.min(initial=0.0)
+            hull = ConvexHull(points - self._middle)
+            self.corners, self.planes = points[hull.vertices], np.unique(hull.equations, axis=0)
+            self.planes[:, 3] -= _TOLERANCE * np.ptp(points, axis=0).max()
 
     @property
     def is_solid(self) -> bool:
         """Whether anything is inside."""
-        return len(self._normals) > 0
+        return len(self.planes) > 0
 
-    def near(self, center: Doubles, radius: float) -> _Polytope:
-        """Return the polytope with those planes alone that have a part of the ball about a point (3,) beyond them."""
-        part = copy(self)
-        beyond = self._normals @ (center - self._middle) + self._offsets + radius > self._rounding
-        part._normals, part._offsets = self._normals[beyond], self._offsets[beyond]
-        return part
+    def grown(self, points: Doubles, count: int) -> _Polytope:
+        """Return it with the points that are farthest beyond its planes, until it has so many planes or all points."""
+        inner = self
+        while 0 < len(inner.planes) < count:
+            found = _extremes(points, inner.planes[:, :3])
+            outside = ((found - inner._middle) @ inner.planes[:, :3].T + inner.planes[:, 3] > 0.0).any(axis=1)
+            if not outside.any():
+                break
+            inner = _Polytope(np.concatenate([inner.corners, found[outside]]))
+        return inner
 
-    def outside(self, points: Doubles, radii: Doubles | float = 0.0) -> NDArray[np.bool_]:
-        """Return which balls about points (n, 3) are not inside, (n,); on the surface is not inside."""
-        if not self.is_solid:
-            return np.ones(len(points), np.bool_)
-        beyond = ((points - self._middle) @ self._normals.T + self._offsets).max(axis=1)
-        return np.asarray(beyond + radii > self._rounding)
+    def local(self, matrices: Doubles) -> Doubles:
+        """Return its planes (n, k, 4) in the spaces of matrices (n, 4, 4).
+
+        A point (x, y, z, 1) is beyond a plane where their product is positive.
+        """
+        about = matrices.copy()
+        about[:, :3, 3] -= self._middle
+        return np.asarray(self.planes @ about)
 
 
-def _extremes(points: Doubles, directions: int) -> Doubles:
+@dataclass(frozen=True, eq=False)
+class _Placed:
+    """Clouds of points (k, 3) by their numbers, and the number (n,) and the place (n, 4, 4) of each that is shown."""
+
+    clouds: Mapping[int, Doubles]
+    of: Index
+    matrices: Doubles
+
+    @property
+    def size(self) -> int:
+        """The number of points."""
+        return sum(len(self.clouds[each]) for each in self.of.tolist())
+
+    def points(self) -> Doubles:
+        """Return all points in the world."""
+        placed = zip(self.of.tolist(), self.matrices, strict=True)
+        return np.concatenate([self.clouds[each] @ matrix[:3, :3].T + matrix[:3, 3] for each, matrix in placed])
+
+    def outside(self, inner: _Polytope) -> _Placed:
+        """Return those whose box is not inside a polytope."""
+        kept = np.zeros(len(self.of), np.bool_)
+        boxes = {each: np.array([cloud.min(axis=0), cloud.max(axis=0)]) for each, cloud in self.clouds.items()}
+        for chosen in _blocks(np.arange(len(self.of)), 4 * len(inner.planes)):
+            planes = inner.local(self.matrices[chosen])
+            box = np.array([boxes[each] for each in self.of[chosen].tolist()])
+            kept[chosen] = _beyond(planes, box).any(axis=1)
+        return replace(self, of=self.of[kept], matrices=self.matrices[kept])
+
+    def divided(self) -> _Placed:
+        """Return the same points as parts of `_PART` points that are near each other."""
+        parts: list[Doubles] = []
+        own: dict[int, Index] = {}
+        for each in np.unique(self.of).tolist():
+            made = _parts(self.clouds[each])
+            own[each] = np.arange(len(parts), len(parts) + len(made))
+            parts += made
+        of = [own[each] for each in self.of.tolist()]
+        matrices = np.repeat(self.matrices, [len(each) for each in of], axis=0)
+        return _Placed(dict(enumerate(parts)), np.concatenate([np.zeros(0, np.intp), *of]), matrices)
+
+    def points_outside(self, inner: _Polytope) -> Iterator[Doubles]:
+        """Yield the points in the world that are not inside a polytope."""
+        order = np.argsort(self.of, kind="stable")
+        for alike in np.split(order, np.flatnonzero(np.diff(self.of[order])) + 1) if len(order) else []:
+            cloud = self.clouds[int(self.of[alike[0]])]
+            box = np.array([cloud.min(axis=0), cloud.max(axis=0)])
+            for chosen in _blocks(alike, 4 * len(inner.planes)):
+                planes = inner.local(self.matrices[chosen])
+                owners, numbers = np.nonzero(_beyond(planes, box[None]))
+                planes = planes[owners, numbers]
+                block = np.searchsorted(owners, owners) // max(_BLOCK // len(cloud), 1)
+                for pairs in np.split(np.arange(len(owners)), np.flatnonzero(np.diff(block)) + 1):
+                    yield _outside(cloud, self.matrices[chosen], planes[pairs], owners[pairs])
+
+
+def _outside(cloud: Doubles, matrices: Doubles, planes: Doubles, owners: Index) -> Doubles:
+    """Return the points in the world of a cloud, placed by matrices (n, 4, 4), that are beyond a plane of theirs.
+
+    The planes (k, 4) are in the spaces of their `owners`, numbers of matrices in order.
+    """
+    outside = planes[:, :3] @ cloud.T + planes[:, 3:] > 0.0
+    first = np.flatnonzero(np.diff(owners, prepend=-1))
+    which, points = np.nonzero(np.logical_or.reduceat(outside, first, axis=0))
+    placed = matrices[owners[first]][which]
+    return np.asarray(np.einsum("nij,nj->ni", placed[:, :3, :3], cloud[points]) + placed[:, :3, 3])
+
+
+def _beyond(planes: Doubles, boxes: Doubles) -> NDArray[np.bool_]:
+    """Return which of the planes (n, k, 4) have a part of a box (n, 2, 3) beyond them."""
+    middles, halves = 0.5 * boxes.sum(axis=1)[..., None], 0.5 * np.ptp(boxes, axis=1)[..., None]
+    normals = planes[..., :3]
+    return np.asarray((normals @ middles + np.abs(normals) @ halves)[..., 0] + planes[..., 3] > 0.0)
+
+
+def _blocks(numbers: Index, each: int) -> list[Index]:
+    """Return numbers in blocks of `_BLOCK`, where each of them takes so much."""
+    size = max(_BLOCK // each, 1)
+    return [numbers[start : start + size] for start in range(0, len(numbers), size)]
+
+
+def _directions(count: int) -> Doubles:
+    """Return directions (count, 3), nearly even over the sphere, by the golden angle."""
+    heights = 1.0 - (2.0 * np.arange(count) + 1.0) / count
+    angles, levels = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(count), np.sqrt(1.0 - heights**2)
+    return np.stack([levels * np.cos(angles), levels * np.sin(angles), heights], axis=-1)
+
+
+def _extremes(points: Doubles, directions: Doubles) -> Doubles:
     """Return the points (k, 3) that are extreme along some directions."""
-    # Nearly even over the sphere, by the golden angle.
-    heights = 1.0 - (2.0 * np.arange(directions) + 1.0) / directions
-    angles, levels = math.pi * (3.0 - math.sqrt(5.0)) * np.arange(directions), np.sqrt(1.0 - heights**2)
-    along = points @ np.stack([levels * np.cos(angles), levels * np.sin(angles), heights])
-    return np.asarray(points[np.unique(along.argmax(axis=0))])
+    return np.asarray(points[np.unique([(points @ direction).argmax() for direction in directions])])
 
 
 def _cloud(mesh: Mesh, uses: int) -> Doubles:
@@ -152,6 +205,8 @@ def _cloud(mesh: Mesh, uses: int) -> Doubles:
 
 def _corners(points: Doubles) -> Doubles:
     """Return the points at the corners of their hull: of flat ones in their plane, of those on a line its two ends."""
+    from scipy.spatial import ConvexHull, QhullError
+
     local = points - points.mean(axis=0)
     axes = np.linalg.svd(local, full_matrices=False)[2]
     for turned in (local, local @ axes[:2].T):
@@ -159,3 +214,10 @@ def _corners(points: Doubles) -> Doubles:
             return np.asarray(points[ConvexHull(turned).vertices])
     along = local @ axes[0]
     return np.asarray(points[[along.argmin(), along.argmax()]])
+
+
+def _parts(points: Doubles) -> list[Doubles]:
+    if len(points) <= _PART:
+        return [points]
+    near = points[np.argsort(grid_cells(points, np.array([points.min(axis=0), points.max(axis=0)])), kind="stable")]
+    return [near[start : start + _PART] for start in range(0, len(near), _PART)]

@@ -35,11 +35,13 @@ class Prepared(JobSetups):
 
 
 def prepare_job(path: Path, backend: str | None = None) -> Prepared:
-    """Read a job and its files and plan its frames, those on disk included; `backend` replaces the job's.
+    """Read a job file and plan its frames as `plan_job`; `backend` replaces the job's; raises JobError with its faults."""
+    return plan_job(_with_backend(load_job(path), backend))
 
-    Raises JobError with the faults of the job file, or FaultsError with those of the files that it names.
-    """
-    made = read_setups(path, backend)
+
+def plan_job(job: Job) -> Prepared:
+    """Read the files of a job and plan its frames, those on disk included; raises FaultsError with all their faults."""
+    made = make_setups(job_scenes(job))
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)
@@ -48,10 +50,13 @@ def prepare_job(path: Path, backend: str | None = None) -> Prepared:
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
     """Read a job and its files; backend and errors as `prepare_job`."""
-    job = load_job(path)
-    if backend is not None:
-        job = job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
-    return make_setups(job_scenes(job))
+    return make_setups(job_scenes(_with_backend(load_job(path), backend)))
+
+
+def _with_backend(job: Job, backend: str | None) -> Job:
+    if backend is None:
+        return job
+    return job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
 
 
 def make_setups(shown: JobScenes) -> JobSetups:

@@ -30,7 +30,7 @@ from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove
 from lookdev.batch.pictures import Background, Pictures, write_shared
 from lookdev.cache import share
 from lookdev.errors import OutputError, RenderError, WorkerError
-from lookdev.job import JobOutputs, load_job
+from lookdev.job import Job, JobOutputs, load_job
 from lookdev.output.exr import read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.render.backends import BACKENDS
@@ -87,24 +87,45 @@ class RunResult:
 
 
 def render_job(
-    path: Path, prepare: Callable[[Path], Prepared], *, force: bool = False, report: Report = lambda event: None
+    path: Path,
+    *,
+    prepare: Callable[[Job], Prepared] | None = None,
+    force: bool = False,
+    report: Report = lambda event: None,
 ) -> RunResult:
     """Render a job file: lock its output, prepare it, run its plan, with `force` and `report` as for `run_plan`.
 
-    `prepare` is `lookdev.batch.prepare.prepare_job`, called under the lock, so that no other run changes the frames
-    that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
+    `prepare`, by default `lookdev.batch.prepare.plan_job`, is called under the lock, so that no other run changes the
+    frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
     job = load_job(path)
     command = BACKENDS[job.render.backend].command
     with output_lock(job.output) as folder, _opened(folder, command) as worker:
-        # Blender starts while files are read; an error is that of the first frame, then.
-        with suppress(WorkerError):
-            worker.launch()
-        prepared = prepare(path)
+        if force or _lacks_frames(job):
+            # Blender starts while files are read; an error is that of the first frame, then.
+            with suppress(WorkerError):
+                worker.launch()
+        if prepare is None:
+            # Imported while Blender starts: it takes as long as the rest of this program.
+            from lookdev.batch.prepare import plan_job as prepare
+        prepared = prepare(job)
         for note in prepared.notes:
             report(Noted(note))
         job = prepared.job
         return run_plan(prepared.plan, job.outputs, job.render.background, force=force, worker=worker, report=report)
+
+
+def _lacks_frames(job: Job) -> bool:
+    """Return whether files of a job's frames are missing, as far as their names are known before its files are read."""
+    turns = Turns(job.turntable, job.output)
+    for look in job.look:
+        names = [look.name]
+        if "*" in look.variants.values():
+            names = [folder.name for folder in job.output.glob(f"{look.name}_*")]
+        frames = [file for name in names for ibl in job.ibl for each in turns.turntables for file in turns.files(name, ibl.name, each)]
+        if not frames or not all(file.exists() for file in frames):
+            return True
+    return False
 
 
 @contextmanager

@@ -10,7 +10,6 @@ import sys
 from pathlib import Path
 
 from lookdev.batch.events import FrameFailed, FrameProgressed, RunStarted
-from lookdev.batch.prepare import prepare_job
 from lookdev.batch.run import render_job
 from lookdev.errors import RenderError
 from lookdev.render.answers import Answers, peak_memory
@@ -30,7 +29,7 @@ def main(job: Path) -> None:
             case FrameFailed(reason=reason):
                 raise RenderError(reason)
 
-    render_job(job, prepare_job, report=report)
+    render_job(job, report=report)
 
 
 def _children() -> list[str]:

@@ -27,12 +27,11 @@ def render(
     if dry_run:
         plan(job)
         return
-    from lookdev.batch.prepare import prepare_job
     from lookdev.batch.progress import show_progress
     from lookdev.batch.run import render_job
 
     with show_progress(sys.stdout) as report:
-        result = render_job(job, prepare_job, force=force, report=report)
+        result = render_job(job, force=force, report=report)
     typer.echo(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,9 @@ DEFAULT_FOV = math.degrees(2.0 * math.atan(36.0 / (2.0 * 50.0)))
 DEFAULT_FILL = 0.7
 
 FULL_TURN: tuple[Arc, ...] = ((0.0, 360.0),)
+
+_STEPS = 100
+"""Newton's steps, at most; usually about five."""
 
 _LEAST_GAP = 1e-4
 """Least distance of the camera to what it frames, in the depth of that: of a needle that it sees along its length."""
@@ -112,9 +115,6 @@ def frame_fill(
     AssetError
         The points are not finite, or all in one place.
     """
-    # Not at the top: it takes a third of a second, and the render worker, which imports this room, frames nothing.
-    from scipy.optimize import brentq
-
     size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
     if not (math.isfinite(size) and size > 0.0):
         raise AssetError(f"the asset is {size} m large: it must have a finite, positive size")
@@ -122,30 +122,30 @@ def frame_fill(
     base = np.array([*axis, 0.5 * (points[:, 2].min() + points[:, 2].max())])
     plain = Camera(fov, elevation, (0.0, 0.0, 0.0), 1.0)
     frame = plain.frame
-    turned = _turned_support(points - base, arcs)
+    touched = _touched(points - base, arcs)
 
-    def support(*normal: float) -> float:
-        return turned(np.array(normal) @ frame)
+    def sides(direction: int, slope: float) -> tuple[float, float, float]:
+        """Return S on both sides of a direction, and the derivative by the slope of their sum."""
+        normals = np.array([[direction == 0, direction == 1, slope]] * 2, np.float64)
+        normals[1, :2] *= -1.0
+        ahead, behind = (touched(normal @ frame) @ frame.T for normal in normals)
+        return float(ahead @ normals[0]), float(behind @ normals[1]), float(ahead[2] + behind[2])
 
     width, height = resolution
     slopes = fill * plain.reach, fill * plain.reach * height / width
-
-    def sides(direction: int, slope: float) -> tuple[float, float]:
-        x, y = direction == 0, direction == 1
-        return support(x, y, slope), support(-x, -y, slope)
-
-    nearest, farthest = support(0.0, 0.0, 1.0), -support(0.0, 0.0, -1.0)
-    depth = max(sum(sides(direction, slope)) / (2.0 * slope) for direction, slope in enumerate(slopes))
+    nearest, farthest = float(touched(frame[2]) @ frame[2]), float(touched(-frame[2]) @ frame[2])
+    depth = max(sum(sides(direction, slope)[:2]) / (2.0 * slope) for direction, slope in enumerate(slopes))
     depth = max(depth, nearest + _LEAST_GAP * (nearest - farthest))
     offset = []
-    for direction, slope in enumerate(slopes):
-
-        def excess(slope: float, direction: int = direction) -> float:
-            return sum(sides(direction, slope)) - 2.0 * slope * depth
-
-        # In the tighter direction zero at the slope itself.
-        touching = brentq(excess, 0.0, slope, xtol=1e-10 * slope) if excess(slope) < 0.0 < excess(0.0) else slope
-        ahead, behind = sides(direction, touching)
+    for direction, most in enumerate(slopes):
+        # S(v) + S(-v) - 2 t d is convex in t and falls, so Newton's steps from 0 never pass its zero.
+        slope = 0.0
+        for _ in range(_STEPS):
+            ahead, behind, growth = sides(direction, slope)
+            step = (ahead + behind - 2.0 * slope * depth) / (2.0 * depth - growth)
+            if step <= 1e-12 * slope:
+                break
+            slope = min(slope + step, most)
         offset.append(0.5 * (ahead - behind))
     # Between the nearest and the farthest point, so that both are well within the camera's clip range.
     distance = math.sqrt((depth - nearest) * (depth - farthest))
@@ -156,29 +156,41 @@ def frame_fill(
     return Camera(fov, elevation, (x, y, z), round(distance, digits), axis=axis)
 
 
-def _turned_support(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], float]:
-    """Return the support function of points (n, 3) turned about the z axis by all angles of some arcs.
+def _touched(points: Floats, arcs: Sequence[Arc]) -> Callable[[Floats], Floats]:
+    """Return a function of a direction: the point farthest along it of points (n, 3) turned by all angles of some arcs.
 
-    A point at the distance r from the axis, turned by t, has by a direction w the value ``r |w_xy| cos(psi - t) +
-    z w_z``, psi being the angle from the point to w about the axis. Over t from 0 to s it is greatest at psi, where
-    that is in the arc, which is where ``cos(psi - s/2) >= cos(s/2)``; else at one of the ends.
+    They turn about the z axis. A point at the distance r from it, turned by t, has by a direction w the value
+    ``r |w_xy| cos(psi - t) + z w_z``, psi being the angle from the point to w about the axis. Over t from 0 to s it is
+    greatest at psi, where that is in the arc, which is where ``cos(psi - s/2) >= cos(s/2)``; else at one of the ends.
     """
-    x, y, z = points.T
-    radius = np.hypot(x, y)
+    radius, z = np.hypot(points[:, 0], points[:, 1]), points[:, 2]
     ranges = [(math.radians(min(start, start + sweep)), math.radians(abs(sweep))) for start, sweep in arcs]
-    full = any(sweep >= 2.0 * math.pi for _, sweep in ranges)
+    whole = any(sweep >= 2.0 * math.pi for _, sweep in ranges)
+    ranges = ranges[:1] if whole else ranges
 
-    def over_arc(w: Floats, start: float, sweep: float) -> Floats:
-        u, v = math.hypot(w[0], w[1]), math.atan2(w[1], w[0]) - start
-        along, across = u * (x * math.cos(v) + y * math.sin(v)), u * (x * math.sin(v) - y * math.cos(v))
-        ends: Floats = np.maximum(along, along * math.cos(sweep) + across * math.sin(sweep))
-        if sweep == 0.0:
-            return ends
-        half = along * math.cos(sweep / 2.0) + across * math.sin(sweep / 2.0)
-        return np.asarray(np.where(half >= u * math.cos(sweep / 2.0) * radius, u * radius, ends))
+    def outermost(w: Floats, start: float, sweep: float) -> Iterator[Floats]:
+        """Yield the farthest point at each end of an arc, and between."""
+        across = math.hypot(w[0], w[1])
+        for end in () if whole else dict.fromkeys((start, start + sweep)):
+            turn = _turn(end)
+            yield turn @ points[(points @ (w @ turn)).argmax()]
+        if whole or sweep > 0.0:
+            reached = across * radius + w[2] * z
+            if not whole:
+                half = points @ (w * [1.0, 1.0, 0.0] @ _turn(start + 0.5 * sweep))
+                reached[half < across * math.cos(0.5 * sweep) * radius] = -np.inf
+            best = int(reached.argmax())
+            if reached[best] > -np.inf:
+                along = w[:2] / across if across > 0.0 else np.array([1.0, 0.0])
+                yield np.array([*(radius[best] * along), z[best]])
 
-    def support(w: Floats) -> float:
-        level = [radius * math.hypot(w[0], w[1])] if full else [over_arc(w, *each) for each in ranges]
-        return max(float((each + z * w[2]).max()) for each in level)
+    def touched(w: Floats) -> Floats:
+        return max((point for each in ranges for point in outermost(w, *each)), key=lambda point: float(point @ w))
 
-    return support
+    return touched
+
+
+def _turn(angle: float) -> Floats:
+    """Return the matrix of a turn about the z axis."""
+    sine, cosine = math.sin(angle), math.cos(angle)
+    return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

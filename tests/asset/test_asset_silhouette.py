@@ -109,6 +109,20 @@ def test_of_round_instances_the_outer_sides_are_left() -> None:
     assert len(outline(asset)) < 0.2 * 200 * 3000
 
 
+def test_of_instances_whose_tops_are_in_one_plane_the_rim_is_left() -> None:
+    u, v = np.meshgrid(*[np.linspace(-0.5, 0.5, 33)] * 2)
+    sheet = faces_of(np.stack([u, v, 0.05 * np.sin(20.0 * u) * np.cos(17.0 * v)], axis=-1).reshape(-1, 3))
+    tilt = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    instances = []
+    for x, y in np.ndindex(30, 30):
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = tilt, tilt @ [x, y, 0.0]
+        instances.append(Instance(0, matrix))
+    asset = asset_of([sheet], instances)
+    assert len(outline(asset)) < 0.01 * 900 * len(sheet.points)
+    np.testing.assert_allclose(support(outline(asset)), support(np.concatenate(world_points(asset))), rtol=1e-12)
+
+
 def test_points_of_no_face_do_not_count() -> None:
     stray = faces_of([[0, 0, 0], [1, 0, 0], [0, 1, 0], [50, 50, 50]])
     assert outline(asset_of([stray], [Instance(0, np.eye(4))])).max() == 1.0

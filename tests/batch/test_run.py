@@ -18,10 +18,13 @@ import pytest
 import lookdev
 from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, RunStarted, SheetWritten
 from lookdev.batch.lock import output_lock
+from lookdev.batch.prepare import Prepared
 from lookdev.batch.run import background_light, render_job
 from lookdev.errors import AssetError, JobError, OutputError, WorkerError
+from lookdev.job import Job
 from lookdev.output.exr import read_frame, read_header
 from lookdev.render.backends import BACKENDS
+from lookdev.render.worker import Worker
 
 FRAMES = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
 FILES = sorted([*FRAMES, "lighting.0001"])
@@ -294,13 +297,13 @@ def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
     job = case.make_job(tmp_path)
     (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
 
-    def prepare(path: Path) -> object:
-        raise AssertionError(path)
+    def prepare(job: Job) -> Prepared:
+        raise AssertionError(job.file)
 
     with output_lock(job.output), pytest.raises(OutputError, match=f"process {os.getpid()} on "):
-        render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
+        render_job(tmp_path / "job.toml", prepare=prepare)
     with pytest.raises(AssertionError):
-        render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
+        render_job(tmp_path / "job.toml", prepare=prepare)
 
 
 @pytest.mark.parametrize("fails", [False, True])
@@ -312,7 +315,7 @@ def test_the_worker_starts_while_the_job_is_prepared(
     record = replace(BACKENDS["exact"], command=case.command(tmp_path))
     monkeypatch.setitem(BACKENDS, "exact", record)
 
-    def prepare(path: Path) -> object:
+    def prepare(job: Job) -> Any:
         case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 1)
         if fails:
             raise AssetError("damaged")
@@ -320,18 +323,40 @@ def test_the_worker_starts_while_the_job_is_prepared(
 
     if fails:
         with pytest.raises(AssetError, match="damaged"):
-            render_job(tmp_path / "job.toml", prepare)  # type: ignore[arg-type]
+            render_job(tmp_path / "job.toml", prepare=prepare)
     else:
-        assert render_job(tmp_path / "job.toml", prepare).exit_code == 0  # type: ignore[arg-type]
+        assert render_job(tmp_path / "job.toml", prepare=prepare).exit_code == 0
     (pid,) = case.worker_pids(tmp_path)
     case.wait_until(lambda: not case.is_alive(pid))
     assert not list((tmp_path / "out" / ".lookdev").glob("scratch-*"))
 
 
+@pytest.mark.parametrize(("force", "missing", "starts"), [(False, False, 0), (True, False, 1), (False, True, 1)])
+def test_the_worker_starts_early_only_where_a_frame_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, force: bool, missing: bool, starts: int
+) -> None:
+    job = case.make_job(tmp_path)
+    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
+    case.run(tmp_path)
+    if missing:
+        (place(tmp_path) / f"{FILES[-1]}.exr").unlink()
+    launched = []
+    launch = Worker.launch
+    monkeypatch.setattr(Worker, "launch", lambda worker: (launched.append(worker), launch(worker)))
+    monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=case.command(tmp_path)))
+
+    def prepare(given: Job) -> Any:
+        assert len(launched) == starts
+        return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
+
+    assert render_job(tmp_path / "job.toml", prepare=prepare, force=force).exit_code == 0
+    assert bool(launched) == bool(starts)
+
+
 def test_render_job_reports_faults_before_it_makes_anything(tmp_path: Path) -> None:
     (tmp_path / "job.toml").write_text("outputt = 1")
     with pytest.raises(JobError):
-        render_job(tmp_path / "job.toml", lambda path: None)  # type: ignore[arg-type, return-value]
+        render_job(tmp_path / "job.toml")
     assert [path.name for path in tmp_path.iterdir()] == ["job.toml"]
 
 

@@ -15,7 +15,7 @@ sys.path += [str(Path(__file__).parents[1] / room) for room in ("batch", "bench"
 import batch_case as case
 
 from lookdev.cli import main
-from lookdev.job import load_job
+from lookdev.job import Job, load_job
 from lookdev.render.backends import BACKENDS
 
 Command = Callable[..., tuple[int, str, str]]
@@ -54,11 +54,10 @@ def job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, provide: Provide) 
     path = tmp_path / "job.toml"
     path.write_text(case.JOB + case.TURNTABLES + case.RENDER)
 
-    def prepare_job(path: Path) -> SimpleNamespace:
-        job = load_job(path)
+    def plan_job(job: Job) -> SimpleNamespace:
         return SimpleNamespace(job=job, plan=case.make_plan(job), notes=("city: 3 texels repaired",))
 
-    provide("lookdev.batch.prepare", prepare_job=prepare_job)
+    provide("lookdev.batch.prepare", prepare_job=lambda path: plan_job(load_job(path)), plan_job=plan_job)
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=tuple(case.command(tmp_path))))
     return path
 
@@ -68,9 +67,9 @@ def plant(provide: Provide, job_file: Path) -> Callable[[BaseException], None]:
     """Return a function that lets the preparation of a job raise an exception."""
 
     def fail(error: BaseException) -> None:
-        def prepare_job(path: Path) -> None:
+        def fails(given: object) -> None:
             raise error
 
-        provide("lookdev.batch.prepare", prepare_job=prepare_job)
+        provide("lookdev.batch.prepare", prepare_job=fails, plan_job=fails)
 
     return fail

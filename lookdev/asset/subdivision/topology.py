@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from lookdev.asset.normals import face_starts, next_corners
 
@@ -136,6 +134,10 @@ def connect(points: Index, sizes: Index, count: int) -> tuple[Level, Joints]:
 
 def _fans(level: Level) -> Index:
     """Return the number of fans (n,) around each point: sets of faces joined by twins at the point."""
+    # Half the time that a program takes to start, for few files.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     count = len(level.points)
     beside = level.twins[level.previous]
     joined = np.flatnonzero(beside >= 0)
