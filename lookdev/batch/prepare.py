@@ -35,7 +35,7 @@ class Prepared(JobSetups):
 
 
 def prepare_job(path: Path, backend: str | None = None) -> Prepared:
-    """Read a job file and plan its frames as `plan_job`; `backend` replaces the job's; raises JobError with its faults."""
+    """Plan the frames of a job file as `plan_job`; `backend` replaces the job's; raises JobError with its faults."""
     return plan_job(_with_backend(load_job(path), backend))
 
 

@@ -86,16 +86,23 @@ class RunResult:
         return "\n".join(lines)
 
 
+def _plan_job(job: Job) -> Prepared:
+    # Imported while Blender starts: what reads files takes as long to import as the rest of the program.
+    from lookdev.batch.prepare import plan_job
+
+    return plan_job(job)
+
+
 def render_job(
     path: Path,
     *,
-    prepare: Callable[[Job], Prepared] | None = None,
+    prepare: Callable[[Job], Prepared] = _plan_job,
     force: bool = False,
     report: Report = lambda event: None,
 ) -> RunResult:
     """Render a job file: lock its output, prepare it, run its plan, with `force` and `report` as for `run_plan`.
 
-    `prepare`, by default `lookdev.batch.prepare.plan_job`, is called under the lock, so that no other run changes the
+    `prepare`, `lookdev.batch.prepare.plan_job` but in tests, is called under the lock, so that no other run changes the
     frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
     job = load_job(path)
@@ -105,9 +112,6 @@ def render_job(
             # Blender starts while files are read; an error is that of the first frame, then.
             with suppress(WorkerError):
                 worker.launch()
-        if prepare is None:
-            # Imported while Blender starts: it takes as long as the rest of this program.
-            from lookdev.batch.prepare import plan_job as prepare
         prepared = prepare(job)
         for note in prepared.notes:
             report(Noted(note))
@@ -122,7 +126,13 @@ def _lacks_frames(job: Job) -> bool:
         names = [look.name]
         if "*" in look.variants.values():
             names = [folder.name for folder in job.output.glob(f"{look.name}_*")]
-        frames = [file for name in names for ibl in job.ibl for each in turns.turntables for file in turns.files(name, ibl.name, each)]
+        frames = [
+            file
+            for name in names
+            for ibl in job.ibl
+            for each in turns.turntables
+            for file in turns.files(name, ibl.name, each)
+        ]
         if not frames or not all(file.exists() for file in frames):
             return True
     return False

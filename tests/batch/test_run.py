@@ -294,13 +294,13 @@ def test_a_batch_killed_again_and_again_completes(tmp_path: Path) -> None:
 
 
 def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
-    job = case.make_job(tmp_path)
+    given = case.make_job(tmp_path)
     (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
 
     def prepare(job: Job) -> Prepared:
         raise AssertionError(job.file)
 
-    with output_lock(job.output), pytest.raises(OutputError, match=f"process {os.getpid()} on "):
+    with output_lock(given.output), pytest.raises(OutputError, match=f"process {os.getpid()} on "):
         render_job(tmp_path / "job.toml", prepare=prepare)
     with pytest.raises(AssertionError):
         render_job(tmp_path / "job.toml", prepare=prepare)
@@ -310,7 +310,7 @@ def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
 def test_the_worker_starts_while_the_job_is_prepared(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: bool
 ) -> None:
-    job = case.make_job(tmp_path)
+    case.make_job(tmp_path)
     (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
     record = replace(BACKENDS["exact"], command=case.command(tmp_path))
     monkeypatch.setitem(BACKENDS, "exact", record)
@@ -331,21 +331,25 @@ def test_the_worker_starts_while_the_job_is_prepared(
     assert not list((tmp_path / "out" / ".lookdev").glob("scratch-*"))
 
 
+def test_nothing_that_reads_files_is_imported_before_the_worker_starts() -> None:
+    late = "{'pxr', 'scipy', 'lookdev.batch.prepare'}"
+    code = f"import sys, lookdev.batch.run, lookdev.batch.progress; print(sorted({late} & sys.modules.keys()))"
+    assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "[]\n"
+
+
 @pytest.mark.parametrize(("force", "missing", "starts"), [(False, False, 0), (True, False, 1), (False, True, 1)])
 def test_the_worker_starts_early_only_where_a_frame_is_missing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, force: bool, missing: bool, starts: int
 ) -> None:
-    job = case.make_job(tmp_path)
-    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
+    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES + case.RENDER)
     case.run(tmp_path)
     if missing:
         (place(tmp_path) / f"{FILES[-1]}.exr").unlink()
-    launched = []
-    launch = Worker.launch
+    launched, launch = [], Worker.launch
     monkeypatch.setattr(Worker, "launch", lambda worker: (launched.append(worker), launch(worker)))
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=case.command(tmp_path)))
 
-    def prepare(given: Job) -> Any:
+    def prepare(job: Job) -> Any:
         assert len(launched) == starts
         return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
 
