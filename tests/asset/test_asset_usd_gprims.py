@@ -55,11 +55,15 @@ def test_many_different_spheres_share_the_faces(file, monkeypatch):
         ball = UsdGeom.Sphere.Define(file.stage, f"/Ball{i}")
         ball.GetRadiusAttr().Set(1.0 + 0.001 * i)
         ball.AddScaleOp().Set((10, 10, 10) if i == 7 else (1, 1, 1))
-    counts = [len(mesh.face_sizes) for mesh in file.load().meshes]
+    asset = file.load()
+    counts = [len(asset.meshes[each.mesh].face_sizes) for each in asset.instances]
     assert sum(counts) == pytest.approx(40_000, rel=0.1)
-    assert counts[7] == pytest.approx(
-        10 * counts[0], rel=0.1
-    )  # as far from a sphere as the others, and ten times larger
+    # As far from a sphere as the others, and ten times larger.
+    assert counts[7] == pytest.approx(10 * counts[0], rel=0.1)
+    # Those that are as fine are copies of one, each of its own size.
+    assert len(asset.meshes) == len(set(counts)) == 2
+    for i, points in enumerate(world_points(asset)):
+        np.testing.assert_allclose(np.linalg.norm(points, axis=1), (1.0 + 0.001 * i) * (10 if i == 7 else 1), rtol=1e-6)
 
 
 def test_a_size_may_be_zero_and_must_be_a_number(file):

@@ -12,7 +12,14 @@ from pxr import Usd
 from lookdev.asset.shape import Doubles, Shape
 from lookdev.asset.usd.curves import curve_shape, point_shape
 from lookdev.asset.usd.mesh import mesh_shape
-from lookdev.asset.usd.primitives import PRIMITIVES, allotted_errors, primitive_key, primitive_shape
+from lookdev.asset.usd.primitives import (
+    LEAST_ERROR,
+    PRIMITIVES,
+    allotted_errors,
+    primitive_key,
+    primitive_shape,
+    proportions,
+)
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.asset.usd.skinning import Skinning
 from lookdev.asset.usd.walk import Seen
@@ -46,9 +53,13 @@ class GprimReader:
         self._unit = unit
         self._note = note
         self._errors: dict[tuple[Any, ...], float] = {}
+        self._alike: dict[tuple[Any, ...], tuple[tuple[Any, ...], float]] = {}
 
     def allot(self, seen: Iterable[Seen]) -> None:
-        """Settle how fine implicit surfaces are, by all that are seen."""
+        """Settle how fine implicit surfaces are, by all that are seen.
+
+        Where they are too many to be as fine as one, those that are alike but for their size are copies of one.
+        """
         radii: dict[tuple[Any, ...], float] = {}
         for each in seen:
             if each.prim.GetTypeName() in PRIMITIVES:
@@ -61,13 +72,17 @@ class GprimReader:
         solid = {key: radius for key, radius in radii.items() if 0.0 < radius < np.inf}
         errors = allotted_errors(np.array(list(solid.values())))
         self._errors = dict(zip(solid, errors.tolist(), strict=True))
+        if (errors > LEAST_ERROR).any():
+            self._alike = {key: proportions(key, error) for key, error in self._errors.items()}
 
     def key(self, prim: Usd.Prim) -> tuple[Any, ...]:
-        """Return what is the same for gprims with one surface: instances of a prototype's gprim, equal primitives."""
+        """Return what is the same for gprims with one surface: instances of a prototype's gprim, like primitives."""
         posed = self.skinning.key(prim)
         if prim.GetTypeName() in PRIMITIVES and not posed:
             own, _ = self.primvars.own(prim)
-            return (*primitive_key(prim, self._time), *((each.name, each.values.tobytes()) for each in own))
+            key = primitive_key(prim, self._time)
+            alike, _ = self._alike.get(key, (key, 1.0))
+            return (*alike, *((each.name, each.values.tobytes()) for each in own))
         return str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()), *posed
 
     def read(self, prim: Usd.Prim) -> Surface:
@@ -89,9 +104,20 @@ class GprimReader:
             shape = replace(shape, normals=deformed.normals(shape.normals, shape.face_points))
         return Surface(shape, subsets)
 
+    def copies(self, prim: Usd.Prim, surface: Surface) -> Doubles | None:
+        """Return the placements (k, 4, 4) of a gprim's surface in its space, as `Surface.copies`."""
+        size = self._size(prim)
+        return surface.copies if size == 1.0 else np.diag([size, size, size, 1.0])[None]
+
+    def _size(self, prim: Usd.Prim) -> float:
+        """Return the factor of a primitive to the surface that it shares with others."""
+        if prim.GetTypeName() not in PRIMITIVES or not self._alike or self.skinning.key(prim):
+            return 1.0
+        return self._alike.get(primitive_key(prim, self._time), ((), 1.0))[1]
+
     def _primitive(self, prim: Usd.Prim) -> Surface:
-        error = self._errors.get(primitive_key(prim, self._time), 1e-4)
-        shape = primitive_shape(prim, self._time, self._unit, error)
+        error = self._errors.get(primitive_key(prim, self._time), LEAST_ERROR)
+        shape = primitive_shape(prim, self._time, self._unit / self._size(prim), error)
         deformed = self.skinning.deformed(prim, shape.points / self._unit)
         if deformed is not None and shape.normals is not None:
             normals = deformed.normals(shape.normals, shape.face_points)

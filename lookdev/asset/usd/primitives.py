@@ -27,12 +27,12 @@ from lookdev.errors import AssetError
 
 _ROLLS = {"X": 1, "Y": 2, "Z": 0}  # places by which the coordinates of a surface about z move
 _PLANES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}  # along u and v
-_LEAST_ERROR, _MOST_ERROR = 1e-4, 0.03
+LEAST_ERROR, _MOST_ERROR = 1e-4, 0.03
 _MOST_FACES = 4_000_000
 _TAPER_ROWS = 16  # texture coordinates are linear over a triangle, and those of a cone are not
 
 
-def primitive_shape(prim: Any, time: Any, unit: float, error: float = _LEAST_ERROR) -> Shape:
+def primitive_shape(prim: Any, time: Any, unit: float, error: float = LEAST_ERROR) -> Shape:
     """Return an implicit surface at a time as a mesh in metres; `unit` is the length of the stage's unit in metres.
 
     `error` bounds the distance of the mesh, and so of any silhouette, from a curved surface, relative to its radius:
@@ -43,13 +43,18 @@ def primitive_shape(prim: Any, time: Any, unit: float, error: float = _LEAST_ERR
     AssetError
         A size is negative or not a number, or the axis is none.
     """
-    kind, axis, *sizes = primitive_key(prim, time)
-    scale = max(sizes)
-    proportions = [size / scale for size in sizes] if scale > 0.0 else sizes
-    return _shape(str(prim.GetPath()), _surface(kind, axis, _segments(error), *proportions), scale * unit)
+    surface, size = proportions(primitive_key(prim, time), error)
+    return _shape(str(prim.GetPath()), _surface(*surface), size * unit)
 
 
-def sphere_shape(name: str, radius: float, error: float = _LEAST_ERROR) -> Shape:
+def proportions(key: tuple[Any, ...], error: float) -> tuple[tuple[Any, ...], float]:
+    """Return what a surface depends on but for its size, and its size, by its `primitive_key`."""
+    kind, axis, *sizes = key
+    size = max(sizes)
+    return (kind, axis, _segments(error), *(each / size if size > 0.0 else each for each in sizes)), size
+
+
+def sphere_shape(name: str, radius: float, error: float = LEAST_ERROR) -> Shape:
     """Return a sphere about the origin as `primitive_shape` does."""
     return _shape(name, _surface("Sphere", "Z", _segments(error), 1.0), radius)
 
@@ -100,7 +105,7 @@ def allotted_errors(radii: Doubles) -> Doubles:
     million faces; but at most 0.03, with which a sphere has 200.
     """
     length = 0.5 * np.pi**2 * radii.sum() / _MOST_FACES  # a sphere has pi^2 / (2 error) faces
-    return np.asarray(np.clip(length / radii, _LEAST_ERROR, _MOST_ERROR))
+    return np.asarray(np.clip(length / radii, LEAST_ERROR, _MOST_ERROR))
 
 
 def _segments(error: float) -> int:

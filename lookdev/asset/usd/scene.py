@@ -127,7 +127,8 @@ class UsdScene:
                     self._read[key] = self._added(prim)
                 if (read := self._read[key]) is not None:
                     number, surface = read
-                    placed = self._walk.moved(seen, self._gprims.skinning.space(prim), surface.copies)
+                    copies = self._gprims.copies(prim, surface)
+                    placed = self._walk.moved(seen, self._gprims.skinning.space(prim), copies)
                     shown.append(_Shown(placed, number, surface.subsets, self._gprims.primvars.inherited(prim)))
             except AssetError as error:
                 faults.append(str(error))
