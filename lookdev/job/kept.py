@@ -2,7 +2,7 @@
 
 A file ``refined/<key>.json`` has the levels, or the digest of a refined asset, whose arrays are in ``assets``, where
 the render worker finds them too. The key is that of all that the result depends on, the code that makes it included. A
-file that is damaged counts as missing.
+file has the checksum of what it says. One that is damaged counts as missing, with a note: it is made again.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ def keep_levels(key: str, chosen: Refinement) -> None:
     _write(key, {"levels": chosen.levels, "notes": chosen.notes})
 
 
-def kept_levels(key: str, count: int) -> Refinement | None:
-    """Return the levels of so many meshes, and their notes, that `keep_levels` wrote; None where there are none."""
-    match _read(key):
-        case {"levels": [*levels], "notes": [*notes]} if len(levels) == count:
-            return Refinement(tuple(levels), tuple(notes))
+def kept_levels(key: str, count: int, notes: list[str]) -> Refinement | None:
+    """Return the levels of so many meshes that `keep_levels` wrote; None where there are none. May add to `notes`."""
+    match _read(key, notes):
+        case {"levels": [*levels], "notes": [*own]} if len(levels) == count:
+            return Refinement(tuple(levels), tuple(own))
     return None
 
 
@@ -50,17 +50,20 @@ def keep_refined(key: str, whole: Asset) -> None:
     _write(key, {"asset": whole.digest})
 
 
-def kept_refined(key: str, cages: Asset) -> Asset | None:
-    """Return the refined asset of some cages that `keep_refined` wrote; None where there is none."""
-    match _read(key):
+def kept_refined(key: str, cages: Asset, notes: list[str]) -> Asset | None:
+    """Return the refined asset of some cages that `keep_refined` wrote; None where there is none; as `kept_levels`."""
+    match _read(key, notes):
         case {"asset": str(digest)}:
             file = cache_dir("assets") / f"{digest}.asset"
         case _:
             return None
+    if not file.exists():
+        return None
     try:
         read = read_asset(file)
     except AssetError:
-        file.unlink(missing_ok=True)
+        file.unlink()
+        notes.append(_damaged(file))
         return None
     # The file has no more than pixels depend on.
     meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(read.meshes, cages.meshes, strict=True)]
@@ -77,12 +80,31 @@ def _code() -> str:
 
 
 def _write(key: str, content: dict[str, Any]) -> None:
-    with atomic_path(cache_dir("refined") / f"{key}.json") as temporary:
-        temporary.write_text(json.dumps(content))
+    with atomic_path(_file(key)) as temporary:
+        temporary.write_text(json.dumps({"content": content, "checksum": _checksum(content)}))
 
 
-def _read(key: str) -> object:
-    try:
-        return json.loads((cache_dir("refined") / f"{key}.json").read_text())
-    except (OSError, ValueError):
+def _read(key: str, notes: list[str]) -> object:
+    file = _file(key)
+    if not file.exists():
         return None
+    try:
+        match json.loads(file.read_bytes()):
+            case {"content": content, "checksum": checksum} if checksum == _checksum(content):
+                return content
+    except ValueError:
+        pass
+    notes.append(_damaged(file))
+    return None
+
+
+def _file(key: str) -> Path:
+    return cache_dir("refined") / f"{key}.json"
+
+
+def _checksum(content: object) -> str:
+    return hashlib.sha256(json.dumps(content).encode()).hexdigest()
+
+
+def _damaged(file: Path) -> str:
+    return f"{file}: was damaged, and is made again"

@@ -40,18 +40,19 @@ class Refinery:
         """
         if all(mesh.subdivision is None for mesh in asset.meshes):
             return asset, ()
-        levels, notes = self._levels(asset, camera, detailed)
+        notes: list[str] = []
+        levels = self._levels(asset, camera, detailed, notes)
         key = id(asset), levels
         if key not in self._assets:
-            self._assets[key] = self._made(asset, levels, detailed), asset
-        return self._assets[key][0], notes
+            self._assets[key] = self._made(asset, levels, detailed, notes), asset
+        return self._assets[key][0], tuple(notes)
 
-    def _made(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int]) -> Asset:
+    def _made(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int], notes: list[str]) -> Asset:
         wanted = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
         key = key_of(asset, detailed, levels)
         # What other looks have in memory already is shared, not read.
         shared = any(each in self._meshes for each in wanted)
-        whole = None if shared else kept_refined(key, asset)
+        whole = None if shared else kept_refined(key, asset, notes)
         if whole is not None:
             read = zip(asset.meshes, levels, whole.meshes, strict=True)
             self._meshes |= {(id(cage), level): (mesh, cage) for cage, level, mesh in read}
@@ -66,21 +67,20 @@ class Refinery:
             keep_refined(key, whole)
         return replace(whole, unit=asset.unit, notes=asset.notes)
 
-    def _levels(
-        self, asset: Asset, camera: Camera, detailed: Collection[int]
-    ) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    def _levels(self, asset: Asset, camera: Camera, detailed: Collection[int], notes: list[str]) -> tuple[int, ...]:
         if self._level == "auto":
             pixel = orbit_pixel(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
             seen_from = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
             key = key_of(asset, detailed, seen_from)
-            chosen = kept_levels(key, len(asset.meshes))
+            chosen = kept_levels(key, len(asset.meshes), notes)
             if chosen is None:
                 chosen = refinement_levels(asset, pixel, detailed)
                 keep_levels(key, chosen)
-            return chosen.levels, chosen.notes
+            notes += chosen.notes
+            return chosen.levels
         levels = [0 if mesh.subdivision is None else self._level for mesh in asset.meshes]
         corners = sum(len(mesh.corner_points) * 4**level for mesh, level in zip(asset.meshes, levels, strict=True))
         if corners > _MOST_CORNERS:
             what = f"{corners} corners of faces; at most {_MOST_CORNERS} would be right"
             raise AssetError(f"subdivision = {self._level} makes {what}, or subdivision = 'auto'")
-        return tuple(levels), ()
+        return tuple(levels)

@@ -20,8 +20,8 @@ CAMERA = Camera(40.0, 10.0, (0.0, 0.0, 0.0), 8.0)
 @pytest.fixture
 def cages(tmp_path, monkeypatch) -> Asset:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
-    sphere = load_asset(builtin="sphere").meshes[0]
-    cage = replace(sphere, name="/a", subdivision=Subdivision("catmullClark"), default_uv="st")
+    monkey = load_asset(builtin="suzanne").meshes[0]
+    cage = replace(monkey, name="/a", subdivision=Subdivision("catmullClark"), default_uv="st")
     made = make_asset("a", [cage], [Instance(0, np.eye(4), "/path")], [Slot("/a", "/red")])
     return replace(made, unit=0.01, notes=("a note",))
 
@@ -86,18 +86,36 @@ def test_what_differs_is_made_anew(other, cages, calls) -> None:
 
 
 @pytest.mark.parametrize("folder", ["refined", "assets"])
-def test_a_damaged_file_is_made_again(folder, cages, calls, tmp_path) -> None:
-    first, _ = Refinery("auto", 400).refined(cages, CAMERA)
-    for file in (tmp_path / folder).iterdir():
+@pytest.mark.parametrize("harm", ["cut off", "one number", "not text"])
+def test_a_damaged_file_is_made_again_with_a_note(folder, harm, cages, calls, tmp_path) -> None:
+    first, notes = Refinery("auto", 400).refined(cages, CAMERA)
+    files = list((tmp_path / folder).iterdir())
+    for file in files:
         content = file.read_bytes()
-        file.write_bytes(content[: len(content) // 2])
+        if harm == "cut off":
+            file.write_bytes(content[: len(content) // 2])
+        elif harm == "not text":
+            file.write_bytes(b"\xff" + content[1:])
+        else:
+            middle = content.index(b": [") + 3 if b"levels" in content else len(content) // 2
+            file.write_bytes(content[:middle] + bytes([content[middle] ^ 1]) + content[middle + 1 :])
     calls.clear()
-    again, _ = Refinery("auto", 400).refined(cages, CAMERA)
+    again, more = Refinery("auto", 400).refined(cages, CAMERA)
     assert "refine_all" in calls
     assert again.digest == first.digest
+    assert set(more) - set(notes) == {f"{file}: was damaged, and is made again" for file in files}
     calls.clear()
-    Refinery("auto", 400).refined(cages, CAMERA)
+    assert Refinery("auto", 400).refined(cages, CAMERA)[1] == notes
     assert calls == []
+
+
+def test_missing_arrays_are_made_again_without_a_note(cages, calls, tmp_path) -> None:
+    _, notes = Refinery("auto", 400).refined(cages, CAMERA)
+    for file in (tmp_path / "assets").iterdir():
+        file.unlink()
+    calls.clear()
+    assert Refinery("auto", 400).refined(cages, CAMERA)[1] == notes
+    assert calls == ["refine_all"]
 
 
 def test_one_flipped_byte_of_the_arrays_is_seen(cages, calls, tmp_path) -> None:
