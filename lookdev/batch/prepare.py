@@ -11,6 +11,7 @@ from lookdev.job.faults import collected, raise_all
 from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan, make_setup
+from lookdev.render.scene import Generated
 
 
 @dataclass(frozen=True)
@@ -64,10 +65,11 @@ def make_setups(shown: JobScenes) -> JobSetups:
     job, faults = shown.job, list[Fault]()
     ibls = {ibl.name: ibl for ibl in job.ibl}
     setups = []
+    generated: Generated = {}
     for (look, name), scene in shown.scenes.items():
         with collected(job, shown.places[look], faults):
             ibl, render = ibls[name], job.render
-            setup = make_setup(look, name, scene, render.sampling, render.backend, render.device)
+            setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
             setups.append(replace(setup, exposure=ibl.exposure, rotation=ibl.rotation))
     raise_all(faults)
     return JobSetups(job, tuple(setups), shown.notes)

@@ -15,7 +15,7 @@ from lookdev.errors import Fault, FaultsError
 from lookdev.job import JobTurntable
 from lookdev.plan.poses import turntable_poses, unturned
 from lookdev.plan.skips import same_all_around
-from lookdev.render.scene import scene_task
+from lookdev.render.scene import Generated, scene_task
 from lookdev.render.task import SceneTask
 from lookdev.scene import Pose, Sampling, Scene
 
@@ -40,13 +40,19 @@ class Setup:
 
 
 def make_setup(
-    look: str, ibl: str, scene: Scene, sampling: Sampling, backend: str = "exact", device: str = "cpu"
+    look: str,
+    ibl: str,
+    scene: Scene,
+    sampling: Sampling,
+    backend: str = "exact",
+    device: str = "cpu",
+    generated: Generated | None = None,
 ) -> Setup:
-    """Generate the sources of a scene, and decide whether it looks the same all around.
+    """Generate the sources of a scene, and decide whether it looks the same all around; `generated` as `scene_task`.
 
     Raises as `scene_task`, and FaultsError where the asset lacks an attribute that the looks read.
     """
-    task = scene_task(scene, sampling, backend, device)
+    task = scene_task(scene, sampling, backend, device, generated)
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
     around = scene.asset.revolved and _about_its_axis(scene) and same_all_around(scene.looks, task.shaders)

@@ -16,9 +16,18 @@ from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
 
+Generated = dict[tuple[object, ...], Source]
+"""Sources by what they were generated for. The looks among it, by their ids, must live as long."""
 
-def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device: str = "cpu") -> SceneTask:
-    """Generate the sources of a scene.
+
+def scene_task(
+    scene: Scene,
+    sampling: Sampling,
+    backend: str = "exact",
+    device: str = "cpu",
+    generated: Generated | None = None,
+) -> SceneTask:
+    """Generate the sources of a scene, but for those in `generated`, to which they are added.
 
     Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless it is
     closed and a look transmits. Raises CodegenError or EnvironmentMapError where the backend cannot show a look or a
@@ -34,9 +43,23 @@ def scene_task(scene: Scene, sampling: Sampling, backend: str = "exact", device:
         if not record.any_light:
             world_image(light)
 
+    known: Generated = {} if generated is None else generated
+    # The files of a light are values that a source is given, so lights of one kind and size have one source.
+    by_light = record.any_light and sampling.ibl_samples != 0
+    lit = [
+        (light.kind, light.constant, light.code(sampled=by_light and not light.constant).constants)
+        for light in scene.lights
+    ]
+
     def generate(sampling: Sampling, shadows: bool) -> list[Source]:
         setting = Setting(scene.lights, scene.film.resolution, sampling, shadows)
-        return [record.generate(look, setting) for look in different.values()]
+        sources = []
+        for number, look in different.items():
+            key = (number, backend, *lit, setting.resolution, sampling, shadows)
+            if key not in known:
+                known[key] = record.generate(look, setting)
+            sources.append(known[key])
+        return sources
 
     chosen = replace(sampling, bounces=0) if asset.convex else sampling
     sources = generate(chosen, shadows=not asset.convex)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,10 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.batch.prepare import Prepared, prepare_job
-from lookdev.codegen import NodeSource, ShaderSource
+from lookdev.codegen import NodeSource, ShaderSource, Source
 from lookdev.errors import FaultsError
-from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.material import Look
+from lookdev.render.backends import BACKENDS, Setting, job_backends
 
 LOOK = """#usda 1.0
 def Material "Paint"
@@ -130,6 +132,25 @@ def test_a_backend_makes_the_sources(job: Path, backend: str) -> None:
     assert {type(source) for scene in scenes for source in scene.shaders} == {BACKENDS[backend].source}
     digests = [{frame.task.digest for frame in each.plan.frames} for each in (by_shaders, prepared)]
     assert not digests[0] & digests[1]
+
+
+def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    generated = []
+    generate = BACKENDS["exact"].generate
+
+    def counted(look: Look, setting: Setting) -> Source:
+        generated.append((look.name, setting.lights[0].constant))
+        return generate(look, setting)
+
+    monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], generate=counted))
+    lights = [f'[[ibl]]\nname = "{name}"\nbuiltin = "{name}"\n' for name in ("city", "forest")]
+    job.write_text(job.read_text() + "".join(lights))
+    setups = prepare_job(job).setups
+    assert sorted(generated) == [(look, constant) for look in ("good", "other") for constant in (False, True)]
+    for look in ("good", "other"):
+        sources = {setup.ibl: setup.task.shaders[0] for setup in setups if setup.look == look}
+        assert sources["city"] == sources["forest"] != sources["white"]
+    assert len({setup.task.light.digest for setup in setups}) == 3
 
 
 def test_a_backend_can_be_another_than_the_jobs(job: Path) -> None:
