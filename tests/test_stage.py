@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from pxr import UsdGeom, UsdShade
+from pxr import Sdf, UsdGeom, UsdShade, UsdUtils
 
 from lookdev.errors import LookError, StageError
 from lookdev.stage import Composition, compose
@@ -271,3 +271,92 @@ def test_materials_of_materialx_files_are_bound_in_instances_too(folder):
 def test_payloads_are_loaded(folder):
     (folder / "car.usda").write_text('#usda 1.0\ndef "A" (\n    payload = @wheel.usda@\n)\n{\n}\n')
     assert there(composed(folder).stage, "/A/Tire/Slick") == [True]
+
+
+CLIPPED = """#usda 1.0
+def "Root" (
+    references = @still.usda@</Root>
+    clips = {
+        dictionary default = {
+            asset[] assetPaths = [@clip.usda@]
+            asset manifestAssetPath = @manifest.usda@
+            string primPath = "/Root"
+            double2[] active = [(0, 0)]
+            double2[] times = [(0, 0), (9, 9)]
+        }
+    }
+)
+{
+}
+"""
+
+
+@pytest.fixture
+def clipped(tmp_path):
+    (tmp_path / "asset.usda").write_text(CLIPPED)
+    (tmp_path / "still.usda").write_text('#usda 1.0\ndef Sphere "Root"\n{\n    double radius = 1\n}')
+    (tmp_path / "manifest.usda").write_text('#usda 1.0\nover "Root"\n{\n    double radius\n}')
+    (tmp_path / "clip.usda").write_text('#usda 1.0\nover "Root"\n{\n    double radius.timeSamples = { 0: 2, 9: 11 }\n}')
+    return tmp_path
+
+
+def test_values_of_clips(clipped):
+    stage = compose(Composition(clipped / "asset.usda")).stage
+    assert UsdGeom.Sphere(stage.GetPrimAtPath("/Root")).GetRadiusAttr().Get(3.0) == 5.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[@clip.usda@]", "[@gone.usda@]", "gone.usda is not there"),
+        ("[@clip.usda@]", "[]", "names no file that is there"),
+        ("@manifest.usda@", "@gone.usda@", "gone.usda is not there"),
+        ("[@clip.usda@]", "[@bad.usda@]", "bad.usda cannot be read: USD cannot open it"),
+        ('primPath = "/Root"', 'primPath = "/Other"', "clip.usda has no prim '/Other', which primPath names"),
+        ("[(0, 0)]", "[(0, 1)]", "active names a clip that is none of the 1"),
+        ("(9, 9)", "(9, inf)", "active and times must be finite"),
+        ("double2[] active = [(0, 0)]", 'string active = "a"', "active is not of type double2[]"),
+    ],
+)
+def test_clips_that_usd_passes_over_are_faults_or_notes(clipped, old, new, message, capfd):
+    (clipped / "bad.usda").write_text("#usda 1.0\ndef {")
+    assert old in CLIPPED
+    (clipped / "asset.usda").write_text(CLIPPED.replace(old, new))
+    with pytest.raises(StageError) as caught:
+        compose(Composition(clipped / "asset.usda"))
+    assert any(each.where == "/Root.clips[default]" and message in each.what for each in caught.value.faults)
+    composed = compose(Composition(clipped / "asset.usda", missing="warn"))
+    assert any(message in note for note in composed.notes)
+    assert capfd.readouterr().err == ""
+
+
+def _cut_crate(data):
+    """Return a binary layer whose first section is longer than the file."""
+    table = int.from_bytes(data[16:24], "little")
+    return data[: table + 32] + (1 << 40).to_bytes(8, "little") + data[table + 40 :]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        ("a.usdc", _cut_crate, "is damaged: a section of it is cut off"),
+        ("a.usdc", lambda data: data[:40], "is damaged: a section of it is cut off"),
+        ("a.usdz", lambda data: data[:64] + _cut_crate(data[64:]), "is damaged: a section of its a.usdc is cut off"),
+        ("a.usdz", lambda data: data[:-22], "is no package that can be read: File is not a zip file"),
+        ("a.usda", lambda data: data.replace(b"Ball", b"Ba\0l"), "holds a character 0, which no text has"),
+        ("a.usda", lambda data: data.replace(b"Ball", b"B\xe4ll"), "holds text that is not UTF-8"),
+    ],
+)
+def test_damaged_files_are_faults_and_do_not_reach_usd(tmp_path, name, change, message, capfd):
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString('#usda 1.0\ndef Sphere "Ball" {}')
+    layer.Export(str(tmp_path / "a.usdc"))
+    layer.Export(str(tmp_path / "a.usda"))
+    UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "a.usdc")), str(tmp_path / "a.usdz"))
+    file = tmp_path / name
+    assert compose(Composition(file)).stage.GetPrimAtPath("/Ball")
+    copy = tmp_path / f"copy{file.suffix}"  # USD holds what it has opened
+    copy.write_bytes(change(file.read_bytes()))
+    with pytest.raises(StageError, match=message):
+        compose(Composition(copy))
+    assert capfd.readouterr().err == ""

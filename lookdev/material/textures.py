@@ -8,6 +8,7 @@ curve of IEC 61966-2-1; alpha is not.
 from __future__ import annotations
 
 import re
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -292,6 +293,8 @@ def _open(file: Path) -> oiio.ImageBuf:
     """Read the header of an image whose channels are those of a UsdUVTexture."""
     if not file.is_file():
         raise TextureError(f"{file}: no such image file")
+    if _is_damaged_png(file):  # of which libpng tells stderr
+        raise TextureError(f"{file}: cannot be read as an image: the header of the PNG is damaged")
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
     image = oiio.ImageBuf(str(file), 0, 0, as_stored)
@@ -304,6 +307,17 @@ def _open(file: Path) -> oiio.ImageBuf:
     if len(names) > 2 and not {"R", "G", "B"} <= set(names):
         raise TextureError(f"{file}: no channels R, G, B among {', '.join(names)}; gray or RGB(A) is right")
     return image
+
+
+def _is_damaged_png(file: Path) -> bool:
+    """Return whether the first chunk of a PNG is not whole (ISO/IEC 15948, 5.3 and 11.2.2)."""
+    try:
+        with file.open("rb") as stream:
+            start = stream.read(33)
+    except OSError as error:
+        raise TextureError(f"{file}: cannot be read: {error.strerror}") from error
+    whole = start[8:16] == b"\0\0\0\rIHDR" and zlib.crc32(start[12:29]).to_bytes(4, "big") == start[29:]
+    return start[:8] == b"\x89PNG\r\n\x1a\n" and not whole
 
 
 def _read_rgba(file: Path) -> NDArray[np.float64]:

@@ -29,12 +29,16 @@ def read_document(data: bytes, file: str) -> tuple[Any, tuple[Fault, ...]]:
         The data is not a MaterialX document of a known version.
     """
     includes = _check_xml(data, file)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise _refused(file, "", "holds text that is not UTF-8, which MaterialX is") from error
     document = mx.createDocument()
     options = mx.XmlReadOptions()
     options.readXIncludeFunction = None
     options.upgradeVersion = False
     try:
-        mx.readFromXmlString(document, data.decode("utf-8-sig"), mx.FileSearchPath(), options)
+        mx.readFromXmlString(document, text, mx.FileSearchPath(), options)
     except (mx.Exception, mx.ExceptionParseError) as error:
         raise _refused(file, "", f"MaterialX cannot read it: {error}") from error
     return document, includes

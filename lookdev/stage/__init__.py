@@ -1,8 +1,7 @@
 """Opening and composing USD files of any content: USD's messages become a `StageError`, nothing goes to stderr.
 
-USD's reader of text recurses, so that a deeply nested file overflows its stack, and it waits for ever for a named pipe.
-`open_stage` and `compose` check every layer before USD reads it. Binary layers (.usdc) are not checked: a damaged one
-can crash the process, and `lookdev.material.validate` reads it in another one.
+`open_stage` and `compose` check every layer before USD reads it (`files`). A damaged binary layer can nevertheless
+crash the process, and `lookdev.material.validate` reads it in another one. `clips` checks value clips, as USD does not.
 """
 
 from __future__ import annotations
@@ -14,32 +13,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from lookdev.errors import Fault, LookError, StageError, nearest_hint
 from lookdev.mtlx import document_layer, is_document, redirect
+from lookdev.stage.clips import clip_faults
+from lookdev.stage.files import NOT_UTF8, layer_problem
 
-_DEEPEST = 256  # brackets inside each other in a text layer; USD's stack ends at some ten thousand
 _LONGEST = 400  # characters of USD's own message that ours contains
-_NOT_UTF8 = "holds text that is not UTF-8"
-
-# Text in which a bracket has no meaning. An unterminated string is as long as possible: no text takes quadratic time.
-_QUOTED = re.compile(
-    rb'"""(?:[^"\\]++|\\.|"(?!""))*+(?:""")?+'
-    rb"|'''(?:[^'\\]++|\\.|'(?!''))*+(?:''')?+"
-    rb'|"(?:[^"\\\n]++|\\.)*+"?+'
-    rb"|'(?:[^'\\\n]++|\\.)*+'?+"
-    rb"|@@@(?:[^@]++|@(?!@@))*+(?:@@@)?+"
-    rb"|@[^@\n]*+@?+"
-    rb"|\#[^\n]*+",
-    re.DOTALL,
-)
-_STEPS = np.zeros(256, np.int8)
-_STEPS[list(b"([{")] = 1
-_STEPS[list(b")]}")] = -1
+_LONGEST_VALUE = 60  # and of a value of a file
+_CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e]")
 _EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
-_OTHERS = bytes(np.flatnonzero(_STEPS == 0).astype(np.uint8))
 
 
 @contextmanager
@@ -55,7 +39,7 @@ def reading(file: Path) -> Iterator[list[str]]:
     except Tf.ErrorException as error:
         raise StageError([Fault(str(file), "", f"USD cannot open it: {error_words(error)}")]) from error
     except UnicodeDecodeError as error:
-        raise StageError([Fault(str(file), "", _NOT_UTF8)]) from error
+        raise StageError([Fault(str(file), "", NOT_UTF8)]) from error
     finally:
         warnings += [_warning(each) for each in held.TakeCoalescedDiagnostics()]
 
@@ -122,6 +106,7 @@ def compose(composition: Composition) -> Composed:
         faults, notes = _select_variants(stage, composition)
         faults += _prim_faults(stage, composition)
         broken = _composition_faults(stage, file)
+        broken += clip_faults(stage, file, _open_clip)
         if composition.layer is not None:
             notes += _astray(stage, composition.layer, over[0])
     if composition.missing == "error":
@@ -238,13 +223,18 @@ def _writable(stage: Usd.Stage, path: Sdf.Path) -> Sdf.PrimSpec:
     return Sdf.CreatePrimInLayer(session, path)
 
 
+def relationship_targets(relation: Usd.Relationship) -> list[Sdf.Path]:
+    """Return what a relationship leads to; where it leads nowhere, as in a cycle, what it names."""
+    return list(relation.GetForwardedTargets() or relation.GetTargets())
+
+
 def bound_paths(prim: Usd.Prim) -> dict[str, Sdf.Path]:
     """Return the path of the material that each binding of a prim names, by the name of its relationship."""
     return {
         relation.GetName(): targets[-1]
         for relation in prim.GetAuthoredPropertiesInNamespace("material")
         if isinstance(relation, Usd.Relationship) and relation.GetName().startswith("material:binding")
-        if (targets := relation.GetForwardedTargets())
+        if (targets := relationship_targets(relation))
     }
 
 
@@ -277,7 +267,10 @@ def _astray(stage: Usd.Stage, layer: Path, over: Sdf.Layer) -> list[str]:
 
 def _warning(same: Any) -> str:
     """Return a warning that USD gave at one place of its code, and how often."""
-    texts = list(dict.fromkeys(each.commentary for each in same.unsharedItems))
+    try:
+        texts = list(dict.fromkeys(each.commentary for each in same.unsharedItems))
+    except UnicodeDecodeError:  # USD quotes the file
+        return NOT_UTF8
     more = f" (and {len(texts) - 1} more like it)" if len(texts) > 1 else ""
     return " ".join(usd_words(texts[0]).split()) + more
 
@@ -287,7 +280,7 @@ def error_words(error: Tf.ErrorException) -> str:
     try:
         return usd_words("; ".join(dict.fromkeys(part.commentary.strip() for part in error.args)))
     except UnicodeDecodeError:  # USD quotes the file
-        return _NOT_UTF8
+        return NOT_UTF8
 
 
 def usd_words(text: str) -> str:
@@ -298,8 +291,19 @@ def usd_words(text: str) -> str:
 
 
 def shortened(text: str) -> str:
-    """Return the beginning of a text, for a message."""
+    """Return the beginning of a text, for a message, without characters that control a terminal."""
+    text = _CONTROLS.sub("?", text)
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text)} characters)"
+
+
+def shown(text: str) -> str:
+    """Return a text of a file in quotes, or its beginning, for a message."""
+    return repr(text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}…")
+
+
+def _open_clip(file: Path) -> Sdf.Layer:
+    with reading(file):
+        return _open_layers(file)[0]
 
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
@@ -315,7 +319,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
     pending, seen = [root], {root, ""}
     while pending:
         path = pending.pop()
-        if problem := _problem(Path(Ar.SplitPackageRelativePathOuter(path)[0])):
+        if problem := layer_problem(Path(Ar.SplitPackageRelativePathOuter(path)[0])):
             faults.append(Fault(root, "", problem if path == root else f"its layer {path} {problem}"))
             continue
         try:
@@ -349,19 +353,3 @@ def _resolved(layer: Sdf.Layer, asset: str) -> str:
         return str(Ar.GetResolver().Resolve(identifier))
     except Tf.ErrorException:
         return ""
-
-
-def _problem(layer: Path) -> str:
-    """Return why USD must not read a file; '' where it may."""
-    if not layer.is_file():
-        return "is not a file"
-    try:
-        with layer.open("rb") as stream:
-            if stream.read(5) != b"#usda":
-                return ""
-            text = stream.read()
-    except OSError as error:
-        return f"cannot be read: {error.strerror}"
-    brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)
-    depth = int(_STEPS[brackets].cumsum().max(initial=0))
-    return f"is nested {depth} brackets deep; at most {_DEEPEST} would be right" if depth > _DEEPEST else ""
