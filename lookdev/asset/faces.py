@@ -92,7 +92,8 @@ class Faces:
         """
         numbers = np.array([number for number, _ in given], np.intp)
         raise_all(fault for number, each in given if (fault := self._wrong_count(number, each)))
-        values = np.concatenate([each.values for _, each in given]).astype(np.float32, copy=False)
+        with np.errstate(over="ignore"):
+            values = np.concatenate([each.values for _, each in given]).astype(np.float32, copy=False)
         lengths = np.array([len(each.values) for _, each in given], np.intp)
         starts = np.cumsum(lengths) - lengths
         if not (finite := np.isfinite(values)).all():
@@ -130,7 +131,8 @@ class Faces:
     def _wrong_count(self, number: int, attribute: Attribute) -> str:
         shape, name = self.shapes[number], self._name(number, attribute)
         if attribute.interpolation not in _CORNER_INDEX:
-            return f"{name} has interpolation '{attribute.interpolation}'; known: {', '.join(_CORNER_INDEX)}"
+            known = ", ".join(_CORNER_INDEX)
+            return f"{name} has interpolation {attribute.interpolation!r:.60}; known: {known}"
         needed = (1, len(shape.face_sizes), len(shape.points), len(shape.face_points))
         count = needed[_CORNER_INDEX[attribute.interpolation]]
         if len(attribute.values) == count:
@@ -168,10 +170,14 @@ def _check_range(shapes: Sequence[Shape], indices: Index, lengths: Index, limits
     bad = np.flatnonzero((indices < 0) | (indices >= np.repeat(limits, lengths)))
     begins = np.cumsum(lengths) - lengths
     raise_all(
-        f"{shapes[i].name}: {name}[{j}] is {indices[begins[i] + j]}, but there are {limits[i]} {of}; it must lie in "
-        f"0..{limits[i] - 1}"
+        f"{shapes[i].name}: {name}[{j}] is {indices[begins[i] + j]}, but {index_rule(limits[i], of)}"
         for i, j in first_in_each(bad, begins)
     )
+
+
+def index_rule(count: int, of: str) -> str:
+    """Return what is right for an index among `count` things."""
+    return f"there are {count} {of}; it must lie in 0..{count - 1}" if count else f"there are no {of}"
 
 
 def raise_all(faults: Iterable[str]) -> None:

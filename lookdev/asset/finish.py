@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from lookdev.asset.faces import Faces, first_in_each, raise_all
 from lookdev.asset.mesh import Floats, Mesh, Subdivision
 from lookdev.asset.normals import batches, blocks, face_areas, face_starts, sum_by, unit_or
-from lookdev.asset.shape import Attribute, Doubles, Index, Shape
+from lookdev.asset.shape import LARGEST, Attribute, Doubles, Index, Shape
 from lookdev.errors import AssetError
 
 
@@ -113,14 +113,12 @@ def _upright(vectors: NDArray[Any]) -> NDArray[Any]:
 
 
 def _single(points: Doubles, shapes: Sequence[Shape], kept: Index, begins: Index) -> Floats:
-    with np.errstate(over="ignore"):
-        single = points.astype(np.float32)
-    if not (finite := np.isfinite(single)).all():
+    if not (bounded := np.abs(points) <= LARGEST).all():
         raise_all(
-            f"{shapes[i].name}: points[{j}] is not finite in 32 bits; it must be a number"
-            for i, j in first_in_each(kept[~finite.all(axis=1)], begins)
+            f"{shapes[i].name}: points[{j}] is not a number of metres within +-{LARGEST:g}"
+            for i, j in first_in_each(kept[~bounded.all(axis=1)], begins)
         )
-    return single
+    return points.astype(np.float32)
 
 
 def _attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, Floats]]:

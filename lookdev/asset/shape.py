@@ -13,6 +13,9 @@ from lookdev.asset.mesh import Interpolation, Subdivision
 Doubles = NDArray[np.float64]
 Index = NDArray[np.intp]
 
+LARGEST = 1e18
+"""The largest coordinate: the product of two larger ones is not a float32."""
+
 
 @dataclass(frozen=True, eq=False)
 class Attribute:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Gf, Tf, Usd, UsdGeom
 
-from lookdev.asset.normals import Doubles
+from lookdev.asset.shape import LARGEST, Doubles
+from lookdev.asset.usd.walk import affine, misplaced_by
 from lookdev.errors import Fault, FaultsError, nearest_hint
+from lookdev.stage import error_words, shown
 
 _TIME = Usd.TimeCode.EarliestTime()
 _LENS = (
@@ -101,18 +102,32 @@ def _faults(file: str, prim: Any) -> Iterator[Fault]:
             yield Fault(file, where, "is animated; a camera must stand still", "give it a single value")
         elif name == "projection":
             if value != UsdGeom.Tokens.perspective:
-                yield Fault(file, where, f"the projection is {value}; only perspective cameras render")
-        elif not (isinstance(value, float) and math.isfinite(value)):
-            yield Fault(file, where, f"is {value}; a finite number is needed")
+                what = shown(value) if isinstance(value, str) else "no text"
+                yield Fault(file, where, f"the projection is {what}; only perspective cameras render")
+        elif not (isinstance(value, float) and abs(value) <= LARGEST):
+            what = f"is {value:g}" if isinstance(value, float) else "has a value of another type"
+            yield Fault(file, where, what, f"a number within +-{LARGEST:g} is needed")
         elif name in ("focalLength", "horizontalAperture", "verticalAperture") and value <= 0.0:
             yield Fault(file, where, f"is {value:g}; a positive length is needed")
         elif name in ("fStop", "focusDistance") and value < 0.0:
             yield Fault(file, where, f"is {value:g}; it must not be negative")
+    if not _is_range(prim.GetAttribute("clippingRange").Get(_TIME)):
+        yield Fault(file, f"{path}.clippingRange", "is not two numbers, the first below the second", "(0.1, 1000)")
     moving = [str(each.GetPath()) for each in _placed_by(prim) if UsdGeom.Xformable(each).TransformMightBeTimeVarying()]
     if moving:
         yield Fault(file, path, f"moves: {', '.join(moving)} is animated; a camera must stand still")
-    elif problem := _transform_problem(_to_stage(prim)):
-        yield Fault(file, path, problem, "a camera is placed by translation and rotation")
+    else:
+        try:
+            problem = _transform_problem(_to_stage(prim))
+        except Tf.ErrorException as error:
+            problem = f"USD cannot compute its transform: {error_words(error)}"
+        if problem:
+            yield Fault(file, misplaced_by(prim, _TIME), problem, "a camera is placed by translation and rotation")
+
+
+def _is_range(value: Any) -> bool:
+    """Return whether a value is a pair of numbers that grow; the far end may be infinite."""
+    return isinstance(value, Gf.Vec2f) and abs(value[0]) <= LARGEST and value[0] < value[1]
 
 
 def _placed_by(prim: Any) -> Iterator[Any]:
@@ -130,8 +145,8 @@ def _transform_problem(matrix: Doubles) -> str:
     """Return why a matrix for row vectors, (4, 4), places no camera; '' where it does."""
     axes = matrix[:3, :3]
     sizes = np.linalg.norm(axes, axis=1)
-    if not (np.isfinite(matrix).all() and (sizes > 0.0).all()):
-        return "its transform is singular or not finite"
+    if not (affine(matrix) and (sizes > 0.0).all()):
+        return f"its transform is singular, not affine, or has a number not within +-{LARGEST:g}"
     unit = axes / sizes[:, None]
     if np.abs(unit @ unit.T - np.eye(3)).max() > _SQUARE:
         return "its transform shears it"

@@ -161,7 +161,7 @@ def test_faults_of_all_shapes_are_reported() -> None:
         finish([square(), far, replace(square(), name="/Uv", attributes=textured)])
     uv, points = sorted(str(caught.value).splitlines(), reverse=True)
     assert uv == "/Uv: primvars:st has 5 values; interpolation 'vertex' needs 6"
-    assert points == "/Far: points[0] is not finite in 32 bits; it must be a number"
+    assert points == "/Far: points[0] is not a number of metres within +-1e+18"
     with pytest.raises(
         AssetError, match=r"(?s)/Wrong: faceVertexCounts add up to 9 .*\n/W2: faceVertexCounts add up to 9"
     ):

@@ -129,9 +129,15 @@ def test_instancers_nest(file):
     [
         (lambda i: i.GetPositionsAttr().Set([(0, 0, 0)]), "has 1 positions, but 4 protoIndices"),
         (lambda i: i.GetScalesAttr().Set([(1, 1, 1)] * 3), "has 3 scales, but 4 protoIndices"),
-        (lambda i: i.GetProtoIndicesAttr().Set([0, 1, 2, 0]), r"protoIndices must lie in 0\.\.1"),
-        (lambda i: i.GetPrototypesRel().SetTargets(["/None", "/Library/Group"]), "prototype /None is not there"),
-        (lambda i: i.GetPrototypesRel().SetTargets(["/World", "/Library/Group"]), "holds the instancer itself"),
+        (
+            lambda i: i.GetProtoIndicesAttr().Set([0, 1, 2, 0]),
+            r"protoIndices\[2\] is 2, but there are 2 prototypes; it must lie in 0\.\.1",
+        ),
+        (
+            lambda i: i.GetPrototypesRel().SetTargets(["/None", "/Library/Group"]),
+            "prototypes names /None, which is not there",
+        ),
+        (lambda i: i.GetPrototypesRel().SetTargets(["/World", "/Library/Group"]), "which holds the instancer"),
     ],
 )
 def test_faults_of_an_instancer_are_located(file, spoil, message):

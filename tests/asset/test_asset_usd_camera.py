@@ -129,13 +129,13 @@ def test_an_animated_ancestor_that_does_not_place_it_is_none() -> None:
     ("name", "value", "what"),
     [
         ("focalLength", 0.0, "is 0; a positive length is needed"),
-        ("focalLength", math.nan, "is nan; a finite number is needed"),
+        ("focalLength", math.nan, "is nan"),
         ("horizontalAperture", -3.0, "is -3; a positive length is needed"),
-        ("verticalAperture", math.inf, "is inf; a finite number is needed"),
-        ("horizontalApertureOffset", math.nan, "is nan; a finite number is needed"),
+        ("verticalAperture", math.inf, "is inf"),
+        ("horizontalApertureOffset", math.nan, "is nan"),
         ("fStop", -1.0, "is -1; it must not be negative"),
         ("focusDistance", -1.0, "is -1; it must not be negative"),
-        ("projection", "orthographic", "the projection is orthographic; only perspective cameras render"),
+        ("projection", "orthographic", "the projection is 'orthographic'; only perspective cameras render"),
     ],
 )
 def test_a_lens_without_sense_is_refused(name: str, value: object, what: str) -> None:
@@ -150,7 +150,7 @@ def test_a_lens_without_sense_is_refused(name: str, value: object, what: str) ->
         ([[1, 0, 0], [0, 0, 0], [0, 0, 1]], "singular"),
         ([[1, 0, 0], [0.5, 1, 0], [0, 0, 1]], "shears"),
         ([[-1, 0, 0], [0, 1, 0], [0, 0, 1]], "mirrors"),
-        ([[1, 0, math.nan], [0, 1, 0], [0, 0, 1]], "not finite"),
+        ([[1, 0, math.nan], [0, 1, 0], [0, 0, 1]], "not within"),
     ],
 )
 def test_a_transform_that_places_no_camera_is_refused(rows: list[list[float]], what: str) -> None:

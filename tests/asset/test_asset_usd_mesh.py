@@ -173,14 +173,17 @@ def test_subsets_and_bindings_become_slots(file):
         (lambda m: m.GetFaceVertexIndicesAttr().Set([8, *CUBE_FACES[1:]]), r"\[0\] is 8, but there are 8 points"),
         (lambda m: m.GetFaceVertexIndicesAttr().Set([0, -1, *CUBE_FACES[2:]]), r"\[1\] is -1"),
         (lambda m: m.GetHoleIndicesAttr().Set([6]), r"holeIndices\[0\] is 6, but there are 6 faces"),
-        (lambda m: m.GetPointsAttr().Set([*CUBE_POINTS[:-1], (0, np.nan, 0)]), r"points\[7\] is not finite"),
+        (
+            lambda m: m.GetPointsAttr().Set([*CUBE_POINTS[:-1], (0, np.nan, 0)]),
+            r"points\[7\] is not a number of metres",
+        ),
         (lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7), "normals has 7 values; interpolation 'vertex' needs 8"),
-        (lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7 + [(0, 0, np.nan)]), "normals: value 7 is not finite"),
+        (lambda m: m.GetNormalsAttr().Set([(0, 0, 1)] * 7 + [(0, 0, np.nan)]), r"normals\[7\] is nan"),
         (
             lambda m: sideways(primvar(m, "st", TYPES.TexCoord2fArray, "vertex", [(0, 0)] * 8)),
             "primvars:st has interpolation 'sideways'; known: constant, uniform, varying, vertex, faceVarying",
         ),
-        (lambda m: m.GetPointsAttr().Set(Sdf.ValueBlock()), r"faceVertexIndices\[0\] is 0, but there are 0 points"),
+        (lambda m: m.GetPointsAttr().Set(Sdf.ValueBlock()), r"faceVertexIndices\[0\] is 0, but there are no points"),
         (
             lambda m: primvar(m, "st", TYPES.TexCoord2fArray, "faceVarying", [(0, 0)] * 8),
             "primvars:st has 8 values; interpolation 'faceVarying' needs 24",
@@ -195,7 +198,7 @@ def test_subsets_and_bindings_become_slots(file):
         ),
         (
             lambda m: UsdShade.MaterialBindingAPI.Apply(m.GetPrim()).CreateMaterialBindSubset("lid", [6]),
-            r"GeomSubset lid: indices\[0\] is 6, but there are 6 faces",
+            r"indices\[0\] is 6, but there are 6 faces",
         ),
     ],
 )
@@ -203,7 +206,7 @@ def test_faults_of_a_mesh_are_located(file, spoil, message):
     mesh = file.mesh("/World/Cube")
     mesh.GetSubdivisionSchemeAttr().Set("none")
     spoil(mesh)
-    with pytest.raises(AssetError, match=r"thing\.usda: /World/Cube: .*" + message):
+    with pytest.raises(AssetError, match=r"thing\.usda: /World/Cube(/lid)?: .*" + message):
         file.load()
 
 
@@ -211,7 +214,7 @@ def test_subsets_that_overlap_are_errors(file):
     api = UsdShade.MaterialBindingAPI.Apply(file.mesh("/Cube").GetPrim())
     api.CreateMaterialBindSubset("a", [0, 1])
     api.CreateMaterialBindSubset("b", [2, 1])
-    with pytest.raises(AssetError, match="GeomSubset b: face 1 is also in /Cube/a"):
+    with pytest.raises(AssetError, match="/Cube/b: face 1 is also in /Cube/a"):
         file.load()
 
 
@@ -294,12 +297,15 @@ def test_meshes_of_strange_types(file):
 @pytest.mark.parametrize(
     ("attribute", "message"),
     [
-        ("string[] points = ['a']", "points is not an array of 3 numbers a value"),
-        ("float2[] points = [(0, 0)]", "points is not an array of 3 numbers a value"),
-        ("point3f points = (0, 0, 0)", "points is not an array of 3 numbers a value"),
-        ("int2[] faceVertexCounts = [(3, 3)]", "faceVertexCounts is not an array of one number a value"),
-        ("string[] faceVertexIndices = ['0', '1', '2x']", "faceVertexIndices is not an array of one number a value"),
-        ("float2[] primvars:normals = [(0, 0)]", "primvars:normals has no 3 numbers a value"),
+        ("string[] points = ['a']", r"points is of type string\[\]; float3\[\] is needed"),
+        ("float2[] points = [(0, 0)]", r"points is of type float2\[\]; float3\[\] is needed"),
+        ("point3f points = (0, 0, 0)", r"points is of type float3; float3\[\] is needed"),
+        ("int2[] faceVertexCounts = [(3, 3)]", r"faceVertexCounts is of type int2\[\]; int\[\] is needed"),
+        (
+            "string[] faceVertexIndices = ['0', '1', '2x']",
+            r"faceVertexIndices is of type string\[\]; int\[\] is needed",
+        ),
+        ("float2[] primvars:normals = [(0, 0)]", "primvars:normals is of type float2"),
         ("uniform string orientation = 'left'", r"orientation is 'left' \((did you mean 'leftHanded'|known)"),
     ],
 )

@@ -107,7 +107,7 @@ def test_instancers_that_hold_each_other_are_a_fault(file):
     file.mesh("/P/Cube")
     instancer(file, "/P/ToQ", ["/Q"], [(0, 0, 0)])
     instancer(file, "/Q/ToP", ["/P"], [(0, 0, 0)])
-    with pytest.raises(AssetError, match=r"thing\.usda: /Q/ToP: prototype /P holds the instancer itself"):
+    with pytest.raises(AssetError, match=r"thing\.usda: /Q/ToP: prototypes names /P, which holds the instancer"):
         file.read()
 
 
@@ -224,7 +224,7 @@ def test_types_without_a_reader_are_named(file):
         (lambda file: file.stage.SetMetadata("upAxis", "X"), "upAxis is 'X'; it must be Y or Z"),
         (
             lambda file: UsdGeom.Xformable(file.stage.GetPrimAtPath("/Cube")).AddTranslateOp().Set((np.nan, 0, 0)),
-            "/Cube: its transform is not finite",
+            "/Cube.xformOp:translate: its transform has a number not within",
         ),
         (
             lambda file: (
@@ -232,8 +232,21 @@ def test_types_without_a_reader_are_named(file):
                 .AddTransformOp()
                 .Set(Gf.Matrix4d(1, 0, 0, 1, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1))
             ),
-            "/Cube: its transform is not affine",
+            "/Cube.xformOp:transform: its transform has",
         ),
+        (
+            lambda file: UsdGeom.Imageable(file.stage.GetPrimAtPath("/Cube")).CreatePurposeAttr("rander"),
+            r"/Cube: purpose is 'rander' \(did you mean 'render'\?\)",
+        ),
+        (
+            lambda file: UsdGeom.Imageable(file.stage.GetPrimAtPath("/Cube")).CreateVisibilityAttr("hidden"),
+            "/Cube: visibility is 'hidden' ",
+        ),
+        (
+            lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e10),
+            r"/Cube: the asset has a radius of 1.73e\+10 m, with metersPerUnit 1e\+10; 2e-07 to 5e\+09 m can be",
+        ),
+        (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e-7), "/Cube: the asset has a radius of 1.73e-07 m"),
     ],
 )
 def test_faults_of_a_stage(file, spoil, message):
@@ -277,7 +290,7 @@ def test_operations_of_a_transform_that_are_not_there_are_noted(file):
     mesh.GetXformOpOrderAttr().Set(["!resetXformStack!", "xformOp:scale", "xformOp:translate", "!invert!xformOp:scale"])
     asset = file.read()
     np.testing.assert_allclose(means(asset), [[1, 0, 0]])
-    expected = [f"xformOpOrder names {name}xformOp:scale, which is not there (1): /Cube" for name in ("", "!invert!")]
+    expected = [f"xformOpOrder names '{name}xformOp:scale', which is not there (1): /Cube" for name in ("", "!invert!")]
     assert asset.notes == tuple(f"{file.path}: {note}" for note in expected)
 
 
@@ -285,6 +298,8 @@ def test_a_transform_that_usd_cannot_compute_is_a_fault_of_its_prim(file, capfd)
     mesh = file.mesh("/World/Cube")
     mesh.GetPrim().CreateAttribute("xformOp:bend", Sdf.ValueTypeNames.Float).Set(1.0)
     mesh.GetXformOpOrderAttr().Set(["xformOp:bend"])
-    with pytest.raises(AssetError, match=r"thing\.usda: /World/Cube: USD cannot compute its transform: .*'bend'"):
+    with pytest.raises(
+        AssetError, match=r"thing\.usda: /World/Cube.xformOpOrder: USD cannot compute the transform: .*'bend'"
+    ):
         file.read()
     assert capfd.readouterr().err == ""

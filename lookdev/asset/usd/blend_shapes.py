@@ -14,8 +14,10 @@ import numpy as np
 from pxr import Sdf, Usd, UsdSkel
 
 from lookdev.asset.shape import Doubles, Index
+from lookdev.asset.usd.attributes import read_array
 from lookdev.errors import AssetError
 
+_ALWAYS = Usd.TimeCode.Default()
 _SAME = 1e-6  # weights that USD takes for equal
 
 
@@ -61,7 +63,7 @@ def blend_offsets(
     """
     where = prim.GetPath()
     if len(names) != len(targets):
-        raise AssetError(f"{where}: has {len(names)} skel:blendShapes and {len(targets)} targets; they must agree")
+        raise AssetError(f"{where}: has {len(names)} skel:blendShapes, but {len(targets)} skel:blendShapeTargets")
     for name, target in zip(names, targets, strict=True):
         shape = UsdSkel.BlendShape(prim.GetStage().GetPrimAtPath(target))
         if not shape:
@@ -84,19 +86,22 @@ def blend_offsets(
         low, high = known[upper - 1 : upper + 1]
         part = (weight - low) / (high - low)
         points, normals = (_mixed(a, b, part, str(target)) for a, b in zip(rows[low], rows[high], strict=True))
-        indices = shape.GetPointIndicesAttr().Get()
-        yield Offsets(str(target), np.asarray(indices, np.intp) if indices else None, points, normals)
+        indices = read_array(shape.GetPrim(), "pointIndices", _ALWAYS, np.intp)
+        yield Offsets(str(target), indices if len(indices) else None, points, normals)
 
 
 def _offsets(points: Any, normals: Any) -> tuple[Doubles, Doubles]:
     """Return the values (k, 3) of two attributes, none where they are not authored."""
-    values = []
-    for attribute in (points, normals):
-        value = attribute.Get() if attribute else None
-        values.append(np.asarray([] if value is None else value, np.float64).reshape(-1, 3))
-        if not np.isfinite(values[-1]).all():
-            raise AssetError(f"{attribute.GetPath()}: every offset must be finite")
-    return values[0], values[1]
+    moved, turned = (
+        read_array(each.GetPrim(), each.GetName(), _ALWAYS, np.float64, (3,)) if each else np.zeros((0, 3))
+        for each in (points, normals)
+    )
+    if len(turned) not in (0, len(moved)):
+        raise AssetError(
+            f"{points.GetPrim().GetPath()}: has {len(moved)} {points.GetName()}, but {len(turned)} "
+            f"{normals.GetName()}; they must agree"
+        )
+    return moved, turned
 
 
 def _mixed(before: Doubles, after: Doubles, part: float, where: str) -> Doubles:

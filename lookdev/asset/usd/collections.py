@@ -38,5 +38,8 @@ def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) 
         valid, reason = known[name].Validate()
         if not valid:
             raise AssetError(f"'{collection}' is not a valid collection: {usd_words(reason)}")
+        for target in known[name].GetIncludesRel().GetTargets():
+            if target.IsPropertyPath() and not Usd.CollectionAPI.Get(stage, target):
+                raise AssetError(f"'{collection}' is not a valid collection: it includes {target}, which is none")
         query = known[name].ComputeMembershipQuery()
         return frozenset(path for path in paths if query.IsPathIncluded(Sdf.Path(path)))

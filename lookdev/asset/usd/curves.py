@@ -22,11 +22,13 @@ from pxr import UsdGeom
 
 from lookdev.asset.normals import dot, unit_or
 from lookdev.asset.shape import Attribute, Doubles, Index, Shape
-from lookdev.asset.splines import BASES, WRAPS, Splines, basis_splines, nurbs_splines, starts_of
+from lookdev.asset.splines import WRAPS, Splines, basis_splines, nurbs_splines, starts_of
 from lookdev.asset.tubes import Rings, ribbons, tubes
+from lookdev.asset.usd.attributes import check_interpolation, checked_array, read_array, read_token
 from lookdev.asset.usd.primitives import sphere_shape
 from lookdev.errors import AssetError
 
+_TOKENS = (("type", ("linear", "cubic")), ("basis", ("bezier", "bspline", "catmullRom")), ("wrap", WRAPS))
 _TOLERANCE = 5e-4
 _MOST_CHORDS = 64
 _MOST_FACES = 1_000_000
@@ -50,8 +52,8 @@ def curve_shape(
     where = str(prim.GetPath())
     nothing = Shape(where, np.zeros((0, 3)), np.zeros(0, np.intp), np.zeros(0, np.intp))
     if points is None:
-        points = _numbers(prim, "points", time, 3)
-    counts = _numbers(prim, "curveVertexCounts", time).astype(np.intp)
+        points = read_array(prim, "points", time, np.float64, (3,))
+    counts = read_array(prim, "curveVertexCounts", time, np.intp)
     if counts.sum() != len(points) or (counts < 0).any():
         raise AssetError(f"{where}: curveVertexCounts add up to {counts.sum()}, but there are {len(points)} points")
     if len(counts) == 0:
@@ -100,7 +102,7 @@ def point_shape(
     """
     where = str(prim.GetPath())
     if points is None:
-        points = _numbers(prim, "points", time, 3)
+        points = read_array(prim, "points", time, np.float64, (3,))
     widths = _widths(prim, time).values[:, 0]
     if len(widths) not in (1, len(points)):
         raise AssetError(f"{where}: there are {len(widths)} widths, but {len(points)} points")
@@ -237,17 +239,12 @@ def _rings(
 def _splines(prim: Any, time: Any, counts: Index) -> Splines:
     where = str(prim.GetPath())
     if prim.IsA(UsdGeom.NurbsCurves):
-        orders, knots = _numbers(prim, "order", time).astype(np.intp), _numbers(prim, "knots", time)
-        ranges, weights = _numbers(prim, "ranges", time, 2), _numbers(prim, "pointWeights", time)
+        orders, knots = read_array(prim, "order", time, np.intp), read_array(prim, "knots", time, np.float64)
+        ranges = read_array(prim, "ranges", time, np.float64, (2,))
+        weights = read_array(prim, "pointWeights", time, np.float64)
         return nurbs_splines(counts, orders, knots, ranges, weights, where)
-    kind, basis, wrap = (prim.GetAttribute(name).Get(time) for name in ("type", "basis", "wrap"))
-    basis = kind if kind == "linear" else basis
-    if kind not in ("linear", "cubic") or basis not in BASES or wrap not in WRAPS:
-        raise AssetError(
-            f"{where}: type {kind!r}, basis {basis!r} and wrap {wrap!r}; a type of linear or cubic, a basis of bezier, "
-            f"bspline or catmullRom, and a wrap of {', '.join(WRAPS)} would be right"
-        )
-    return basis_splines(basis, wrap, counts, where)
+    kind, basis, wrap = (read_token(prim, name, time, known) for name, known in _TOKENS)
+    return basis_splines(kind if kind == "linear" else basis, wrap, counts, where)
 
 
 def _widths(prim: Any, time: Any) -> Attribute:
@@ -262,22 +259,13 @@ def _shaping(prim: Any, name: str, time: Any, width: int) -> Attribute | None:
     """Return values (k, width) that shape curves: a primvar of the name, maybe inherited, else the attribute."""
     primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
     if primvar and primvar.HasValue():
-        values = _finite(primvar.ComputeFlattened(time), width, f"{prim.GetPath()}: primvars:{name}")
-        kind = primvar.GetInterpolation()
+        attribute, kind = primvar.GetAttr(), primvar.GetInterpolation()
+        value = primvar.ComputeFlattened(time)
     else:
-        values = _numbers(prim, name, time, width)
-        kind = prim.GetAttribute(name).GetMetadata("interpolation") or UsdGeom.Tokens.vertex
-    return Attribute(name, values, kind) if len(values) else None
-
-
-def _numbers(prim: Any, name: str, time: Any, width: int = 0) -> Doubles:
-    """Return the values of an attribute, (k, width), or (k,) where the width is 0; none where it has none."""
-    return _finite(prim.GetAttribute(name).Get(time), width, f"{prim.GetPath()}: {name}")
-
-
-def _finite(value: Any, width: int, what: str) -> Doubles:
-    values = np.array([] if value is None else value, np.float64).reshape(-1, width or 1)
-    wrong = ~np.isfinite(values).all(axis=1)
-    if wrong.any():
-        raise AssetError(f"{what}[{int(wrong.argmax())}] is not finite; it must be a number")
-    return values if width else values[:, 0]
+        attribute = prim.GetAttribute(name)
+        value, kind = attribute.Get(time), attribute.GetMetadata("interpolation") or UsdGeom.Tokens.vertex
+    shape = (width,) if width > 1 else ()
+    values = checked_array(value, attribute.GetPrim(), attribute.GetName(), np.float64, shape).reshape(-1, width)
+    if len(values) == 0:
+        return None
+    return Attribute(name, values, check_interpolation(attribute.GetPrim(), attribute.GetName(), kind))

@@ -47,7 +47,7 @@ class GprimReader:
     """Reads gprims of a stage at a time, in metres of `unit` a unit; `note` is told what is left out of a prim."""
 
     def __init__(self, time: Usd.TimeCode, unit: float, note: Callable[[str, Usd.Prim], None]) -> None:
-        self.primvars = PrimvarReader(time)
+        self.primvars = PrimvarReader(time, note)
         self.skinning = Skinning(time)
         self._time = time
         self._unit = unit

@@ -9,10 +9,13 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from lookdev.asset.mesh import BoundaryRule, FaceVaryingRule, Floats, Ints, Scheme, Subdivision, TriangleRule
 from lookdev.asset.shape import Doubles, Index, Shape
-from lookdev.asset.usd.primvars import PrimvarReader, check_range, read_numbers
-from lookdev.errors import AssetError, nearest_hint
+from lookdev.asset.usd.attributes import check_range, read_array, read_token
+from lookdev.asset.usd.primvars import PrimvarReader
+from lookdev.errors import AssetError
 
 _NORMALS = ("normals", "primvars:normals")
+_ORIENTATIONS = ("rightHanded", "leftHanded")
+_ELEMENTS = ("face", "point", "edge", "tetrahedron", "segment")
 _TAGS = ("creaseIndices", "creaseLengths", "creaseSharpnesses", "cornerIndices", "cornerSharpnesses")
 
 
@@ -31,11 +34,11 @@ def mesh_shape(
     """
     authored = set(prim.GetAuthoredPropertyNames())
     if points is None:
-        points = read_numbers(prim, "points", time, np.float64, 3)
-    sizes = read_numbers(prim, "faceVertexCounts", time, np.intp)
-    holes = read_numbers(prim, "holeIndices", time, np.intp) if "holeIndices" in authored else None
-    scheme = _token(prim, "subdivisionScheme", time, (*get_args(Scheme), "none"))
-    orientation = _token(prim, "orientation", time, ("rightHanded", "leftHanded")) if "orientation" in authored else ""
+        points = read_array(prim, "points", time, np.float64, (3,), bounded=False)
+    sizes = read_array(prim, "faceVertexCounts", time, np.intp)
+    holes = read_array(prim, "holeIndices", time, np.intp) if "holeIndices" in authored else None
+    scheme = read_token(prim, "subdivisionScheme", time, (*get_args(Scheme), "none"))
+    mirrored = "orientation" in authored and read_token(prim, "orientation", time, _ORIENTATIONS) == "leftHanded"
     attributes, default_uv = primvars.own(prim)
     subsets, parts = _parts(prim, time, len(sizes))
     flat = scheme == "none"
@@ -43,23 +46,16 @@ def mesh_shape(
         name=str(prim.GetPath()),
         points=points * unit,
         face_sizes=sizes,
-        face_points=read_numbers(prim, "faceVertexIndices", time, np.intp),
+        face_points=read_array(prim, "faceVertexIndices", time, np.intp),
         attributes=attributes,
         normals=primvars.normals(prim) if flat and not authored.isdisjoint(_NORMALS) else None,
         flat=flat,
-        left_handed=orientation == "leftHanded",
+        left_handed=mirrored,
         holes=holes,
         subdivision=None if flat else _subdivision(prim, time, scheme, authored, len(points)),
         parts=parts,
         default_uv=default_uv,
     ), subsets
-
-
-def _token(prim: Usd.Prim, name: str, time: Usd.TimeCode, known: tuple[str, ...]) -> Any:
-    value = prim.GetAttribute(name).Get(time)
-    if value not in known:
-        raise AssetError(f"{prim.GetPath()}: {name} is {value!r} ({nearest_hint(str(value), known)})")
-    return value
 
 
 def _subdivision(
@@ -72,7 +68,7 @@ def _subdivision(
         ("triangle_rule", "triangleSubdivisionRule", TriangleRule),
     ):
         if name in authored:
-            rules[field] = _token(prim, name, time, get_args(kind))
+            rules[field] = read_token(prim, name, time, get_args(kind))
     if not authored.isdisjoint(_TAGS):
         rules["crease_edges"], rules["crease_sharpness"] = _creases(prim, time, point_count)
         rules["corner_points"], rules["corner_sharpness"] = _corners(prim, time, point_count)
@@ -81,10 +77,10 @@ def _subdivision(
 
 def _creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
     """Return the edges (e, 2) of all creases, which are chains of points, and their sharpness (e,)."""
-    indices = read_numbers(prim, "creaseIndices", time, np.intp)
-    lengths = read_numbers(prim, "creaseLengths", time, np.intp)
+    indices = read_array(prim, "creaseIndices", time, np.intp)
+    lengths = read_array(prim, "creaseLengths", time, np.intp)
     sharpness = _sharpness(prim, "creaseSharpnesses", time)
-    check_range(indices, point_count, f"{prim.GetPath()}: creaseIndices", "points")
+    check_range(indices, point_count, prim, "creaseIndices", "points")
     if (lengths < 2).any():
         i = int(np.argmax(lengths < 2))
         raise AssetError(f"{prim.GetPath()}: creaseLengths[{i}] is {lengths[i]}; a crease has at least 2 points")
@@ -108,8 +104,8 @@ def _creases(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints
 
 
 def _corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints, Floats]:
-    indices, sharpness = read_numbers(prim, "cornerIndices", time, np.intp), _sharpness(prim, "cornerSharpnesses", time)
-    check_range(indices, point_count, f"{prim.GetPath()}: cornerIndices", "points")
+    indices, sharpness = read_array(prim, "cornerIndices", time, np.intp), _sharpness(prim, "cornerSharpnesses", time)
+    check_range(indices, point_count, prim, "cornerIndices", "points")
     if len(indices) != len(sharpness):
         raise AssetError(
             f"{prim.GetPath()}: cornerSharpnesses has {len(sharpness)} values, cornerIndices {len(indices)}; "
@@ -119,7 +115,7 @@ def _corners(prim: Usd.Prim, time: Usd.TimeCode, point_count: int) -> tuple[Ints
 
 
 def _sharpness(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Floats:
-    values = read_numbers(prim, name, time, np.float32)
+    values = read_array(prim, name, time, np.float32, bounded=False)  # inf is as sharp as can be
     if np.isnan(values).any():
         raise AssetError(f"{prim.GetPath()}: {name}[{int(np.argmax(np.isnan(values)))}] is not a number")
     return np.clip(values, 0.0, UsdGeom.Mesh.SHARPNESS_INFINITE)
@@ -133,14 +129,14 @@ def _parts(prim: Usd.Prim, time: Usd.TimeCode, face_count: int) -> tuple[tuple[s
     owner = np.zeros(face_count, np.intp)
     names = tuple(subset.GetPrim().GetName() for subset in subsets)
     for number, subset in enumerate(subsets, start=1):
-        what = f"{prim.GetPath()}: GeomSubset {names[number - 1]}"
-        if (kind := subset.GetElementTypeAttr().Get(time)) != UsdGeom.Tokens.face:
-            raise AssetError(f"{what} binds a material to elements of type '{kind}'; only 'face' can take one")
-        faces = read_numbers(subset.GetPrim(), "indices", time, np.intp)
-        check_range(faces, face_count, f"{what}: indices", "faces")
+        path = subset.GetPath()
+        if (kind := read_token(subset.GetPrim(), "elementType", time, _ELEMENTS)) != UsdGeom.Tokens.face:
+            raise AssetError(f"{path}: elementType is {kind!r}, but only 'face' can take a material")
+        faces = read_array(subset.GetPrim(), "indices", time, np.intp)
+        check_range(faces, face_count, subset.GetPrim(), "indices", "faces")
         if (taken := owner[faces] != 0).any():
             face = int(faces[taken.argmax()])
             other = names[owner[face] - 1]
-            raise AssetError(f"{what}: face {face} is also in {prim.GetPath()}/{other}; a face can be in one only")
+            raise AssetError(f"{path}: face {face} is also in {prim.GetPath()}/{other}; a face can be in one only")
         owner[faces] = number
     return names, owner

@@ -23,7 +23,7 @@ import numpy as np
 from pxr import UsdGeom
 
 from lookdev.asset.shape import Attribute, Doubles, Index, Shape
-from lookdev.errors import AssetError
+from lookdev.asset.usd.attributes import read_number, read_token
 
 _ROLLS = {"X": 1, "Y": 2, "Z": 0}  # places by which the coordinates of a surface about z move
 _PLANES = {"X": ((0, 0, -1), (0, 1, 0)), "Y": ((1, 0, 0), (0, 0, -1)), "Z": ((1, 0, 0), (0, 1, 0))}  # along u and v
@@ -85,17 +85,8 @@ def primitive_key(prim: Any, time: Any) -> tuple[Any, ...]:
     elif kind == "Sphere":
         axis = "Z"
     else:
-        axis = prim.GetAttribute("axis").Get(time)
-    if axis not in _ROLLS:
-        raise AssetError(f"{prim.GetPath()}: axis is {axis!r}; it must be X, Y or Z")
-    return kind, axis, *(_size(prim, name, time) for name in _KINDS[kind][1])
-
-
-def _size(prim: Any, name: str, time: Any) -> float:
-    value = prim.GetAttribute(name).Get(time)
-    if not isinstance(value, (int, float)) or not 0.0 <= value < np.inf:
-        raise AssetError(f"{prim.GetPath()}: {name} is {value!r}; it must be a number of at least 0")
-    return float(value)
+        axis = read_token(prim, "axis", time, tuple(_ROLLS))
+    return kind, axis, *(read_number(prim, name, time, 0.0) for name in _KINDS[kind][1])
 
 
 def allotted_errors(radii: Doubles) -> Doubles:

@@ -1,12 +1,13 @@
-"""Values of attributes and primvars at a time, checked for their kind; how many there must be is checked later.
+"""Primvars at a time, checked for their kind; how many values there must be is checked later.
 
 UV sets are the primvars of two numbers a value and texture coordinates of three, whose third is left out. Other
-primvars are those of one number and of three. What has another type, no value, or several elements a value is left out.
+primvars are those of one number and of three. What has another type is left out; so is, with a note, what has no value
+or several elements a value, or one of the names that USD defines with another type than USD's.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,41 +16,13 @@ from numpy.typing import NDArray
 from pxr import Sdf, Usd, UsdGeom
 
 from lookdev.asset.shape import Attribute
-from lookdev.errors import AssetError
+from lookdev.asset.usd.attributes import check_range, checked_floats, read_array
 
 # The numbers in one value of a primvar, by its type in USD's C++.
 _WIDTHS = {"float": 1, "double": 1, "GfHalf": 1} | {f"GfVec{width}{kind}": width for width in (2, 3) for kind in "fdh"}
+_DEFINED = {"st": 2, "displayColor": 3, "displayOpacity": 1}
 _NORMALS = "normals"
 _SKINNING = "skel:"
-
-
-def read_numbers(prim: Usd.Prim, name: str, time: Usd.TimeCode, kind: Any, width: int = 1) -> NDArray[Any]:
-    """Return the values (k,) or (k, width) of an array attribute; none where it has no value.
-
-    Raises
-    ------
-    AssetError
-        It is not an array of numbers, or not of `width` numbers a value.
-    """
-    value = prim.GetAttribute(name).Get(time)
-    if value is None:
-        return np.zeros((0, width) if width > 1 else 0, kind)
-    try:
-        values = np.asarray(value)
-        if values.shape[1:] != (() if width == 1 else (width,)):
-            raise ValueError(f"its shape is {values.shape}")
-        return values.astype(kind)
-    except (TypeError, ValueError) as error:
-        needed = "one number" if width == 1 else f"{width} numbers"
-        raise AssetError(f"{prim.GetPath()}: {name} is not an array of {needed} a value ({error})") from error
-
-
-def check_range(indices: NDArray[Any], count: int, what: str, of: str) -> None:
-    """Raise AssetError where an index is not in 0..count-1."""
-    wrong = (indices < 0) | (indices >= count)
-    if wrong.any():
-        i = int(np.argmax(wrong))
-        raise AssetError(f"{what}[{i}] is {indices[i]}, but there are {count} {of}; it must lie in 0..{count - 1}")
 
 
 @dataclass(frozen=True)
@@ -62,10 +35,11 @@ class Inherited:
 
 
 class PrimvarReader:
-    """Reads primvars at a time."""
+    """Reads primvars at a time; `note` is told what is left out of a prim."""
 
-    def __init__(self, time: Usd.TimeCode) -> None:
+    def __init__(self, time: Usd.TimeCode, note: Callable[[str, Usd.Prim], None]) -> None:
         self._time = time
+        self._note = note
         self._inherited: dict[Sdf.Path, Inherited] = {}
         self._kinds: dict[Any, tuple[int, bool, bool]] = {}
 
@@ -106,12 +80,10 @@ class PrimvarReader:
         """Return ``primvars:normals``, else ``normals``, of a point-based prim."""
         primvar = UsdGeom.PrimvarsAPI(prim).GetPrimvar(_NORMALS)
         if primvar and primvar.HasValue():
-            values = self._values(primvar, primvar.GetTypeName().isArray)
+            values = self._values(primvar, 3, primvar.GetTypeName().isArray)
             interpolation = primvar.GetInterpolation()
-            if len(values) and values.shape[1:] != (3,):
-                raise AssetError(f"{prim.GetPath()}: primvars:normals has no 3 numbers a value, as normals need")
         else:
-            values = read_numbers(prim, _NORMALS, self._time, np.float64, 3)
+            values = read_array(prim, _NORMALS, self._time, np.float64, (3,))
             interpolation = UsdGeom.PointBased(prim).GetNormalsInterpolation()
         return Attribute(_NORMALS, values, interpolation) if len(values) else None
 
@@ -121,23 +93,35 @@ class PrimvarReader:
             width = _WIDTHS.get(kind.scalarType.cppTypeName, 0)
             self._kinds[kind] = width, width == 2 or _is_texture(kind), kind.isArray
         width, is_uv, is_array = self._kinds[kind]
-        if not width or name == _NORMALS or name.startswith(_SKINNING) or primvar.GetElementSize() != 1:
+        if name == _NORMALS or name.startswith(_SKINNING):
             return None
-        values = self._values(primvar, is_array)
+        if name in _DEFINED and not (is_uv if _DEFINED[name] == 2 else width == _DEFINED[name]):
+            self._leave_out(primvar, f"of type {kind}")
+            return None
+        if not width:
+            return None
+        if (size := primvar.GetElementSize()) != 1:
+            self._leave_out(primvar, f"of elementSize {size}")
+            return None
+        values = self._values(primvar, width, is_array)
         if len(values) == 0:
+            self._leave_out(primvar, "without a value")
             return None
         return Attribute(name, values[:, :2] if is_uv else values, primvar.GetInterpolation(), is_uv)
 
-    def _values(self, primvar: Any, is_array: bool) -> NDArray[Any]:
+    def _leave_out(self, primvar: Any, why: str) -> None:
+        self._note(f"with {primvar.GetName()} {why}, left out", primvar.GetAttr().GetPrim())
+
+    def _values(self, primvar: Any, width: int, is_array: bool) -> NDArray[Any]:
         """Return a primvar's values (k,) or (k, width) with its indices applied; none where it is empty."""
         value = primvar.Get(self._time)
         if value is None:
             return np.zeros(0)
-        values = np.asarray(value if is_array else [value])
+        values = checked_floats(value, primvar.GetAttr(), width, is_array)
         if primvar.IsIndexed():
-            indices = np.asarray(primvar.GetIndices(self._time) or [], np.intp)
-            attribute = primvar.GetIndicesAttr()
-            check_range(indices, len(values), f"{attribute.GetPrim().GetPath()}: {attribute.GetName()}", "values")
+            prim, name = primvar.GetAttr().GetPrim(), primvar.GetIndicesAttr().GetName()
+            indices = read_array(prim, name, self._time, np.intp)
+            check_range(indices, len(values), prim, name, "values")
             values = values[indices]
         return values
 

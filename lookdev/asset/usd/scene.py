@@ -13,17 +13,17 @@ from pxr import Usd, UsdGeom
 from lookdev.asset.faces import raise_all
 from lookdev.asset.finish import finish
 from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
-from lookdev.asset.shape import Attribute, Shape
+from lookdev.asset.shape import LARGEST, Attribute, Shape
 from lookdev.asset.store import make_asset
 from lookdev.asset.usd.bindings import bound_materials, dangling
 from lookdev.asset.usd.gprims import GPRIMS, GprimReader, Surface
 from lookdev.asset.usd.primvars import Inherited, default_uv
-from lookdev.asset.usd.walk import Seen, Walk
+from lookdev.asset.usd.walk import PURPOSES, Seen, Walk, affine, misplaced_by
 from lookdev.errors import AssetError, nearest_hint
 from lookdev.stage import Composed
 
-_PURPOSES = ("default", "render", "proxy", "guide")
 _Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+_SMALLEST, _LARGEST = 2e-7, 5e9  # radii, in metres, of assets that renderers show
 _MOST_PATHS = 3  # in a note
 _MOST_FAULTS = 20  # in an error
 
@@ -58,15 +58,15 @@ class UsdScene:
         stage = composed.stage
         self._time = _time_code(stage, time)
         self._unit = UsdGeom.GetStageMetersPerUnit(stage)
-        if not (self._unit > 0.0 and math.isfinite(self._unit)):
-            raise AssetError(f"metersPerUnit is {self._unit}; it must be a positive number")
+        if not 1.0 / LARGEST <= self._unit <= LARGEST:
+            raise AssetError(f"metersPerUnit is {self._unit:g}; it must be a positive number, at most {LARGEST:g}")
         axis = UsdGeom.GetStageUpAxis(stage)
         if axis not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
-            raise AssetError(f"upAxis is {axis!r}; it must be Y or Z")
+            raise AssetError(f"upAxis is {axis!r:.60}; it must be Y or Z")
         self._y_up = axis == UsdGeom.Tokens.y
         for purpose in purposes:
-            if purpose not in _PURPOSES:
-                raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, _PURPOSES)})")
+            if purpose not in PURPOSES:
+                raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, PURPOSES)})")
         self._walk = Walk(stage, self._time, purposes)
         self._gprims = GprimReader(self._time, self._unit, self._note)
         self._shapes: list[Shape] = []
@@ -104,6 +104,11 @@ class UsdScene:
                 "rendered, is needed" + "".join(f"; {note}" for note in notes)
             )
         asset = make_asset(self._name, self._meshes, instances, self._slots)
+        if not _SMALLEST <= asset.radius <= _LARGEST:
+            raise AssetError(
+                f"{_widest(asset)}: the asset has a radius of {asset.radius:.3g} m, with metersPerUnit "
+                f"{self._unit:g}; {_SMALLEST:g} to {_LARGEST:g} m can be rendered"
+            )
         return replace(asset, unit=self._unit, notes=tuple(notes))
 
     def _note(self, what: str, prim: Usd.Prim) -> None:
@@ -128,6 +133,9 @@ class UsdScene:
                 if (read := self._read[key]) is not None:
                     number, surface = read
                     copies = self._gprims.copies(prim, surface)
+                    if copies is not None and len(copies) == 0:
+                        self._note("without a point of a width, left out", prim)
+                        continue
                     placed = self._walk.moved(seen, self._gprims.skinning.space(prim), copies)
                     shown.append(_Shown(placed, number, surface.subsets, self._gprims.primvars.inherited(prim)))
             except AssetError as error:
@@ -199,15 +207,11 @@ class UsdScene:
         # USD multiplies row vectors from the left: transposed, and in metres as the points are.
         matrices = np.swapaxes(np.concatenate([each.transforms for each in seen]), 1, 2).copy()
         owners = np.repeat(np.arange(len(seen)), [len(each.transforms) for each in seen])
-        finite = np.isfinite(matrices).all(axis=(1, 2))
-        affine = (np.abs(matrices[:, 3] - (0.0, 0.0, 0.0, 1.0)) < 1e-9).all(axis=1)
-        for right, what in (
-            (finite, "not finite"),
-            (affine, "not affine: the last column of its matrix is not 0 0 0 1"),
-        ):
-            if not right.all():
-                paths = dict.fromkeys(str(seen[i].prim.GetPath()) for i in owners[~right])
-                raise AssetError("\n".join(f"{path}: its transform is {what}" for path in paths))
+        if not (right := affine(np.swapaxes(matrices, 1, 2))).all():
+            prims = {i: seen[i].prim for i in owners[~right].tolist()}
+            places = dict.fromkeys(misplaced_by(prim, self._time) for prim in prims.values())
+            what = f"its transform has a number not within +-{LARGEST:g}, or a last column that is not 0 0 0 1"
+            raise AssetError("\n".join(f"{place}: {what}" for place in places))
         matrices[:, :3, 3] *= self._unit
         if self._y_up:
             matrices = _Z_UP @ matrices @ _Z_UP.T
@@ -220,6 +224,16 @@ class UsdScene:
             Instance(numbers[i], matrix, paths_of[i])
             for i, matrix in zip(owners[solid].tolist(), matrices[solid], strict=True)
         ]
+
+
+def _widest(asset: Asset) -> str:
+    """Return the path of the instance that reaches farthest from the origin."""
+
+    def reach(instance: Instance) -> float:
+        points = asset.meshes[instance.mesh].points.astype(np.float64)
+        return float(np.abs(points @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]).max())
+
+    return max(asset.instances, key=reach).path
 
 
 def _time_code(stage: Usd.Stage, time: float | None) -> Usd.TimeCode:

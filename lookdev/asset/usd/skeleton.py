@@ -9,10 +9,12 @@ import numpy as np
 from pxr import Sdf, Usd, UsdSkel
 
 from lookdev.asset.shape import Doubles
+from lookdev.asset.usd.attributes import read_array, read_texts
 from lookdev.errors import AssetError
+from lookdev.stage import relationship_targets
 
 _ANIMATION = "skel:animationSource"
-_COMPONENTS = ("translations", "rotations", "scales")
+_COMPONENTS = {"translations": (3,), "rotations": (4,), "scales": (3,)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,23 +66,19 @@ class Skeletons:
         animation = self.animation(skeleton)
         if animation is None:
             return {}
-        names = _strings(animation, "blendShapes")
-        values = animation.GetAttribute("blendShapeWeights").Get(self._time)
-        weights = np.asarray([] if values is None else values, np.float64)
+        names = read_texts(animation, "blendShapes")
+        weights = read_array(animation, "blendShapeWeights", self._time, np.float64)
         if len(weights) and len(weights) != len(names):
             raise AssetError(
                 f"{animation.GetPath()}: has {len(weights)} blendShapeWeights, but {len(names)} blendShapes; "
                 "they must agree"
             )
-        if not np.isfinite(weights).all():
-            name = names[int(np.isfinite(weights).argmin())]
-            raise AssetError(f"{animation.GetPath()}: the weight of blend shape {name} is not finite")
         return dict(zip(names, weights.tolist(), strict=False))
 
     def _animation(self, skeleton: Usd.Prim) -> Usd.Prim | None:
         prim = skeleton
         while not prim.IsPseudoRoot():
-            targets = prim.GetRelationship(_ANIMATION).GetForwardedTargets() if prim.HasAPI(UsdSkel.BindingAPI) else []
+            targets = relationship_targets(prim.GetRelationship(_ANIMATION)) if prim.HasAPI(UsdSkel.BindingAPI) else []
             if targets:
                 found = prim.GetStage().GetPrimAtPath(targets[0])
                 if found and found.IsA(UsdSkel.Animation):
@@ -92,7 +90,7 @@ class Skeletons:
 
     def _pose(self, skeleton: Usd.Prim) -> Pose | None:
         where = skeleton.GetPath()
-        names = _strings(skeleton, "joints")
+        names = read_texts(skeleton, "joints")
         if not names or len(set(names)) != len(names) or not all(Sdf.Path.IsValidPathString(each) for each in names):
             raise AssetError(f"{where}: joints must be paths such as 'hip/knee', at least one, each once")
         valid, reason = UsdSkel.Topology(list(names)).Validate()
@@ -120,8 +118,10 @@ class Skeletons:
         animation = self.animation(skeleton)
         if animation is None:
             return set()
-        where, joints = animation.GetPath(), _strings(animation, "joints")
-        counts = {name: len(animation.GetAttribute(name).Get(self._time) or []) for name in _COMPONENTS}
+        where, joints = animation.GetPath(), read_texts(animation, "joints")
+        counts = {
+            name: len(read_array(animation, name, self._time, np.float64, shape)) for name, shape in _COMPONENTS.items()
+        }
         if not any(counts.values()):
             return set()
         if absent := [name for name, count in counts.items() if count == 0]:
@@ -135,18 +135,11 @@ class Skeletons:
         return names & set(joints)
 
 
-def _strings(prim: Usd.Prim, name: str) -> tuple[str, ...]:
-    return tuple(prim.GetAttribute(name).Get() or ())
-
-
 def _matrices(prim: Usd.Prim, name: str, count: int) -> Any:
     """Return matrices (count, 4, 4), None where there are none."""
-    value = prim.GetAttribute(name).Get()
-    if not value:
+    matrices = read_array(prim, name, Usd.TimeCode.Default(), np.float64, (4, 4))
+    if len(matrices) == 0:
         return None
-    matrices = np.array(value, np.float64)
-    if matrices.shape != (count, 4, 4):
+    if len(matrices) != count:
         raise AssetError(f"{prim.GetPath()}: has {len(matrices)} {name}, but {count} joints; they must agree")
-    if not np.isfinite(matrices).all():
-        raise AssetError(f"{prim.GetPath()}: {name} must be finite")
     return matrices

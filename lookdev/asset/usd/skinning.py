@@ -17,10 +17,11 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel, Vt
 
 from lookdev.asset.normals import unit_or
 from lookdev.asset.shape import Attribute, Doubles, Index
+from lookdev.asset.usd.attributes import check_range, checked_array, read_array, read_matrix, read_texts, read_token
 from lookdev.asset.usd.blend_shapes import Offsets, blend_offsets
-from lookdev.asset.usd.primvars import read_numbers
 from lookdev.asset.usd.skeleton import Pose, Skeletons
 from lookdev.errors import AssetError
+from lookdev.stage import relationship_targets
 
 _SKELETON, _JOINTS = "skel:skeleton", "skel:joints"
 _INDICES, _WEIGHTS = "primvars:skel:jointIndices", "primvars:skel:jointWeights"
@@ -144,7 +145,7 @@ class Skinning:
             return self._done[binding.key]
         points = rest
         if points is None:
-            points = read_numbers(prim, "points", self._time, np.float64, 3)
+            points = read_array(prim, "points", self._time, np.float64, (3,))
         for each in binding.offsets:
             points = each.moved(points)
         if binding.influences is not None:
@@ -169,20 +170,22 @@ class Skinning:
         found = _binding_properties(prim)
         if (_INDICES in found) != (_WEIGHTS in found):
             raise AssetError(f"{where}: has only one of jointIndices and jointWeights; both or none would be right")
-        if _INDICES not in found and _TARGETS not in found:
+        if _INDICES not in found and _TARGETS not in found and _SHAPES not in found:
             return None
         if _SKELETON not in found:
             self._notes.append(f"{where}: is bound to no skeleton, without which USD deforms nothing")
             return None
-        target = found[_SKELETON].GetForwardedTargets()[0]
+        target = relationship_targets(found[_SKELETON])[0]
         skeleton = prim.GetStage().GetPrimAtPath(target)
         if not skeleton or not skeleton.IsA(UsdSkel.Skeleton):
             raise AssetError(f"{where}: skel:skeleton {target} is no Skeleton; the path of one is needed")
         pose = self._skeletons.pose(skeleton) if _INDICES in found else None
         influences = None if pose is None else _influences(where, found, pose, self._time)
         offsets: tuple[Offsets, ...] = ()
-        if _TARGETS in found and _SHAPES in found:
-            names, targets = found[_SHAPES].Get() or (), found[_TARGETS].GetForwardedTargets()
+        if (_TARGETS in found) != (_SHAPES in found):
+            raise AssetError(f"{where}: has only one of {_SHAPES} and {_TARGETS}; both or none would be right")
+        if _TARGETS in found:
+            names, targets = read_texts(prim, _SHAPES), relationship_targets(found[_TARGETS])
             offsets = tuple(blend_offsets(prim, names, targets, self._skeletons.weights(skeleton), self._notes))
         if influences is None and not offsets:
             return None
@@ -208,7 +211,7 @@ def _binding_properties(prim: Usd.Prim) -> dict[str, Any]:
                     found[name] = attribute
             for name in (_SKELETON,) if each != prim else (_SKELETON, _TARGETS):
                 relationship = each.GetRelationship(name)
-                if name not in found and relationship and relationship.GetForwardedTargets():
+                if name not in found and relationship and relationship_targets(relationship):
                     found[name] = relationship
         if each.IsA(UsdSkel.Root):
             return found
@@ -223,31 +226,31 @@ def _influences(where: str, found: dict[str, Any], pose: Pose, time: Usd.TimeCod
     kinds = {primvar.GetInterpolation() for primvar in primvars}
     if len(sizes) != 1 or min(sizes) < 1 or kinds not in ({"constant"}, {"vertex"}):
         raise AssetError(
-            f"{where}: jointIndices and jointWeights must have the same elementSize of at least 1, and both the "
+            f"{where}: {_INDICES} and {_WEIGHTS} must have the same elementSize of at least 1, and both the "
             "interpolation constant or both vertex"
         )
     (size,), (kind,) = sizes, kinds
-    indices, weights = (np.asarray(primvar.ComputeFlattened(time) or [], np.float64) for primvar in primvars)
+    indices, weights = (
+        checked_array(primvar.ComputeFlattened(time), primvar.GetAttr().GetPrim(), primvar.GetName(), number)
+        for primvar, number in zip(primvars, (np.intp, np.float64), strict=True)
+    )
     if len(indices) != len(weights) or len(indices) % size or (kind == "constant" and len(indices) != size):
         raise AssetError(
-            f"{where}: has {len(indices)} jointIndices and {len(weights)} jointWeights; {size} of both for "
+            f"{where}: has {len(indices)} {_INDICES} and {len(weights)} {_WEIGHTS}; {size} of both for "
             f"{'all points' if kind == 'constant' else 'each point'} would be right"
         )
     transforms = pose.transforms
     if _JOINTS in found:
-        names = found[_JOINTS].Get() or ()
+        names = read_texts(found[_JOINTS].GetPrim(), _JOINTS)
         if unknown := [name for name in names if name not in pose.names]:
             raise AssetError(f"{where}: skel:joints names {unknown[0]}, which the skeleton does not have")
         transforms = transforms[[pose.names.index(name) for name in names]]
-    if not ((indices >= 0) & (indices < len(transforms))).all() or not np.isfinite(weights).all():
-        raise AssetError(f"{where}: jointIndices must lie in 0..{len(transforms) - 1}, and jointWeights be finite")
-    method = found[_METHOD].Get() if _METHOD in found else _METHODS[0]
-    if method not in _METHODS:
-        raise AssetError(f"{where}: skinningMethod is {method!r}; it must be one of {', '.join(_METHODS)}")
-    bind = np.array(found[_BIND].Get(time) if _BIND in found else Gf.Matrix4d(1.0), np.float64)
-    if not np.isfinite(bind).all():
-        raise AssetError(f"{where}: geomBindTransform is not finite")
-    return _Influences(transforms, indices.astype(np.intp).reshape(-1, size), weights.reshape(-1, size), bind, method)
+    check_range(indices, len(transforms), primvars[0].GetAttr().GetPrim(), _INDICES, "joints")
+    method = _METHODS[0]
+    if _METHOD in found:
+        method = read_token(found[_METHOD].GetPrim(), _METHOD, Usd.TimeCode.Default(), _METHODS)
+    bind = read_matrix(found[_BIND].GetPrim(), _BIND, time) if _BIND in found else np.eye(4)
+    return _Influences(transforms, indices.reshape(-1, size), weights.reshape(-1, size), bind, method)
 
 
 def _skinned(points: Doubles, influences: _Influences, where: str) -> Doubles:

@@ -193,7 +193,9 @@ class Node:
         if isinstance(holder, Source):
             return self.reader.node(attribute, holder)
         value = self.reader.plain(attribute)
-        term = self.reader.term(attribute, len(value)) if isinstance(value, tuple) else None
+        if value is not None and not isinstance(value, tuple):
+            raise Unread(f"inputs:{name} is no number")
+        term = self.reader.term(attribute, len(value)) if value else None
         return constant(*default) if term is None else term
 
     def numbers(self, name: str, *default: float) -> tuple[float, ...]:
@@ -217,6 +219,14 @@ class Node:
             self.reader.network.fault(attribute, f"unknown value '{text:.40}'", nearest_hint(text, known))
             return default
         return text
+
+    def word(self, name: str) -> str:
+        """Return a constant input of text, "" where it is not set; raises Unread where it is a number or a file."""
+        attribute = self.attribute(name)
+        value = self.reader.plain(attribute) if attribute else None
+        if value is not None and not isinstance(value, str):
+            raise Unread(f"inputs:{name} is no text")
+        return value or ""
 
     def note(self, name: str, what: str, hint: str = "") -> None:
         """Note something about an input that is not carried."""

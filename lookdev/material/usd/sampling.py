@@ -121,7 +121,7 @@ def texcoord(node: Node) -> Term:
 
 def primvar(node: Node) -> Term:
     """UsdPrimvarReader, geompropvalue."""
-    name = node.text("geomprop" if "geomprop" in node.identifier else "varname", "")
+    name = node.word("geomprop" if "geomprop" in node.identifier else "varname")
     if not name:
         raise Unread("names no primvar")
     if node.width == 2:

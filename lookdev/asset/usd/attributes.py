@@ -1,0 +1,156 @@
+"""Values of USD attributes at a time: the one door through which readers of assets get them.
+
+A value has the type, shape and range that is asked for, or an AssetError names its prim and attribute. USD itself
+returns what a layer holds, whatever the attribute's type. How many values there must be is for the reader to check.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Gf, Sdf, Usd, Vt
+
+from lookdev.asset.faces import index_rule
+from lookdev.asset.mesh import Interpolation
+from lookdev.asset.shape import LARGEST
+from lookdev.errors import AssetError, nearest_hint
+from lookdev.stage import shown
+
+_Array = NDArray[Any]
+
+# The shape of a value of each type of array.
+_FLOATS: Mapping[type, tuple[int, ...]] = {
+    Vt.FloatArray: (),
+    Vt.DoubleArray: (),
+    Vt.HalfArray: (),
+    **{getattr(Vt, f"Vec{width}{kind}Array"): (width,) for width in (2, 3, 4) for kind in "fdh"},
+    Vt.QuatfArray: (4,),
+    Vt.QuathArray: (4,),
+    Vt.Matrix4dArray: (4, 4),
+}
+_INTEGERS: Mapping[type, tuple[int, ...]] = dict.fromkeys(
+    (Vt.IntArray, Vt.UIntArray, Vt.Int64Array, Vt.UInt64Array, Vt.UCharArray), ()
+)
+_NEEDED = {(): "float[]", (2,): "float2[]", (3,): "float3[]", (4,): "quatf[]", (4, 4): "matrix4d[]"}
+_INTERPOLATIONS = get_args(Interpolation)
+
+
+def read_array(
+    prim: Usd.Prim, name: str, time: Usd.TimeCode, kind: Any, shape: tuple[int, ...] = (), *, bounded: bool = True
+) -> _Array:
+    """Return the values (k, *shape) of an array attribute as floats or integers; none where it has no value.
+
+    Raises
+    ------
+    AssetError
+        It is not an array of such values, or a number is not within +-`LARGEST`, which is not looked at unless
+        `bounded`: a reader of many arrays looks at those of all at once.
+    """
+    return checked_array(prim.GetAttribute(name).Get(time), prim, name, kind, shape, bounded=bounded)
+
+
+def checked_array(
+    value: Any, prim: Usd.Prim, name: str, kind: Any, shape: tuple[int, ...] = (), *, bounded: bool = True
+) -> _Array:
+    """Return a value that USD computed for an attribute, checked as by `read_array`."""
+    if value is None:
+        return np.zeros((0, *shape), kind)
+    whole = kind is np.intp
+    if (_INTEGERS if whole else _FLOATS).get(type(value)) != shape:
+        raise wrong_type(prim, name, value, "int[]" if whole else _NEEDED[shape])
+    values: _Array = np.asarray(value).astype(kind)
+    if bounded and not whole:
+        check_bounded(values, prim, name)
+    return values
+
+
+def checked_floats(value: Any, attribute: Usd.Attribute, width: int, is_array: bool) -> _Array:
+    """Return the value of an attribute of any type as floats (k,) or (k, width), one where it is not an array."""
+    shape = (width,) if width > 1 else ()
+    if is_array:
+        if _FLOATS.get(type(value)) == shape:
+            return np.asarray(value)
+    elif (values := np.asarray([value])).dtype.kind == "f" and values.shape[1:] == shape:
+        return values
+    raise wrong_type(
+        attribute.GetPrim(), attribute.GetName(), value, _NEEDED[shape].removesuffix("" if is_array else "[]")
+    )
+
+
+def check_bounded(values: _Array, prim: Usd.Prim, name: str) -> None:
+    """Raise AssetError where a number of floats (k, ...) is not within +-`LARGEST`."""
+    wrong = ~(np.abs(values) <= LARGEST)
+    if wrong.any():
+        i = int(wrong.reshape(len(values), -1).any(axis=1).argmax())
+        number = values[i][wrong[i]].flat[0] if values.ndim > 1 else values[i]
+        raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {number:g}; a number within +-{LARGEST:g} is needed")
+
+
+def check_range(indices: _Array, count: int, prim: Usd.Prim, name: str, of: str) -> None:
+    """Raise AssetError where an index of an attribute is not in 0..count-1."""
+    wrong = (indices < 0) | (indices >= count)
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise AssetError(f"{prim.GetPath()}: {name}[{i}] is {indices[i]}, but {index_rule(count, of)}")
+
+
+def read_number(prim: Usd.Prim, name: str, time: Usd.TimeCode, low: float = -LARGEST, high: float = LARGEST) -> float:
+    """Return a number in a range; raises AssetError where the attribute holds none."""
+    value = prim.GetAttribute(name).Get(time)
+    if type(value) not in (float, int):
+        raise wrong_type(prim, name, value, "double")
+    if not low <= value <= high:
+        raise AssetError(f"{prim.GetPath()}: {name} is {value:g}; a number from {low:g} to {high:g} is needed")
+    return float(value)
+
+
+def read_token(prim: Usd.Prim, name: str, time: Usd.TimeCode, known: Sequence[str]) -> Any:
+    """Return one of the known values of an attribute; raises AssetError where it holds another."""
+    value = prim.GetAttribute(name).Get(time)
+    if not isinstance(value, str):
+        raise wrong_type(prim, name, value, "token")
+    if value not in known:
+        raise AssetError(f"{prim.GetPath()}: {name} is {shown(value)} ({nearest_hint(value, known)})")
+    return value
+
+
+def read_texts(prim: Usd.Prim, name: str, time: Usd.TimeCode | None = None) -> tuple[str, ...]:
+    """Return the texts of an array attribute; raises AssetError where it holds something else."""
+    value = prim.GetAttribute(name).Get(Usd.TimeCode.Default() if time is None else time)
+    if value is None:
+        return ()
+    if not isinstance(value, (Vt.TokenArray, Vt.StringArray)):
+        raise wrong_type(prim, name, value, "token[]")
+    return tuple(value)
+
+
+def read_matrix(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> NDArray[np.float64]:
+    """Return a matrix (4, 4) for row vectors; raises AssetError where the attribute holds none, or one not finite."""
+    value = prim.GetAttribute(name).Get(time)
+    if not isinstance(value, Gf.Matrix4d):
+        raise wrong_type(prim, name, value, "matrix4d")
+    matrix = np.array(value, np.float64)
+    check_bounded(matrix, prim, name)
+    return matrix
+
+
+def check_interpolation(prim: Usd.Prim, name: str, interpolation: str) -> Any:
+    """Return an interpolation of USD; raises AssetError where it is none."""
+    if interpolation not in _INTERPOLATIONS:
+        known = ", ".join(_INTERPOLATIONS)
+        raise AssetError(f"{prim.GetPath()}: {name} has interpolation {shown(interpolation)}; known: {known}")
+    return interpolation
+
+
+def wrong_type(prim: Usd.Prim, name: str, value: Any, needed: str) -> AssetError:
+    """Return the error for an attribute whose value has another type than is needed."""
+    given = "empty" if value is None else f"of type {type_name(value)}"
+    return AssetError(f"{prim.GetPath()}: {name} is {given}; {needed} is needed")
+
+
+def type_name(value: Any) -> str:
+    """Return USD's name for the type of a value."""
+    return str(Sdf.GetValueTypeNameForValue(value)) or type(value).__name__
