@@ -1,0 +1,13 @@
+"""All kinds of malformed input, by name."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from cases import Kind
+
+sys.path.append(str(Path(__file__).parent.parent / "asset"))  # whose tests check arrays of assets
+from usd_assets import USD_ASSETS
+
+KINDS: dict[str, Kind] = {kind.name: kind for kind in (USD_ASSETS,)}

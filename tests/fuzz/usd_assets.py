@@ -1,0 +1,182 @@
+"""USD assets with one thing wrong: a property (`usd_mutations`), or a file of the composition (`usd_files`)."""
+
+from __future__ import annotations
+
+import random
+import tempfile
+from dataclasses import fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from asset_arrays import check_asset
+from cases import Case, Kind, Reading
+from pxr import Sdf, UsdUtils
+from usd_files import FILES
+from usd_mutations import ROLES, Mutation, declared
+from usd_sound import SOUND, Sound, Spot
+
+from lookdev.asset.subdivision import refine
+from lookdev.asset.usd import read_usd
+from lookdev.asset.usd.collections import collection_members
+from lookdev.asset.usd.scene import located
+from lookdev.asset.usd_camera import read_camera
+from lookdev.material.usd.bound import read_bound
+from lookdev.stage import Composition, compose
+
+# Each change of each spot, and each file, once; then again, written in other ways.
+_PLANNED: tuple[tuple[str, Spot, Mutation] | tuple[str], ...] = (
+    *((base, spot, mutation) for base, sound in SOUND.items() for spot in sound.spots for mutation in ROLES[spot.role]),
+    *((name,) for name in FILES),
+)
+_ARC = "#usda 1.0\n(\n{stage}    {sub}\n)\n\n{body}\n"
+_WAYS = ("usda", "usdc", "reference", "payload", "sublayer", "variant", "usdz")
+
+
+def make(rng: random.Random, number: int, folder: Path) -> Case:
+    """Write the files of a case."""
+    order = list(range(len(_PLANNED)))
+    random.Random("order").shuffle(order)
+    planned = _PLANNED[order[number % len(order)]]
+    if len(planned) == 1:
+        return _file_case(planned[0], rng, folder)
+    base, spot, mutation = planned
+    sound = SOUND[base]
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(sound.text)
+    mutation.change(layer.GetPropertyAtPath(f"{spot.prim}.{spot.name}"), rng)
+    way = rng.choice(_WAYS if sound.packs and sound.time is None else ("usda", "usdc"))
+    if way == "usdz" and "asset" in mutation.name:  # what is packed must not name missing files
+        way = "usdc"
+    if declared(layer):
+        way = "declared"
+    file = written(layer, sound, way, folder)
+    place = spot.named or spot.prim
+    names = (place, spot.name.removeprefix("primvars:").removesuffix(":indices")) if mutation.own else (place,)
+    return Case(
+        f"{base} {spot.prim}.{spot.name}: {mutation.name} ({way})",
+        mutation.expected,
+        lambda: read(file, sound),
+        lambda: sound_reading(base, way),
+        ("asset.", *names),
+        ("asset.", place),
+    )
+
+
+def _file_case(name: str, rng: random.Random, folder: Path) -> Case:
+    wrong = FILES[name]
+    file = folder / "asset.usda"
+    sound = wrong.sound
+    file = wrong.write(folder, rng) or file
+    return Case(
+        name,
+        wrong.expected,
+        lambda: read(file, sound),
+        lambda: wrong_free(name),
+        wrong.names,
+        wrong.names,
+    )
+
+
+def written(layer: Sdf.Layer, sound: Sound, way: str, folder: Path) -> Path:
+    """Write an asset in one of several ways that USD composes to the same; return its file."""
+    for name, content in sound.files.items():
+        (folder / name).write_bytes(content if isinstance(content, bytes) else content.encode())
+    # A value of another type has no text.
+    inner = folder / ("asset" if way in ("usda", "usdc") else "part")
+    inner = inner.with_suffix(".usda" if way == "usda" else ".usdc")
+    layer.Export(str(inner))
+    if way in ("usda", "usdc"):
+        return inner
+    if way == "usdz":
+        file = folder / "asset.usdz"
+        UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(inner)), str(file))
+        return file
+    if way == "declared":
+        root = Sdf.Layer.CreateNew(str(folder / "asset.usda"))
+        root.subLayerPaths.append(f"./{inner.name}")
+        for name in ("metersPerUnit", "upAxis"):
+            root.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
+        if given := declared(layer):
+            path = Sdf.Path(given[0])
+            prim = Sdf.CreatePrimInLayer(root, path.GetPrimPath())
+            Sdf.AttributeSpec(prim, path.name, Sdf.ValueTypeNames.Find(given[1]))
+        root.Save()
+        return folder / "asset.usda"
+    stage = '    metersPerUnit = 0.5\n    upAxis = "Y"\n'
+    arc = f"@{inner.name}@"
+    text = {
+        "sublayer": _ARC.format(stage=stage, sub=f"subLayers = [{arc}]", body=""),
+        "reference": _ARC.format(stage=stage, sub="", body=f'def "Root" (references = {arc}</Root>)\n{{\n}}'),
+        "payload": _ARC.format(stage=stage, sub="", body=f'def "Root" (payload = {arc}</Root>)\n{{\n}}'),
+        "variant": _ARC.format(
+            stage=stage,
+            sub="",
+            body='def "Root" (variants = {string model = "full"}; prepend variantSets = "model")\n{\n'
+            f'    variantSet "model" = {{\n        "full" (references = {arc}</Root>) {{\n        }}\n'
+            '        "none" {\n        }\n    }\n}',
+        ),
+    }[way]
+    (folder / "asset.usda").write_text(text)
+    return folder / "asset.usda"
+
+
+@cache
+def sound_reading(base: str, way: str) -> Reading:
+    """Return what a sound asset reads as."""
+    with tempfile.TemporaryDirectory() as folder:
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        layer.ImportFromString(SOUND[base].text)
+        return read(written(layer, SOUND[base], way, Path(folder)), SOUND[base])
+
+
+@cache
+def wrong_free(name: str) -> Reading:
+    """Return what the sound asset of a case of `FILES` reads as."""
+    with tempfile.TemporaryDirectory() as folder:
+        sound, right = FILES[name].sound, FILES[name].right
+        if right is not None:
+            return read(right(Path(folder), random.Random(0)) or Path(folder) / "asset.usda", sound)
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        layer.ImportFromString(sound.text)
+        return read(written(layer, sound, "usda", Path(folder)), sound)
+
+
+def read(file: Path, sound: Sound) -> Reading:
+    """Read an asset as a job does: geometry, cages refined, bound materials, a camera, a collection's members."""
+    layer = file.parent / sound.layer if sound.layer else None
+    composed = compose(Composition(file, layer, variants=sound.variants))
+    asset = read_usd(composed, sound.time)
+    check_asset(asset)
+    result: dict[str, object] = {"slots": asset.slots, "unit": asset.unit}
+    for i, mesh in enumerate(asset.meshes):
+        refined = mesh if mesh.subdivision is None else refine(mesh, 1)
+        for each in fields(refined):
+            result |= {f"mesh {i} {key}": value for key, value in _plain(each.name, getattr(refined, each.name))}
+    for i, instance in enumerate(asset.instances):
+        result[f"instance {i}"] = instance.mesh, instance.path, instance.matrix.tobytes()
+    bound = read_bound(composed, dict.fromkeys(slot.material for slot in asset.slots if slot.material))
+    lost = [str(fault) for each in bound.values() for fault in each.lost]
+    result |= {
+        f"look {path}": repr(each.look).replace(str(file), "asset").replace(str(file.parent), "")
+        for path, each in bound.items()
+    }
+    notes = [*asset.notes, *lost]
+    if sound.camera is not None:
+        camera = read_camera(composed.stage, sound.camera)
+        result["camera"] = repr(camera)
+        notes += camera.notes
+    if sound.collection is not None:
+        with located(str(file)):
+            result["members"] = collection_members(composed.stage, sound.collection, [s.path for s in asset.slots])
+    return Reading(result, tuple(notes))
+
+
+def _plain(name: str, value: Any) -> list[tuple[str, object]]:
+    if isinstance(value, dict):
+        return [(f"{name} {key}", each.tobytes()) for key, each in value.items()]
+    return [(name, value.tobytes() if isinstance(value, np.ndarray) else value)]
+
+
+USD_ASSETS = Kind("USD assets", make, len(_PLANNED))
