@@ -75,6 +75,10 @@ def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
     return Capture.passes
 
 
+_MOST_COINCIDENT = 64
+"""Surfaces in one place that a path may pass through in all."""
+
+
 def empty_scene() -> Any:
     """Delete all data and return an empty scene."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -101,14 +105,17 @@ def configure(scene: Any, resolution: tuple[int, int], bounces: int) -> None:
     scene.world = world
 
 
-def configure_closures(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:
+def configure_closures(
+    scene: Any, resolution: tuple[int, int], bounces: int, device: str, *, see_through: bool = False
+) -> None:
     """Set everything that a picture depends on but its world, for Cycles' own closures.
 
-    A see-through surface counts as a bounce, as in the OSL. A RenderError reports a device that is not there.
+    A `see_through` surface counts as a bounce, as in the OSL. Without one, rays pass only what coincides with the
+    surface that they leave. A RenderError reports a device that is not there.
     """
     _configure_nodes(scene, resolution, device)
     scene.render.film_transparent = True
-    _bounce(scene.cycles, reflected=bounces, transparent=bounces)
+    _bounce(scene.cycles, reflected=bounces, transparent=bounces if see_through else _MOST_COINCIDENT)
 
 
 def configure_portals(scene: Any, resolution: tuple[int, int], bounces: int, device: str) -> None:

@@ -187,6 +187,8 @@ def _build_mesh(
         _add_attribute(data, "material_index", index.astype(np.int32), "FACE")
     if whole:
         data.update(calc_edges=True)
+    # Shaders bring their own normals. Blender's cancel at points where faces meet their reversed doubles.
+    _add_attribute(data, "sharp_face", np.ones(len(mesh.face_sizes), bool), "FACE")
     bindings = {number: sources[number].attributes for number in used.tolist()}
     read = {binding.attribute for each in bindings.values() for binding in each if binding.kind == "uv"}
     for name, uv in mesh.uvs.items():
@@ -244,7 +246,12 @@ def _attributes(
     return found
 
 
-_ATTRIBUTE_TYPES = {("i", 1): ("INT", "value"), ("f", 1): ("FLOAT", "value"), ("f", 2): ("FLOAT_VECTOR", "vector")}
+_ATTRIBUTE_TYPES = {
+    ("b", 1): ("BOOLEAN", "value"),
+    ("i", 1): ("INT", "value"),
+    ("f", 1): ("FLOAT", "value"),
+    ("f", 2): ("FLOAT_VECTOR", "vector"),
+}
 """Blender's type and field of an array, by its kind of numbers and its dimensions.
 
 Colours are vectors, too, to which no colour space applies.

@@ -97,7 +97,8 @@ class Scene:
             engine.configure_portals(self.scene, task.resolution, bounces, task.device)
             self.scene.world = build_world("light", task.light, sampled=False, after_portals=True)
         else:
-            engine.configure_closures(self.scene, task.resolution, bounces, task.device)
+            see_through = any(each.see_through for each in task.shaders)
+            engine.configure_closures(self.scene, task.resolution, bounces, task.device, see_through=see_through)
             # Sampling a constant light reduces no variance.
             self.scene.world = build_world("light", task.light, sampled=self.by_user or not task.light.constant)
         if self.by_user:

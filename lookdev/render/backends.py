@@ -18,7 +18,7 @@ from lookdev.scene import Sampling
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
 
-RENDER_VERSION = 2
+RENDER_VERSION = 3
 """Raised when the program renders the same frame task to other pixels than before."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")

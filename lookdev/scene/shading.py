@@ -11,6 +11,13 @@ from lookdev.brdf.vectors import Array, Real, cross, dot, perpendicular, scale, 
 LEAST_COSINE = 1e-4
 """Cosine between the viewer and a normal that is bent towards the viewer."""
 
+LIFT = 1e-6
+"""How far above its facet a ray leaves a surface, in the largest coordinate of the place and of its triangle.
+
+Coincident surfaces, with which real assets are full, shade as one: this is 16 times the rounding of a coordinate to
+float32, which a place, its triangle and what coincides with it each have.
+"""
+
 
 @dataclass(frozen=True)
 class ShadingFrame:

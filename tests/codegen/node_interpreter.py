@@ -73,6 +73,7 @@ VECTOR_MATH: dict[str, Callable[..., Any]] = {
     "NORMALIZE": lambda a: a / np.sqrt(_dot(a, a))[..., None],
     "CROSS_PRODUCT": np.cross,
     "DOT_PRODUCT": _dot,
+    "LENGTH": lambda a: np.sqrt(_dot(a, a)),
 }
 
 _SCALARS = {
@@ -145,7 +146,7 @@ def _node(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
             return {"Value": MATH[operation](*sockets.values()).astype(F)}
         case "VectorMath":
             result = VECTOR_MATH[operation](*sockets.values()).astype(F)
-            return {"Value" if operation == "DOT_PRODUCT" else "Vector": result}
+            return {"Value" if operation in ("DOT_PRODUCT", "LENGTH") else "Vector": result}
         case "Mix":
             kind = str(node.properties["data_type"]).title()
             factor = sockets.get("Factor_Vector", sockets.get("Factor_Float"))

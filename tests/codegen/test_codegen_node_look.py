@@ -117,7 +117,10 @@ def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, 
             names = ("Tangent", "Bitangent", "Normal")
             return {name: axes[:, k].astype(np.float32) for k, name in enumerate(names)} | {"Viewer": wo}
         if node.kind == "NewGeometry":
-            return {"Backfacing": (side < 0).astype(np.float32), "Incoming": np.zeros((COUNT, 3), dtype=np.float32)}
+            facing = dict.fromkeys(("Incoming", "True Normal", "Position"), np.float32([[0.0, 0.0, 1.0]]))
+            return {"Backfacing": (side < 0).astype(np.float32), **facing}
+        if node.kind in ("LightPath", "CameraData"):
+            return {"Ray Length": np.ones(1, np.float32), "View Distance": np.ones(1, np.float32)}
         if node.kind == "Attribute":
             value = (attributes or {})[str(node.properties["attribute_name"])]
             return {"Fac": value, "Vector": value}
@@ -127,7 +130,8 @@ def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, 
     total = np.zeros((COUNT, 3))
     for closure in closures_of(shader, axes, side):
         total = total + closure_cosine(closure, wo.astype(np.float64), wi)
-    through = [np.asarray(sockets["Color"]) for kind, _, sockets in shader if kind == "BsdfTransparent"]
+    clear = [sockets for kind, _, sockets in shader if kind == "BsdfTransparent"]
+    through = [np.asarray(sockets.get("Color", 1.0)) * sockets.get("Weight", 1.0) for sockets in clear]
     return total, np.broadcast_to(sum(through, np.zeros(3)), (COUNT, 3))
 
 
@@ -184,7 +188,7 @@ def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
     inputs = random_inputs(model, np.random.default_rng(seed))
     source = check((Layer("base", model, inputs),), seed=seed)
     names = [tree.name for tree in source.trees if not is_fit(tree.name)]
-    assert names == ["Lookdev Frame", f"Lookdev {model.title()}", "look"]
+    assert names == ["Lookdev Frame", "Lookdev Coincident", f"Lookdev {model.title()}", "look"]
 
 
 MODEL_STACKS = [

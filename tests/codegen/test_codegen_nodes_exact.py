@@ -59,6 +59,8 @@ def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
         match node.kind:
             case "NewGeometry":
                 return {"True Normal": given["facet"], "Position": given["wo"]}
+            case "CameraData":
+                return {"View Distance": np.ones(1, np.float32)}
             case "TexWhiteNoise":
                 return {"Color": given["u"]}
             case "SeparateColor":
@@ -73,7 +75,14 @@ def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
     surface = Interpreter(source.trees, answer).run(source.trees[-1].name)["Surface"]
     ((kind, _, sockets),) = surface
     assert kind == "BsdfRayPortal"
-    return tuple(np.broadcast_to(sockets[name], (COUNT, 3)).astype(np.float64) for name in ("Color", "Direction"))
+    names = ("Color", "Direction", "Position")
+    color, direction, start = (np.broadcast_to(sockets[name], (COUNT, 3)).astype(np.float64) for name in names)
+    # Rays start above the facet, on the side to which they go.
+    above = np.sum((start - given["wo"]) * given["facet"], axis=-1)
+    sent = (color != 0.0).any(axis=-1)
+    assert (above * np.sum(direction * given["facet"], axis=-1) >= 0.0)[sent].all()
+    assert (np.abs(above) < 3e-6 * (1.0 + np.linalg.norm(given["wo"], axis=-1))).all()
+    return color, direction
 
 
 @pytest.fixture

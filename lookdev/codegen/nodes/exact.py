@@ -20,6 +20,7 @@ from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.frame import add_frame, frame_tree
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
+from lookdev.codegen.nodes.lift import add_lift
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, Link, NodeSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node, reachable
@@ -58,11 +59,16 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     axes = {name: symbols(graph, [f"{name}_{axis}" for axis in "xyz"]) for name in ("t", "b", "n", "facet")}
     world = scale(axes["t"], wi[..., 0]) + scale(axes["b"], wi[..., 1]) + scale(axes["n"], wi[..., 2])
     # The shading normal and the facet must agree on which side the light is.
-    agreed = dot(world, axes["facet"]) * wi[..., 2] > 0.0
+    above = dot(world, axes["facet"])
+    agreed = above * wi[..., 2] > 0.0
     weight = scale(weight, np.where(agreed & (symbol(graph, "depth") < bounces + 0.5), 1.0, 0.0))
 
+    place = symbols(graph, [f"place_{axis}" for axis in "xyz"])
+    lift: Any = symbol(graph, "lift")
+    lifted = place + scale(axes["facet"], np.where(above < 0.0, -1.0, 1.0) * lift)
+
     builder = TreeBuilder(look.name)
-    roots = [elements_of(weight), elements_of(world)]
+    roots = [elements_of(each) for each in (weight, world, lifted)]
     names = [str(node.args[0]) for node in reachable([each for root in roots for each in root]) if node.op == "symbol"]
     directed = reads_tangent(graph, lobes)
     attributes = (*bind_inputs(builder, inputs, names), *[TANGENT_BINDING] * directed)
@@ -71,17 +77,18 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
         builder.bind([f"{name}_{axis}" for axis in "xyz"], link)
     geometry = builder.add("NewGeometry")
     builder.bind([f"facet_{axis}" for axis in "xyz"], Link(geometry, "True Normal"))
+    builder.bind([f"place_{axis}" for axis in "xyz"], Link(geometry, "Position"))
+    builder.bind(["lift"], add_lift(builder))
     # Each sample of a pixel has another place.
-    place = Link(geometry, "Position")
-    noise = builder.add("TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": place, "W": _SALT})
+    noise = builder.add("TexWhiteNoise", {"noise_dimensions": "4D"}, {"Vector": Link(geometry, "Position"), "W": _SALT})
     channels = builder.add("SeparateColor", {"mode": "RGB"}, {"Color": Link(noise, "Color")})
     builder.bind(["u1"], Link(channels, "Red"))
     builder.bind(["u2"], Link(channels, "Green"))
     builder.bind(["depth"], Link(builder.add("LightPath"), "Transparent Depth"))
 
     builder.prepare(roots)
-    color, direction = (builder.vector(root) for root in roots)
-    portal = builder.add("BsdfRayPortal", inputs={"Color": color, "Direction": direction})
+    color, direction, start = (builder.vector(root) for root in roots)
+    portal = builder.add("BsdfRayPortal", inputs={"Color": color, "Position": start, "Direction": direction})
     builder.add("OutputMaterial", inputs={"Surface": Link(portal, "BSDF")})
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
     trees = (frame_tree(directed=directed, leaning=leaning), builder.tree())

@@ -22,6 +22,8 @@ from lookdev.codegen.nodes.fits import fit_tree, is_fit
 from lookdev.codegen.nodes.frame import add_frame, frame_tree, reads_frame_tangent
 from lookdev.codegen.nodes.group import Group, bound, built, socket_of, symbols_of
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
+from lookdev.codegen.nodes.lift import GROUP as COINCIDENT
+from lookdev.codegen.nodes.lift import coincident_tree
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, AttributeBinding, Link, NodeSource, NodeTree
 from lookdev.codegen.trace.graph import Graph, reachable
 from lookdev.codegen.trace.lobes import WO
@@ -83,14 +85,15 @@ class _Material:
             parts = [self._run(first, names[: len(first)], names[0])]
             parts += [self._run(run, [name], name) for run, name in zip(others, names[len(first) :], strict=True)]
             whole = self._mixed(parts, stack, names)
-        self._builder.add("OutputMaterial", inputs={"Surface": whole.shader})
+        passing = self._builder.add("Group", inputs={"Shader": whole.shader}, group=COINCIDENT)
+        self._builder.add("OutputMaterial", inputs={"Surface": Link(passing, "Shader")})
         attributes = sorted(self._attributes, key=lambda binding: binding.parameter)
         directed = any(map(reads_frame_tangent, self._groups))
         frame = frame_tree(directed=directed, leaning=any(binding.attribute == HANDEDNESS for binding in attributes))
         attributes += [TANGENT_BINDING] * directed
         shown = {node.group for tree in self._groups for node in tree.nodes}
         fits = [fit_tree(name) for name in sorted(shown) if is_fit(name)]
-        trees = (frame, *fits, *self._groups, self._builder.tree())
+        trees = (frame, coincident_tree(), *fits, *self._groups, self._builder.tree())
         return NodeSource(
             self._look.name,
             trees,

@@ -23,6 +23,7 @@ from lookdev.errors import CodegenError
 from lookdev.light import Light
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
+from lookdev.scene.shading import LIFT
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
@@ -113,6 +114,7 @@ def generate_surface(
                 f"#define LIGHT_SAMPLED {int(code.light_sampled)}",
                 f"#define BOUNCES {bounces}",
                 f"#define SHADOWS {int(shadows)}",
+                f"#define LIFT {LIFT}",
                 f"#define IMAGE_WIDTH {resolution[0]}",
                 f"#define IMAGE_HEIGHT {resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",

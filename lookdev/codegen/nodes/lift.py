@@ -1,0 +1,45 @@
+"""What coincides with a surface does not shadow it: `lookdev.scene.shading.LIFT` in nodes.
+
+Nodes do not know the corners of a triangle, whose coordinates decide how far a place is rounded. They are taken to be
+at most as far from the origin as the place and its viewer together.
+"""
+
+from __future__ import annotations
+
+from lookdev.codegen.nodes.builder import TreeBuilder
+from lookdev.codegen.source import GroupSocket, Link, NodeTree
+from lookdev.scene.shading import LIFT
+
+GROUP = "Lookdev Coincident"
+
+
+def add_lift(builder: TreeBuilder) -> Link:
+    """Add the nodes of the height, in metres, up to which a ray that leaves the surface passes others."""
+    place = Link(builder.add("NewGeometry"), "Position")
+    distance = Link(builder.add("VectorMath", {"operation": "LENGTH"}, {"Vector": place}), "Value")
+    seen = Link(builder.add("CameraData"), "View Distance")
+    size = Link(builder.add("Math", {"operation": "ADD"}, {"Value": distance, "Value_001": seen}), "Value")
+    return Link(builder.add("Math", {"operation": "MULTIPLY"}, {"Value": size, "Value_001": LIFT}), "Value")
+
+
+def coincident_tree() -> NodeTree:
+    """Return the group through which rays pass that start no higher above its facet than the lift.
+
+    Cycles starts its rays on the surface itself: these would end on what coincides with it.
+    """
+    builder = TreeBuilder(GROUP)
+    shader = Link(builder.add("NodeGroupInput"), "Shader")
+    geometry = builder.add("NewGeometry")
+    vectors = {"Vector": Link(geometry, "Incoming"), "Vector_001": Link(geometry, "True Normal")}
+    cosine = Link(builder.add("VectorMath", {"operation": "DOT_PRODUCT"}, vectors), "Value")
+    length = Link(builder.add("LightPath"), "Ray Length")
+    height = builder.add("Math", {"operation": "MULTIPLY"}, {"Value": length, "Value_001": cosine})
+    above = builder.add("Math", {"operation": "ABSOLUTE"}, {"Value": Link(height, "Value")})
+    near = builder.add(
+        "Math", {"operation": "LESS_THAN"}, {"Value": Link(above, "Value"), "Value_001": add_lift(builder)}
+    )
+    clear = Link(builder.add("BsdfTransparent"), "BSDF")
+    inputs = {"Fac": Link(near, "Value"), "Shader": shader, "Shader_001": clear}
+    builder.add("NodeGroupOutput", inputs={"Shader": Link(builder.add("MixShader", inputs=inputs), "Shader")})
+    socket = GroupSocket("Shader", "shader")
+    return builder.tree([socket], [socket])
