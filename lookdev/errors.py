@@ -106,5 +106,10 @@ class RenderError(LookdevError):
 
 def nearest_hint(name: str, known: Sequence[str]) -> str:
     """Return a hint with the known name nearest to a misspelt one, or with all known names."""
-    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else f"known: {', '.join(known)}"
+    return close_hint(name, known, 0.6) or f"known: {', '.join(known)}"
+
+
+def close_hint(name: str, known: Sequence[str], cutoff: float = 0.8) -> str:
+    """Return a hint with the known name nearest to one that may be misspelt; "" where none is close."""
+    close = difflib.get_close_matches(name, known, n=1, cutoff=cutoff)
+    return f"did you mean '{close[0]}'?" if close else ""

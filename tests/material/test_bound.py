@@ -308,14 +308,38 @@ def test_the_fallback_of_a_missing_image_is_taken_and_noted(folder: Path) -> Non
     assert lost(found) == [("/M/Tex.inputs:file", "no such image file: ./none.png")]
 
 
-def test_an_image_that_is_none_is_noted(folder: Path) -> None:
-    (folder / "bad.png").write_text("no image")
-    body = preview(
-        "float inputs:roughness.connect = </M/Tex.outputs:g>", texture(body=CONNECTED.replace("rgb.png", "bad.png"))
-    )
-    found = bound(folder, body)
+@pytest.mark.parametrize("name", ["bad.png", "bad.<UDIM>.png"])
+def test_an_image_that_is_none_is_as_a_missing_one(folder: Path, name: str) -> None:
+    (folder / name.replace("<UDIM>", "1001")).write_text("no image")
+    body = CONNECTED.replace("rgb.png", name)
+    given = "float inputs:roughness.connect = </M/Tex.outputs:g>"
+    with pytest.raises(LookError, match=r"Tex\.inputs:file: .* cannot be read as an image"):
+        bound(folder, preview(given, texture(body=body)))
+    found = bound(folder, preview(given, texture(body=body)), missing="warn")
     assert not found.look.layers[0].inputs
-    assert [where for where, _ in lost(found)] == ["/M/Tex", "/M/S.inputs:roughness"]
+    assert [where for where, _ in lost(found)] == ["/M/S.inputs:roughness", "/M/Tex.inputs:file"]
+    found = bound(folder, preview(given, texture("float4 inputs:fallback = (0, 0.5, 0, 1)", body)))
+    assert found.look.layers[0].inputs == {"roughness": 0.5}
+    assert [where for where, _ in lost(found)] == ["/M/Tex.inputs:file"]
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [("rougness", "did you mean 'roughness'?"), ("specular", ""), ("diffuse_color", "did you mean 'diffuseColor'?")],
+)
+def test_an_unknown_input_is_not_carried_and_a_near_one_is_named(folder: Path, name: str, hint: str) -> None:
+    (fault,) = bound(folder, preview(f"float inputs:{name} = 0.5")).lost
+    assert (fault.where, fault.hint) == (f"/M/S.inputs:{name}", hint)
+    assert "is not carried" in fault.what
+
+
+def test_what_cannot_be_read_is_grey_and_says_what_can(folder: Path) -> None:
+    found = bound(folder, preview("", identifier="PxrSurface"))
+    assert found.look.layers == (GREY,)
+    assert found.titles == ("neutral grey",)
+    titles = found.lost[0].what.partition("; ")[2].removesuffix(" are").split(", ")
+    assert titles == sorted(set(titles), key=titles.index)
+    assert "Standard Surface" in titles
 
 
 @pytest.mark.parametrize(

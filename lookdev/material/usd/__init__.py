@@ -166,7 +166,8 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
         network.fault(default.GetPath(), "is a preset: a layer, not a material", hint)
         return None
     known = f"name one with prim: {', '.join(map(str, found[:8]))}{', ...' * (len(found) > 8)}" if found else ""
-    network.fault("", f"holds {len(found)} materials and none is the default prim", known)
+    what = f"holds {len(found)} materials and none is the default prim" if found else "holds no material"
+    network.fault("", what, known)
     return None
 
 

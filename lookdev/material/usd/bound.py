@@ -14,7 +14,7 @@ from typing import Any
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MODELS, Parameter
-from lookdev.errors import Fault, LookError, TextureError
+from lookdev.errors import Fault, LookError, TextureError, close_hint
 from lookdev.material.look import Bump, Displacement, Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.textures import image_header, udim_tiles
 from lookdev.material.translate import TRANSLATIONS, foreign_shaders
@@ -44,7 +44,9 @@ class BoundLook:
 
     @property
     def titles(self) -> tuple[str, ...]:
-        """The model of each layer, and of a translated one also what it is rendered as."""
+        """The model of each layer, and of a translated one also what it is rendered as; or that it is grey."""
+        if self.look.layers[0] is GREY:
+            return ("neutral grey",)
         return tuple(_title(layer.model) for layer in self.look.layers)
 
 
@@ -54,8 +56,8 @@ def read_bound(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]
     Parameters
     ----------
     composed
-        The asset. An image that is missing, and that no fallback replaces, is an error unless its `missing` is "warn":
-        then it is lost.
+        The asset. An image that is missing or unreadable, and that no fallback replaces, is an error unless its
+        `missing` is "warn": then it is lost.
     paths
         Paths of materials; what cannot be read as one is grey, and says so in `BoundLook.lost`.
 
@@ -67,7 +69,7 @@ def read_bound(composed: Composed, paths: Iterable[str]) -> dict[str, BoundLook]
     Raises
     ------
     LookError
-        Images are missing, all of them are named; or a material of `lookdev` has faults.
+        Images cannot be read, all of them are named; or a material of `lookdev` has faults.
     """
     stage, file = composed.stage, composed.composition.file
     looks: dict[str, BoundLook] = {}
@@ -121,7 +123,7 @@ def read_foreign(file: Path, stage: Usd.Stage, path: Sdf.Path) -> BoundLook:
     Raises
     ------
     LookError
-        It is not composed without errors, its surface shader cannot be read, or images are missing.
+        It is not composed without errors, its surface shader cannot be read, or images cannot.
     """
     material, network = _Material(file, str(path)), Network(file)
     with reading(file):
@@ -199,7 +201,8 @@ class _Material:
         if name := foreign_shaders().get(identifier):
             return [self._layer(source, name, TRANSLATIONS[name].parameters, {})]
         what = f"the surface shader <{source.path}> of {identifier or 'no info:id'} is not supported"
-        raise Unread(f"{what}; {', '.join(each.title for each in TRANSLATIONS.values())} are")
+        titles = dict.fromkeys(each.title for each in TRANSLATIONS.values())
+        raise Unread(f"{what}; {', '.join(titles)} are")
 
     @staticmethod
     def _input(source: Source, name: str) -> Usd.Attribute:
@@ -234,7 +237,8 @@ class _Material:
                 if value is not None:
                     inputs[name] = value
             elif self._is_given(attribute):
-                self.network.fault(attribute, f"is not carried: {shader_id(source.shader)} is read without it")
+                what = f"is not carried: {shader_id(source.shader)} is read without it"
+                self.network.fault(attribute, what, close_hint(name, list(parameters)))
         if model in TRANSLATIONS:
             for name, why in TRANSLATIONS[model].losses(inputs):
                 self.network.fault(f"{source.path}.inputs:{name}", why)

@@ -33,7 +33,8 @@ _NUMBERS = (bool, int, float, Gf.Vec2f, Gf.Vec3f, Gf.Vec4f, Gf.Vec2d, Gf.Vec3d, 
 class Reader:
     """Values of inputs in the network of one material.
 
-    Missing images that no fallback replaces are in `missing`, not among the faults of the network.
+    Images that are missing or unreadable, and that no fallback replaces, are in `missing`, not among the faults of
+    the network.
     """
 
     def __init__(self, network: Network, kinds: Mapping[str, Callable[[Node], Term]]) -> None:

@@ -279,13 +279,8 @@ def _looked_up(node: Node, matrix: NDArray[np.float64], wraps: list[_Wrap], widt
 
 
 def _texels(node: Node, texture: Texture, width: int) -> Term:
-    try:
-        if node.reader.network.opens_images:
-            for tile in udim_tiles(texture).values() or [texture]:
-                image_header(tile.file)
-            texture = resolved(texture)
-    except TextureError as error:
-        raise Unread(str(error)) from error
+    if node.reader.network.opens_images:
+        texture = resolved(texture)
     if width == 1:
         return node.terms.leaf(replace(texture, channel="r"), 1, node.name)
     rgb = node.terms.leaf(texture, min(width, 3), node.name)
@@ -303,7 +298,7 @@ def _file_space(node: Node) -> str:
 
 
 def _image(node: Node, fallback: str, width: int) -> Path | Term:
-    """Return the image of a node, or the value in place of one: where none is named, or where it is missing."""
+    """Return the image of a node, or the value in place of one: where none is named, or where none can be read."""
     node.ignore(fallback, "note")
     attribute = node.attribute("file")
     asset = node.reader.plain(attribute) if attribute else None
@@ -314,7 +309,12 @@ def _image(node: Node, fallback: str, width: int) -> Path | Term:
         raise Unread("inputs:file is not an asset")
     network = node.reader.network
     try:
-        return image_path(network, attribute, asset)
+        file = image_path(network, attribute, asset)
+        if network.opens_images:
+            texture = Texture(file, "rgb", "auto")
+            for tile in udim_tiles(texture).values() or [texture]:
+                image_header(tile.file)
+        return file
     except TextureError as error:
         if node.attribute(fallback):
             node.note("file", str(error), f"inputs:{fallback} is taken")
