@@ -187,7 +187,7 @@ def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
             part.subdivision,
             f"uv {', '.join(part.uv_sets)}" if part.uv_sets else "no uv",
             f"primvars {', '.join(part.primvars)}" if part.primvars else "",
-            part.material or "no material",
+            part.material or ("displayColor" if "displayColor" in part.primvars else "no material"),
         )
 
 

@@ -20,7 +20,7 @@ from lookdev.job.wear import Dressed
 from lookdev.material import Look
 from lookdev.scene import Camera
 from lookdev.scene.displace import as_cage, displace, is_displaced
-from lookdev.scene.uvs import with_uvs
+from lookdev.scene.uvs import absent_primvars, with_uvs
 
 
 def rendered(
@@ -44,7 +44,7 @@ def rendered(
             refined, on_levels = refinery.refined(asset, cameras[name], displaced)
             complete, on_uvs = with_uvs(refined, each.wears, each.own)
             shown[name] = displace(complete, each.wears)
-            notes += (*on_levels, *on_uvs)
+            notes += (*on_levels, *on_uvs, *absent_primvars(complete, each.wears))
     raise_all(faults)
     if any(mesh.subdivision is not None for asset, _ in cages.values() for mesh in asset.meshes):
         cameras, found = job_cameras(job, shown, shot)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.usd import read_usd
-from lookdev.asset.usd.collections import collection_members
+from lookdev.asset.usd.collections import collection_members, prim_at
 from lookdev.errors import AssetError
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.material.usd.bound import BoundLook, read_bound
@@ -35,6 +35,10 @@ class Turned:
         if self.composed is None:
             raise AssetError(f"'{pattern}': a built-in asset has no collections")
         return collection_members(self.composed.stage, pattern, self.paths)
+
+    def has_prim(self, path: str) -> bool:
+        """Return whether the asset has a prim, whatever is rendered of it."""
+        return self.composed is not None and prim_at(self.composed.stage, path) is not None
 
     def bound(self, materials: Iterable[str]) -> dict[str, BoundLook]:
         """Return the looks of materials that the asset binds; errors as `read_bound`."""

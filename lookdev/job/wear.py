@@ -82,6 +82,11 @@ def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: P
     looks |= {path: each.look for path, each in bound.items()}
     looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
     notes = list(lost_notes(fault for each in bound.values() for fault in each.lost))
+    covering = {own_material(part) for part in parts}
+    for number in range(len(materials)):
+        if number not in covering:
+            which = f"assign[{number}]" if number < len(given.assign) else "'material'"
+            notes.append(f"look '{given.name}': {which} covers no part: others come first for all that it fits")
     if bare := [part.path for part in left if choose(part) is None]:
         more = f" and {len(bare) - 1} more; they are" if len(bare) > 1 else "; it is"
         notes.append(f"look '{given.name}': nothing covers {bare[0]}{more} rendered neutral grey")
@@ -109,15 +114,24 @@ def _displayed(mesh: Mesh) -> str | None:
 def _fit(patterns: Sequence[tuple[str, str]], turned: Turned, place: Place, faults: list[Fault]) -> Mapping[str, int]:
     """Return the number of the first pattern that fits each part; `patterns` are beside the keys of their lists."""
     members: dict[str, frozenset[str]] = {}
+    broken = set()
     for key, pattern in patterns:
         if is_collection(pattern):
             try:
                 members[pattern] = turned.members(pattern)
             except AssetError as error:
                 faults.append(place.fault(key, str(error)))
-                return {}
+                broken.add(pattern)
+                members[pattern] = frozenset()
     fits = fit_patterns([pattern for _, pattern in patterns], turned.paths, members)
     for key, pattern in (patterns[number] for number in fits.unfit):
-        hint = "it includes none that is rendered" if pattern in members else path_hint(pattern, turned.paths)
+        if pattern in broken:
+            continue
+        if pattern in members:
+            hint = "it includes none that is rendered"
+        elif turned.has_prim(pattern):
+            hint = "the asset has this prim, but renders nothing of it"
+        else:
+            hint = path_hint(pattern, turned.paths)
         faults.append(place.fault(key, f"'{pattern}' fits no part", hint))
     return fits.first

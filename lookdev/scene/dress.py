@@ -133,6 +133,10 @@ def fit_patterns(
 def path_hint(pattern: str, paths: Iterable[str]) -> str:
     """Return a hint with the paths nearest to a pattern that fits none."""
     known = {above for path in paths for above in _ancestry(path)}
+    folded = {key.casefold(): path for path in sorted(known, reverse=True) for key in (path, path.rpartition("/")[2])}
+    plain = pattern.strip("</>").casefold()
+    if alike := folded.get(f"/{plain}", folded.get(plain)):
+        return f"did you mean '{alike}'?"
     above = pattern.rpartition("/")[0]
     while above and above not in known:
         above = above.rpartition("/")[0]

@@ -1,4 +1,4 @@
-"""The UV sets that looks ask for, found on the meshes that wear them.
+"""The UV sets and primvars that looks ask for, found on the meshes that wear them.
 
 A set that a mesh lacks is its default set, `st` or else the only one, under the name that was asked for. Where a mesh
 has neither, what a shader really reads is known only after its source is generated: `lookdev.plan` reports the fault.
@@ -14,15 +14,12 @@ import numpy as np
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.mesh import Floats
 from lookdev.asset.store import asset_digest
-from lookdev.material import Bump, Coordinates, Formula, Look, Texture
+from lookdev.material import Bump, Coordinates, Formula, Look, Primvar, Texture
 
 
 def look_uvs(look: Look) -> tuple[str, ...]:
     """Return the UV sets that a look asks for, in order."""
-    sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
-    if look.displacement is not None:
-        sources.append(look.displacement.height)
-    return tuple(dict.fromkeys(name for source in sources for name in _uvs(source)))
+    return tuple(dict.fromkeys(leaf.st for leaf in _leaves(look) if not isinstance(leaf, Primvar)))
 
 
 def with_uvs(asset: Asset, wears: Mapping[str, Look], own: Collection[str] = ()) -> tuple[Asset, tuple[str, ...]]:
@@ -58,22 +55,47 @@ def with_uvs(asset: Asset, wears: Mapping[str, Look], own: Collection[str] = ())
     return replace(made, digest=asset_digest(made)), tuple(_note(*key, found) for key, found in lacking.items())
 
 
+def absent_primvars(asset: Asset, wears: Mapping[str, Look]) -> tuple[str, ...]:
+    """Return notes on primvars that looks ask for and meshes lack, whose fallback is read; `wears` as in `Scene`."""
+    looks = [wears[slot.path] for slot in asset.slots]
+    asked = {id(look): {each.name for each in _leaves(look) if isinstance(each, Primvar)} for look in looks}
+    lacking: dict[str, list[Mesh]] = {}
+    for mesh in asset.meshes if any(asked.values()) else ():
+        names = {name for slot in np.unique(mesh.face_slots).tolist() for name in asked[id(looks[slot])]}
+        for name in sorted(names - mesh.primvars.keys()):
+            lacking.setdefault(name, []).append(mesh)
+    return tuple(f"{_which(found, 'primvar', name)}: its fallback is read" for name, found in lacking.items())
+
+
 def _note(asked: str, found: str, meshes: list[Mesh]) -> str:
-    more = f" and {len(meshes) - 1} more have" if len(meshes) > 1 else " has"
     taken = f"'{found}' is read" if found else "nor another; textures are read at (0, 0)"
-    return f"{meshes[0].name}{more} no UV set '{asked}', which looks ask for: {taken}"
+    return f"{_which(meshes, 'UV set', asked)}: {taken}"
+
+
+def _which(meshes: list[Mesh], what: str, name: str) -> str:
+    more = f" and {len(meshes) - 1} more have" if len(meshes) > 1 else " has"
+    return f"{meshes[0].name}{more} no {what} '{name}', which looks ask for"
 
 
 def _zeros(mesh: Mesh) -> Floats:
     return np.zeros((len(mesh.corner_points), 2), np.float32)
 
 
-def _uvs(source: object) -> Iterator[str]:
+def _leaves(look: Look) -> Iterator[Texture | Coordinates | Primvar]:
+    """Yield what the geometry has to give a look: coordinates of textures, coordinates and primvars."""
+    sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
+    if look.displacement is not None:
+        sources.append(look.displacement.height)
+    for source in sources:
+        yield from _leaves_of(source)
+
+
+def _leaves_of(source: object) -> Iterator[Texture | Coordinates | Primvar]:
     match source:
-        case Texture() | Coordinates():
-            yield source.st
+        case Texture() | Coordinates() | Primvar():
+            yield source
         case Bump():
-            yield source.height.st
+            yield source.height
         case Formula():
             for each in source.inputs.values():
-                yield from _uvs(each)
+                yield from _leaves_of(each)

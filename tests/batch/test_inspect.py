@@ -134,6 +134,13 @@ def test_variants_and_purposes_decide_what_is_there(robot: Path) -> None:
         inspected(robot, prim="/Robot/Looks")
 
 
+def test_a_part_without_material_shows_its_colour(robot: Path) -> None:
+    robot.write_text(
+        ROBOT.replace("float[] primvars:wear", "color3f[] primvars:displayColor = [(1, 0, 0)]\nfloat[] primvars:wear")
+    )
+    assert inspected(robot).text().splitlines()[4].endswith("  displayColor")
+
+
 def test_the_data_is_plain(robot: Path) -> None:
     found = inspected(robot)
     data = json.loads(json.dumps(found.data()))

@@ -398,6 +398,30 @@ def test_a_pattern_that_fits_nothing_is_a_fault(make: Make, look: str, fault: st
     assert faults(make, look) == [f"job.toml: {fault}"]
 
 
+def test_every_pattern_that_fits_nothing_is_reported(make: Make) -> None:
+    found = faults(make, ASSIGN.format(prims='"/Car.collection:trin", "/Car/Rihgt", "/Nothing"', material="gold"))
+    assert [each.partition("'")[2].partition("'")[0] for each in found] == [
+        "/Car.collection:trin",
+        "/Car/Rihgt",
+        "/Nothing",
+    ]
+
+
+def test_a_prim_that_is_not_rendered_is_told_from_one_that_is_not_there(make: Make) -> None:
+    (fault,) = faults(make, f'{GOLD}\nparts = ["/Car/Paint"]')
+    assert fault.endswith("'/Car/Paint' fits no part (the asset has this prim, but renders nothing of it)")
+
+
+def test_a_material_that_covers_nothing_is_noted(make: Make) -> None:
+    later = ASSIGN.format(prims='"/Car/Body"', material="dirt")
+    made = make(GOLD + "\n" + ASSIGN.format(prims='"/Car"', material="gold") + later)
+    assert made.notes == (
+        "look 'one': assign[1] covers no part: others come first for all that it fits",
+        "look 'one': 'material' covers no part: others come first for all that it fits",
+    )
+    assert set(worn(made).values()) == {0.25}
+
+
 def test_a_built_in_asset_has_no_collections(make: Make) -> None:
     (fault,) = faults(make, f'{GOLD}\nparts = ["/x.collection:y"]', 'builtin = "shaderball"')
     assert fault == "job.toml: look[0].parts: '/x.collection:y': a built-in asset has no collections ()"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,9 @@ import pytest
 from hand_made import asset_of, look, squares
 
 from lookdev.asset import Asset, Mesh, Slot
-from lookdev.material import Bump, Coordinates, Displacement, Formula, Layer, Look, Texture
+from lookdev.material import Bump, Coordinates, Displacement, Formula, Layer, Look, Primvar, Texture
 from lookdev.material.expression import parse
-from lookdev.scene.uvs import look_uvs, with_uvs
+from lookdev.scene.uvs import absent_primvars, look_uvs, with_uvs
 
 
 def texture(st: str, channel: str = "rgb") -> Texture:
@@ -76,3 +77,17 @@ def test_a_look_of_the_job_beside_it_is_not_given_zero() -> None:
     asking, plain = look("x", baseColor=texture("st")), look("y", roughness=0.25)
     assert with_uvs(asset, {"/A": asking, "/A/part": asking}, own=["/A"]) == (asset, ())
     assert with_uvs(asset, {"/A": asking, "/A/part": plain}, own=["/A"])[1]
+
+
+def test_primvars_that_meshes_lack_are_noted_once() -> None:
+    worn, hue = Primvar("worn", 0.5), Primvar("hue", (1.0, 0.0, 0.0))
+    formula = Formula(parse("a"), {"a": worn}, {"a": "float"})
+    meshes = [replace(squares(f"/{name}", [slot]), primvars={}) for slot, name in enumerate("ABC")]
+    meshes[1] = replace(meshes[1], primvars={"worn": np.zeros(meshes[1].corner_points.shape, np.float32)})
+    asset = asset_of(meshes, [(0, "/A"), (1, "/B"), (2, "/C")], [Slot("/A"), Slot("/B"), Slot("/C")])
+    reads = look("x", baseColor=hue, roughness=formula)
+    assert absent_primvars(asset, {"/A": reads, "/B": look("y", roughness=worn), "/C": reads}) == (
+        "/A and 1 more have no primvar 'hue', which looks ask for: its fallback is read",
+        "/A and 1 more have no primvar 'worn', which looks ask for: its fallback is read",
+    )
+    assert absent_primvars(asset, dict.fromkeys(("/A", "/B", "/C"), look("plain", roughness=0.5))) == ()

@@ -18,6 +18,12 @@ def is_collection(pattern: str) -> bool:
     return _MARK in pattern
 
 
+def prim_at(stage: Usd.Stage, path: str) -> Usd.Prim | None:
+    """Return the prim of a path that somebody has written; None where there is none, or where it is no path."""
+    valid = path.startswith("/") and Sdf.Path.IsValidPathString(path)
+    return (stage.GetPrimAtPath(path) or None) if valid else None
+
+
 def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) -> frozenset[str]:
     """Return those of `paths` that the collection of a path includes.
 
@@ -27,8 +33,8 @@ def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) 
         The stage has no such prim, the prim no such collection, or it includes itself.
     """
     place, _, name = collection.partition(_MARK)
-    prim = stage.GetPrimAtPath(place) if place.startswith("/") and Sdf.Path.IsValidPathString(place) else None
-    if not prim:
+    prim = prim_at(stage, place)
+    if prim is None:
         raise AssetError(f"'{collection}' is no collection of the asset: it has no prim {place}")
     known = {each.GetName(): each for each in Usd.CollectionAPI.GetAll(prim)}
     if name not in known:
