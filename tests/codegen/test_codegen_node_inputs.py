@@ -69,6 +69,7 @@ def tree_of(
 def _image(node: ShaderNode, sockets: Mapping[str, Any]) -> dict[str, Any]:
     """Look an image up as Blender does: bilinearly, both axes wrapped alike, (0, 0) the lower left corner."""
     assert node.image is not None
+    assert isinstance(node.inputs["Vector"], Link), "an image without a link reads the UVs of the mesh"
     wrap: Any = EXTENSIONS[str(node.properties["extension"])]
     texture = Texture(node.image.path, "rgb", "raw", wrap, wrap)
     st = np.asarray(sockets["Vector"], np.float64)[..., :2]
@@ -142,6 +143,15 @@ def test_a_set_of_tiles_is_looked_up_tile_by_tile(tmp_path: Path, run: Any) -> N
     np.testing.assert_allclose(found, sample_texture(texture, st), **NEAR)
     assert not found[(st < 0.0).any(axis=-1)].any()
     assert kinds(tree)["TexImage"] == 3
+
+
+@pytest.mark.parametrize("transform", [(0.0, 0.0, 0.3, 0.0, 0.0, 0.7), (0.0,) * 6])
+@pytest.mark.parametrize("wraps", [("repeat", "repeat"), ("clamp", "mirror")])
+def test_a_place_that_is_constant_is_looked_up_there(transform: Any, wraps: Any, picture: Path, run: Any) -> None:
+    texture = Texture(picture, "rgb", "raw", *wraps, transform=transform)
+    tree, _ = tree_of(texture, COLOR)
+    st, uv = places()
+    np.testing.assert_allclose(np.broadcast_to(run(tree, {"st": uv}), (500, 3)), sample_texture(texture, st), **NEAR)
 
 
 def test_a_plain_texture_is_two_nodes(picture: Path) -> None:

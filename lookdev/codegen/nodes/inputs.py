@@ -73,6 +73,8 @@ def _bind_look_up(builder: TreeBuilder, graph: Graph, name: str, look_up: LookUp
 
     def read(file: Content, place: Sequence[Any], wrap: str) -> Any:
         vector = builder.vector(elements_of(np.stack(place)))
+        if not isinstance(vector, Link):  # an image without a link to its place has the place of the mesh's UVs
+            vector = Link(builder.add("CombineXYZ", inputs=dict(zip("XYZ", vector, strict=True))), "Vector")
         properties = {"interpolation": "Linear", "projection": "FLAT", "extension": _EXTENSION[wrap]}
         node = builder.add("TexImage", properties, {"Vector": vector}, texture.file.stem, image=file)
         names = [f"{node}[{i}]" for i in range(4)]
