@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,13 +23,14 @@ MOST_LINES = 200
 
 @dataclass(frozen=True)
 class InspectedPart:
-    """A mesh, or a GeomSubset of one: `path` is that of its first instance.
+    """A mesh, or a GeomSubset of one: `path` is that of its first instance, `paths` are those of all, each once.
 
     `faces` are those in the file, of one instance; `subdivision` is a scheme and its tags, "" for polygons; `material`
     is the path of the bound material, "" where nothing is bound.
     """
 
     path: str
+    paths: tuple[str, ...]
     instances: int
     faces: int
     subdivision: str
@@ -105,6 +106,9 @@ def inspect_file(
 def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> Inspection:
     """List what an asset consists of; `bound` are the looks of its materials by path."""
     uses = Counter(instance.mesh for instance in asset.instances)
+    paths: dict[int, dict[str, None]] = {}
+    for instance in asset.instances:
+        paths.setdefault(instance.mesh, {})[instance.path] = None
     sizes = [len(mesh.face_sizes) for mesh in asset.meshes]
     points = outline(asset)
     return Inspection(
@@ -117,18 +121,23 @@ def inspect_asset(file: Path, asset: Asset, bound: Mapping[str, BoundLook]) -> I
         points=sum(len(mesh.points) for mesh in asset.meshes),
         faces=sum(sizes),
         faces_shown=sum(size * uses[number] for number, size in enumerate(sizes)),
-        parts=tuple(part for number, mesh in enumerate(asset.meshes) for part in _parts(asset, mesh, uses[number])),
+        parts=tuple(
+            part
+            for number, mesh in enumerate(asset.meshes)
+            for part in _parts(asset, mesh, paths.get(number, ()), uses[number])
+        ),
         materials=tuple(_material(path, each) for path, each in bound.items()),
         notes=asset.notes,
     )
 
 
-def _parts(asset: Asset, mesh: Mesh, instances: int) -> Iterator[InspectedPart]:
+def _parts(asset: Asset, mesh: Mesh, paths: Iterable[str], instances: int) -> Iterator[InspectedPart]:
     numbers, counts = np.unique(mesh.face_slots, return_counts=True)
     for number, count in zip(numbers.tolist(), counts.tolist(), strict=True):
         slot = asset.slots[number]
         yield InspectedPart(
             slot.path,
+            tuple(path + slot.path.removeprefix(mesh.name) for path in paths),
             instances,
             count,
             _subdivision(mesh),
@@ -180,7 +189,7 @@ def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:
         shared = min(len(above), len(groups)) if shared is None else shared
         for depth in range(shared, len(groups)):
             yield ("  " * depth + groups[depth],)
-        above = groups
+        above = [*groups, name]  # its GeomSubsets come next
         yield (
             "  " * len(groups) + name,
             _count(part.faces, "face") + (f" x {part.instances:,}" if part.instances != 1 else ""),

@@ -300,7 +300,7 @@ def _open(file: Path) -> oiio.ImageBuf:
     image = oiio.ImageBuf(str(file), 0, 0, as_stored)
     names = image.spec().channelnames  # this reads the header
     if image.has_error:
-        raise TextureError(f"{file}: cannot be read as an image: {image.geterror()}")
+        raise TextureError(f"{file}: cannot be read as an image: {_reason(image)}")
     width, height = image.spec().full_width, image.spec().full_height
     if max(width * height, image.spec().image_pixels()) > _MOST_PIXELS:
         raise TextureError(f"{file}: is {width} x {height} pixels large; at most {_MOST_PIXELS} pixels would be right")
@@ -320,13 +320,18 @@ def _is_damaged_png(file: Path) -> bool:
     return start[:8] == b"\x89PNG\r\n\x1a\n" and not whole
 
 
+def _reason(image: oiio.ImageBuf) -> str:
+    """Return the first line of an error, which the library of a format repeats in others."""
+    return str(image.geterror()).partition("\n")[0]
+
+
 def _read_rgba(file: Path) -> NDArray[np.float64]:
     """Read an image as (height, width, 4), top row first; what lies outside an EXR's data window is 0."""
     image = _open(file)
     names = list(image.spec().channelnames)
     pixels = image.get_pixels(oiio.FLOAT, image.roi_full)
     if pixels is None or image.has_error:
-        raise TextureError(f"{file}: cannot be read as an image: {image.geterror()}")
+        raise TextureError(f"{file}: cannot be read as an image: {_reason(image)}")
     bad = np.count_nonzero(~np.isfinite(pixels))
     if bad:
         raise TextureError(f"{file}: {bad} values are NaN or infinite; a texture must be finite everywhere")

@@ -124,6 +124,37 @@ def test_the_text_is_a_tree(robot: Path) -> None:
     ]
 
 
+def test_subsets_are_listed_below_their_mesh(robot: Path) -> None:
+    subset = """def GeomSubset "part" (prepend apiSchemas = ["MaterialBindingAPI"])
+        {
+            uniform token elementType = "face"
+            uniform token familyName = "materialBind"
+            int[] indices = [1]
+            rel material:binding = </Robot/Looks/Lamp>
+        }
+        float[] primvars:wear"""
+    robot.write_text(ROBOT.replace("float[] primvars:wear", subset))
+    lines = inspected(robot).text().splitlines()[2:6]
+    assert [line.partition(" 1 face")[0].rstrip() for line in lines] == ["Robot", "  Body", "  Lid", "    part"]
+
+
+def test_a_part_has_the_path_of_each_prim_that_shows_it(tmp_path: Path) -> None:
+    file = tmp_path / "wheels.usda"
+    wheel = """def "{}" (
+        instanceable = true
+        inherits = </Wheel>
+    ) {{
+        double3 xformOp:translate = ({}, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+    """
+    card = ROBOT[ROBOT.index('def Mesh "Lid"') : ROBOT.index('def Mesh "Guide"')]
+    wheels = wheel.format("Left", 0) + wheel.format("Right", 200)
+    file.write_text(f'#usda 1.0\nclass Xform "Wheel"\n{{\n{card}\n}}\n{wheels}')
+    (part,) = inspected(file).parts
+    assert (part.path, part.instances, part.paths) == ("/Left/Lid", 2, ("/Left/Lid", "/Right/Lid"))
+
+
 def test_variants_and_purposes_decide_what_is_there(robot: Path) -> None:
     assert inspected(robot, variants=(("size", "large"),)).maximum == pytest.approx((2.0, 2.0, 1.0))
     found, _ = inspect_file(Composition(robot), purposes=("default", "guide"))
