@@ -169,9 +169,14 @@ def assert_whole(source: NodeSource) -> None:
             assert all(link.node in seen for link in node.inputs.values() if isinstance(link, Link))
             seen.add(node.name)
             if node.group:
-                shown = source.trees[names.index(node.group)]
+                group = source.trees[names.index(node.group)]
                 assert names.index(node.group) < index
-                assert set(node.inputs) <= {socket.name for socket in shown.inputs}
+                assert set(node.inputs) <= {socket.name for socket in group.inputs}
+        shown = {node.name: source.trees[names.index(node.group)] for node in tree.nodes if node.group}
+        links = [link for node in tree.nodes for link in node.inputs.values() if isinstance(link, Link)]
+        for link in links:
+            if link.node in shown:
+                assert link.socket in [socket.name for socket in shown[link.node].outputs]
 
 
 def tree_of(source: NodeSource, name: str) -> NodeTree:
@@ -225,6 +230,13 @@ def test_a_coat_withholds_what_it_reflects() -> None:
     check((base, coat))
     check((base, replace(coat, mask=Primvar("worn", 0.5)), replace(coat, inputs={"presence": 0.5})), values)
     check((replace(coat, mode="over"), replace(coat, inputs={"presence": Primvar("worn", 0.5)})), values)
+
+
+@pytest.mark.parametrize("presence", [0.0, 0.5])
+@pytest.mark.parametrize("mode", ["over", "coat"])
+def test_a_black_layer_that_is_not_everywhere_lies_beneath_others(presence: float, mode: Any) -> None:
+    black = Layer("black", "pixar", {"surfaceColor": (0.0, 0.0, 0.0), "presence": presence})
+    check((black, Layer("coat", "disney", {"metallic": 1.0, "baseColor": (0.04, 0.05, 0.06)}, 0.5, mode)))
 
 
 def test_primvars_reach_parameters_and_masks() -> None:

@@ -49,15 +49,14 @@ class Group:
         self._sockets.append(GroupSocket(name, "shader", panel=panel))
         return Link(self._input, name)
 
-    def tree(self, shader: Link | None = None, values: Mapping[GroupSocket, Any] | None = None) -> NodeTree:
-        """Return the tree; its outputs are a shader, if any, and `values` of the graph inside."""
-        values = values or {}
+    def tree(self, values: Mapping[GroupSocket, Any], shader: Link | None = None, *, shades: bool = True) -> NodeTree:
+        """Return the tree; its outputs are a shader, if it `shades`, black without one, and `values` of the graph."""
         self.builder.prepare(_vectors(values.values()))
         inputs: dict[str, Any] = {socket.name: built(self.builder, value) for socket, value in values.items()}
         outputs = list(values)
         if shader is not None:
             inputs["Shader"] = shader
-        if shader is not None or not values:
+        if shades:
             outputs.insert(0, GroupSocket("Shader", "shader"))
         self.builder.add("NodeGroupOutput", inputs=inputs)
         return self.builder.tree(self._sockets, outputs)

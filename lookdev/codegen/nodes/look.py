@@ -131,7 +131,7 @@ class _Material:
             given["presence"] = bsdf.presence
         if stack[0].mode == "coat":
             given["reflectance"] = reflectance(stack[0], symbols(group.graph, WO))
-        tree = group.tree(shader, {socket_of(_OF_PART[name]): value for name, value in given.items()})
+        tree = group.tree({socket_of(_OF_PART[name]): value for name, value in given.items()}, shader)
         finished(tree)
         node = self._show(group, tree)
         outside = {
@@ -158,7 +158,8 @@ class _Material:
 
         def show_layers(tree: NodeTree) -> None:
             read = [name for name in group.wanted(tree) if name in between]
-            node = self._show(layers, layers.tree(None, {socket_of(known[name]): blended[name] for name in read}))
+            outputs = {socket_of(known[name]): blended[name] for name in read}
+            node = self._show(layers, layers.tree(outputs, shades=False))
             for name in read:
                 vector = known[name].kind != "float"
                 bound(self._graph, self._builder, between[name], Link(node, name), vector=vector)
@@ -189,7 +190,7 @@ class _Material:
             total = _over(group.builder, shader, total, inside["mask"], hidden)
             if part.reflectance is None:
                 presence = 1.0 - (1.0 - covered) * (1.0 - presence)
-        tree = group.tree(add_transparent(group.builder, total, presence))
+        tree = group.tree({}, add_transparent(group.builder, total, presence))
         node = self._show(group, tree, shaders)
         return _Part(Link(node, "Shader"), np.array(1.0), any(part.transmits for part in parts))
 
