@@ -368,6 +368,7 @@ ROLES: dict[str, tuple[Mutation, ...]] = {
         Mutation("blocked", blocked, SOUND),
         Mutation("value of another type", mistyped, SOUND),
     ),
+    "velocities": (*_VECTORS, Mutation("shorter", shorter, SOUND), Mutation("blocked", blocked, SOUND)),
     "ignored": (
         *_types(*_TEXTS, *_NO_ARRAY, expected=SOUND),
         Mutation("shorter", shorter, SOUND),

@@ -248,9 +248,16 @@ SOUND["points"] = Sound(
         point3f[] points = [(0, 0, 0), (0, 1, 0), (1, 1, 0)]
         float[] widths = [0.25, 0.5, 0.25] (interpolation = "vertex")
         int64[] ids = [0, 1, 2]
-        vector3f[] velocities = [(0, 0, 1), (0, 0, 1), (0, 0, 1)]
+    }
+    def Points "Spray"
+    {
+        point3f[] points = [(0, 0, 0), (0, 1, 0)]
+        vector3f[] velocities = [(0, 0, 1), (0, 0, 1)]
     }"""),
-    _spots("/Root/Dust", points="points", widths="widths", ids="ignored", velocities="unread"),
+    (
+        *_spots("/Root/Dust", points="points", widths="widths", ids="ignored"),
+        *_spots("/Root/Spray", velocities="velocities"),
+    ),
 )
 
 SOUND["instancer"] = Sound(

@@ -22,6 +22,7 @@ from lookdev.asset.usd.primitives import (
 )
 from lookdev.asset.usd.primvars import PrimvarReader
 from lookdev.asset.usd.skinning import Skinning
+from lookdev.asset.usd.velocities import carried_points
 from lookdev.asset.usd.walk import Seen
 from lookdev.errors import AssetError
 
@@ -91,7 +92,7 @@ class GprimReader:
         if kind in PRIMITIVES:
             return self._primitive(prim)
         deformed = self.skinning.deformed(prim)
-        points = None if deformed is None else deformed.points
+        points = carried_points(prim, self._time) if deformed is None else deformed.points
         if kind == "Points":
             shape, copies = point_shape(prim, self._time, self._unit, points=points)
             return Surface(self._with_constants(shape, prim), (), copies)

@@ -14,6 +14,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom
 
 from lookdev.asset.shape import LARGEST, Doubles
 from lookdev.asset.usd.attributes import check_range, read_array, read_texts, read_token
+from lookdev.asset.usd.velocities import numbered
 from lookdev.errors import AssetError
 from lookdev.stage import error_words, relationship_targets, shown
 
@@ -194,9 +195,10 @@ class Walk:
         read_array(prim, "invisibleIds", self._time, np.intp)
         if len(numbers) == 0:
             return
+        time = numbered(self._time, instancer.GetPositionsAttr())
         placed = np.array(
             instancer.ComputeInstanceTransformsAtTime(
-                self._time, self._time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+                time, time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
             ),
             np.float64,
         )
