@@ -44,6 +44,9 @@ DETAIL = 2.0
 FINEST = 6
 """The highest level."""
 
+FINEST_DETAIL = 10
+"""The highest level of a mesh that has to carry detail: of a single face in a frame of a thousand pixels, and more."""
+
 CORNERS = 8_000_000
 """Refined corners of an asset, about 2 GB while they are made."""
 
@@ -90,8 +93,9 @@ def refinement_levels(
     """Return the level of each mesh at which it looks like its limit surface where it comes nearest the camera.
 
     A mesh has one level for all its instances. The edges of those that are `detailed`, by their numbers, as displaced
-    ones are, become no longer than `DETAIL` pixels. No level is above `finest`; of an asset that would have more than
-    `corners` refined corners, the meshes that have the most are refined less, and a note says so.
+    ones are, become no longer than `DETAIL` pixels. No level is above `finest`, or `FINEST_DETAIL` for these; of an
+    asset that would have more than `corners` refined corners, the meshes that have the most are refined less, and a
+    note says so.
 
     Raises
     ------
@@ -106,7 +110,8 @@ def refinement_levels(
     for numbers, _ in batches(bare, [1] * len(bare)):
         own = [small[i] for i in numbers]
         longest = np.array([DETAIL if i in detailed else np.inf for i in own])
-        levels = _levels([bare[i] for i in numbers], sizes[own], longest, finest).tolist()
+        most = np.array([FINEST_DETAIL if i in detailed else finest for i in own])
+        levels = _levels([bare[i] for i in numbers], sizes[own], longest, most).tolist()
         for i, level in zip(own, levels, strict=True):
             wanted[i] = level
     flat = [i for i in small if wanted[i] == 0 and asset.meshes[i].uvs]
@@ -141,10 +146,10 @@ def _pixels(meshes: Sequence[Mesh], instances: Sequence[Instance], pixel: PixelS
     return sizes
 
 
-def _levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, finest: int) -> Index:
+def _levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, finest: Index) -> Index:
     """Return the level (k,) of cages of the same rules and without values.
 
-    pixels (k,) metres a pixel; longest (k,) edge, in pixels.
+    pixels (k,) metres a pixel; longest (k,) edge, in pixels; finest (k,) level.
     """
     subdivision = meshes[0].subdivision
     assert subdivision is not None, "a batch has cages only"
@@ -186,7 +191,7 @@ def _levels(meshes: list[Mesh], pixels: Doubles, longest: Doubles, finest: int) 
     for each in (by_distance, by_arc, by_turn, by_length):
         needed = np.fmax(needed, each)
     shown: Flags = ~cage.hidden[level.faces]
-    level_of = np.ceil(np.minimum(needed, finest)).astype(np.intp)[shown]
+    level_of = np.ceil(np.minimum(needed, finest[mesh[level.faces]])).astype(np.intp)[shown]
     return _all_but_the_rest(mesh[level.faces][shown], level_of, length[shown], len(meshes))
 
 

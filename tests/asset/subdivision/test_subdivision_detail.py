@@ -100,11 +100,12 @@ def test_a_mesh_that_is_no_cage_stays_at_level_0():
     assert levels([plain, CAGES["cube"], plain], 0.01) == (0, *levels([CAGES["cube"]], 0.01), 0)
 
 
-def test_the_edges_of_a_detailed_mesh_are_two_pixels_long():
+@pytest.mark.parametrize("size", [0.02, 0.001])
+def test_the_edges_of_a_detailed_mesh_are_two_pixels_long(size):
     points, faces = lattice(1, 1)
     mesh = cage(points, faces, "bilinear")
-    (level,) = levels([mesh], 0.02, detailed=[0])
-    assert 1.0 / 2**level <= DETAIL * 0.02 < 2.0 / 2**level
+    (level,) = levels([mesh], size, detailed=[0])
+    assert 1.0 / 2**level <= DETAIL * size < 2.0 / 2**level
 
 
 def test_no_asset_has_more_corners_than_it_may_and_a_note_says_so():
