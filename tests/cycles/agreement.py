@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from conftest import POSE, orbit_camera
+from frames import POSE, orbit_camera
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_erosion

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from frames import POSE, RenderScene, orbit_camera
 
 from lookdev.asset import Asset, load_asset
 from lookdev.light import Dome, load_environment, prepare_light
@@ -16,16 +17,7 @@ from lookdev.render.backends import WORKER_COMMAND
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Rendered, Worker
-from lookdev.scene import Camera, Pose, Sampling, Scene
-
-RenderScene = Callable[..., Rendered]
-
-POSE = Pose(30.0, 75.0)
-
-
-def orbit_camera(center: tuple[float, float, float], radius: float) -> Camera:
-    """Return a camera that sees a bounding sphere whole."""
-    return Camera(30.0, 20.0, center, 4.2 * radius)
+from lookdev.scene import Sampling, Scene
 
 
 @pytest.fixture(scope="session")

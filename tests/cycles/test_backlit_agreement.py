@@ -9,7 +9,7 @@ from itertools import product
 
 import pytest
 from agreement import SHAPES, assert_agreement
-from conftest import RenderScene
+from frames import RenderScene
 from looks import LOOKS, quick_among
 
 from lookdev.light import Dome

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from conftest import RenderScene
+from frames import RenderScene
 from looks import LOOKS
 
 from lookdev.material import Layer

@@ -12,7 +12,7 @@ from typing import Any
 import node_sources
 import numpy as np
 import pytest
-from conftest import POSE, RenderScene, orbit_camera
+from frames import POSE, RenderScene, orbit_camera
 from looks import LOOKS
 from pydantic import TypeAdapter
 from scripts import run_script

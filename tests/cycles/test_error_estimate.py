@@ -7,7 +7,7 @@ polished metal in the shaderball's recess) it errs on the safe side, by up to 20
 from __future__ import annotations
 
 import pytest
-from conftest import RenderScene
+from frames import RenderScene
 from looks import LOOKS, quick_among
 
 from lookdev.metrics import relmse

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import RenderScene
+from frames import RenderScene
 
 from lookdev.material import Layer
 

@@ -10,7 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from agreement import assert_mesh_agreement
-from conftest import POSE, RenderScene, orbit_camera
+from frames import POSE, RenderScene, orbit_camera
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, load_asset

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 from agreement import assert_agreement, assert_mesh_agreement, relative_difference
-from conftest import RenderScene
+from frames import RenderScene
 from looks import LOOKS, quick_among
 
 from lookdev.asset import load_asset

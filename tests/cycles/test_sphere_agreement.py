@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from agreement import assert_agreement, relative_difference
-from conftest import RenderScene
+from frames import RenderScene
 from looks import LOOKS, quick_among
 
 pytestmark = pytest.mark.cycles
