@@ -28,6 +28,7 @@ from lookdev.batch.events import (
 )
 from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
 from lookdev.batch.pictures import Background, Pictures, write_shared
+from lookdev.batch.sanity import doubts
 from lookdev.cache import share
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.job import Job, JobOutputs, load_job
@@ -300,7 +301,11 @@ class _Run:
                 self._report(FrameRetried(name, str(error), attempt, tries))
 
     def _write(self, task: FrameTask, rendered: Rendered) -> None:
-        beauty = (rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure)
+        with np.errstate(over="ignore"):
+            beauty = (rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure)
+        constant = all(light.constant for light in task.scene.lights)
+        for doubt in doubts(rendered, beauty, constant_light=constant):
+            self._report(Noted(f"{self._name(task)}: {doubt}"))
         header = task.labels | {
             "digest": task.digest,
             "samples": str(rendered.samples),

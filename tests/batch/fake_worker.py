@@ -46,6 +46,8 @@ def result(task: dict, what: str) -> None:
     arrays = {"a": half, "b": 3.0 * half, "alpha": np.full((height, width), 0.5, np.float32)}
     if what == "shape":
         arrays["b"] = half[1:]
+    elif what == "empty":
+        arrays["alpha"] = np.zeros((height, width), np.float32)
     elif what == "nan":
         arrays["a"] = np.full_like(half, np.nan)
     elif what == "lack":

@@ -16,7 +16,7 @@ import OpenImageIO as oiio
 import pytest
 
 import lookdev
-from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, RunStarted, SheetWritten
+from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, Noted, RunStarted, SheetWritten
 from lookdev.batch.lock import output_lock
 from lookdev.batch.prepare import Prepared
 from lookdev.batch.run import background_light, render_job
@@ -394,3 +394,13 @@ def test_a_broken_pipe_of_the_report_is_not_an_output_error(tmp_path: Path) -> N
 
     with pytest.raises(BrokenPipeError):
         case.run(tmp_path, report=report)
+
+
+def test_a_doubtful_frame_is_kept_and_noted(tmp_path: Path) -> None:
+    case.misbehave(tmp_path, element_0002=["empty"])
+    events: list[Event] = []
+    result = case.run(tmp_path, report=events.append)
+    assert result.exit_code == 0
+    assert [each.text for each in of(Noted, events)] == [
+        "gold/city/element.0002: is empty: no part of the asset is in the picture"
+    ]
