@@ -105,10 +105,10 @@ def lost_notes(lost: Iterable[Fault]) -> Iterator[str]:
 
 
 def _displayed(mesh: Mesh) -> str | None:
-    """Return the primvar that says most of how a mesh without a material looks; None where it has no colour."""
-    if _COLOR not in mesh.primvars:
-        return None
-    return _OPACITY if (mesh.primvars.get(_OPACITY, np.ones(1)) < 1.0).any() else _COLOR
+    """Return the primvar that says most of how a mesh without a material looks; None where it has neither."""
+    if (mesh.primvars.get(_OPACITY, np.ones(1)) < 1.0).any():
+        return _OPACITY
+    return _COLOR if _COLOR in mesh.primvars else None
 
 
 def _fit(patterns: Sequence[tuple[str, str]], turned: Turned, place: Place, faults: list[Fault]) -> Mapping[str, int]:

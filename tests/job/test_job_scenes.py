@@ -528,3 +528,10 @@ def test_a_display_opacity_counts_where_it_is_below_one(make: Make, folder: Path
     scene = make().scenes["one", "white"]
     (look,) = {look.name: look for look in scene.looks if look.name == "displayColor"}.values()
     assert ("opacity" in look.layers[0].inputs) == presence
+
+
+def test_a_display_opacity_alone_is_that_of_a_grey(make: Make, folder: Path) -> None:
+    primvar = 'float[] primvars:displayOpacity = [0.5, 1] ( interpolation = "uniform" )\n color3f[] primvars:unread'
+    (folder / "car.usda").write_text(ASSET.replace("color3f[] primvars:displayColor", primvar))
+    (look,) = [each for each in make().scenes["one", "white"].looks if each.name == "displayColor"]
+    assert look.layers[0].inputs["opacity"].name == "displayOpacity"

@@ -62,7 +62,7 @@ def foreign_shaders() -> dict[str, str]:
 
 
 def display_color_look(name: str, *, opacity: bool = False) -> Look:
-    """Return the look of a part that has a `displayColor`, linear as USD's are, and maybe a `displayOpacity`.
+    """Return the look of a part that has a `displayColor`, linear as USD's are, or a `displayOpacity`.
 
     It is a UsdPreviewSurface, whose roughness is 0.5; without the primvar, the colour is USD's, a dark grey.
     """
