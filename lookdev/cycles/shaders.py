@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -93,19 +92,23 @@ def script_node(
 def with_arrays(oso: str, arrays: Mapping[str, Array]) -> str:
     """Write arrays into a compiled shader, as the default values of its parameters of these names.
 
-    A constant array is read from memory. As source text it would compile slowly. A RenderError reports a shader without
-    such a parameter, of that size and type.
+    As source text they would compile slowly. They are marked as interactive, as values that may change between renders:
+    OSL reads those from memory, where it would make a constant of LLVM of each number, which takes 0.2 s for half a
+    million. A RenderError reports a shader without such a parameter, of that size and type.
     """
+    lines = oso.split("\n")
     for name, values in arrays.items():
         kind = "int" if values.dtype.kind == "i" else "float"
-        found = re.search(rf"^param\t{kind}\[{values.size}\]\t{name}\t([^\t\n]*)", oso, re.MULTILINE)
-        if found is None:
+        head = f"param\t{kind}[{values.size}]\t{name}\t"
+        number = next((number for number, line in enumerate(lines) if line.startswith(head)), None)
+        if number is None:
             raise RenderError(f"the compiled shader has no parameter {kind} {name}[{values.size}]")
         listed = values.ravel().tolist()
         # Half a million integers: a list writes itself in half the time.
         text = str(listed)[1:-1].replace(",", "") if kind == "int" else " ".join(map("{:.9g}".format, listed))
-        oso = oso[: found.start(1)] + text + oso[found.end(1) :]
-    return oso
+        hints = lines[number].removeprefix(head).partition("\t")[2]
+        lines[number] = f"{head}{text}\t%meta{{int,interactive,1}} {hints}"
+    return "\n".join(lines)
 
 
 def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str) -> None:

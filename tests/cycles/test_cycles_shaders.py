@@ -13,6 +13,7 @@ import OpenEXR
 import pytest
 from numpy.typing import NDArray
 from osl_probe import evaluate
+from scripts import run_script
 
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.surface import expand_template
@@ -296,3 +297,17 @@ def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> Non
     doubt = 4e-6 * samples**2
     allowed = doubt + 4.0 * np.sqrt(doubt / len(right))
     assert (~right).mean(axis=0).max() <= allowed
+
+
+def test_arrays_are_read_from_memory(tmp_path: Path) -> None:
+    """As constants of the compiled code, half a million numbers take longer to compile than all else."""
+    oso = "shader s\nparam\tfloat[2]\tb\t0\t\t%read{1,2}\nparam\tint\tc\t7\nparam\tint[3]\ta\t0\t\t%read{3,4}\ncode\n"
+    arrays = {"a": np.array([1, -2, 3], np.int32), "b": np.array([0.5, 0.1], np.float32)}
+    np.savez(tmp_path / "request.npz", oso=oso, **arrays)
+    run_script("oso_probe.py", tmp_path / "request.npz", tmp_path / "answer.oso")
+    mark = "%meta{int,interactive,1}"
+    assert (tmp_path / "answer.oso").read_text().split("\n")[1:4] == [
+        f"param\tfloat[2]\tb\t0.5 0.100000001\t{mark} \t%read{{1,2}}",
+        "param\tint\tc\t7",
+        f"param\tint[3]\ta\t1 -2 3\t{mark} \t%read{{3,4}}",
+    ]
