@@ -5,6 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 import pytest
 from light_cases import SUN, assert_follows, cells, dome, overcast, sunny
 from numpy.typing import NDArray
@@ -262,6 +263,8 @@ def test_files_hold_the_tables(cache: Path) -> None:
     assert {Content.of(file) for file in cache.iterdir()} == set(files_of(light))
     wanted = tables_of(sunny(), 32)
     np.testing.assert_array_equal(read_exr(light.points_file.path, "RGBA").reshape(-1, 4), wanted.points)
+    with OpenEXR.File(str(light.points_file.path)) as stored_points:
+        assert stored_points.header()["compression"] == OpenEXR.NO_COMPRESSION  # the renderer would wait for it
     for file, values in ((light.slots_file, wanted.slots), (light.bins_file, wanted.numbers)):
         stored = np.load(file.path)
         assert stored.dtype == values.dtype

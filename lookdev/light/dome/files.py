@@ -16,7 +16,7 @@ from lookdev.errors import EnvironmentMapError
 _TILE_SIDE = 4096
 
 
-def write_exr(path: Path, channels: str, values: NDArray[np.float32]) -> None:
+def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compressed: bool = True) -> None:
     """Write an image (H, W, C) as an EXR of a single tile.
 
     OpenImageIO, by which Blender 4.5 evaluates texture(), divides an image without tiles into tiles of 64 x 64. A
@@ -26,7 +26,8 @@ def write_exr(path: Path, channels: str, values: NDArray[np.float32]) -> None:
     tile = OpenEXR.TileDescription()
     tile.ySize, tile.xSize = (min(side, _TILE_SIDE) for side in values.shape[:2])
     tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.tiledimage, "tiles": tile}
+    compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
+    header = {"compression": compression, "type": OpenEXR.tiledimage, "tiles": tile}
     with _writing(path) as temporary, OpenEXR.File(header, planes) as exr:
         exr.write(str(temporary))
 
