@@ -20,7 +20,8 @@ from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content, atomic_path
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
 from lookdev.light import world_image
-from lookdev.material import Bump, Formula, Look, Texture
+from lookdev.material import Bump, Look, Texture
+from lookdev.material.look import leaves
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
 from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask, BlendTurntable, BlendWorld
@@ -150,12 +151,8 @@ def image_names(made: JobSetups) -> dict[Content, str]:
 def _textures(looks: Sequence[Look]) -> Iterator[Texture | Bump]:
     """Yield each look-up of an image in looks."""
     layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
-    pending: list[object] = [source for layer in layers for source in (*layer.inputs.values(), layer.mask)]
-    while pending:
-        source = pending.pop()
-        if isinstance(source, Formula):
-            pending += source.inputs.values()
-        elif isinstance(source, Texture | Bump):
+    for source in leaves(source for layer in layers for source in (*layer.inputs.values(), layer.mask)):
+        if isinstance(source, Texture | Bump):
             yield source
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.silhouette import outline
 from lookdev.asset.usd import read_usd
-from lookdev.material import Bump, Formula, Look, Texture
+from lookdev.material import Bump, Look, Texture
+from lookdev.material.look import leaves
 from lookdev.material.usd.bound import BoundLook, read_bound
 from lookdev.stage import Composition, compose
 
@@ -166,7 +167,7 @@ def _textures(look: Look) -> int:
     """Count the images that a look reads, whatever folding removes."""
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     displaced = [look.displacement.height] if look.displacement else []
-    return len({file for source in (*sources, *displaced) for file in _files(source)})
+    return len({file for source in leaves([*sources, *displaced]) for file in _files(source)})
 
 
 def _files(source: object) -> Iterator[Path]:
@@ -175,9 +176,6 @@ def _files(source: object) -> Iterator[Path]:
             yield source.file
         case Bump():
             yield source.height.file
-        case Formula():
-            for each in source.inputs.values():
-                yield from _files(each)
 
 
 def _tree(parts: Sequence[InspectedPart]) -> Iterator[tuple[str, ...]]:

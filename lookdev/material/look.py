@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -91,6 +92,18 @@ A normal is a constant vector, a ``"rgb"`` texture (a normal map) or a `Bump`.
 """
 
 Mask = float | Texture | Primvar | Formula
+
+
+def leaves(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
+    """Yield what sources read, but expressions: in order, and what expressions share once."""
+    pending, seen = list(sources)[::-1], set[int]()
+    while pending:
+        source = pending.pop()
+        if not isinstance(source, Formula):
+            yield source
+        elif id(source) not in seen:
+            seen.add(id(source))
+            pending += [*source.inputs.values()][::-1]
 
 
 @dataclass(frozen=True)

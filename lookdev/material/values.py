@@ -5,7 +5,7 @@ The one place where constants, textures, primvars and expressions become values 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import numpy as np
@@ -77,6 +77,8 @@ class Values:
     """Values of sources at points of a surface."""
 
     surface: Surface
+    # By identity: many may read one expression. What is read outlives this.
+    _formulas: dict[int, tuple[Array, bool]] = field(default_factory=dict)
 
     def of(self, source: Source | Bump, parameter: Parameter) -> Real:
         """Return the value of a parameter, clipped to its hard range: one number, or an array over the points."""
@@ -109,12 +111,17 @@ class Values:
                 s, t = transformed(source.transform, self.surface.uv(source.st))
                 value, is_color = vector(s, t, 0.0 * s), True
             case Formula():
-                kinds = source.kinds
-                given = {name: self.read(each, kinds[name] == "color") for name, each in source.inputs.items()}
-                value, is_color = source.expression.evaluate(given, kinds), source.expression.check(kinds) == "color"
+                if id(source) not in self._formulas:
+                    self._formulas[id(source)] = self._formula(source)
+                value, is_color = self._formulas[id(source)]
             case _:
                 value, is_color = np.asarray(source, dtype=np.float64), isinstance(source, tuple)
         return vector(value, value, value) if color and not is_color else value
+
+    def _formula(self, formula: Formula) -> tuple[Array, bool]:
+        kinds = formula.kinds
+        given = {name: self.read(each, kinds[name] == "color") for name, each in formula.inputs.items()}
+        return formula.expression.evaluate(given, kinds), formula.expression.check(kinds) == "color"
 
     def _bump(self, bump: Bump) -> Array:
         slopes = self.surface.slopes(bump.height) * bump.scale

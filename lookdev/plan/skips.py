@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from lookdev.codegen import NodeSource, ShaderSource, Source
-from lookdev.material import Bump, Formula, Layer, Look, Texture
+from lookdev.material import Bump, Layer, Look, Texture
+from lookdev.material.look import leaves
 from lookdev.material.translate import layer_parameters
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling
@@ -62,7 +63,7 @@ def _unread_textures(looks: Sequence[Look], shaders: Sequence[Source]) -> int:
     unread = 0
     for look, shader in {id(look): (look, shader) for look, shader in zip(looks, shaders, strict=True)}.values():
         sources = (source for layer in look.layers for source in (*layer.inputs.values(), layer.mask))
-        named = {lookup for source in sources for lookup in _lookups(source)}
+        named = {lookup for source in leaves(sources) for lookup in _lookups(source)}
         if isinstance(shader, ShaderSource):
             # The parameters of one look-up's tiles have a common prefix.
             unread += len(named) - len({binding.parameter.partition("_")[0] for binding in shader.textures})
@@ -83,9 +84,6 @@ def _lookups(source: object) -> Iterator[Texture | Bump]:
         yield replace(source, channel="rgb", scale=(1.0,) * 4, bias=(0.0,) * 4)
     elif isinstance(source, Bump):
         yield Bump(replace(source.height, bias=(0.0,) * 4))
-    elif isinstance(source, Formula):
-        for each in source.inputs.values():
-            yield from _lookups(each)
 
 
 def _has_direction(layer: Layer, name: str, value: Any) -> bool:

@@ -14,7 +14,8 @@ import numpy as np
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.mesh import Floats
 from lookdev.asset.store import asset_digest
-from lookdev.material import Bump, Coordinates, Formula, Look, Primvar, Texture
+from lookdev.material import Bump, Coordinates, Look, Primvar, Texture
+from lookdev.material.look import leaves
 
 
 def look_uvs(look: Look) -> tuple[str, ...]:
@@ -86,16 +87,9 @@ def _leaves(look: Look) -> Iterator[Texture | Coordinates | Primvar]:
     sources = [source for layer in look.layers for source in (*layer.inputs.values(), layer.mask)]
     if look.displacement is not None:
         sources.append(look.displacement.height)
-    for source in sources:
-        yield from _leaves_of(source)
-
-
-def _leaves_of(source: object) -> Iterator[Texture | Coordinates | Primvar]:
-    match source:
-        case Texture() | Coordinates() | Primvar():
-            yield source
-        case Bump():
-            yield source.height
-        case Formula():
-            for each in source.inputs.values():
-                yield from _leaves_of(each)
+    for source in leaves(sources):
+        match source:
+            case Texture() | Coordinates() | Primvar():
+                yield source
+            case Bump():
+                yield source.height

@@ -8,10 +8,13 @@ from look_files import BASE, LAYER1, STACK, disney, faults_of, shader, stack, te
 
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.symbolic import SymbolicArray
 from lookdev.material import Coordinates, Formula, Primvar, Texture
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import read_look
+from lookdev.material.validate.examine import examine
 from lookdev.material.values import Values
+from lookdev.scene.uvs import look_uvs
 
 TEX = texture('token inputs:sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:rgb')
 EDGE = shader("Edge", "UsdPrimvarReader_float", 'string inputs:varname = "edge"\nfloat inputs:fallback = 0.25')
@@ -101,6 +104,21 @@ def test_expressions_do_not_nest_without_end(write) -> None:
     chain = "".join(expression("a", link.format(number + 1), f"E{number}") for number in range(40))
     faults = faults_of(write(masked(expression("a", link.format(0)), chain), STACK))
     assert "more than 32 expressions" in faults[0][1]
+
+
+def test_what_expressions_share_is_read_and_computed_once(write) -> None:
+    """Each of thirty reads the next twice: 2^30 paths lead to the texture."""
+    link = "float inputs:a.connect = </M/E{0}.outputs:result>\nfloat inputs:b.connect = </M/E{0}.outputs:result>"
+    chain = [expression("a * b", link.format(number + 1), f"E{number}") for number in range(30)]
+    dirt = expression("dirt", "float inputs:dirt.connect = </M/Tex.outputs:r>", "E30")
+    file = write(masked(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
+    look = read_look(file)
+    assert look_uvs(look) == ("st",)
+    graph = Graph()
+    inputs = Inputs(graph, lambda source: pytest.fail("no image is opened"))
+    value = Values(inputs).read(look.layers[1].mask, color=False)
+    assert isinstance(value, SymbolicArray)
+    assert examine(file).findings == ()
 
 
 def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:

@@ -91,16 +91,26 @@ def _read_varying(
 def _read_formula(
     network: Network, place: Usd.Attribute, kind: str, source: Source, within: tuple[Sdf.Path, ...]
 ) -> Formula | None:
-    """Read an expression node and all that it reads."""
-    where = f"{source.path}.inputs:expression"
+    """Read an expression node and all that it reads; a node that many read is read once."""
     if source.path in within:
         network.fault(place, f"<{source.path}> reads its own result", "expressions must not run in a cycle")
         return None
-    if len(within) == _DEEPEST:
-        network.fault(place, f"more than {_DEEPEST} expressions read one another", "join some of them into one")
-        return None
     if source.output != "result":
         network.fault(place, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:result")
+    key = source.path, kind
+    formula = network.formulas.get(key)
+    if len(within) + network.depths.get(id(formula), 1) > _DEEPEST:
+        network.fault(place, f"more than {_DEEPEST} expressions read one another", "join some of them into one")
+        return None
+    if key not in network.formulas:
+        formula = network.formulas[key] = _new_formula(network, kind, source, within)
+        inputs = formula.inputs.values() if formula else ()
+        network.depths[id(formula)] = 1 + max((network.depths.get(id(each), 0) for each in inputs), default=0)
+    return formula
+
+
+def _new_formula(network: Network, kind: str, source: Source, within: tuple[Sdf.Path, ...]) -> Formula | None:
+    where = f"{source.path}.inputs:expression"
     attribute = source.shader.GetPrim().GetAttribute("inputs:expression")
     text = network.constant(attribute, Sdf.ValueTypeNames.String) if attribute else None
     if not text:

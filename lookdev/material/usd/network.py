@@ -12,6 +12,7 @@ from typing import Any
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
+from lookdev.material.look import Formula
 from lookdev.stage import shortened
 
 TERMINAL = "outputs:lookdev:surface"
@@ -47,6 +48,9 @@ class Network:
     def __init__(self, file: Path, opens_images: bool = True) -> None:
         self.file = file
         self.opens_images = opens_images
+        # Expressions by node and the kind that is wanted, and by identity how many of them are in a row.
+        self.formulas: dict[tuple[Sdf.Path, str], Formula | None] = {}
+        self.depths: dict[int, int] = {}
         self._faults: list[Fault] = []
 
     @property
