@@ -1,6 +1,7 @@
 """Every error that `lookdev` raises on purpose.
 
     LookdevError
+    ├── TextError           a text file cannot be read or parsed (defined beside the reader, in lookdev.text)
     ├── JobError            a job file is wrong: carries every Fault found in it
     ├── LookError           a look (USD material) is wrong: carries every Fault found in it
     │   └── StageError      a USD file, of a look or an asset, cannot be opened or composed
@@ -16,18 +17,31 @@
     └── RenderError         Blender refused or failed to render a frame
 
 A message states what is wrong, where, and what would be right. The command line prints it without a traceback; any
-other exception is a defect of the program, which ends in a report file (`lookdev.batch.crash`).
+other exception is a defect of the program, which ends in a report file (`lookdev.batch.crash`). What a message quotes
+is shortened, and cannot control a terminal.
 """
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+
+_CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
+
+
+def shortened(text: str, longest: int = 400) -> str:
+    """Return the beginning of a text, for a message, without characters that control a terminal."""
+    text = text if len(text) <= longest else f"{text[:longest]}… ({len(text)} characters)"
+    return _CONTROLS.sub("?", text)
 
 
 class LookdevError(Exception):
     """Base of every error raised on purpose."""
+
+    def __str__(self) -> str:
+        return shortened(super().__str__(), 1500)
 
 
 @dataclass(frozen=True, order=True)
@@ -44,8 +58,8 @@ class Fault:
     hint: str = ""
 
     def __str__(self) -> str:
-        place = f"{self.file}: {self.where}" if self.where else self.file
-        return f"{place}: {self.what}" + (f" ({self.hint})" if self.hint else "")
+        file, *rest = shortened(self.file, 4096), *map(shortened, filter(None, (self.where, self.what)))
+        return ": ".join((file, *rest)) + (f" ({shortened(self.hint)})" if self.hint else "")
 
 
 class FaultsError(LookdevError):
@@ -54,6 +68,9 @@ class FaultsError(LookdevError):
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults: tuple[Fault, ...] = tuple(faults)
         super().__init__("\n".join(str(fault) for fault in self.faults))
+
+    def __str__(self) -> str:
+        return Exception.__str__(self)
 
 
 class JobError(FaultsError):

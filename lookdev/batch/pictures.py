@@ -21,6 +21,7 @@ from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, read_frame
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
+from lookdev.text import TextError, parse_json, read_text
 
 Floats = NDArray[np.float32]
 Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
@@ -163,7 +164,7 @@ def _number(frame: Path) -> str:
 
 def _read_ledger(path: Path) -> dict[str, str]:
     try:
-        ledger = json.loads(path.read_text())
-    except (FileNotFoundError, ValueError):  # lost or spoilt: every picture is made again
+        ledger = parse_json(read_text(path), path)
+    except TextError:  # lost or spoilt: every picture is made again
         return {}
     return ledger if isinstance(ledger, dict) else {}

@@ -23,6 +23,7 @@ from lookdev.asset.store import asset_digest
 from lookdev.asset.subdivision import Refinement
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import AssetError
+from lookdev.text import TextError, parse_json, read_bytes
 
 
 def key_of(asset: Asset, detailed: Collection[int], by: Sequence[float]) -> str:
@@ -89,10 +90,10 @@ def _read(key: str, notes: list[str]) -> object:
     if not file.exists():
         return None
     try:
-        match json.loads(file.read_bytes()):
+        match parse_json(read_bytes(file), file):
             case {"content": content, "checksum": checksum} if checksum == _checksum(content):
                 return content
-    except ValueError:
+    except TextError:
         pass
     notes.append(_damaged(file))
     return None

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -16,8 +16,11 @@ from pydantic_core import ErrorDetails
 from lookdev.errors import Fault, JobError, nearest_hint
 from lookdev.job.keys import PATTERNS
 from lookdev.job.schema import LISTS, Job
+from lookdev.text import TextError, parse_toml, read_text
 
 Place = tuple[str | int, ...]
+
+_LARGEST = 1 << 20  # bytes of a job file
 
 
 def load_job(path: Path) -> Job:
@@ -29,23 +32,19 @@ def load_job(path: Path) -> Job:
         With every fault of the file: its key, what is wrong, and the nearest known key of an unknown one.
     """
     try:
-        text = path.read_bytes().decode()
-    except OSError as error:
-        hint = "'lookdev example' lists jobs to copy" if isinstance(error, FileNotFoundError) else ""
-        raise JobError([Fault(str(path), "", f"cannot be read: {error.strerror}", hint)]) from None
-    except UnicodeDecodeError as error:
-        line = error.object.count(b"\n", 0, error.start) + 1
-        raise JobError([Fault(str(path), f"line {line}", "not UTF-8 text", "save it as UTF-8")]) from None
+        text = read_text(path, _LARGEST)
+    except TextError as error:
+        hint = "" if path.exists() else "'lookdev example' lists jobs to copy"
+        raise JobError(replace(fault, hint=fault.hint or hint) for fault in error.faults) from None
     return parse_job(text, path)
 
 
 def parse_job(text: str, path: Path) -> Job:
     """Read a job from `text` as the content of the file `path`; errors as `load_job`."""
     try:
-        data = _frozen(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        what, _, where = str(error).removesuffix(")").partition(" (at ")
-        raise JobError([Fault(str(path), where, f"not TOML: {what}")]) from None
+        data = _frozen(parse_toml(text, path))
+    except TextError as error:
+        raise JobError(error.faults) from None
     faults = [*_duplicate_names(data, str(path)), *_bound_to_a_builtin(data, str(path))]
     try:
         job = Job.model_validate(data, context={"file": path.absolute()})

@@ -13,6 +13,7 @@ from xml.parsers import expat
 import MaterialX as mx
 
 from lookdev.errors import Fault, LookError
+from lookdev.text import TextError, decoded
 
 # 1.38 is the first version with a disney_principled node.
 _FIRST, _LAST = (1, 38), tuple(mx.getVersionIntegers()[:2])
@@ -28,11 +29,11 @@ def read_document(data: bytes, file: str) -> tuple[Any, tuple[Fault, ...]]:
     LookError
         The data is not a MaterialX document of a known version.
     """
-    includes = _check_xml(data, file)
     try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise _refused(file, "", "holds text that is not UTF-8, which MaterialX is") from error
+        text = decoded(data, file)
+    except TextError as error:
+        raise LookError(error.faults) from None
+    includes = _check_xml(text, file)
     document = mx.createDocument()
     options = mx.XmlReadOptions()
     options.readXIncludeFunction = None
@@ -48,7 +49,7 @@ def _refused(file: str, where: str, what: str, hint: str = "") -> LookError:
     return LookError([Fault(file, where, what, hint)])
 
 
-def _check_xml(data: bytes, file: str) -> tuple[Fault, ...]:
+def _check_xml(text: str, file: str) -> tuple[Fault, ...]:
     """Refuse malformed documents and those that exhaust a parser; return the includes."""
     names: list[set[str]] = []  # of the children of each open element
     includes: list[Fault] = []
@@ -86,7 +87,7 @@ def _check_xml(data: bytes, file: str) -> tuple[Fault, ...]:
     parser.StartElementHandler, parser.EndElementHandler = start, lambda tag: names.pop()
     parser.StartDoctypeDeclHandler = doctype
     try:
-        parser.Parse(data, True)
+        parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
         where = f"line {error.lineno}, column {error.offset + 1}"
         raise _refused(file, where, f"is not XML: {expat.ErrorString(error.code)}") from error

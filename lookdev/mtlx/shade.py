@@ -26,6 +26,7 @@ from pxr import Ar, Sdf, Tf
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import Fault, LookError
 from lookdev.mtlx.document import read_document
+from lookdev.text import TextError, read_bytes
 
 NOTES = "lookdev:notes"
 """Key of a layer's customLayerData: what of the document is not in it, as lines of file, place, text and hint."""
@@ -76,9 +77,9 @@ def document_layer(path: str) -> Path:
     """
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(path)) if Ar.IsPackageRelativePath(path) else None
     try:
-        data = asset.GetBuffer() if asset else Path(path).read_bytes()
-    except OSError as error:
-        raise LookError([Fault(path, "", f"cannot be read: {error.strerror}")]) from error
+        data = asset.GetBuffer() if asset else read_bytes(Path(path))
+    except TextError as error:
+        raise LookError(error.faults) from None
     text = _Writer(data, path).text()
     file = cache_dir("mtlx") / f"{hashlib.sha256(text.encode()).hexdigest()}.usda"
     if not file.exists():

@@ -15,14 +15,12 @@ from typing import Any, Literal
 
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
-from lookdev.errors import Fault, LookError, StageError, nearest_hint
+from lookdev.errors import Fault, LookError, StageError, nearest_hint, shortened
 from lookdev.mtlx import document_layer, is_document, redirect
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
 
-_LONGEST = 400  # characters of USD's own message that ours contains
-_LONGEST_VALUE = 60  # and of a value of a file
-_CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e]")
+_LONGEST_VALUE = 60  # characters of a value of a file in a message
 _EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
@@ -288,12 +286,6 @@ def usd_words(text: str) -> str:
     text = re.sub(r"parse error matching pxr.*", "USD's syntax ends here", text)
     text = text.replace(":SDF_FORMAT_ARGS:target=usd", "")
     return shortened(re.sub(r",@anon:[^@]*@", "", text).strip())
-
-
-def shortened(text: str) -> str:
-    """Return the beginning of a text, for a message, without characters that control a terminal."""
-    text = _CONTROLS.sub("?", text)
-    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}… ({len(text)} characters)"
 
 
 def shown(text: str) -> str:

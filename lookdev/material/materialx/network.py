@@ -15,6 +15,7 @@ import MaterialX as mx
 
 from lookdev.errors import Fault, LookError
 from lookdev.mtlx import read_document
+from lookdev.text import TextError, read_bytes
 
 
 @dataclass(frozen=True)
@@ -164,11 +165,9 @@ class Network:
 
     def _read(self) -> Any:
         try:
-            data = self.file.read_bytes() if self.file.is_file() else None
-        except OSError as error:
-            raise LookError([Fault(str(self.file), "", f"cannot be read: {error.strerror}")]) from error
-        if data is None:
-            raise LookError([Fault(str(self.file), "", "no such file", "the path of a MaterialX document, .mtlx")])
+            data = read_bytes(self.file)
+        except TextError as error:
+            raise LookError(error.faults) from None
         document, includes = read_document(data, str(self.file))
         self._lost |= dict.fromkeys(includes)
         return document

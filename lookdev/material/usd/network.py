@@ -11,9 +11,8 @@ from typing import Any
 
 from pxr import Gf, Sdf, Sdr, Usd, UsdShade
 
-from lookdev.errors import Fault, nearest_hint
+from lookdev.errors import Fault, nearest_hint, shortened
 from lookdev.material.look import Formula
-from lookdev.stage import shortened
 
 TERMINAL = "outputs:lookdev:surface"
 """The output of a material that is connected to its layers."""

@@ -17,7 +17,7 @@ from typing import Any
 from pxr import Sdf, Sdr, Usd, UsdShade, UsdValidation
 
 from lookdev.brdf import layer_shaders
-from lookdev.errors import Fault, LookError
+from lookdev.errors import Fault, LookError, shortened
 from lookdev.material.definitions import DEFINITIONS
 from lookdev.material.look import Layer
 from lookdev.material.usd import find_material, layer_faults, materials, read_material, variant_sets
@@ -25,7 +25,7 @@ from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
 from lookdev.material.validate.unused import Stack, unread
-from lookdev.stage import open_stage, reading, shortened, usd_words
+from lookdev.stage import open_stage, reading, usd_words
 
 MOST_COMBINATIONS = 64
 """Where a material's variants combine to more, each variant is tried once, with the other sets as the file has them."""

@@ -1,0 +1,81 @@
+"""Text files of any content: read whole, or refused with file and place; messages that quote them."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from lookdev.errors import AssetError, Fault
+from lookdev.text import DEEPEST, TextError, parse_json, parse_toml, read_text
+
+
+def test_a_text_is_read_with_or_without_a_mark(tmp_path):
+    for start in (b"", b"\xef\xbb\xbf"):
+        (tmp_path / "a.txt").write_bytes(start + "grün\r\n".encode())
+        assert read_text(tmp_path / "a.txt") == "grün\r\n"
+
+
+def _pipe(file):
+    os.mkfifo(file)
+
+
+def _sparse(file):
+    with file.open("wb") as stream:
+        stream.truncate(1 << 40)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (_pipe, "is a pipe, a socket or a device"),
+        (lambda file: file.symlink_to("/dev/zero"), "is a pipe, a socket or a device"),
+        (lambda file: file.mkdir(), "is a folder"),
+        (_sparse, "has 1099511627776 bytes (at most"),
+        (lambda file: file.symlink_to(file), "cannot be read"),
+        (lambda file: None, "cannot be read: No such file"),
+        (lambda file: file.write_bytes("a\nb".encode("utf-16")), "line 1, column 1: not UTF-8 text"),
+        (lambda file: file.write_bytes(b"a\n\xff"), "line 2, column 1: not UTF-8 text"),
+    ],
+)
+def test_what_is_no_text_is_refused_at_once(tmp_path, make, message):
+    file = tmp_path / "a.txt"
+    make(file)
+    with pytest.raises(TextError) as caught:
+        read_text(file)
+    assert str(caught.value).startswith(f"{file}: ")
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("parse", "text", "message"),
+    [
+        (parse_toml, "a = 1\nb = ]", "a: line 2, column 5: not TOML: Invalid value"),
+        (parse_toml, "a = " + "9" * 5000, "not TOML: Exceeds the limit (4300 digits)"),
+        (parse_toml, f"a = {'[' * 900}{']' * 900}", f"more than {DEEPEST} deep"),
+        (parse_toml, f"a = {'[' * 100_000}", f"more than {DEEPEST} deep"),
+        (parse_toml, f"{'a.' * 900}a = 1", f"more than {DEEPEST} deep"),
+        (parse_toml, f"[{'x' * 300_000}]\n[{'x' * 300_000}]", "… (3000"),
+        (parse_json, '{"a":\n 1,}', "a: line 2, column 4: not JSON"),
+        (parse_json, "9" * 5000, "not JSON: Exceeds the limit"),
+        (parse_json, f"{'[' * 900}{']' * 900}", f"more than {DEEPEST} deep"),
+        (parse_json, '{"a":' * 100_000, f"more than {DEEPEST} deep"),
+    ],
+)
+def test_a_text_that_does_not_parse_is_refused_with_its_place(parse, text, message):
+    with pytest.raises(TextError) as caught:
+        parse(text, "a")
+    assert message in str(caught.value)
+    assert len(str(caught.value)) < 2000
+
+
+def test_a_text_may_be_nested_a_little():
+    text = "[" * DEEPEST + "]" * DEEPEST
+    assert parse_toml(f"a = {text[1:-1]}", "a")
+    assert parse_json(text, "a")
+
+
+def test_messages_are_short_and_cannot_control_a_terminal():
+    for message in (str(Fault("a\x1b[31m", "b\n", "c" * 300_000, "d\u202e")), str(AssetError("\x9b" + "x" * 300_000))):
+        assert len(message) < 2000
+        assert not set(message) & {"\x1b", "\x9b", "\u202e"}
