@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.errors import ModelError, nearest_hint
 
@@ -65,17 +66,25 @@ def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str
     }
 
 
+def as_numbers(value: object) -> NDArray[np.float64] | None:
+    """Return a number, or an array of them; None for what is none, as text and truth values are."""
+    parts = value if isinstance(value, list | tuple) else (value,)
+    if any(isinstance(each, str | bytes | bool | np.bool_) for each in parts):
+        return None
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
 def _checked(place: str, parameter: Parameter, value: object) -> Any:
     if parameter.kind == "token":
         if value not in parameter.choices:
             raise ModelError(f"{place} is {value!r}; one of {', '.join(parameter.choices)} would be right")
         return value
     shape = () if parameter.kind == "float" else (3,)
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if isinstance(value, (str, bool)) or array.shape != shape:
+    array = as_numbers(value)
+    if array is None or array.shape != shape:
         raise ModelError(f"{place} is {value!r}; {'three numbers' if shape else 'a number'} would be right")
     low, high = parameter.hard
     if not np.all((array >= low) & (array <= high) & np.isfinite(array)):

@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, Bsdf, Mode, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
+from lookdev.brdf.parameters import as_numbers
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
+from lookdev.text import TextError, parse_json
 
 Backend = Literal["numpy", "cycles"]
 Floats = NDArray[np.float64]
@@ -138,9 +140,9 @@ def _parse(number: int, line: str) -> _Case | None:
     if not line.strip():
         return None
     try:
-        case = json.loads(line)
-    except json.JSONDecodeError as error:
-        raise ModelError(f"line {number}: not JSON: {error}") from error
+        case = parse_json(line, f"line {number}")
+    except TextError as error:
+        raise ModelError(str(error)) from None
     if not isinstance(case, dict):
         raise ModelError(f"line {number}: a JSON object with model, params, wo and wi would be right")
     needed = ("model", "layers" if case.get("model") == "stack" else "params", "wo", "wi")
@@ -186,7 +188,7 @@ def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
 def _parse_layer(model: Any, params: Any, mode: Any = "over") -> tuple[PointLayer, dict[str, Any]]:
     if not isinstance(params, dict):
         raise ModelError("params must be an object of names and values")
-    if model not in MODELS:
+    if not isinstance(model, str) or model not in MODELS:
         raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack'])})")
     parameters = complete_parameters(model, params)
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
@@ -194,11 +196,8 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over") -> tuple[PointLaye
 
 
 def _direction(name: str, value: Any) -> Floats:
-    try:
-        vector = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        vector = np.empty(0)
-    if vector.shape != (3,) or not abs(float(np.linalg.norm(vector)) - 1.0) < _UNIT_TOLERANCE:
+    vector = as_numbers(value)
+    if vector is None or vector.shape != (3,) or not abs(float(np.linalg.norm(vector)) - 1.0) < _UNIT_TOLERANCE:
         raise ModelError(f"{name} is {value!r}; a unit vector of three numbers would be right")
     return vector
 

@@ -98,6 +98,8 @@ def evaluate(
 ) -> None:
     """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout."""
     from lookdev.checks.evaluate import evaluate_lines
+    from lookdev.text import decoded
 
-    for line in evaluate_lines(sys.stdin, backend.value):
+    lines = (decoded(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
+    for line in evaluate_lines(lines, backend.value):
         typer.echo(line)

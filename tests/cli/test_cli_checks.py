@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from io import StringIO
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
@@ -108,8 +108,14 @@ def test_eval_maps_lines_to_lines(
         return (f"{backend} {line.strip()}" for line in lines)
 
     provide("lookdev.checks.evaluate", evaluate_lines=evaluate_lines)
-    monkeypatch.setattr(sys, "stdin", StringIO("a\nb\n"))
+    monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(b"a\nb\n")))
     assert run_cli("eval", *options) == (0, f"{backend} a\n{backend} b\n", "")
+
+
+def test_eval_of_bytes_that_are_no_text_names_the_line(run_cli: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", TextIOWrapper(BytesIO(b"\n\xff\n")))
+    message = "lookdev: line 2: line 1, column 1: not UTF-8 text (save it as UTF-8)\n"
+    assert run_cli("eval") == (2, "", message)
 
 
 def test_eval_of_a_bad_line_is_exit_code_2(run_cli: Command, provide: Callable[..., None]) -> None:

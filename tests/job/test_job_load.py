@@ -359,7 +359,11 @@ def test_a_turntable_without_name_has_that_of_its_kind(folder: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "where"),
-    [(b'output = "a"\nlook =\n', "line 2, column 7"), (b"look = [", "end of document"), (b"# a\n\xff", "line 2, column 1")],
+    [
+        (b'output = "a"\nlook =\n', "line 2, column 7"),
+        (b"look = [", "end of document"),
+        (b"# a\n\xff", "line 2, column 1"),
+    ],
 )
 def test_text_that_is_no_toml_is_reported_with_its_line(tmp_path: Path, content: bytes, where: str) -> None:
     (tmp_path / "job.toml").write_bytes(content)

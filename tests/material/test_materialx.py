@@ -10,9 +10,11 @@ from materialx_documents import IMAGE, INPUTS, MATERIAL, as_look, document, impo
 from pxr import Sdf, Usd
 
 from lookdev.brdf import MODELS
+from lookdev.errors import OutputError
 from lookdev.material.look import Primvar, Texture
 from lookdev.material.materialx import import_materialx, write_usda
 from lookdev.material.usd import read_look
+from lookdev.material.validate.examine import examine
 
 NUMBERS = {"float": "0.25", "color3": "0.25, 0.5, 0.75"}
 
@@ -281,3 +283,15 @@ def test_materials_of_one_document_are_looks_of_one_file(tmp_path: Path) -> None
     stage = Usd.Stage.Open(str(tmp_path / "m.usda"))
     data = stage.GetPrimAtPath("/Alt_gold_1").GetCustomDataByKey("lookdev:materialx")
     assert data == {"file": "m.mtlx", "material": "Alt gold/1"}
+    assert {finding.severity for finding in examine(tmp_path / "m.usda").findings} == {"note"}
+
+
+def test_a_look_is_written_as_its_suffix_says(tmp_path: Path) -> None:
+    found = imported(tmp_path, setting("metallic", 'value="1"'))
+    for suffix, start in ((".usda", b"#usda"), (".usdc", b"PXR-USDC")):
+        file = tmp_path / f"look{suffix}"
+        write_usda(found, file)
+        assert file.read_bytes().startswith(start)
+        assert examine(file).findings == ()
+    with pytest.raises(OutputError, match=r"look\.txt: is no name of a look; it would end with \.usda"):
+        write_usda(found, tmp_path / "look.txt")

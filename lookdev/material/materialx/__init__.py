@@ -19,6 +19,7 @@ from lookdev.brdf.disney import DISNEY
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, OutputError, nearest_hint
 from lookdev.material.definitions import USD_TYPES
+from lookdev.material.library import SUFFIXES
 from lookdev.material.library.nodes import relative_path
 from lookdev.material.look import Primvar
 from lookdev.material.materialx.inputs import TYPES, Image, Sampled, Transform2d, Value, parse_constant, read_value
@@ -82,8 +83,11 @@ def import_materialx(file: Path) -> Imported:
 def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None:
     """Write imported materials as looks, each a layer LookdevDisney; a sole one is the default prim.
 
-    Image paths relative to the document become relative to `path`. OutputError where that exists, unless `replace`.
+    Image paths relative to the document become relative to `path`. OutputError where that exists, unless `replace`, or
+    is no path of a USD file.
     """
+    if path.suffix.lower() not in SUFFIXES:
+        raise OutputError(f"{path}: is no name of a look; it would end with {', '.join(SUFFIXES)}")
     if path.exists() and not replace:
         raise OutputError(f"{path} exists; another name would be right")
     stage = Usd.Stage.CreateInMemory()
@@ -94,7 +98,8 @@ def write_usda(imported: Imported, path: Path, *, replace: bool = False) -> None
     if len(imported.materials) == 1:
         stage.SetDefaultPrim(*stage.GetPseudoRoot().GetChildren())
     with atomic_path(path) as temporary:
-        temporary.write_text(stage.GetRootLayer().ExportToString(), encoding="utf-8")
+        if not stage.GetRootLayer().Export(str(temporary)):
+            raise OutputError(f"{path}: USD cannot write it")
 
 
 @cache

@@ -42,6 +42,8 @@ _DEPENDENCIES = "usdUtilsValidators:MissingReferenceValidator"
 _USD_SEVERITIES: dict[str, Severity] = {"Error": "error", "Warn": "warning", "Info": "note"}
 # USD's error for an unknown shader: nodes of other renderers may be beside ours.
 _UNKNOWN_SHADER = "MissingShaderIdInRegistry"
+# A file of several looks has no look that stands for it: a job names the one that is meant.
+_SEVERITIES: dict[str, Severity] = {_UNKNOWN_SHADER: "warning", "MissingDefaultPrim": "note"}
 # Nodes of MaterialX are read, or noted; USD's wheels lack its definitions.
 _MATERIALX = "shaderId 'ND_"
 _TOO_LARGE = "is too large to be examined for more than faults"
@@ -230,7 +232,7 @@ def _usd_findings(place: Usd.Stage | list[Usd.Prim], own: Iterable[Finding]) -> 
         named = Path(what.split("'")[1]).name if error.GetName() == _UNRESOLVED and "'" in what else what
         if any((name and (each.prim, each.input) == (prim, name)) or named in each.what for each in known):
             continue
-        severity = "warning" if error.GetName() == _UNKNOWN_SHADER else _USD_SEVERITIES[error.GetType().name]
+        severity = _SEVERITIES.get(error.GetName()) or _USD_SEVERITIES[error.GetType().name]
         yield Finding(severity, "" if prim == "/" else prim, name, what)
 
 
