@@ -13,6 +13,7 @@ from lookdev.codegen.source import (
     ShaderSource,
     Source,
     TextureBinding,
+    short_name,
 )
 
 __all__ = [
@@ -28,4 +29,5 @@ __all__ = [
     "ShaderSource",
     "Source",
     "TextureBinding",
+    "short_name",
 ]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from lookdev.cache import Content
-from lookdev.codegen.source import HANDEDNESS, AttributeBinding
+from lookdev.codegen.source import HANDEDNESS, AttributeBinding, short_name
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray, symbol, symbols
 from lookdev.errors import CodegenError
@@ -90,9 +90,9 @@ class Inputs:
 
     def primvar(self, primvar: Primvar) -> SymbolicArray:
         if isinstance(primvar.fallback, tuple):
-            name = self._attribute(f"primvar_{primvar.name}", primvar.name, "color", primvar.fallback)
+            name = self._attribute(f"primvar_{short_name(primvar.name)}", primvar.name, "color", primvar.fallback)
             return self._symbols(name, [f"{name}[{i}]" for i in range(3)])
-        name = self._attribute(f"primvar_{primvar.name}", primvar.name, "float", (float(primvar.fallback),))
+        name = self._attribute(f"primvar_{short_name(primvar.name)}", primvar.name, "float", (float(primvar.fallback),))
         return self._symbol(name)
 
     def handedness(self) -> SymbolicArray:
@@ -113,7 +113,7 @@ class Inputs:
         return name
 
     def _uv(self, name: str) -> str:
-        return self._attribute(f"uv_{name}", name, "uv", None)
+        return self._attribute(f"uv_{short_name(name)}", name, "uv", None)
 
     def _symbol(self, name: str) -> SymbolicArray:
         self._sources[name] = (name,)
@@ -126,9 +126,7 @@ class Inputs:
         self._sources |= dict.fromkeys(names, (source, self._uv(texture.st)) if texture else (source,))
         return symbols(self.graph, names)
 
-    def _attribute(self, parameter: str, attribute: str, kind: Any, fallback: tuple[float, ...] | None) -> str:
-        # USD names may contain ':' and '.', OSL identifiers may not.
-        name = "".join(character if character.isalnum() else "_" for character in parameter)
+    def _attribute(self, name: str, attribute: str, kind: Any, fallback: tuple[float, ...] | None) -> str:
         binding = AttributeBinding(name, attribute, kind, fallback)
         if self.attributes.setdefault(name, binding) != binding:
             raise CodegenError(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -15,6 +16,12 @@ TANGENT = "lookdev_tangent"
 
 HANDEDNESS = "lookdev_handedness"
 """Name of the mesh attribute that is -1 where the first UV set is mirrored, 1 elsewhere."""
+
+
+_PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
+_ODD = re.compile(r"[^A-Za-z0-9]")
+_TAKEN = {"position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius"}
+_TAKEN |= {"velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P"}
 
 
 @dataclass(frozen=True)
@@ -36,6 +43,23 @@ class AttributeBinding:
     attribute: str
     kind: Literal["uv", "float", "color", "vector"]
     fallback: tuple[float, ...] | None = None
+
+    @property
+    def stored(self) -> str:
+        """The attribute's name on a mesh in Blender, where a UV set and a primvar cannot share one."""
+        if self.attribute in (TANGENT, HANDEDNESS):
+            return self.attribute
+        return f"{'' if self.kind == 'uv' else 'primvars:'}{short_name(self.attribute)}"
+
+
+def short_name(name: str) -> str:
+    """Return the name of a UV set or primvar in Blender and in shaders, different for each.
+
+    Blender cuts names, OSL's identifiers are ASCII, and some names of attributes have a meaning in Blender or here.
+    """
+    if _PLAIN.fullmatch(name) and name not in _TAKEN and not name.startswith("lookdev_"):
+        return name
+    return f"{_ODD.sub('_', name[:24])}_{hashlib.sha256(name.encode()).hexdigest()[:12]}"
 
 
 TANGENT_BINDING = AttributeBinding("shading_tangent", TANGENT, "vector")

@@ -20,7 +20,7 @@ from lookdev.asset.gather import gathered
 from lookdev.asset.mesh import Asset, Floats, Mesh
 from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
-from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source
+from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source, short_name
 
 
 @dataclass(frozen=True)
@@ -193,8 +193,9 @@ def _build_mesh(
     read = {binding.attribute for each in bindings.values() for binding in each if binding.kind == "uv"}
     for name, uv in mesh.uvs.items():
         if whole or name in read:
-            data.uv_layers.new(name=name, do_init=False)
-            data.attributes[name].data.foreach_set("vector", uv.ravel())
+            short = short_name(name)
+            data.uv_layers.new(name=short, do_init=False)
+            data.attributes[short].data.foreach_set("vector", uv.ravel())
     # Blender's own custom normals have 16 bits; attributes have 32.
     _add_attribute(data, "lookdev_normal", *_compact(mesh, mesh.normals))
     for name, values in _attributes(mesh, np.repeat(face_sources, mesh.face_sizes), bindings).items():
@@ -235,9 +236,9 @@ def _attributes(
                 assert mesh.tangents is not None, "a scene task has the tangents that its sources read"
                 found[TANGENT] = mesh.tangents
             elif binding.attribute in mesh.primvars:
-                found[binding.attribute] = mesh.primvars[binding.attribute]
+                found[binding.stored] = mesh.primvars[binding.attribute]
             elif binding.fallback is not None:
-                lacking.setdefault(binding.attribute, {})[number] = binding.fallback
+                lacking.setdefault(binding.stored, {})[number] = binding.fallback
     for name, fallbacks in lacking.items():
         width = max(map(len, fallbacks.values()))
         found[name] = np.zeros((len(corner_sources), width) if width > 1 else len(corner_sources), np.float32)

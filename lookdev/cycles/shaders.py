@@ -59,7 +59,7 @@ def surface_material(source: ShaderSource, light: Light) -> Any:
     script = script_node(tree, source, values, arrays)
     _link_attribute(tree, script, "shading_normal", "lookdev_normal", "vector")
     for attribute in source.attributes:
-        _link_attribute(tree, script, attribute.parameter, attribute.attribute, attribute.kind)
+        _link_attribute(tree, script, attribute.parameter, attribute.stored, attribute.kind)
     return material
 
 

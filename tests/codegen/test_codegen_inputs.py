@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from lookdev.codegen import ShaderSource
+from lookdev.codegen import AttributeBinding, ShaderSource
 from lookdev.codegen.osl.surface import generate_surface
 from lookdev.light import Dome
 from lookdev.material import Bump, Formula, Input, Layer, Look, Texture
@@ -76,3 +77,33 @@ def test_a_set_of_tiles_is_a_look_up_of_the_tile(images: Images) -> None:
     )
     assert sorted(images.opened) == ["wear.1001.exr", "wear.1012.exr"]
     assert [binding.parameter for binding in source.textures] == ["texture0_1001_file", "texture0_1012_file"]
+
+
+@pytest.mark.parametrize("kind", ["uv", "float"])
+def test_names_in_blender_are_short_plain_and_different(kind):
+    names = [
+        "st",
+        "a" * 40,
+        "a" * 41,
+        "a" * 56,
+        "a" * 67,
+        "a" * 300_000,
+        "ä",
+        "ö",
+        "a:b",
+        "a.b",
+        "a_b",
+        "position",
+        "1",
+    ]
+    names += ["lookdev_normal", "material_index", ".corner_vert", "\x1b", "a" * 40 + "é"]
+    bindings = [AttributeBinding("x", name, kind) for name in names]
+    stored = [binding.stored for binding in bindings]
+    assert len(set(stored)) == len(names)
+    assert all(re.fullmatch(r"(primvars:)?[A-Za-z0-9_]+", each) and len(each) < 56 for each in stored)
+    assert stored[0].removeprefix("primvars:") == "st"
+    assert not {"position", "lookdev_normal", "material_index"} & set(stored)
+
+
+def test_a_primvar_and_a_uv_set_of_one_name_differ_in_blender():
+    assert AttributeBinding("x", "st", "uv").stored != AttributeBinding("y", "st", "float").stored

@@ -87,7 +87,11 @@ def run(monkeypatch: pytest.MonkeyPatch) -> Callable[[NodeTree, Mapping[str, Any
     def run_tree(tree: NodeTree, mesh: Mapping[str, Any]) -> Any:
         def answer(node: ShaderNode) -> Mapping[str, Any] | None:
             name = node.properties.get("uv_map", node.properties.get("attribute_name"))
-            return None if name is None else dict.fromkeys(("UV", "Fac", "Vector"), mesh[str(name)])
+            return (
+                None
+                if name is None
+                else dict.fromkeys(("UV", "Fac", "Vector"), mesh[str(name).removeprefix("primvars:")])
+            )
 
         return node_interpreter.Interpreter((tree,), answer).run("inputs")["out"]
 

@@ -122,7 +122,7 @@ def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, 
         if node.kind in ("LightPath", "CameraData"):
             return {"Ray Length": np.ones(1, np.float32), "View Distance": np.ones(1, np.float32)}
         if node.kind == "Attribute":
-            value = (attributes or {})[str(node.properties["attribute_name"])]
+            value = (attributes or {})[str(node.properties["attribute_name"]).removeprefix("primvars:")]
             return {"Fac": value, "Vector": value}
         return None
 

@@ -68,7 +68,7 @@ def run(source: NodeSource, given: Mapping[str, Any]) -> tuple[Any, Any]:
             case "LightPath":
                 return {"Transparent Depth": np.full(1, given["depth"], np.float32)}
             case "Attribute":
-                value = given[str(node.properties["attribute_name"])]
+                value = given[str(node.properties["attribute_name"]).removeprefix("primvars:")]
                 return {"Fac": value, "Vector": value}
         return None
 

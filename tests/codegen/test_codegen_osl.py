@@ -13,7 +13,7 @@ import pytest
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.brdf.pixar.partition import FRONT, THROUGH
 from lookdev.cache import Content
-from lookdev.codegen import HANDEDNESS, ShaderSource
+from lookdev.codegen import HANDEDNESS, ShaderSource, short_name
 from lookdev.codegen.osl.block import Block, literal
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.points import PointLayer, generate_points
@@ -178,7 +178,7 @@ def test_primvars_are_bound() -> None:
     source = surface(base(roughness=Primvar("my:wear", 0.5), baseColor=Primvar("displayColor", (1.0, 0.5, 0.0))))
     kinds = {binding.attribute: (binding.parameter, binding.kind, binding.fallback) for binding in source.attributes}
     assert kinds == {
-        "my:wear": ("primvar_my_wear", "float", (0.5,)),
+        "my:wear": (f"primvar_{short_name('my:wear')}", "float", (0.5,)),
         "displayColor": ("primvar_displayColor", "color", (1.0, 0.5, 0.0)),
     }
 

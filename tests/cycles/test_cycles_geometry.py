@@ -41,6 +41,18 @@ LEANING = ShaderSource(
     "leaning", "", (), (AttributeBinding("h", HANDEDNESS, "float"), AttributeBinding("t", TANGENT, "vector")), "4"
 )
 SOURCES = (PLAIN, WORN, TINTED, LEANING)
+# Names that Blender cuts, or that mean something else in it; and one of both a UV set and a primvar.
+ODD_UVS, ODD_PRIMVARS = ("u" * 63, "position", "st"), ("w" * 60, "w" * 68, "größe", "material_index", "lookdev_normal")
+ODD = ShaderSource(
+    "odd",
+    "",
+    (),
+    (
+        *(AttributeBinding(f"u{i}", name, "uv") for i, name in enumerate(ODD_UVS)),
+        *(AttributeBinding(f"w{i}", name, "float", (0.0,)) for i, name in enumerate((*ODD_PRIMVARS, "st"))),
+    ),
+    "5",
+)
 
 
 def moved(x: float, shear: float = 0.0) -> np.ndarray:
@@ -57,6 +69,13 @@ def balls() -> Asset:
     meshes[4] = replace(meshes[4], primvars={"wear": WEAR}, uvs=BALL.uvs | {"more": BALL.uvs["st"]})
     instances = [Instance(i, moved(3.0 * i)) for i in range(5)]
     return make_asset("balls", meshes, instances, [Slot(f"/{slot}") for slot in range(6)])
+
+
+def oddly_named() -> Asset:
+    uvs = {name: BALL.uvs["st"] + np.float32(i) for i, name in enumerate(ODD_UVS)}
+    primvars = {name: WEAR + np.float32(i) for i, name in enumerate(ODD_PRIMVARS)}
+    mesh = replace(BALL, name="/odd", uvs=uvs, primvars=primvars)
+    return make_asset("odd", [mesh], [Instance(0, np.eye(4))], [Slot("/a")])
 
 
 SHARED = {
@@ -88,6 +107,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
         "covered": (balls(), SOURCES, (0,) * 6, {"covered": True}),
         "apart": (balls(), SOURCES, (0,) * 6, {"apart": True}),
         "shared": (sharing(), SOURCES, (1,), {}),
+        "odd": (oddly_named(), (ODD,), (0,), {}),
         "crowd": (crowd(), SOURCES, (0,), {}),
         "crowd apart": (crowd(), SOURCES, (0,), {"apart": True}),
         "crowd of many": (crowd(1000), SOURCES, (0,), {}),
@@ -115,31 +135,42 @@ def test_a_mesh_carries_what_its_sources_read(built: dict[str, Any]) -> None:
     meshes = built["balls"]["meshes"]
     assert [set(meshes[f"/{i}"]["attributes"]) - {"lookdev_normal"} for i in range(5)] == [
         set(),
-        {"st", "wear", "tint"},
+        {"st", "primvars:wear", "primvars:tint"},
         {HANDEDNESS, TANGENT},
-        {"wear", "tint"},
-        {"st", "wear"},
+        {"primvars:wear", "primvars:tint"},
+        {"st", "primvars:wear"},
     ]
     for mesh in meshes.values():
         np.testing.assert_array_equal(mesh["attributes"]["lookdev_normal"], BALL.normals)
-    np.testing.assert_array_equal(meshes["/4"]["attributes"]["wear"][:, 0], WEAR)
+    np.testing.assert_array_equal(meshes["/4"]["attributes"]["primvars:wear"][:, 0], WEAR)
     np.testing.assert_array_equal(meshes["/4"]["attributes"]["st"], BALL.uvs["st"])
     np.testing.assert_array_equal(meshes["/2"]["attributes"][HANDEDNESS], 1.0)
     np.testing.assert_array_equal(meshes["/2"]["attributes"][TANGENT], BALL.tangents)
 
 
+def test_names_of_attributes_are_neither_cut_nor_mixed_up(built: dict[str, Any]) -> None:
+    found = built["odd"]["meshes"]["/odd"]["attributes"]
+    np.testing.assert_array_equal(found["lookdev_normal"], BALL.normals)
+    stored = {(binding.kind, binding.attribute): found[binding.stored] for binding in ODD.attributes}
+    for i, name in enumerate(ODD_UVS):
+        np.testing.assert_array_equal(stored["uv", name], BALL.uvs["st"] + np.float32(i))
+    for i, name in enumerate(ODD_PRIMVARS):
+        np.testing.assert_array_equal(stored["float", name][:, 0], WEAR + np.float32(i))
+    assert not stored["float", "st"].any()
+
+
 def test_what_a_mesh_lacks_has_the_fallback_of_each_faces_source(built: dict[str, Any]) -> None:
     found = built["balls"]["meshes"]["/1"]["attributes"]
     second = np.repeat(np.arange(FACES) >= FACES // 2, BALL.face_sizes)
-    np.testing.assert_array_equal(found["wear"][:, 0], np.where(second, 0.75, 0.25).astype(np.float32))
-    np.testing.assert_allclose(found["tint"][second], [[0.1, 0.2, 0.3]] * second.sum())
+    np.testing.assert_array_equal(found["primvars:wear"][:, 0], np.where(second, 0.75, 0.25).astype(np.float32))
+    np.testing.assert_allclose(found["primvars:tint"][second], [[0.1, 0.2, 0.3]] * second.sum())
 
 
 @pytest.mark.parametrize("domain", ["FACE", "POINT", "CORNER"])
 def test_what_corners_share_is_written_once(built: dict[str, Any], domain: str) -> None:
     mesh = built["shared"]["meshes"][f"/{domain}"]
-    assert mesh["domains"]["wear"] == domain
-    np.testing.assert_array_equal(mesh["attributes"]["wear"][:, 0], SHARED[domain])
+    assert mesh["domains"]["primvars:wear"] == domain
+    np.testing.assert_array_equal(mesh["attributes"]["primvars:wear"][:, 0], SHARED[domain])
 
 
 def test_users_of_blender_find_edges_and_all_uv_sets(built: dict[str, Any]) -> None:

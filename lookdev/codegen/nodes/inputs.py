@@ -54,9 +54,9 @@ def _bind_attribute(builder: TreeBuilder, binding: AttributeBinding) -> None:
     name = binding.parameter
     components = [f"{name}[{i}]" for i in range(3)]
     if binding.kind == "uv":
-        builder.bind(components, Link(builder.add("UVMap", {"uv_map": binding.attribute}), "UV"))
+        builder.bind(components, Link(builder.add("UVMap", {"uv_map": binding.stored}), "UV"))
         return
-    node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.attribute})
+    node = builder.add("Attribute", {"attribute_type": "GEOMETRY", "attribute_name": binding.stored})
     if binding.kind == "float":
         builder.bind([name], Link(node, "Fac"))
     else:
