@@ -26,6 +26,7 @@ from lookdev.asset.bounds import about_origin
 from lookdev.asset.normals import face_starts
 from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
+from lookdev.lifetime import end_with_parent
 from lookdev.light import world_image
 from lookdev.render import wire
 from lookdev.render.answers import Answers, save_arrays
@@ -204,6 +205,7 @@ def _same(built: SceneTask, other: SceneTask) -> bool:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     if sys.argv[1:2] == ["--try"]:
         _try(sys.argv[2])
     else:

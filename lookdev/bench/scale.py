@@ -141,10 +141,14 @@ def _start(root: Path, case: str, way: Way) -> Start:
         ) as process,
     ):
         assert process.stdout is not None
-        for line in process.stdout:
-            message = json.loads(line)
-            reached[message["reached"]] = time.perf_counter() - started
-            memory = message.get("memory", memory)
+        try:
+            for line in process.stdout:
+                message = json.loads(line)
+                reached[message["reached"]] = time.perf_counter() - started
+                memory = message.get("memory", memory)
+        except BaseException:
+            process.kill()
+            raise
     if process.returncode or "sample" not in reached:
         text = log.read_text(errors="replace")[-500:]
         raise RenderError(f"{case}, {way}: ended with exit code {process.returncode} before its first sample: {text}")

@@ -13,6 +13,7 @@ import typer
 import lookdev
 from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
+from lookdev.lifetime import ending_at_signals
 
 EX_SOFTWARE = 70
 """Exit code of a defect of the program (sysexits.h)."""
@@ -36,7 +37,8 @@ def main() -> None:
     file; 130: interrupted.
     """
     try:
-        app()
+        with ending_at_signals():
+            app()
     except (OutputError, RenderError, WorkerError) as error:
         _leave(str(error), 1)
     except FaultsError as error:

@@ -15,6 +15,7 @@ import threading
 from pathlib import Path
 
 from lookdev.cycles.leave import leaving
+from lookdev.lifetime import end_with_parent
 from lookdev.render.answers import Answers, save_arrays
 
 _LONGEST_CHATTER = 1 << 20
@@ -90,6 +91,7 @@ def _do_once(arguments: list[str], answers: Answers) -> None:
 
 def main() -> None:
     """Serve frame tasks; with ``--self-test``, ``--points FILE`` or ``--export-blend FILE`` do one thing and leave."""
+    end_with_parent()
     answers = Answers()
     with leaving():
         if arguments := sys.argv[1:]:

@@ -7,10 +7,12 @@ import os
 import sys
 from pathlib import Path
 
+from lookdev.lifetime import end_with_parent
 from lookdev.material.validate import bound_process
 from lookdev.material.validate.examine import examine
 
 if __name__ == "__main__":
+    end_with_parent()
     request = json.loads(sys.stdin.read())
     file = Path(request["file"])
     bound_process(file)

@@ -1,0 +1,49 @@
+"""How long processes live: no longer than the program that started them, and that two seconds after a signal."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_GRACE = 1.5  # seconds in which a program that is told to end may remove its files and end its children
+_PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
+
+
+def end_with_parent() -> None:
+    """Have the kernel kill this process when the thread that started it ends, however it ends."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+@contextmanager
+def ending_at_signals() -> Iterator[None]:
+    """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
+
+    Python runs handlers between its own instructions: a library that computes for long would hold them up. Another
+    thread sees the signal at once.
+    """
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+
+    def watch() -> None:
+        with os.fdopen(reader, "rb", buffering=0) as signals:
+            if number := signals.read(1):
+                time.sleep(_GRACE)
+                if not done.is_set():
+                    os._exit(128 + number[0])
+
+    done = threading.Event()
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    waking = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    threading.Thread(target=watch, daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
+        signal.set_wakeup_fd(waking)
+        signal.signal(signal.SIGTERM, before)
+        os.close(writer)

@@ -1,0 +1,82 @@
+"""SIGTERM and Ctrl-C: the command line and all its children end within two seconds."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+# Its children write their number to a file.
+_CHILD = """import os, pathlib, time
+from lookdev.lifetime import end_with_parent
+end_with_parent()
+pathlib.Path({0!r}).write_text(str(os.getpid()))
+time.sleep(60)"""
+_WAITS = """import sys
+from lookdev.cli import main
+from lookdev.material import validate
+validate._PROGRAM = (sys.executable, "-c", {child!r})
+sys.argv = ["lookdev", "validate", "look.usda"]
+main()"""
+# A library that computes for a minute, and does not return to Python.
+_COMPUTES = """import hashlib, subprocess, sys
+from lookdev.cli import app, main
+@app.command()
+def compute():
+    subprocess.Popen((sys.executable, "-c", {child!r}))
+    hashlib.pbkdf2_hmac("sha256", b"", b"", 10**8)
+sys.argv = ["lookdev", "compute"]
+main()"""
+
+
+def _running(number: int) -> bool:
+    status = Path(f"/proc/{number}/status")
+    return status.exists() and "State:\tZ" not in status.read_text()
+
+
+def _wait(condition, seconds: float) -> float:
+    """Return after how long a condition holds."""
+    started = time.monotonic()
+    while not condition():
+        if time.monotonic() > started + seconds:
+            pytest.fail(f"not within {seconds:g} s")
+        time.sleep(0.01)
+    return time.monotonic() - started
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("program", [_WAITS, _COMPUTES])
+def test_children_end_with_the_program(tmp_path, program, number):
+    file = tmp_path / "child"
+    command = [sys.executable, "-c", program.format(child=_CHILD.format(str(file)))]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    try:
+        _wait(lambda: file.exists() and file.read_text(), 30.0)
+        child = int(file.read_text())
+        assert _running(child)
+        process.send_signal(number)
+        assert process.wait(2.0) in (130, 128 + number)
+        _wait(lambda: not _running(child), 0.5)
+    finally:
+        process.kill()
+        process.wait()
+
+
+@pytest.mark.cycles
+def test_blender_ends_with_the_program_that_is_killed():
+    """Its input stays open here, whose end would end it too."""
+    program = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-m', 'lookdev.cycles']); time.sleep(60)"
+    reader, writer = os.pipe()
+    with subprocess.Popen([sys.executable, "-c", program], stdin=reader, stdout=subprocess.PIPE) as process:
+        assert process.stdout
+        assert b"ready" in process.stdout.readline()
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+        process.kill()
+        _wait(lambda: not any(_running(int(child)) for child in children), 2.0)
+    os.close(reader)
+    os.close(writer)
