@@ -28,6 +28,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
+_MOST = 100  # faults in a message
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
@@ -67,7 +68,9 @@ class FaultsError(LookdevError):
 
     def __init__(self, faults: Iterable[Fault]) -> None:
         self.faults: tuple[Fault, ...] = tuple(faults)
-        super().__init__("\n".join(str(fault) for fault in self.faults))
+        more = len(self.faults) - _MOST
+        shown = [*map(str, self.faults[:_MOST]), *[f"and {more} more faults"] * (more > 0)]
+        super().__init__("\n".join(shown))
 
     def __str__(self) -> str:
         return Exception.__str__(self)

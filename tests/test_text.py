@@ -6,7 +6,7 @@ import os
 
 import pytest
 
-from lookdev.errors import AssetError, Fault
+from lookdev.errors import AssetError, Fault, LookError
 from lookdev.text import DEEPEST, TextError, parse_json, parse_toml, read_text
 
 
@@ -79,3 +79,9 @@ def test_messages_are_short_and_cannot_control_a_terminal():
     for message in (str(Fault("a\x1b[31m", "b\n", "c" * 300_000, "d\u202e")), str(AssetError("\x9b" + "x" * 300_000))):
         assert len(message) < 2000
         assert not set(message) & {"\x1b", "\x9b", "\u202e"}
+
+
+def test_a_message_of_many_faults_ends():
+    error = LookError(Fault("a", str(number), "wrong") for number in range(1000))
+    assert len(error.faults) == 1000
+    assert str(error).splitlines()[99:] == ["a: 99: wrong", "and 900 more faults"]

@@ -92,7 +92,10 @@ def _readable(*suffixes: str) -> AfterValidator:
 
 def folder(path: Path) -> Path:
     """Return the path of a folder, which may not exist yet; a file in its place is a fault."""
-    nearest = next(place for place in (path, *path.parents) if place.exists())
+    try:
+        nearest = next(place for place in (path, *path.parents) if place.exists())
+    except OSError as error:  # of names that no file system takes
+        raise wrong(f"cannot be a folder: {error.strerror}") from None
     if not nearest.is_dir():
         raise wrong(f"{nearest} is not a folder", "name a folder; it is made if it does not exist")
     return path

@@ -6,8 +6,11 @@ import sys
 from pathlib import Path
 
 from cases import Kind
+from eval_lines import EVAL
+
+from jobs import JOBS
 
 sys.path.append(str(Path(__file__).parent.parent / "asset"))  # whose tests check arrays of assets
 from usd_assets import USD_ASSETS
 
-KINDS: dict[str, Kind] = {kind.name: kind for kind in (USD_ASSETS,)}
+KINDS: dict[str, Kind] = {kind.name: kind for kind in (USD_ASSETS, JOBS, EVAL)}

@@ -1,0 +1,95 @@
+"""Changes of a text file that are wrong in any language, and what is no text file at all."""
+
+from __future__ import annotations
+
+import os
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+REFUSED = frozenset({"refused"})
+SOUND = frozenset({"sound"})
+ANY = frozenset({"sound", "refused", "noted", "silent"})
+"""Where a changed text may be right, with another meaning."""
+
+_ODD = ("\x1b[31m", "\u202e", "\x07", "ä" * 300, "x" * 300_000)
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of the bytes of a text; what it becomes, and what a message about it must name beside the file."""
+
+    expected: frozenset[str]
+    make: Callable[[random.Random, bytes], bytes]
+    names: tuple[str, ...] = ()
+
+
+def _inserted(byte: bytes) -> Callable[[random.Random, bytes], bytes]:
+    def make(rng: random.Random, data: bytes) -> bytes:
+        place = rng.randrange(len(data))
+        return data[:place] + byte + data[place:]
+
+    return make
+
+
+def _flipped(rng: random.Random, data: bytes) -> bytes:
+    made = bytearray(data)
+    for _ in range(rng.choice((1, 1, 3, 30))):
+        made[rng.randrange(len(made))] ^= 1 << rng.randrange(7)
+    return bytes(made)
+
+
+def _shuffled(rng: random.Random, data: bytes) -> bytes:
+    lines = data.splitlines(keepends=True)
+    rng.shuffle(lines)
+    return b"".join(lines)
+
+
+def _repeated(rng: random.Random, data: bytes) -> bytes:
+    lines = data.splitlines(keepends=True)
+    place = rng.randrange(len(lines))
+    return b"".join([*lines[:place], *[lines[place]] * rng.choice((2, 1000)), *lines[place + 1 :]])
+
+
+CHANGES: dict[str, Change] = {
+    "UTF-16": Change(REFUSED, lambda rng, data: data.decode().encode("utf-16"), ("UTF-8",)),
+    "UTF-32": Change(REFUSED, lambda rng, data: data.decode().encode("utf-32"), ("UTF-8|not",)),
+    "a byte that is no text": Change(REFUSED, _inserted(b"\xff"), ("UTF-8",)),
+    "a cut character": Change(REFUSED, _inserted(b"\xc3"), ("UTF-8",)),
+    "a surrogate": Change(REFUSED, _inserted(b"\xed\xa0\x80"), ("UTF-8",)),
+    "a zero": Change(REFUSED, _inserted(b"\0"), ("line",)),
+    "a mark at its start": Change(SOUND, lambda rng, data: b"\xef\xbb\xbf" + data),
+    "line ends of Windows": Change(SOUND, lambda rng, data: data.replace(b"\n", b"\r\n")),
+    "empty": Change(REFUSED, lambda rng, data: b""),
+    "noise": Change(REFUSED, lambda rng, data: b"\xff" + rng.randbytes(rng.choice((1, 1000, 100_000)))),
+    "zeros": Change(REFUSED, lambda rng, data: bytes(4096)),
+    "brackets": Change(REFUSED, lambda rng, data: rng.choice((b"[", b"{", b"(", b"<a>")) * 100_000),
+    "flipped bits": Change(ANY, _flipped),
+    "lines in another order": Change(ANY, _shuffled),
+    "a repeated line": Change(ANY, _repeated),
+}
+
+Placed = Callable[[Path], object]
+
+
+def _sparse(file: Path) -> None:
+    with file.open("wb") as stream:
+        stream.truncate(1 << 40)
+
+
+NO_FILES: dict[str, tuple[Placed, str]] = {
+    "a pipe": (os.mkfifo, "pipe|not a file|no readable file"),
+    "a folder": (Path.mkdir, "folder|not a file|no readable file"),
+    "a device": (lambda file: file.symlink_to("/dev/zero"), "device|not a file|no readable file"),
+    "a link to itself": (lambda file: file.symlink_to(file), "cannot be read|no such file|no readable file"),
+    "a link to nothing": (lambda file: file.symlink_to("nothing"), "cannot be read|no such file|no readable file"),
+    "missing": (lambda file: None, "cannot be read|no such file|no readable file"),
+    "a sparse file": (_sparse, "at most|does not know the format|Cannot determine"),
+}
+"""What is in the place of the file, and what a message says."""
+
+
+def odd(rng: random.Random) -> str:
+    """Return a text that spoils a message that quotes it."""
+    return rng.choice(_ODD)
