@@ -46,6 +46,7 @@ _TYPES = {
     "vector4": Sdf.ValueTypeNames.Float4,
 }
 _COUNTS = {"float": 1, "integer": 1, "vector2": 2, "color3": 3, "vector3": 3, "color4": 4, "vector4": 4}
+_LINKS = ("interfacename", "nodegraph", "nodename", "output")
 _UNITS = {"meter": 1.0, "micrometer": 1e-6, "millimeter": 1e-3, "centimeter": 1e-2, "kilometer": 1e3}
 _UNITS |= {"inch": 0.0254, "foot": 0.3048, "yard": 0.9144, "mile": 1609.344}
 _UNITS |= {"degree": 1.0, "radian": math.degrees(1.0)}
@@ -195,6 +196,9 @@ class _Writer:
             attribute.connectionPathList.explicitItems = [target]
             return
         if not port.getValueString():
+            empty = [name for name in ("value", *_LINKS) if port.hasAttribute(name)]
+            if empty and port.getType() not in ("string", "filename"):
+                self._note(port, f"has an empty '{empty[0]}'", "its default is taken")
             return
         value = self._value(port)
         if value is not None:
@@ -226,9 +230,7 @@ class _Writer:
         """
         seen = set()
         while _is_connected(port):
-            interface, graph, node, output = (
-                port.getAttribute(name) for name in ("interfacename", "nodegraph", "nodename", "output")
-            )
+            interface, graph, node, output = (port.getAttribute(name) for name in _LINKS)
             parent = self._container(scope)
             if interface:
                 return parent.path.AppendProperty(f"inputs:{Tf.MakeValidIdentifier(interface)}")
@@ -292,14 +294,16 @@ class _Writer:
                 numbers = tuple(float(part) for part in re.split(r"[,\s]+", text.strip()))
             except ValueError:
                 numbers = ()
-            if len(numbers) == _COUNTS[kind] and all(abs(number) <= _LARGEST for number in numbers):
+            whole = kind != "integer" or all(number.is_integer() for number in numbers)
+            if whole and len(numbers) == _COUNTS[kind] and all(abs(number) <= _LARGEST for number in numbers):
                 scale = self._scale(port)
                 numbers = tuple(number * scale for number in numbers)
                 return int(numbers[0]) if kind == "integer" else numbers[0] if len(numbers) == 1 else numbers
         elif kind != "boolean":
             self._note(port, f"a value of type '{kind:.40}' is not read")
             return None
-        hint = f"{_COUNTS.get(kind, 1)} finite numbers, separated by commas, within {_LARGEST:g}"
+        sort = "whole" if kind == "integer" else "finite"
+        hint = f"{_COUNTS.get(kind, 1)} {sort} numbers, separated by commas, within {_LARGEST:g}"
         self._fault(port, f"'{text:.40}' is not a value", "true or false" if kind == "boolean" else hint)
         return None
 
@@ -335,7 +339,7 @@ class _Writer:
 
 
 def _is_connected(port: Any) -> bool:
-    return any(port.getAttribute(name) for name in ("interfacename", "nodegraph", "nodename", "output"))
+    return any(port.getAttribute(name) for name in _LINKS)
 
 
 @cache

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from cases import Kind
 from eval_lines import EVAL
+from materialx import MATERIALX
 
 from jobs import JOBS
 
 sys.path.append(str(Path(__file__).parent.parent / "asset"))  # whose tests check arrays of assets
 from usd_assets import USD_ASSETS
 
-KINDS: dict[str, Kind] = {kind.name: kind for kind in (USD_ASSETS, JOBS, EVAL)}
+KINDS: dict[str, Kind] = {kind.name: kind for kind in (USD_ASSETS, JOBS, EVAL, MATERIALX)}

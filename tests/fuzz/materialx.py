@@ -1,0 +1,186 @@
+"""MaterialX documents with one thing wrong, imported as Disney layers or read as looks of a job."""
+
+from __future__ import annotations
+
+import random
+import re
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cases import Case, Kind, Reading
+from text_changes import ANY, CHANGES, NO_FILES, REFUSED, odd
+from usd_sound import PIXEL
+
+from lookdev.material.materialx import import_materialx, write_usda
+from lookdev.material.usd import read_look
+from lookdev.material.usd.bound import read_any_look
+
+_TEXT = """<?xml version="1.0"?>
+<materialx version="1.39" colorspace="lin_rec709">
+  <tiledimage name="image" type="color3">
+    <input name="file" type="filename" value="color.png" colorspace="srgb_texture"/>
+    <input name="texcoord" type="vector2" nodename="place"/>
+  </tiledimage>
+  <place2d name="place" type="vector2">
+    <input name="texcoord" type="vector2" nodename="uv"/>
+    <input name="scale" type="vector2" value="0.5, 0.5"/>
+  </place2d>
+  <texcoord name="uv" type="vector2"/>
+  <SHADER name="S" type="surfaceshader">
+    <input name="COLOR" type="color3" nodename="image"/>
+    <input name="metallic" type="float" value="0.25"/>
+    <input name="ROUGH" type="float" value="0.75"/>
+    <input name="TINT" type="color3" value="0.5, 0.25, 1"/>
+  </SHADER>
+  <surfacematerial name="M" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="S"/>
+  </surfacematerial>
+</materialx>
+"""
+_WAYS = {
+    "import": {"SHADER": "disney_principled", "COLOR": "baseColor", "ROUGH": "roughness", "TINT": "subsurfaceDistance"},
+    "look": {"SHADER": "gltf_pbr", "COLOR": "base_color", "ROUGH": "roughness", "TINT": "sheen_color"},
+}
+_VALUES = (
+    "",
+    "abc",
+    "nan",
+    "inf",
+    "-inf",
+    "1e400",
+    "9" * 5000,
+    "1, 2",
+    "0.5 0.5",
+    "true",
+    "0x10",
+    "1;2",
+    "0.5 0.5 0.5 0.5",
+    "ODD",
+    "[1]",
+)
+_NAMES = ("", "nothing", "S", "ODD", "a/b", "../S", "M")
+_TYPES = ("", "integer", "string", "boolean", "color4", "matrix44", "floatarray", "nothing", "ODD")
+_CATEGORIES = ("nothing", "noise2d", "image", "ODDNAME", "nodegraph", "surface", "mix")
+_DEEP = "<nodegraph name='g'>"
+_BOMB = '<!DOCTYPE a [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>'
+_WHOLE: dict[str, tuple[str, str]] = {
+    "a type definition": ("<materialx", f"{_BOMB}<materialx"),
+    "no version": ('version="1.39" ', ""),
+    "version 1.36": ("1.39", "1.36"),
+    "version 9.9": ("1.39", "9.9"),
+    "version x": ("1.39", "x" * 3000),
+    "another root": ("materialx", "html"),
+    "deep nesting": ("<texcoord", _DEEP * 900 + "</nodegraph>" * 900 + "<texcoord"),
+    "deeper nesting": ("<texcoord", _DEEP * 100_000),
+    "two of a name": ('name="place"', 'name="image"'),
+    "a cycle": ('nodename="uv"', 'nodename="place"'),
+    "a long cycle": (
+        '<texcoord name="uv" type="vector2"/>',
+        '<texcoord name="uv" type="vector2"><input name="in" type="vector2" nodename="place"/></texcoord>',
+    ),
+    "no material": ("surfacematerial", "volumematerial"),
+    "an entity": ('value="0.25"', 'value="&quot"'),
+    "an unknown entity": ('value="0.25"', 'value="&lol;"'),
+    "a control character": ('value="0.25"', 'value="&#27;[31m"'),
+    "a character 0": ('value="0.25"', 'value="&#0;"'),
+}
+
+
+def _spots(attribute: str) -> list[int]:
+    """Return the numbers of the lines of a layer's own or its texture's inputs, that have an attribute."""
+    return [number for number, line in enumerate(_TEXT.splitlines()) if f" {attribute}=" in line and "<input" in line]
+
+
+_NUMBERS = [number for number in _spots("value") if "filename" not in _TEXT.splitlines()[number]]
+_PLANNED: tuple[tuple[str, ...], ...] = (
+    *(
+        ("value", way, str(line), value)
+        for way in _WAYS
+        for line in _NUMBERS
+        for value in _VALUES
+        if (line, value) != (_NUMBERS[0], "1, 2")
+    ),
+    *(("nodename", way, str(line), name) for way in _WAYS for line in _spots("nodename") for name in _NAMES),
+    *(("type", way, str(line), kind) for way in _WAYS for line in _spots("type") for kind in _TYPES),
+    *(("name", way, str(line)) for way in _WAYS for line in _spots("name")),
+    *(("category", way, kind) for way in _WAYS for kind in _CATEGORIES),
+    *(("file", way, name) for way in _WAYS for name in ("", "nothing.png", "ODD", ".", "m.mtlx", "a<UDIM>.png", "@@@")),
+    *(("whole", way, name) for way in _WAYS for name in _WHOLE),
+    *(("text", way, name) for way in _WAYS for name in CHANGES for _ in range(3)),
+    *(("place", way, name) for way in _WAYS for name in NO_FILES),
+)
+
+
+def _text(way: str) -> str:
+    text = _TEXT
+    for word, name in _WAYS[way].items():
+        text = text.replace(word, name)
+    return text
+
+
+def _read(way: str, file: Path) -> Reading:
+    if way == "import":
+        found = import_materialx(file)
+        write_usda(found, file.with_suffix(".usda"), replace=True)
+        name = found.materials[0].name if found.materials else ""
+        prim = None if len(found.materials) == 1 else f"/{name}"
+        materials, notes = repr(read_look(file.with_suffix(".usda"), prim, name="M")), found.unmapped
+    else:
+        look = read_any_look(file, None, {}, "M")
+        materials, notes = repr(look.look), look.lost
+    folder = str(file.parent)
+    return Reading(
+        {"materials": materials.replace(folder, "FOLDER")}, tuple(str(note).replace(folder, "") for note in notes)
+    )
+
+
+@cache
+def _sound(way: str) -> Reading:
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        (folder / "color.png").write_bytes(PIXEL)
+        (folder / "m.mtlx").write_text(_text(way))
+        return _read(way, folder / "m.mtlx")
+
+
+def make(rng: random.Random, number: int, folder: Path) -> Case:
+    """Write the files of a case."""
+    order = list(range(len(_PLANNED)))
+    random.Random("order").shuffle(order)
+    what, way, *rest = _PLANNED[order[number % len(order)]]
+    (folder / "color.png").write_bytes(PIXEL)
+    file, text = folder / "m.mtlx", _text(way)
+    lines = text.splitlines(keepends=True)
+    strange = re.sub(r'[<>&"\x00-\x1f]', "-", odd(rng))
+    # What is not carried is noted, what is broken is refused; which of them depends on the node.
+    expected, names = frozenset({"refused", "noted", "sound"}), ("m.mtlx|m.usda",)
+    match what, *rest:
+        case "value" | "nodename" | "type", line, value:
+            value = value.replace("ODD", strange)
+            lines[int(line)] = re.sub(rf' {what}="[^"]*"', f' {what}="{value}"', lines[int(line)])
+        case "name", line:
+            lines[int(line)] = re.sub(r' name="[^"]*"', f' name="{strange.replace(" ", "")[:4000]}"', lines[int(line)])
+        case "category", kind:
+            lines = text.replace("tiledimage", kind.replace("ODDNAME", "x" * 3000)).splitlines(keepends=True)
+        case "file", name:
+            lines = text.replace("color.png", name.replace("ODD", strange)).splitlines(keepends=True)
+        case "whole", name:
+            lines = [text.replace(*_WHOLE[name])]
+        case "text", name:
+            change = CHANGES[name]
+            file.write_bytes(change.make(rng, text.encode()))
+            expected = change.expected
+            names = (*names, *change.names)
+        case "place", name:
+            NO_FILES[name][0](file)
+            expected, names = REFUSED, (*names, NO_FILES[name][1])
+    if what not in ("text", "place"):
+        file.write_text("".join(lines))
+    title = " ".join((what, way, *(each[:40] for each in rest)))
+    if what == "whole" and rest[0] in ("an entity", "a control character"):
+        expected = ANY
+    return Case(title, expected, lambda: _read(way, file), lambda: _sound(way), names, ())
+
+
+MATERIALX = Kind("MaterialX", make, len(_PLANNED))
