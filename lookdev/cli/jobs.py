@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, JobFile
+from lookdev.cli.options import AsJson, JobFile, nothing_printed
 
 app = typer.Typer()
 _PANEL = "Jobs"
@@ -42,7 +42,8 @@ def plan(job: JobFile, as_json: AsJson = False) -> None:
     from lookdev.batch.listing import plan_data, plan_text
     from lookdev.batch.prepare import prepare_job
 
-    prepared = prepare_job(job)
+    with nothing_printed():
+        prepared = prepare_job(job)
     for note in prepared.notes:
         typer.echo(f"note: {note}", err=True)
     if as_json:

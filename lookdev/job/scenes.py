@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lookdev.asset.usd_camera import UsdCamera, read_camera
-from lookdev.errors import Fault
+from lookdev.errors import Fault, shortened
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
@@ -18,6 +18,7 @@ from lookdev.light import Light, load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.material.usd import expand_variants
 from lookdev.material.usd.bound import read_any_look
+from lookdev.material.variants import MOST_COMBINATIONS
 from lookdev.scene import Film, Scene
 from lookdev.stage import open_stage
 
@@ -63,7 +64,7 @@ def job_scenes(job: Job) -> JobScenes:
         for name, each in dressed.items()
         for ibl, light in lights.items()
     }
-    return JobScenes(job, scenes, places, tuple(dict.fromkeys(notes)))
+    return JobScenes(job, scenes, places, tuple(dict.fromkeys(map(shortened, notes))))
 
 
 def each_variant(
@@ -109,15 +110,21 @@ def _every_variant(job: Job, assets: Assets, faults: list[Fault]) -> tuple[Job, 
     """Return the job with a look for each variant, and the key in the job file of each look."""
     looks: list[JobLook] = []
     places: dict[str, str] = {}
+    taken: set[str] = set()
     for index, given in enumerate(job.look):
         place = f"look[{index}]"
         with collected(job, place, faults):
             for name, chosen in _variants(given, assets):
-                if any(name.casefold() == other.casefold() for other in places):
+                if name.casefold() in taken:
                     what = f"two looks of the job are called '{name}'"
                     faults.append(Fault(str(job.file), place, what, "give each its own name"))
                 looks.append(given.model_copy(update={"name": name, "variants": chosen}))
                 places[name] = place
+                taken.add(name.casefold())
+    if len(looks) > MOST_COMBINATIONS and any("*" in each.variants.values() for each in job.look):
+        what = f"'*' stands for variants that make {len(looks)} looks, at most {MOST_COMBINATIONS} would be right"
+        faults.append(Fault(str(job.file), "look", what, "name a variant of some of the sets"))
+        raise_all(faults)
     return job.model_copy(update={"look": tuple(looks)}), places
 
 

@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from lookdev.errors import Fault, LookdevError, LookError
 
-_MOST_COMBINATIONS = 1000  # of variants, that "*" may stand for
+MOST_COMBINATIONS = 1000
+"""Of variants, that ``"*"`` may stand for: in one look, and in all looks of a job."""
 
 
 def parse_variants(pairs: Iterable[str]) -> dict[str, str]:
@@ -35,7 +36,7 @@ def combinations(
         if not all(options):
             raise LookError([Fault(file, prim, f"variant set '{wanted}' has no variants")])
         made = [{**chosen, wanted: each} for chosen, own in zip(made, options, strict=True) for each in own]
-        if len(made) > _MOST_COMBINATIONS:
-            what = f"'*' stands for {len(made)} combinations of variants, at most {_MOST_COMBINATIONS} would be right"
+        if len(made) > MOST_COMBINATIONS:
+            what = f"'*' stands for {len(made)} combinations of variants, at most {MOST_COMBINATIONS} would be right"
             raise LookError([Fault(file, prim, what, "name a variant of some of the sets")])
     return tuple(made)

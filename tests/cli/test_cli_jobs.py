@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import batch_case as case
 import pytest
 
 from lookdev.batch.examples import Example, copy_example, list_examples
+from lookdev.cli import main
 from lookdev.errors import OutputError
 from lookdev.job import json_schema, load_job
 from lookdev.material.usd import read_look
@@ -127,3 +130,21 @@ def test_example_lists_and_names_the_next_command(
     assert (code, errors) == (0, "")
     assert output.endswith("next: lookdev render 'my jobs/jobs/first.toml'\n")
     assert run_cli("example", "frist") == (2, "", "lookdev: there is no example 'frist' (did you mean 'first'?)\n")
+
+
+def test_what_a_library_prints_is_not_before_the_json(
+    job_file: Path, provide: Callable[..., None], monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    prepared = SimpleNamespace(job=load_job(job_file), plan=case.make_plan(load_job(job_file)), notes=())
+
+    def prepare_job(path: Path) -> SimpleNamespace:
+        os.write(1, b"Warning: a library\n")
+        return prepared
+
+    provide("lookdev.batch.prepare", prepare_job=prepare_job)
+    monkeypatch.setattr(sys, "argv", ["lookdev", "plan", str(job_file), "--json"])
+    with pytest.raises(SystemExit):
+        main()
+    output, errors = capfd.readouterr()
+    assert json.loads(output)["files"]
+    assert "Warning: a library" in errors

@@ -10,7 +10,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import FaultsError
-from lookdev.job import parse_job
+from lookdev.job import parse_job, scenes
 from lookdev.job.scenes import JobScenes, job_scenes
 
 MATERIAL = """
@@ -346,6 +346,16 @@ def test_variants_without_material_are_those_of_the_asset(make: Make) -> None:
     assert worn(every, "one_matt") == OWN
     # Those of a material leave the asset as it is.
     assert worn(make(GOLD, 'usd = "car.usda"\nvariants = { finish = "gloss" }')) == dict.fromkeys(OWN, 0.25)
+
+
+def test_the_looks_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    star = 'variants = { finish = "*" }\n'
+    two = star + '[[look]]\nname = "two"\n' + star
+    monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 4)
+    assert len(make(two).job.look) == 4
+    monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 3)
+    with pytest.raises(FaultsError, match=r"look: '\*' stands for variants that make 4 looks, at most 3"):
+        make(two)
 
 
 def test_notes_on_an_asset_are_told_once(make: Make) -> None:
