@@ -104,6 +104,12 @@ def test_expressions_do_not_nest_without_end(write) -> None:
     chain = "".join(expression("a", link.format(number + 1), f"E{number}") for number in range(40))
     faults = faults_of(write(masked(expression("a", link.format(0)), chain), STACK))
     assert "more than 32 expressions" in faults[0][1]
+    assert len(faults) == 1
+
+
+def test_a_layer_has_one_output(write) -> None:
+    ((place, what, hint),) = faults_of(write(stack(BASE.replace("layer>", "out>"), disney()), STACK))
+    assert (place, what, hint) == ("/M/Layers.inputs:base", "cannot use </M/Base.outputs:out>", "use outputs:layer")
 
 
 def test_what_expressions_share_is_read_and_computed_once(write) -> None:

@@ -295,6 +295,8 @@ def _read_layer(
     if model is None:
         network.fault(place, f"<{source.path}> has the unknown info:id '{given}'", nearest_hint(given, known))
         return None
+    if source.output != "layer":
+        network.fault(place, f"cannot use <{source.path}.outputs:{source.output}>", "use outputs:layer")
     parameters = MODELS[model].parameters
     network.check_inputs(source.shader, list(parameters))
     inputs: dict[str, Input] = {}

@@ -163,7 +163,7 @@ def _read_formula_input(
         return None
     noted = len(network.faults)
     value = read_input(network, attribute, Parameter(name, kind, 0.0, (-inf, inf), (-inf, inf)), within)
-    if value is None and len(network.faults) == noted:
+    if value is None and len(network.faults) == noted and not isinstance(network.follow(attribute), Source):
         network.fault(place, "is neither set nor connected", "give it a value, or connect it")
     return None if value is None or isinstance(value, str | Bump) else (kind, value)
 
