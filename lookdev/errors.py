@@ -42,7 +42,7 @@ class LookdevError(Exception):
     """Base of every error raised on purpose."""
 
     def __str__(self) -> str:
-        return shortened(super().__str__(), 1500)
+        return "\n".join(shortened(line, 1500) for line in super().__str__().splitlines()[: _MOST + 1])
 
 
 @dataclass(frozen=True, order=True)
