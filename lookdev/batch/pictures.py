@@ -1,7 +1,7 @@
 """The outputs of a plan: files made of finished frames, and made again only when they would differ.
 
-A ledger in the output's state folder records what each file was made of: the frame digests and the options. So a new
-view, or another number of frames, is noticed although no frame was rendered.
+A ledger in the output's state folder records what each file was made of, the frame digests and the options, and its
+size. So a new view, another number of frames, or a file that was cut off is noticed although no frame was rendered.
 """
 
 from __future__ import annotations
@@ -108,7 +108,8 @@ class Pictures:
 
         frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light)
         write_shared(paths, lambda path: file.output.write(path, frames))
-        self._ledger |= dict.fromkeys(map(self._name, paths), self._key(file))
+        key = self._key(file)
+        self._ledger |= {self._name(path): [key, path.stat().st_size] for path in paths}
         with atomic_path(self._ledger_file) as temporary:
             temporary.write_text(json.dumps(self._ledger, indent=0))
 
@@ -121,7 +122,7 @@ class Pictures:
         return {name: getattr(self._outputs, name) for name in ("view", *output.options)}
 
     def _is_current(self, path: Path, key: str) -> bool:
-        return self._ledger.get(self._name(path)) == key and path.exists()
+        return path.is_file() and self._ledger.get(self._name(path)) == [key, path.stat().st_size]
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._root).as_posix()
@@ -162,7 +163,7 @@ def _number(frame: Path) -> str:
     return frame.stem.rpartition(".")[2]
 
 
-def _read_ledger(path: Path) -> dict[str, str]:
+def _read_ledger(path: Path) -> dict[str, object]:
     try:
         ledger = parse_json(read_text(path), path)
     except TextError:  # lost or spoilt: every picture is made again

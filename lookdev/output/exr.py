@@ -6,8 +6,11 @@ bits cannot hold a 64-bit seed or an error estimate exactly.
 
 from __future__ import annotations
 
+import os
+import struct
 from collections.abc import Mapping
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import OpenEXR
@@ -19,6 +22,8 @@ from lookdev.errors import OutputError
 Floats = NDArray[np.float32]
 
 PREFIX = "lookdev:"
+
+_ROWS_OF_A_BLOCK = 16  # of ZIP_COMPRESSION
 
 
 def write_frame(path: Path, beauty: ArrayLike, alpha: ArrayLike, header: Mapping[str, str | float | int]) -> None:
@@ -55,11 +60,43 @@ def read_frame(path: Path) -> tuple[Floats, Floats]:
 def read_header(path: Path) -> dict[str, str]:
     """Return the header given to `write_frame`, as strings, without decoding pixels; empty for another EXR.
 
-    Raises OutputError where the header cannot be read.
+    It has the ``resolution`` of the pixels, "width x height", too. Raises OutputError where the header cannot be read,
+    or the file is cut off after it.
     """
     try:
+        if not path.is_file():
+            raise ValueError("not a file")
         with OpenEXR.File(str(path), header_only=True) as exr:
-            entries = exr.header().items()
-            return {key.removeprefix(PREFIX): str(value) for key, value in entries if key.startswith(PREFIX)}
-    except (RuntimeError, ValueError) as error:
+            entries = dict(exr.header())
+        own = {key.removeprefix(PREFIX): str(value) for key, value in entries.items() if key.startswith(PREFIX)}
+        if own:
+            (left, top), (right, bottom) = (corner.tolist() for corner in entries["dataWindow"])
+            width, height = right - left + 1, bottom - top + 1
+            if not _has_all_rows(path, height):
+                raise ValueError("its pixels are cut off")
+            own["resolution"] = f"{width} x {height}"
+    except (RuntimeError, ValueError, KeyError, OSError, struct.error) as error:
         raise OutputError(f"{path}: no readable EXR header: {error}") from error
+    return own
+
+
+def _has_all_rows(path: Path, height: int) -> bool:
+    """Return whether a file that `write_frame` wrote has its last block of rows; source: "OpenEXR File Layout"."""
+    with path.open("rb") as stream:
+        stream.seek(8)
+        while _text(stream):  # the name of an attribute; then its type, size and value
+            _text(stream)
+            stream.seek(struct.unpack("<I", stream.read(4))[0], os.SEEK_CUR)
+        blocks = -(-height // _ROWS_OF_A_BLOCK)
+        start = max(struct.unpack(f"<{blocks}Q", stream.read(8 * blocks)))
+        stream.seek(start)
+        _, size = struct.unpack("<iI", stream.read(8))
+        return bool(start) and start + 8 + size <= os.fstat(stream.fileno()).st_size
+
+
+def _text(stream: BinaryIO) -> bytes:
+    """Return what a stream has before the next byte 0."""
+    text = bytearray()
+    while (byte := stream.read(1)) not in (b"\0", b""):
+        text += byte
+    return bytes(text)

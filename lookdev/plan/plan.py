@@ -19,7 +19,8 @@ from lookdev.scene import Pose
 State = Literal["done", "stale", "new"]
 Header = Mapping[str, str]
 HeaderReader = Callable[[Path], Header | None]
-"""Returns the ``lookdev:`` attributes of an EXR, without that prefix; raises OutputError where the file is broken."""
+"""Returns the ``lookdev:`` attributes of an EXR, without that prefix, and its ``resolution``, "width x height"; raises
+OutputError where the file is broken."""
 
 
 @dataclass(frozen=True)
@@ -167,8 +168,10 @@ def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> Pla
         header = read_header(path) or {}
     except OutputError:
         return PlannedFile(path, "stale", "not a readable EXR")
+    width, height = task.scene.resolution
     if header.get("digest") == task.digest:
-        return PlannedFile(path, "done", "")
+        same = header.get("resolution") == f"{width} x {height}"
+        return PlannedFile(path, "done", "") if same else PlannedFile(path, "stale", "pixels of another size")
     if "digest" not in header:
         return PlannedFile(path, "stale", "not written by lookdev")
     parts = [key for key in task.labels if key.startswith("digest.") and header.get(key) != task.labels[key]]
@@ -190,4 +193,7 @@ def _pictures(frames: tuple[PlannedFrame, ...], beside: Sequence[str]) -> Iterat
 
 def _is_due(picture: Path, frame: Path) -> bool:
     # The EXR is written first: a picture older than it is of the frame that it replaced.
-    return not picture.exists() or picture.stat().st_mtime_ns < frame.stat().st_mtime_ns
+    if not picture.is_file():
+        return True
+    status = picture.stat()
+    return not status.st_size or status.st_mtime_ns < frame.stat().st_mtime_ns

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import errno
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import batch_case as case
@@ -47,7 +48,12 @@ def test_a_spoilt_ledger_makes_every_picture_again(tmp_path: Path, spoilt: str) 
 def test_large_frames_are_averaged_for_the_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[np.ndarray] = []
     monkeypatch.setattr("lookdev.output.sheet.SOURCE_SIZE", 4)
-    monkeypatch.setattr("lookdev.output.sheet.write_sheet", lambda path, frames, *rest: seen.extend(frames))
+
+    def write_sheet(path: Path, frames: Iterable[np.ndarray], *rest: object) -> None:
+        path.write_bytes(b"a sheet")
+        seen.extend(frames)
+
+    monkeypatch.setattr("lookdev.output.sheet.write_sheet", write_sheet)
     job = case.make_job(tmp_path)
     behind = np.zeros((case.HEIGHT, case.WIDTH, 3))
     behind[:, ::2] = 1.0
@@ -133,3 +139,15 @@ def test_overviews_are_beside_the_sheets_of_turntables_and_only_if_wanted(tmp_pa
     sheets.clear()
     overview(tmp_path, "", looks=("tin", "copper"))
     assert {labels[0] for _, labels, *_ in sheets} == {"0001"}
+
+
+@pytest.mark.parametrize("name", ["gold/city/element.0001.png", "gold/city/element.sheet.png"])
+@pytest.mark.parametrize("size", [0, 100])
+def test_a_picture_that_was_cut_off_is_made_again(tmp_path: Path, name: str, size: int) -> None:
+    job = case.make_job(tmp_path)
+    case.run(tmp_path, job)
+    picture = tmp_path / "out" / name
+    whole = picture.read_bytes()
+    os.truncate(picture, size)
+    case.run(tmp_path, job)
+    assert picture.read_bytes() == whole

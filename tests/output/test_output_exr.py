@@ -33,7 +33,7 @@ def test_round_trip_is_exact(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray
     np.testing.assert_array_equal(beauty, frame[0])
     np.testing.assert_array_equal(alpha, frame[1])
     assert (beauty.dtype, alpha.dtype) == (np.float32, np.float32)
-    assert read_header(path) == {key: str(value) for key, value in HEADER.items()}
+    assert read_header(path) == {key: str(value) for key, value in HEADER.items()} | {"resolution": "20 x 30"}
     assert float(read_header(path)["error"]) == 1.1e-4
     assert [file.name for file in path.parent.iterdir()] == [path.name]
 
@@ -55,7 +55,7 @@ def test_rewriting_replaces(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]
     path = tmp_path / "a.exr"
     for digest in ("old", "new"):
         write_frame(path, *frame, {"digest": digest})
-    assert read_header(path) == {"digest": "new"}
+    assert read_header(path) == {"digest": "new", "resolution": "20 x 30"}
 
 
 def test_foreign_exr_has_an_empty_header(tmp_path: Path) -> None:
@@ -73,6 +73,8 @@ def test_truncated_frame_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np
     path.write_bytes(path.read_bytes()[:-cut])
     with pytest.raises(OutputError, match="not a whole frame"):
         read_frame(path)
+    with pytest.raises(OutputError, match="pixels are cut off"):
+        read_header(path)
 
 
 @pytest.mark.parametrize("content", [b"", b"not an image", None])

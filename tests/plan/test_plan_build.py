@@ -35,9 +35,10 @@ class Disk:
         for path in files or task.files:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.touch()
-            self.headers[path] = task.labels | {"digest": task.digest}
+            resolution = "{} x {}".format(*task.scene.resolution)
+            self.headers[path] = task.labels | {"digest": task.digest, "resolution": resolution}
             if png:
-                path.with_suffix(".png").touch()
+                path.with_suffix(".png").write_bytes(b"a picture")
 
     def finish(self, plan: Plan) -> None:
         for task in plan.pending():
@@ -258,3 +259,29 @@ def test_the_background_renders_nothing_again(make_job: MakeJob, plan_of: PlanOf
 
     black, grey = first(make_job()), first(make_job("[render]\nbackground = [0.1, 0.2, 1]\n"))
     assert black == grey
+
+
+def test_a_frame_of_another_size_is_stale(disk: Disk, plan_of: PlanOf) -> None:
+    first = plan_of()
+    disk.finish(first)
+    path = first.frames[0].task.files[0]
+    header = disk.headers[path]
+    assert header is not None
+    header["resolution"] = "1 x 1"
+    plan = plan_of()
+    assert (planned(plan, path).state, planned(plan, path).reason) == ("stale", "pixels of another size")
+    assert plan.counts["stale"] == 1
+
+
+@pytest.mark.parametrize("spoilt", ["empty", "folder"])
+def test_a_picture_that_is_none_is_due(disk: Disk, plan_of: PlanOf, spoilt: str) -> None:
+    first = plan_of()
+    disk.finish(first)
+    assert plan_of().pictures == ()
+    picture = first.frames[0].task.files[0].with_suffix(".png")
+    if spoilt == "empty":
+        picture.write_bytes(b"")
+    else:
+        picture.unlink()
+        picture.mkdir()
+    assert plan_of().pictures == (picture,)
