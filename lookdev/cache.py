@@ -1,33 +1,47 @@
-"""Where derived files live, and how any file is written: whole or not at all."""
+"""Where derived files live, how any file is written, whole or not at all, and how the cache is checked as it is read.
+
+The cache has two kinds of files. In ``content`` are files named by the SHA-256 of their bytes: `Content`. Everywhere
+else are small records: what was made for a key, numbers or the names of such files, with a checksum. What is read is
+checked, once in a process unless it changes. What is damaged counts as missing, with a note for the user: it is made
+again.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import secrets
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from lookdev.errors import ContentError, OutputError
+
+_notes: list[str] = []
 
 
 def cache_dir(*parts: str) -> Path:
     """Return (and make) a folder of the cache: ``$LOOKDEV_CACHE``, else ``$XDG_CACHE_HOME/lookdev``.
 
-    Raises OutputError where its path has a quotation mark.
+    Raises OutputError where it cannot be made, or its path has characters that a shader cannot hold.
     """
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     root = os.environ.get("LOOKDEV_CACHE") or str(Path(base) / "lookdev")
-    if '"' in root:
-        # Compiled shaders hold their own path, unescaped: Cycles would render black without an error.
-        raise OutputError(f"the cache folder {root} has a quotation mark in its path; set LOOKDEV_CACHE to another")
+    if '"' in root or "\\" in root or not root.isprintable():
+        # Compiled shaders hold paths, unescaped: Cycles would render black without an error.
+        raise OutputError(
+            f"the cache folder {root!a} has a quotation mark, a backslash or a control character in its path; "
+            "set LOOKDEV_CACHE to another"
+        )
     folder = Path(root).joinpath(*parts)
-    folder.mkdir(parents=True, exist_ok=True)
+    with _reported(folder):
+        folder.mkdir(parents=True, exist_ok=True)
     return folder
 
 
@@ -36,13 +50,24 @@ def atomic_path(final: Path) -> Iterator[Path]:
     """Yield a temporary path beside `final`; on success it is renamed to `final`, on failure it is removed.
 
     The temporary name keeps the suffix, by which writers choose a format, and starts with a dot, so that a file left
-    by ``kill -9`` never counts as a frame.
+    by ``kill -9`` never counts as a frame. An OSError in the block names a file.
     """
-    final.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        final.parent.mkdir(parents=True, exist_ok=True)
+        with _temporary(final) as temporary:
+            yield temporary
+            temporary.replace(final)
+    except OSError as error:
+        if error.filename is None:  # of a full disk, for example
+            error.filename = str(final)
+        raise
+
+
+@contextmanager
+def _temporary(final: Path) -> Iterator[Path]:
     temporary = final.with_name(f".{final.stem}.{os.getpid()}-{secrets.token_hex(4)}{final.suffix}")
     try:
         yield temporary
-        temporary.replace(final)
     finally:
         temporary.unlink(missing_ok=True)
 
@@ -74,36 +99,137 @@ class Content:
     suffix: str
 
     @classmethod
-    def of(cls, file: Path) -> Self:
-        """Put a file into the store, unless it is there, and return its name; raises OSError where that fails.
-
-        Files of the cache are never edited in place, so the store links to them; of others it keeps a copy.
-        """
-        if file.is_relative_to(cache_dir()):
-            status = file.stat()
-            content = cls(_digest_of_version(file, status.st_ino, status.st_size, status.st_mtime_ns), file.suffix)
-            if not content._place.exists():
-                share(file, content._place)
-            return content
-        data = file.read_bytes()
-        content = cls(hashlib.sha256(data).hexdigest(), file.suffix)
-        if not content._place.exists():
-            with atomic_path(content._place) as temporary:
-                temporary.write_bytes(data)
+    def written(cls, suffix: str, write: Callable[[Path], object]) -> Self:
+        """Put a file into the store that a function writes to a path; raises OutputError where that fails."""
+        folder = cache_dir("content")
+        with _reported(folder), _temporary(folder / f"new{suffix}") as temporary:
+            write(temporary)
+            content = cls(file_digest(temporary), suffix)
+            if not content.is_whole():
+                temporary.replace(content._place)
         return content
+
+    @classmethod
+    def holding(cls, data: bytes, suffix: str) -> Self:
+        """Put data into the store, unless they are there; raises OutputError where that fails."""
+        content = cls(hashlib.sha256(data).hexdigest(), suffix)
+        return content if content.is_whole() else cls.written(suffix, lambda path: path.write_bytes(data))
+
+    @classmethod
+    def of(cls, file: Path) -> Self:
+        """Put a copy of a file into the store, unless it is there; raises OSError where it cannot be read."""
+        named = cls(file.stem, file.suffix)
+        return named if file == named._place and named.is_whole() else cls.holding(file.read_bytes(), file.suffix)
 
     @property
     def path(self) -> Path:
-        """Where the file is on this machine; raises ContentError where the store lacks it."""
-        if not self._place.is_file():
-            raise ContentError(f"{self._place.parent} lacks the file {self._place.name}, which a task names")
+        """Where the file is on this machine; raises ContentError where the store lacks it, or has another."""
+        if not self.is_whole():
+            raise ContentError(
+                f"{self._place.parent} lacks the file {self._place.name}, which a task names; if it was damaged, the "
+                "same command makes it again"
+            )
         return self._place
+
+    def is_whole(self) -> bool:
+        """Return whether the store has the file; one that is damaged is removed, with a note."""
+        return is_whole(self._place, self.digest)
 
     @property
     def _place(self) -> Path:
         return cache_dir("content") / f"{self.digest}{self.suffix}"
 
 
+def is_whole(file: Path, digest: str) -> bool:
+    """Return whether there is a file of the cache with this SHA-256; one that is damaged is removed, with a note."""
+    try:
+        status = file.stat()
+        if stat.S_ISREG(status.st_mode) and digest == _digest_of(
+            file, status.st_ino, status.st_size, status.st_mtime_ns
+        ):
+            return True
+    except FileNotFoundError:
+        return False
+    except OSError:  # as unreadable as what is damaged
+        pass
+    _discard(file)
+    return False
+
+
+def derived(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -> tuple[Content, ...]:
+    """Return what was made for a key, in a folder `room` of the cache; make it where a file of it is missing.
+
+    The key names all that it depends on. `make` puts it into the store. Raises OutputError where it cannot be kept.
+    """
+    match kept(room, key):
+        case [*names]:
+            found = tuple(Content(digest, suffix) for digest, suffix in names)
+            if all(content.is_whole() for content in found):
+                return found
+    made = make()
+    keep(room, key, [[content.digest, content.suffix] for content in made])
+    return made
+
+
+def keep(room: str, key: str, value: Any) -> None:
+    """Keep a value that JSON holds for a key, in a folder `room` of the cache; raises OutputError where that fails."""
+    record = _record(room, key)
+    with _reported(record), atomic_path(record) as temporary:
+        temporary.write_text(json.dumps({"value": value, "checksum": _checksum(room, key, value)}))
+
+
+def kept(room: str, key: str) -> Any:
+    """Return the value that was kept for a key; None where there is none, or it is damaged."""
+    record = _record(room, key)
+    try:
+        match json.loads(record.read_bytes()) if record.is_file() or not record.exists() else None:
+            case {"value": value, "checksum": checksum} if checksum == _checksum(room, key, value):
+                return value
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, RecursionError):
+        pass
+    _discard(record)
+    return None
+
+
+def take_notes() -> tuple[str, ...]:
+    """Return what was found damaged since the last call, for the user."""
+    taken = tuple(dict.fromkeys(_notes))
+    _notes.clear()
+    return taken
+
+
+def _record(room: str, key: str) -> Path:
+    return cache_dir(room) / f"{key}.json"
+
+
+def _checksum(room: str, key: str, value: object) -> str:
+    return hashlib.sha256(json.dumps([room, key, value]).encode()).hexdigest()
+
+
+def _discard(file: Path) -> None:
+    """Remove what is damaged, so that it can be made again."""
+    _notes.append(f"{file}: was damaged, and is made again")
+    with suppress(OSError):  # writing reports it
+        if file.is_dir() and not file.is_symlink():
+            shutil.rmtree(file)
+        else:
+            file.unlink()
+
+
+@contextmanager
+def _reported(place: Path) -> Iterator[None]:
+    """Report what fails in writing to a place in the cache."""
+    try:
+        yield
+    except (OSError, RuntimeError) as error:  # OpenEXR raises the second
+        what = error.strerror if isinstance(error, OSError) else error
+        raise OutputError(
+            f"the cache cannot be written: {place}: {what}; make room there, or set LOOKDEV_CACHE to another folder"
+        ) from error
+
+
 @lru_cache(maxsize=4096)
-def _digest_of_version(file: Path, inode: int, size: int, changed: int) -> str:
+def _digest_of(file: Path, inode: int, size: int, changed: int) -> str:
     return file_digest(file)

@@ -1,17 +1,27 @@
 from __future__ import annotations
 
+import json
+import os
+import resource
+import signal
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from lookdev.cache import Content, atomic_path, cache_dir
+from lookdev.cache import Content, atomic_path, cache_dir, derived, keep, kept, take_notes
 from lookdev.errors import ContentError, OutputError
 
 
-def test_a_cache_that_shaders_cannot_be_loaded_from_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / 'a"b'))
-    with pytest.raises(OutputError, match="quotation mark"):
+@pytest.mark.parametrize("name", ['a"b', "a\nb", "a\\b", "a\x1bb", "a\udcffb"])
+def test_a_cache_that_shaders_cannot_be_loaded_from_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / name))
+    with pytest.raises(OutputError, match="quotation mark") as caught:
         cache_dir("osl")
+    assert str(caught.value).isprintable()
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
@@ -39,17 +49,15 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return cache_dir()
 
 
-@pytest.mark.parametrize("inside", [True, False])
-def test_a_file_is_known_by_its_content(cache: Path, tmp_path: Path, inside: bool) -> None:
-    files = [(cache if inside else tmp_path) / name for name in ("a.exr", "b.exr", "c.exr")]
+def test_a_file_is_known_by_its_content(cache: Path, tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("a.exr", "b.exr", "c.exr")]
     for file, text in zip(files, ("same", "same", "other"), strict=True):
         file.write_text(text)
     one, same, other = map(Content.of, files)
     assert one == same != other
     assert one.path == cache / "content" / f"{one.digest}.exr"
     assert one.path.read_text() == "same"
-    # Files of the cache are never edited in place: they need no copy.
-    assert one.path.samefile(files[0]) is inside
+    assert Content.of(one.path) == one
     files[0].unlink()
     assert one.path.read_text() == "same"
 
@@ -65,3 +73,96 @@ def test_another_content_under_the_same_name_is_noticed(cache: Path) -> None:
 def test_content_that_the_store_lacks_is_named(cache: Path) -> None:
     with pytest.raises(ContentError, match=rf"{cache}/content lacks the file 0123\.exr"):
         _ = Content("0123", ".exr").path
+
+
+def _flipped(file: Path) -> None:
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+
+
+def _folder(file: Path) -> None:
+    file.unlink()
+    (file / "more").mkdir(parents=True)
+
+
+DAMAGE: dict[str, Callable[[Path], object]] = {
+    "flipped": _flipped,
+    "cut": lambda file: os.truncate(file, file.stat().st_size // 2),
+    "empty": lambda file: os.truncate(file, 0),
+    "longer": lambda file: file.write_bytes(file.read_bytes() + b"x"),
+    "folder": _folder,
+    "pipe": lambda file: (file.unlink(), os.mkfifo(file)),
+    "loop": lambda file: (file.unlink(), file.symlink_to(file)),
+}
+
+
+@pytest.mark.parametrize("room", ["content", "stuff"])
+@pytest.mark.parametrize("damage", DAMAGE)
+def test_what_is_damaged_is_made_again_with_a_note(cache: Path, damage: str, room: str) -> None:
+    made: list[int] = []
+
+    def make() -> tuple[Content, ...]:
+        made.append(1)
+        return tuple(Content.holding(data, ".txt") for data in (b"one", b"other"))
+
+    files = derived("stuff", "key", make)
+    assert derived("stuff", "key", make) == files
+    assert len(made) == 1
+    (damaged,) = [file for file in (cache / room).iterdir() if room == "stuff" or file == files[1].path]
+    DAMAGE[damage](damaged)
+    assert derived("stuff", "key", make) == files
+    assert [file.path.read_bytes() for file in files] == [b"one", b"other"]
+    assert len(made) == 2
+    assert take_notes() == (f"{damaged}: was damaged, and is made again",)
+    assert derived("stuff", "key", make) == files
+    assert len(made) == 2
+    assert take_notes() == ()
+
+
+def test_what_is_gone_is_made_again_without_a_note(cache: Path) -> None:
+    (file,) = derived("stuff", "key", lambda: (Content.holding(b"one", ".txt"),))
+    file.path.unlink()
+    assert derived("stuff", "key", lambda: (Content.holding(b"one", ".txt"),)) == (file,)
+    assert file.path.is_file()
+    assert take_notes() == ()
+
+
+def test_a_value_of_another_key_is_damaged(cache: Path) -> None:
+    keep("stuff", "a", [1])
+    keep("stuff", "b", [2])
+    (cache / "stuff" / "a.json").write_bytes((cache / "stuff" / "b.json").read_bytes())
+    assert kept("stuff", "a") is None
+    assert kept("stuff", "b") == [2]
+    assert json.loads((cache / "stuff" / "b.json").read_text())["value"] == [2]
+    assert take_notes() == (f"{cache}/stuff/a.json: was damaged, and is made again",)
+
+
+def test_a_cache_that_is_no_folder_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "file" / "cache"))
+    with pytest.raises(OutputError, match=rf"the cache cannot be written: {tmp_path}/file/cache/osl: Not a directory"):
+        cache_dir("osl")
+
+
+def _write_twice(file: Path) -> None:
+    with atomic_path(file) as temporary, temporary.open("wb", 0) as stream:
+        assert stream.write(bytes(2000)) == 1000
+        stream.write(bytes(2000))
+
+
+def test_a_full_disk_is_named(cache: Path, tmp_path: Path) -> None:
+    """By a limit of the size of files, beyond which a write fails as on a full disk."""
+    before, ignored = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.raises(OutputError, match=f"the cache cannot be written: {cache}"):
+            Content.holding(bytes(2000), ".txt")
+        with pytest.raises(OutputError, match=f"the cache cannot be written: {cache}/stuff/key.json"):
+            keep("stuff", "key", "long" * 1000)
+        with pytest.raises(OSError, match=f"'{tmp_path}/frame.png'"):
+            _write_twice(tmp_path / "frame.png")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+        signal.signal(signal.SIGXFSZ, ignored)
+    assert list((cache / "content").iterdir()) == list((cache / "stuff").iterdir()) == []

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from importlib import import_module, metadata
 
 from lookdev.cache import atomic_path, cache_dir
+from lookdev.errors import OutputError
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""
@@ -148,7 +149,7 @@ def _cache() -> Finding:
             path.write_text("can be written")
         (folder / "doctor.txt").unlink()
         free = shutil.disk_usage(folder).free / 1e9
-    except OSError as error:
+    except (OSError, OutputError) as error:
         return Finding("cache folder", str(error), good=False, remedy="set LOOKDEV_CACHE to a writable folder")
     good = free >= FREE_DISK
     remedy = "" if good else f"free {FREE_DISK:g} GB, or set LOOKDEV_CACHE to a folder on another disk"

@@ -48,10 +48,13 @@ def output_lock(output: Path) -> Iterator[Path]:
         for scratch in folder.glob(SCRATCH_PREFIX + "*"):
             # The worker of a killed run may still write to it; the next run removes what remains.
             shutil.rmtree(scratch, ignore_errors=True)
-        stream.truncate(0)
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        stream.write(f"process {os.getpid()} on {socket.gethostname()} (since {now})\n")
-        stream.flush()
+        try:
+            stream.truncate(0)
+            stream.write(f"process {os.getpid()} on {socket.gethostname()} (since {now})\n")
+            stream.flush()
+        except OSError as error:  # a full disk
+            raise OutputError(f"{output}: the output folder cannot be written: {error.strerror}") from error
         yield folder
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from lookdev.cache import take_notes
 from lookdev.errors import Fault
 from lookdev.job import Job, load_job
 from lookdev.job.faults import collected, raise_all
@@ -72,4 +73,4 @@ def make_setups(shown: JobScenes) -> JobSetups:
             setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
             setups.append(replace(setup, exposure=ibl.exposure, rotation=ibl.rotation))
     raise_all(faults)
-    return JobSetups(job, tuple(setups), shown.notes)
+    return JobSetups(job, tuple(setups), (*shown.notes, *take_notes()))

@@ -275,6 +275,8 @@ class _Run:
                 self._report(FrameStarted(self._name(task)))
                 if (rendered := self._rendered_in_tries(worker, task)) is None:
                     continue
+                for note in rendered.notes:
+                    self._report(Noted(note))
                 self._write(task, rendered)
                 seconds = time.monotonic() - started
                 self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse))

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from lookdev.cache import cache_dir
+from lookdev.cache import Content, derived
 from lookdev.material import Input, Layer, Look, Texture
 from lookdev.output.exr import write_frame
 
@@ -74,9 +75,11 @@ LOOKS: dict[str, BenchLook] = {
 
 def _mask(number: int) -> Texture:
     """Return a cloudy texture; the file is made if it does not exist."""
-    file = cache_dir("bench", "textures") / f"mask{number}.{_MASK_VERSION}.exr"
-    if not file.exists():
+
+    def write(file: Path) -> None:
         clouds = gaussian_filter(np.random.default_rng(number).random((_MASK_SIZE, _MASK_SIZE)), 8.0, mode="wrap")
         levels = np.clip(0.5 + 0.25 * (clouds - clouds.mean()) / clouds.std(), 0.0, 1.0)
         write_frame(file, np.repeat(levels[..., None], 3, axis=-1), np.ones_like(levels), {})
-    return Texture(file, "r", "raw")
+
+    (content,) = derived("bench", f"mask{number}.{_MASK_VERSION}", lambda: (Content.written(".exr", write),))
+    return Texture(content.path, "r", "raw")

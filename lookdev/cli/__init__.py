@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 import lookdev
+from lookdev.cache import take_notes
 from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.lifetime import ending_at_signals
@@ -48,11 +49,14 @@ def main() -> None:
         _leave(str(error), 2)
     except OSError as error:  # the machine's fault, as a full disk is, not the program's
         place = f"{error.filename}: " if error.filename else ""
-        _leave(f"{place}{error.strerror or error}; 'lookdev doctor' checks the cache folder and its disk", 1)
+        _leave(f"{place}{error.strerror or error}", 1)
     except Exception as error:  # noqa: BLE001  the last resort
         from lookdev.batch.crash import record_crash
 
         _leave(record_crash(error, sys.argv), EX_SOFTWARE)
+    finally:
+        for note in take_notes():
+            typer.echo(f"note: {note}", err=True)
 
 
 def _leave(message: str, code: int) -> None:

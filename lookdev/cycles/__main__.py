@@ -30,6 +30,7 @@ def _read_requests(requests: queue.Queue[str]) -> None:
 
 
 def _serve(answers: Answers) -> None:
+    from lookdev.cache import take_notes
     from lookdev.cycles import version
     from lookdev.cycles.progress import finer_progress
     from lookdev.cycles.render import render_frame
@@ -61,7 +62,8 @@ def _serve(answers: Answers) -> None:
             continue
         if _log_size() > kept + _LONGEST_CHATTER:
             os.ftruncate(2, kept)
-        answers.done(task.digest, arrays, samples=frame.samples, seconds=frame.seconds, relmse=frame.relmse)
+        figures = {"seconds": frame.seconds, "relmse": frame.relmse}
+        answers.done(task.digest, arrays, samples=frame.samples, notes=take_notes(), **figures)
 
 
 def _log_size() -> int:

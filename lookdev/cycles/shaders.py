@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, atomic_path, cache_dir
+from lookdev.cache import Content, cache_dir, derived
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.errors import RenderError
@@ -37,13 +37,17 @@ def compile_osl(osl: str) -> Path:
     """
     text = "\n".join((*version.OSL_DEFINES, osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
-    final = cache_dir("osl") / f"{name}.oso"
-    if not final.exists():
-        with atomic_path(final.with_suffix(".osl")) as source, atomic_path(final) as compiled:
-            source.write_text(text, encoding="utf-8")
-            if not _cycles.osl_compile(os.fspath(source), os.fspath(compiled)):
-                raise RenderError(f"the generated shader does not compile; see {source} and the log above")
-    return final
+
+    def compile_text(compiled: Path) -> None:
+        source = compiled.with_suffix(".osl")
+        source.write_text(text, encoding="utf-8")
+        if not _cycles.osl_compile(os.fspath(source), os.fspath(compiled)):
+            refused = source.replace(cache_dir("osl") / f"{name}.osl")
+            raise RenderError(f"the generated shader does not compile; see {refused} and the log above")
+        source.unlink()
+
+    (content,) = derived("osl", name, lambda: (Content.written(".oso", compile_text),))
+    return content.path
 
 
 def surface_material(source: ShaderSource, light: Light) -> Any:

@@ -44,15 +44,15 @@ class Refinery:
         levels = self._levels(asset, camera, detailed, notes)
         key = id(asset), levels
         if key not in self._assets:
-            self._assets[key] = self._made(asset, levels, detailed, notes), asset
+            self._assets[key] = self._made(asset, levels, detailed), asset
         return self._assets[key][0], tuple(notes)
 
-    def _made(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int], notes: list[str]) -> Asset:
+    def _made(self, asset: Asset, levels: tuple[int, ...], detailed: Collection[int]) -> Asset:
         wanted = {(id(mesh), level): mesh for mesh, level in zip(asset.meshes, levels, strict=True)}
         key = key_of(asset, detailed, levels)
         # What other looks have in memory already is shared, not read.
         shared = any(each in self._meshes for each in wanted)
-        whole = None if shared else kept_refined(key, asset, notes)
+        whole = None if shared else kept_refined(key, asset)
         if whole is not None:
             read = zip(asset.meshes, levels, whole.meshes, strict=True)
             self._meshes |= {(id(cage), level): (mesh, cage) for cage, level, mesh in read}
@@ -72,7 +72,7 @@ class Refinery:
             pixel = orbit_pixel(camera.position.tolist(), camera.pivot, 2.0 * camera.reach / self._width)
             seen_from = [*camera.position.tolist(), *camera.pivot, camera.reach, self._width]
             key = key_of(asset, detailed, seen_from)
-            chosen = kept_levels(key, len(asset.meshes), notes)
+            chosen = kept_levels(key, len(asset.meshes))
             if chosen is None:
                 chosen = refinement_levels(asset, pixel, detailed)
                 keep_levels(key, chosen)

@@ -11,7 +11,6 @@ What upstream of a material connects is written into that material, so that a re
 
 from __future__ import annotations
 
-import hashlib
 import math
 import posixpath
 import re
@@ -23,7 +22,7 @@ from typing import Any
 import MaterialX as mx
 from pxr import Ar, Sdf, Tf
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import Content
 from lookdev.errors import Fault, LookError
 from lookdev.mtlx.document import read_document
 from lookdev.text import TextError, read_bytes
@@ -82,11 +81,7 @@ def document_layer(path: str) -> Path:
     except TextError as error:
         raise LookError(error.faults) from None
     text = _Writer(data, path).text()
-    file = cache_dir("mtlx") / f"{hashlib.sha256(text.encode()).hexdigest()}.usda"
-    if not file.exists():
-        with atomic_path(file) as temporary:
-            temporary.write_text(text, encoding="utf-8")
-    return file
+    return Content.holding(text.encode(), ".usda").path
 
 
 class _Writer:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import os
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -34,13 +35,15 @@ class Answers:
         """Report samples done, samples planned and the relMSE so far of the frame of a digest."""
         self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
 
-    def done(self, digest: str, arrays: str, *, samples: int, seconds: float, relmse: float) -> None:
-        """Report a rendered frame, with the peak memory of this process.
+    def done(
+        self, digest: str, arrays: str, *, samples: int, seconds: float, relmse: float, notes: Sequence[str] = ()
+    ) -> None:
+        """Report a rendered frame, notes for the user, and the peak memory of this process.
 
         `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
         """
         figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
-        self.send(type="done", digest=digest, arrays=arrays, **figures)
+        self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
         """Report why a frame cannot be rendered."""

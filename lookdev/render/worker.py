@@ -56,6 +56,7 @@ class Done(BaseModel):
     seconds: float
     relmse: float
     memory: int
+    notes: tuple[str, ...] = ()
 
 
 class Failed(BaseModel):
@@ -80,6 +81,7 @@ class Rendered:
     relmse: float  # estimated from the halves
     blender: str
     memory: int  # peak of the worker so far, bytes
+    notes: tuple[str, ...] = ()  # for the user
 
 
 class Worker:
@@ -297,6 +299,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
         relmse=done.relmse,
         blender=blender,
         memory=done.memory,
+        notes=done.notes,
     )
 
 

@@ -44,7 +44,7 @@ def test_help_loads_nothing_heavy() -> None:
         (
             OSError(errno.ENOSPC, "No space left on device", "/cache/1.npz"),
             1,
-            "lookdev: /cache/1.npz: No space left on device; 'lookdev doctor' checks the cache folder and its disk\n",
+            "lookdev: /cache/1.npz: No space left on device\n",
         ),
         (KeyboardInterrupt(), 130, ""),
     ],

@@ -11,7 +11,7 @@ from light_cases import SUN, assert_follows, cells, dome, overcast, sunny
 from numpy.typing import NDArray
 
 from lookdev.cache import Content
-from lookdev.errors import EnvironmentMapError
+from lookdev.errors import ContentError
 from lookdev.light import Dome, make_environment, prepare_light
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.files import read_exr
@@ -96,7 +96,7 @@ def few(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def cache(few: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
-    return tmp_path / "ibl"
+    return tmp_path / "content"
 
 
 def files_of(light: Dome) -> list[Content]:
@@ -300,10 +300,7 @@ def test_broken_files_are_reported(cache: Path) -> None:
     asked = make_environment("test", sunny().table)
     light = prepare_light(asked)
     light.radiance_file.path.write_bytes(light.radiance_file.path.read_bytes()[:-30])
-    with pytest.raises(EnvironmentMapError, match="remove it"):
+    with pytest.raises(ContentError, match="if it was damaged"):
         light.radiance(np.zeros(3), np.array([0.0, 0.0, 1.0]))
-    (radiance,) = cache.glob("*.radiance.exr")
-    radiance.unlink()
-    radiance.mkdir()  # a place where no file can be put
-    with pytest.raises(EnvironmentMapError, match="cannot write"):
-        prepare_light(asked)
+    assert prepare_light(asked) == light
+    assert light.radiance(np.zeros(3), np.array([0.0, 0.0, 1.0])).max() > 0.0

@@ -22,10 +22,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, cache_dir
+from lookdev.cache import Content, derived
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.environment import EnvironmentMap, make_environment
-from lookdev.light.dome.files import read_exr, write_exr, write_npy
+from lookdev.light.dome.files import read_exr, write_exr
 from lookdev.light.dome.warp import BilinearWarp, lookup_towards
 from lookdev.light.protocol import LightCode
 
@@ -103,28 +103,36 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:
 
     Raises
     ------
-    EnvironmentMapError
+    OutputError
         The files cannot be written.
     """
     digest = hashlib.sha256(f"{env.digest} light tables {TABLE_VERSION}".encode()).hexdigest()
-    folder = cache_dir("ibl")
     height, width = env.radiance.shape[:2]
-    radiance_file, points_file = (folder / f"{digest}.{part}.exr" for part in ("radiance", "points"))
-    slots_file, bins_file = (folder / f"{digest}.{part}.npy" for part in ("slots", "bins"))
-    sampled = sampled and not env.is_constant
-    if not radiance_file.is_file():
-        write_exr(radiance_file, "RGB", env.radiance)
-    if sampled and not all(file.is_file() for file in (points_file, slots_file, bins_file)):
+
+    def written_radiance() -> tuple[Content, ...]:
+        return (Content.written(".exr", lambda path: write_exr(path, "RGB", env.radiance)),)
+
+    def written_table(table: NDArray[np.int32] | NDArray[np.float32]) -> Content:
+        return Content.written(".npy", lambda path: np.save(path, table))
+
+    def written_tables() -> tuple[Content, ...]:
         radiance = env.radiance.astype(np.float64)
         warp = BilinearWarp(radiance.mean(axis=-1))
         drawn, towards = points.draw_points(radiance, warp, points.SIDE)
         ranges, numbers = slots.cut_slots(towards, warp.integral)
         # Compression saves a quarter of 16 MB, and costs every start 0.1 s.
-        write_exr(points_file, "RGBA", drawn.reshape(points.SIDE, points.SIDE, 4), compressed=False)
-        write_npy(slots_file, ranges)
-        write_npy(bins_file, numbers)
-    drawn_from, cut, weights = (Content.of(file) if sampled else None for file in (points_file, slots_file, bins_file))
-    return Dome(Content.of(radiance_file), drawn_from, cut, weights, width, height, digest, env.is_constant)
+        texture = drawn.reshape(points.SIDE, points.SIDE, 4)
+        return (
+            Content.written(".exr", lambda path: write_exr(path, "RGBA", texture, compressed=False)),
+            written_table(ranges),
+            written_table(numbers),
+        )
+
+    (radiance_file,) = derived("ibl", f"{digest}.radiance", written_radiance)
+    drawn_from = cut = weights = None
+    if sampled and not env.is_constant:
+        drawn_from, cut, weights = derived("ibl", f"{digest}.tables", written_tables)
+    return Dome(radiance_file, drawn_from, cut, weights, width, height, digest, env.is_constant)
 
 
 def example_dome() -> Dome:

@@ -1,16 +1,13 @@
-"""The files of a dome light, written atomically; an EnvironmentMapError reports a failure."""
+"""The images of a dome light."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from lookdev.cache import atomic_path
 from lookdev.errors import EnvironmentMapError
 
 _TILE_SIDE = 4096
@@ -28,13 +25,8 @@ def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compres
     tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
     compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.tiledimage, "tiles": tile}
-    with _writing(path) as temporary, OpenEXR.File(header, planes) as exr:
-        exr.write(str(temporary))
-
-
-def write_npy(path: Path, values: NDArray[np.int32] | NDArray[np.float32]) -> None:
-    with _writing(path) as temporary, temporary.open("wb") as file:
-        np.save(file, values)
+    with OpenEXR.File(header, planes) as exr:
+        exr.write(str(path))
 
 
 def read_exr(path: Path, channels: str) -> NDArray[np.float32]:
@@ -44,12 +36,3 @@ def read_exr(path: Path, channels: str) -> NDArray[np.float32]:
             return np.stack([exr.channels()[name].pixels for name in channels], axis=-1)
     except (RuntimeError, ValueError, KeyError) as error:
         raise EnvironmentMapError(f"{path}: unreadable ({error}); remove it and it is made again") from error
-
-
-@contextmanager
-def _writing(path: Path) -> Iterator[Path]:
-    try:
-        with atomic_path(path) as temporary:
-            yield temporary
-    except (RuntimeError, OSError) as error:
-        raise EnvironmentMapError(f"{path}: cannot write the light's tables: {error}") from error

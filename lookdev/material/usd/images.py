@@ -9,7 +9,7 @@ from pathlib import Path, PurePosixPath
 
 from pxr import Ar, Sdf, Usd, UsdShade
 
-from lookdev.cache import atomic_path, cache_dir
+from lookdev.cache import atomic_path, cache_dir, is_whole
 from lookdev.errors import TextureError
 from lookdev.material.textures import UDIM
 from lookdev.material.usd.network import Network
@@ -50,21 +50,19 @@ def _layer_of(network: Network, attribute: Usd.Attribute) -> Sdf.Layer | None:
 def _unpacked(paths: Sequence[str]) -> Path:
     """Copy files of a package into a folder of the cache that is named by their content; return the first."""
     status = Path(Ar.SplitPackageRelativePathOuter(paths[0])[0]).stat()
-    folder = cache_dir("unpacked", _digest(tuple(paths), status.st_size, status.st_mtime_ns))
-    for path in paths:
+    digests = _digests(tuple(paths), status.st_size, status.st_mtime_ns)
+    folder = cache_dir("unpacked", hashlib.sha256("\n".join([*digests, *map(_name, paths)]).encode()).hexdigest())
+    for path, digest in zip(paths, digests, strict=True):
         file = folder / _name(path)
-        if not file.exists():
+        if not is_whole(file, digest):
             with atomic_path(file) as temporary:
                 temporary.write_bytes(_content(path))
     return folder / _name(paths[0])
 
 
 @lru_cache(maxsize=4096)
-def _digest(paths: tuple[str, ...], size: int, changed: int) -> str:
-    digest = hashlib.sha256()
-    for path in paths:
-        digest.update(_name(path).encode() + hashlib.sha256(_content(path)).digest())
-    return digest.hexdigest()
+def _digests(paths: tuple[str, ...], size: int, changed: int) -> tuple[str, ...]:
+    return tuple(hashlib.sha256(_content(path)).hexdigest() for path in paths)
 
 
 def _name(path: str) -> str:
