@@ -100,6 +100,7 @@ def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]
     for index, ibl in enumerate(job.ibl):
         with collected(job, f"ibl[{index}]", faults):
             environment = load_environment(ibl.file, ibl.builtin)
+            environment.check_exposed(ibl.exposure)
             if environment.repairs:
                 notes.append(f"ibl '{ibl.name}': {environment.repairs}")
             lights[ibl.name] = prepare_light(environment)

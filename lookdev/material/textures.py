@@ -8,8 +8,7 @@ curve of IEC 61966-2-1; alpha is not.
 from __future__ import annotations
 
 import re
-import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -19,8 +18,9 @@ import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
 from lookdev.brdf import Array
-from lookdev.cache import atomic_path, cache_dir, file_digest
-from lookdev.errors import TextureError
+from lookdev.cache import Content, derived, file_digest
+from lookdev.errors import OutputError, TextureError
+from lookdev.images import check_file, open_image, strips, whole_image
 from lookdev.material.colorspaces import to_linear_rec709
 from lookdev.material.look import Bump, Texture, Wrap
 
@@ -30,8 +30,6 @@ UDIM = "<UDIM>"
 # Parts of the names of cached files: raised when the conversion, or the slopes made from it, change.
 _CONVERTER_VERSION, _SLOPE_VERSION = 1, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
-# 16384 x 16384: a small file can claim any number, and all are held in memory.
-_MOST_PIXELS = 1 << 28
 
 _WRAPS: dict[str, Wrap] = {
     "black": "black",
@@ -41,6 +39,7 @@ _WRAPS: dict[str, Wrap] = {
     "mirror": "mirror",
 }
 _UNSIGNED = (oiio.UINT8, oiio.UINT16, oiio.UINT32)
+_STRIP_ROWS = 64
 _CHANNELS: dict[str, slice | int] = {"r": 0, "g": 1, "b": 2, "a": 3, "rgb": slice(0, 3)}
 
 
@@ -71,7 +70,9 @@ def image_header(file: Path) -> ImageHeader:
     TextureError
         The file is missing, is no image, or its channels are neither gray, gray and alpha, RGB nor RGBA.
     """
-    spec = _open(file).spec()
+    with open_image(file, TextureError) as image:
+        spec = image.spec()
+        _channels(file, spec)
     s, _, t = spec.get_string_attribute("wrapmodes").partition(",")
     # UsdUVTexture: black outside where the file has no wrap modes.
     wrap_s, wrap_t = (_WRAPS.get(word.strip(), "black") for word in (s, t or s))
@@ -115,25 +116,29 @@ def udim_tiles(texture: Texture) -> dict[int, Texture]:
 
 
 def linear_texture(texture: Texture) -> Path:
-    """Return the texture's image as a linear float EXR (R, G, B, A), converted once into the cache.
-
-    Its name has the digest of the image, the colour space and the version of the conversion: it identifies the pixels.
+    """Return the texture's image as a linear float EXR (R, G, B, A), converted once into the cache, strip by strip.
 
     Raises
     ------
     TextureError
         The image is missing, cannot be read, has unknown channels or holds NaN or infinity.
     """
-    if not texture.file.is_file():
-        raise TextureError(f"{texture.file}: no such image file")
+    check_file(texture.file, TextureError)
     texture = resolved(texture)
-    name = f"{file_digest(texture.file)}-{texture.colorspace}-v{_CONVERTER_VERSION}.exr"
-    linear = cache_dir("textures") / name
-    if not linear.exists():
-        rgba = _read_rgba(texture.file)
-        rgba[..., :3] = to_linear_rec709(rgba[..., :3], texture.colorspace)
-        _write_exr(linear, rgba)
-    return linear
+
+    def linear_strips(image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
+        for rgba in _rgba_strips(texture.file, image):
+            rgba[..., :3] = to_linear_rec709(rgba[..., :3], texture.colorspace)
+            yield rgba
+
+    def write(path: Path) -> None:
+        with open_image(texture.file, TextureError) as image:
+            size = image.spec().full_width, image.spec().full_height
+            _write_exr(path, size, linear_strips(image))
+
+    key = f"{file_digest(texture.file)}-{texture.colorspace}-v{_CONVERTER_VERSION}"
+    (content,) = derived("textures", key, lambda: (Content.written(".exr", write),))
+    return content.path
 
 
 def slope_texture(height: Texture) -> Path:
@@ -154,16 +159,30 @@ def slope_texture(height: Texture) -> Path:
     channel = "rgba".index(height.channel)
     linear = linear_texture(height)
     how = f"{height.channel}-{height.scale[channel]!r}-{height.wrap_s}-{height.wrap_t}"
-    slopes = linear.with_name(f"{linear.stem}-slope-{how}-v{_SLOPE_VERSION}.exr")
-    if not slopes.exists():
-        h = _read_rgba(linear)[..., channel] * height.scale[channel]
-        rows, columns = h.shape
-        across = np.pad(h, ((0, 0), (1, 1)), mode="wrap" if height.wrap_s == "repeat" else "edge")
-        down = np.pad(h, ((1, 1), (0, 0)), mode="wrap" if height.wrap_t == "repeat" else "edge")
-        dh_ds = (across[:, 2:] - across[:, :-2]) * (0.5 * columns)
-        dh_dt = (down[:-2] - down[2:]) * (0.5 * rows)  # row 0 is the top of the image
-        _write_exr(slopes, np.stack([dh_ds, dh_dt, np.zeros_like(h), np.ones_like(h)], axis=-1))
-    return slopes
+
+    def slope_strips(texels: NDArray[np.float32]) -> Iterator[NDArray[np.float64]]:
+        rows, columns = texels.shape
+        # The rows above and below each: row 0 is the top of the image.
+        beside = np.arange(-1, rows + 1)
+        beside = beside % rows if height.wrap_t == "repeat" else np.clip(beside, 0, rows - 1)
+        for first in range(0, rows, _STRIP_ROWS):
+            last = min(first + _STRIP_ROWS, rows)
+            h = texels[beside[first : last + 2]].astype(np.float64) * height.scale[channel]
+            across = np.pad(h[1:-1], ((0, 0), (1, 1)), mode="wrap" if height.wrap_s == "repeat" else "edge")
+            slopes = np.zeros((last - first, columns, 4))
+            slopes[..., 0] = (across[:, 2:] - across[:, :-2]) * (0.5 * columns)
+            slopes[..., 1] = (h[:-2] - h[2:]) * (0.5 * rows)
+            slopes[..., 3] = 1.0
+            yield slopes
+
+    def write(path: Path) -> None:
+        with open_image(linear, TextureError) as image:
+            texels = whole_image(image, linear, range(channel, channel + 1), TextureError)[..., 0]
+        _write_exr(path, texels.shape[::-1], slope_strips(texels))
+
+    key = f"{linear.stem}-slope-{how}-v{_SLOPE_VERSION}"
+    (content,) = derived("textures", key, lambda: (Content.written(".exr", write),))
+    return content.path
 
 
 def image_file(source: Texture | Bump) -> Path:
@@ -286,75 +305,71 @@ def _taps(coordinate: NDArray[np.float64], size: int, wrap: str) -> list[tuple[N
 
 @lru_cache(maxsize=16)
 def _linear_pixels(linear: Path) -> NDArray[np.float64]:
-    return _read_rgba(linear)
+    with open_image(linear, TextureError) as image:
+        return whole_image(image, linear, range(4), TextureError).astype(np.float64)
 
 
-def _open(file: Path) -> oiio.ImageBuf:
-    """Read the header of an image whose channels are those of a UsdUVTexture."""
-    if not file.is_file():
-        raise TextureError(f"{file}: no such image file")
-    if _is_damaged_png(file):  # of which libpng tells stderr
-        raise TextureError(f"{file}: cannot be read as an image: the header of the PNG is damaged")
-    as_stored = oiio.ImageSpec()
-    as_stored["oiio:UnassociatedAlpha"] = 1
-    image = oiio.ImageBuf(str(file), 0, 0, as_stored)
-    names = image.spec().channelnames  # this reads the header
-    if image.has_error:
-        raise TextureError(f"{file}: cannot be read as an image: {_reason(image)}")
-    width, height = image.spec().full_width, image.spec().full_height
-    if max(width * height, image.spec().image_pixels()) > _MOST_PIXELS:
-        raise TextureError(f"{file}: is {width} x {height} pixels large; at most {_MOST_PIXELS} pixels would be right")
+def _channels(file: Path, spec: oiio.ImageSpec) -> tuple[list[int], int | None]:
+    """Return the numbers of the channels that are colour, and that of alpha, of an image as UsdUVTexture has it."""
+    names = list(spec.channelnames)
     if len(names) > 2 and not {"R", "G", "B"} <= set(names):
-        raise TextureError(f"{file}: no channels R, G, B among {', '.join(names)}; gray or RGB(A) is right")
-    return image
+        shown = ", ".join(names[:20])
+        raise TextureError(f"{file}: no channels R, G, B among {shown}; gray or RGB(A) is right")
+    if len(names) <= 2:
+        return [0, 0, 0], 1 if len(names) == 2 else None
+    return [names.index(name) for name in "RGB"], names.index("A") if "A" in names else None
 
 
-def _is_damaged_png(file: Path) -> bool:
-    """Return whether the first chunk of a PNG is not whole (ISO/IEC 15948, 5.3 and 11.2.2)."""
-    try:
-        with file.open("rb") as stream:
-            start = stream.read(33)
-    except OSError as error:
-        raise TextureError(f"{file}: cannot be read: {error.strerror}") from error
-    whole = start[8:16] == b"\0\0\0\rIHDR" and zlib.crc32(start[12:29]).to_bytes(4, "big") == start[29:]
-    return start[:8] == b"\x89PNG\r\n\x1a\n" and not whole
+def _rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[NDArray[np.float64]]:
+    """Yield an open image in strips of (rows, width, 4), top first; what lies outside an EXR's data window is 0."""
+    spec = image.spec()
+    color, alpha = _channels(file, spec)
+    left, top = spec.x - spec.full_x, spec.y - spec.full_y
 
+    def blank(rows: int) -> Iterator[NDArray[np.float64]]:
+        for first in range(0, rows, _STRIP_ROWS):
+            yield outside(min(_STRIP_ROWS, rows - first))
 
-def _reason(image: oiio.ImageBuf) -> str:
-    """Return the first line of an error, which the library of a format repeats in others."""
-    return str(image.geterror()).partition("\n")[0]
+    def outside(rows: int) -> NDArray[np.float64]:
+        rgba = np.zeros((rows, spec.full_width, 4))
+        if alpha is None:
+            rgba[..., 3] = 1.0
+        return rgba
 
-
-def _read_rgba(file: Path) -> NDArray[np.float64]:
-    """Read an image as (height, width, 4), top row first; what lies outside an EXR's data window is 0."""
-    image = _open(file)
-    names = list(image.spec().channelnames)
-    pixels = image.get_pixels(oiio.FLOAT, image.roi_full)
-    if pixels is None or image.has_error:
-        raise TextureError(f"{file}: cannot be read as an image: {_reason(image)}")
-    bad = np.count_nonzero(~np.isfinite(pixels))
+    yield from blank(min(top, spec.full_height))
+    across = slice(max(left, 0), max(min(left + spec.width, spec.full_width), 0))
+    bad = 0
+    for first, pixels in strips(image, file, range(spec.nchannels), TextureError):
+        bad += np.count_nonzero(~np.isfinite(pixels))
+        begin = max(top + first, 0)
+        shown = pixels[max(-top - first, 0) : max(spec.full_height - top - first, 0), max(-left, 0) :]
+        if len(shown) and begin < spec.full_height:
+            rgba = outside(len(shown))
+            shown = shown[:, : max(across.stop - across.start, 0)]
+            rgba[:, across, :3] = shown[..., color]
+            if alpha is not None:
+                rgba[:, across, 3] = shown[..., alpha]
+            yield rgba
     if bad:
         raise TextureError(f"{file}: {bad} values are NaN or infinite; a texture must be finite everywhere")
-    rgba = np.ones((*pixels.shape[:2], 4))
-    color, alpha = ([0], names[1:]) if len(names) <= 2 else ([names.index(name) for name in "RGB"], ["A"])
-    rgba[..., :3] = pixels[..., color]
-    if alpha and alpha[0] in names:
-        rgba[..., 3] = pixels[..., names.index(alpha[0])]
-    return rgba
+    yield from blank(spec.full_height - max(min(top + spec.height, spec.full_height), 0))
 
 
-def _write_exr(file: Path, rgba: NDArray[np.float64]) -> None:
-    height, width = rgba.shape[:2]
+def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float64]]) -> None:
+    """Write strips of (rows, width, 4) as an EXR of a size (width, height)."""
+    width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
     spec["compression"] = "zip"
-    with atomic_path(file) as temporary:
-        output = oiio.ImageOutput.create(str(temporary))
-        done = (
-            output is not None
-            and output.open(str(temporary), spec)
-            and output.write_image(np.ascontiguousarray(rgba, np.float32))
-            and output.close()
-        )
-        if not done:
-            reason = output.geterror() if output is not None else oiio.geterror()
-            raise TextureError(f"{file}: cannot be written: {reason}")
+    output = oiio.ImageOutput.create(str(file))
+    if output is None or not output.open(str(file), spec):
+        raise OutputError(f"{file}: cannot be written: {output.geterror() if output is not None else oiio.geterror()}")
+    try:
+        row = 0
+        for rgba in parts:
+            if not output.write_scanlines(row, row + len(rgba), 0, np.ascontiguousarray(rgba, np.float32)):
+                raise OutputError(f"{file}: cannot be written: {output.geterror()}")
+            row += len(rgba)
+    finally:
+        closed = output.close()
+    if not closed:
+        raise OutputError(f"{file}: cannot be written: {output.geterror()}")

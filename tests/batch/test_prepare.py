@@ -82,7 +82,7 @@ def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places
     asset, light, good, other = map(str, caught.value.faults)
     assert asset.startswith(f"{job.parent}/asset.usda: USD cannot open it: ")
     assert "pxrInternal" not in asset
-    assert light.startswith(f"{job}: ibl[1]: {job.parent}/light.hdr: not a readable HDR image")
+    assert light.startswith(f"{job}: ibl[1]: {job.parent}/light.hdr: cannot be read as an image")
     assert good.startswith(f"{job.parent}/good.usda: USD cannot open it")
     assert other.startswith(f"{job.parent}/other.usda: /Paint/Base.inputs:roughness: 7")
     assert not (job.parent / "out").exists()

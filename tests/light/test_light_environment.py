@@ -11,7 +11,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.light import BUILTIN_LIGHTS, load_environment
+from lookdev.light import BUILTIN_LIGHTS, load_environment, make_environment
 from lookdev.light.dome.environment import Repairs
 
 
@@ -144,20 +144,20 @@ def truncated(path: Path) -> None:
 
 
 BROKEN: dict[str, tuple[str, Callable[[Path], object]]] = {
-    "text.exr": ("not a readable EXR image", lambda path: path.write_text("not an image")),
-    "truncated.exr": ("no readable pixels", truncated),
+    "text.exr": ("cannot be read as an image", lambda path: path.write_text("not an image")),
+    "truncated.exr": ("cannot be read as an image", truncated),
     "channels.exr": ("needs channels R, G, B", lambda path: write_exr(path, Z=ONES)),
     "nan.exr": ("no finite value", lambda path: write_map(path, np.full((4, 8, 3), np.nan, np.float32))),
     "cropped.exr": (
         "save the map uncropped", lambda path: write_exr(path, {"displayWindow": WINDOW}, R=ONES, G=ONES, B=ONES)
     ),
     "empty.hdr": (
-        "not a readable HDR image",
+        "cannot be read as an image",
         lambda path: path.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 16 +X 32\n"),
     ),
-    "text.hdr": ("not a readable HDR image", lambda path: path.write_text("not an image")),
+    "text.hdr": ("cannot be read as an image", lambda path: path.write_text("not an image")),
     "map.png": ("lat-long .exr or .hdr", lambda path: None),
-    "missing.exr": ("no such file", lambda path: None),
+    "missing.exr": ("no such image file", lambda path: None),
 }  # fmt: skip
 
 
@@ -179,3 +179,46 @@ def test_file_or_builtin_not_both_or_none() -> None:
     for arguments in ({}, {"file": Path("x.exr"), "builtin": "city"}):
         with pytest.raises(EnvironmentMapError, match="either by file or by built-in name"):
             load_environment(**arguments)
+
+
+ORIENTED: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "-Y 2 +X 3": lambda map: map,
+    "+Y 2 +X 3": lambda map: map[::-1],
+    "-Y 2 -X 3": lambda map: map[:, ::-1],
+    "+Y 2 -X 3": lambda map: map[::-1, ::-1],
+    # Columns, each from one end to the other.
+    "+X 3 -Y 2": lambda map: map.T,
+    "-X 3 -Y 2": lambda map: map[:, ::-1].T,
+    "+X 3 +Y 2": lambda map: map[::-1].T,
+    "-X 3 +Y 2": lambda map: map[::-1, ::-1].T,
+}
+
+
+@pytest.mark.parametrize("orientation", ORIENTED)
+def test_an_hdr_of_any_orientation_is_read_rightly(tmp_path: Path, orientation: str) -> None:
+    """A file has its pixels in the order of its orientation."""
+    shown = np.array([[1, 2, 3], [4, 5, 6]], np.uint8)
+    pixels = bytes(byte for value in ORIENTED[orientation](shown).ravel() for byte in (value, value, 2 * value, 136))
+    (tmp_path / "map.hdr").write_bytes(
+        b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + orientation.encode() + b"\n" + pixels
+    )
+    radiance = load_environment(tmp_path / "map.hdr").radiance
+    np.testing.assert_array_equal(radiance[..., 0], shown)
+    np.testing.assert_array_equal(radiance[..., 2], 2 * shown)
+
+
+def test_an_hdr_of_cie_xyz_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "map.hdr").write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_xyze\n\n-Y 1 +X 2\n" + bytes([9, 9, 9, 128] * 2))
+    with pytest.raises(EnvironmentMapError, match=r"map\.hdr: cannot be read"):
+        load_environment(tmp_path / "map.hdr")
+
+
+@pytest.mark.parametrize(("level", "exposure"), [(1e19, 0.0), (1e17, 4.0), (1e-19, 0.0), (1e-17, -4.0)])
+def test_radiance_that_shaders_cannot_compute_with_is_refused(level: float, exposure: float) -> None:
+    with pytest.raises(EnvironmentMapError, match=r"bright: its largest radiance.* from 1e-18 to 1e"):
+        make_environment("bright", np.full((4, 8, 3), level)).check_exposed(exposure)
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-17, 1e17])
+def test_other_radiance_is_taken(level: float) -> None:
+    make_environment("map", np.full((4, 8, 3), level)).check_exposed(3.0)

@@ -25,7 +25,7 @@ from lookdev.material.textures import (
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
-    return tmp_path / "cache" / "textures"
+    return tmp_path / "cache" / "content"
 
 
 def save(file: Path, pixels: np.ndarray, kind: str, **attributes: object) -> Path:

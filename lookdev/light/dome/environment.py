@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import OpenEXR
 import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
 from lookdev.errors import EnvironmentMapError, nearest_hint
+from lookdev.images import check_size, open_image, whole_image
 
 Floats = NDArray[np.float32]
 
@@ -24,6 +26,13 @@ BUILTIN_LIGHTS: tuple[str, ...] = (
     "city", "courtyard", "forest", "interior", "night", "studio", "sunrise", "sunset", "white",
 )  # fmt: skip
 """The eight CC0 Poly Haven maps that the bpy wheel ships, and ``white``: radiance 1 from everywhere."""
+
+# Of an HDR: how its rows and columns run (Ward, "Real Pixels", Graphics Gems II).
+_RESOLUTION = re.compile(rb"\n([+-][XY]) [0-9]+ ([+-][XY]) [0-9]+\n")
+_HEADER = 1 << 16  # bytes in which it is
+
+LEAST, MOST = 1e-18, 1e18
+"""Of the largest radiance of a map, unless it is 0."""
 
 
 @dataclass(frozen=True)
@@ -45,12 +54,24 @@ class Repairs:
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
-    """An image of radiance (H, W, 3), row 0 at the zenith, linear Rec.709, finite and not negative, and its digest."""
+    """An image of radiance (H, W, 3), row 0 at the zenith, linear Rec.709, finite and not negative, and its digest.
+
+    `where` is its file, or its name."""
 
     name: str
     radiance: Floats
     repairs: Repairs
     digest: str
+    where: str
+
+    def check_exposed(self, exposure: float = 0.0) -> None:
+        """Raise EnvironmentMapError where shaders, in float32, cannot compute with the radiance times 2^exposure."""
+        largest = float(self.radiance.max()) * 2.0**exposure
+        if largest and not LEAST <= largest <= MOST:
+            exposed = f" times 2^{exposure:g}" if exposure else ""
+            raise EnvironmentMapError(
+                f"{self.where}: its largest radiance{exposed} is {largest:g}; from {LEAST:g} to {MOST:g} would be right"
+            )
 
     @property
     def is_constant(self) -> bool:
@@ -90,62 +111,76 @@ def _builtin_file(name: str) -> Path:
 
 
 def _read(file: Path) -> Floats:
-    readers = {".exr": _read_exr, ".hdr": _read_hdr}
-    reader = readers.get(file.suffix.lower())
-    if reader is None:
-        raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
-    if not file.is_file():
-        raise EnvironmentMapError(f"{file}: no such file")
-    return reader(file)
-
-
-def _read_exr(file: Path) -> Floats:
     """Read R, G, B (or Y alone, a grey map) from the first part that has them."""
+    if file.suffix.lower() not in (".exr", ".hdr"):
+        raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
     names: list[str] = []
-    try:
-        with OpenEXR.File(str(file), separate_channels=True) as exr:
-            for part in exr.parts:  # `exr.channels()` is part 0 only
-                names.extend(part.channels)
-                wanted = ("R", "G", "B") if {"R", "G", "B"} <= part.channels.keys() else ("Y",) * 3
-                # RY and BY beside Y are luminance-chroma: Y alone would be a grey picture of a coloured one.
-                if not set(wanted) <= part.channels.keys() or "RY" in part.channels:
-                    continue
-                if not np.array_equal(part.header["dataWindow"], part.header["displayWindow"]):
-                    raise EnvironmentMapError(f"{file}: data and display window differ; save the map uncropped")
-                pixels = [part.channels[name].pixels for name in wanted]
-                return np.asarray(np.stack(pixels, axis=-1), dtype=np.float32)
-    except (RuntimeError, ValueError) as error:  # OpenEXR raises both for files that it cannot read
-        raise EnvironmentMapError(f"{file}: not a readable EXR image: {error}") from error
-    # OpenEXR drops a part whose pixels it cannot decode.
-    found = f"channels {', '.join(names)}" if names else "no readable pixels"
-    raise EnvironmentMapError(f"{file}: needs channels R, G, B (or Y), has {found}")
+    with open_image(file, EnvironmentMapError) as image:
+        number = 0
+        while image.seek_subimage(number, 0):
+            spec = image.spec()
+            names += spec.channelnames
+            # RY and BY beside Y are luminance-chroma: Y alone would be a grey picture of a coloured one.
+            wanted = _wanted(spec.channelnames)
+            if wanted:
+                check_size(file, spec, EnvironmentMapError)
+                return _oriented(_pixels(image, file, wanted), file)
+            number += 1
+    raise EnvironmentMapError(f"{file}: needs channels R, G, B (or Y), has channels {', '.join(names[:20])}")
 
 
-def _read_hdr(file: Path) -> Floats:
-    image = oiio.ImageInput.open(str(file))
-    if image is None:
-        raise EnvironmentMapError(f"{file}: not a readable HDR image: {oiio.geterror().strip()}")
-    try:
-        pixels = image.read_image(0, 0, 0, 3, oiio.FLOAT)
-        if pixels is None:
-            raise EnvironmentMapError(f"{file}: not a readable HDR image: {image.geterror().strip()}")
-    finally:
-        image.close()
-    return np.asarray(pixels, dtype=np.float32)
+def _wanted(names: Sequence[str]) -> tuple[str, ...]:
+    if {"R", "G", "B"} <= set(names):
+        return "R", "G", "B"
+    return ("Y", "Y", "Y") if "Y" in names and "RY" not in names else ()
+
+
+def _pixels(image: oiio.ImageInput, file: Path, wanted: Sequence[str]) -> Floats:
+    spec = image.spec()
+    if (spec.x, spec.y, spec.width, spec.height) != (spec.full_x, spec.full_y, spec.full_width, spec.full_height):
+        raise EnvironmentMapError(f"{file}: data and display window differ; save the map uncropped")
+    numbers = [list(spec.channelnames).index(name) for name in wanted]
+    first, last = min(numbers), max(numbers)
+    pixels = whole_image(image, file, range(first, last + 1), EnvironmentMapError)
+    kept = [number - first for number in numbers]
+    return pixels if kept == list(range(pixels.shape[-1])) else np.ascontiguousarray(pixels[..., kept])
+
+
+def _oriented(pixels: Floats, file: Path) -> Floats:
+    """Return an image with rows from the top, each from the left; an HDR may have another order, or columns."""
+    if file.suffix.lower() != ".hdr":
+        return pixels
+    with file.open("rb") as stream:
+        found = _RESOLUTION.search(stream.read(_HEADER))
+    if found is None:
+        raise EnvironmentMapError(f"{file}: has no resolution, such as '-Y 512 +X 1024', in its first {_HEADER} bytes")
+    slow, fast = found.groups()
+    pixels = pixels[:: 1 if slow in (b"-Y", b"+X") else -1, :: 1 if fast in (b"-Y", b"+X") else -1]
+    return np.ascontiguousarray(pixels if slow.endswith(b"Y") else pixels.transpose(1, 0, 2))
 
 
 def make_environment(name: str, pixels: ArrayLike, where: str = "") -> EnvironmentMap:
     """Make a map of radiance (H, W, 3), row 0 at the zenith, repaired.
 
     Negative values become 0, infinite ones the largest finite value of the map, and NaN the mean of the neighbours that
-    are not NaN, or 0. If no value is finite, an EnvironmentMapError names the map by `where`, or by its name.
+    are not NaN, or 0. If no value is finite, or the largest is not within `LEAST` and `MOST`, an EnvironmentMapError
+    names the map by `where`, or by its name.
     """
     radiance, repairs = _repair(np.asarray(pixels, np.float32), where or name)
-    digest = hashlib.sha256(repr(radiance.shape).encode() + radiance.tobytes()).hexdigest()
-    return EnvironmentMap(name, radiance, repairs, digest)
+    environment = EnvironmentMap(name, radiance, repairs, _digest(radiance), where or name)
+    environment.check_exposed()
+    return environment
+
+
+def _digest(radiance: Floats) -> str:
+    digest = hashlib.sha256(repr(radiance.shape).encode())
+    digest.update(radiance.data)
+    return digest.hexdigest()
 
 
 def _repair(pixels: Floats, where: str) -> tuple[Floats, Repairs]:
+    if 0.0 <= pixels.min() <= pixels.max() < np.inf:  # false where one is NaN
+        return np.ascontiguousarray(pixels), Repairs()
     nan, infinite, negative = np.isnan(pixels), np.isposinf(pixels), pixels < 0.0
     repairs = Repairs(*(int(bad.any(axis=-1).sum()) for bad in (negative, nan, infinite)))
     finite = np.isfinite(pixels)

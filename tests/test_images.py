@@ -1,0 +1,112 @@
+"""The door for images: what must not be read is refused by its name, before its pixels are in memory."""
+
+from __future__ import annotations
+
+import os
+import resource
+import struct
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.errors import OutputError, TextureError
+from lookdev.images import DEFAULT_PIXELS, PIXELS_VARIABLE, check_file, open_image, whole_image
+
+
+def write(file: Path, pixels: np.ndarray, **options: object) -> Path:
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT)
+    for name, value in options.items():
+        setattr(spec, name, value)
+    output = oiio.ImageOutput.create(str(file))
+    assert output.open(str(file), spec)
+    assert output.write_image(np.ascontiguousarray(pixels, np.float32))
+    assert output.close()
+    return file
+
+
+def read(file: Path) -> np.ndarray:
+    with open_image(file, TextureError) as image:
+        return whole_image(image, file, range(image.spec().nchannels), TextureError)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"tile_width": 32, "tile_height": 16}, {"x": 3, "y": -2}, {"tile_width": 16, "tile_height": 16, "y": 9}],
+)
+@pytest.mark.parametrize("strip", [70, 1 << 20])
+def test_pixels_are_read_in_strips(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, int], strip: int
+) -> None:
+    monkeypatch.setattr("lookdev.images._STRIP", strip)
+    pixels = np.random.default_rng(1).random((37, 50, 3)).astype(np.float32)
+    np.testing.assert_array_equal(read(write(tmp_path / "a.exr", pixels, **options)), pixels)
+
+
+def chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def claimed_png(file: Path, side: int = 16384) -> None:
+    """Write a PNG of few bytes that claims many pixels."""
+    header = struct.pack(">IIBBBBB", side, side, 8, 6, 0, 0, 0)
+    data = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(99))) + chunk(b"IEND", b"")
+    file.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
+
+
+def sparse(file: Path) -> None:
+    write(file.with_suffix(".exr"), np.zeros((2, 2, 3))).rename(file)
+    os.truncate(file, 33 * DEFAULT_PIXELS)
+
+
+REFUSED: dict[str, tuple[Callable[[Path], object], str]] = {
+    "missing": (lambda file: None, "no such image file"),
+    "empty": (Path.touch, "it is empty"),
+    "folder": (Path.mkdir, "is not a regular file"),
+    "pipe": (os.mkfifo, "is not a regular file"),
+    "device": (lambda file: file.symlink_to("/dev/zero"), "is not a regular file"),
+    "loop": (lambda file: file.symlink_to(file), "cannot be read"),
+    "text": (lambda file: file.write_text("not an image"), "cannot be read as an image"),
+    "claimed": (claimed_png, f"is 16384 x 16384 pixels large; at most {PIXELS_VARIABLE} = {DEFAULT_PIXELS} pixels"),
+    "sparse": (sparse, rf"has {33 * DEFAULT_PIXELS} bytes; .*{PIXELS_VARIABLE} = {DEFAULT_PIXELS} pixels"),
+    "window": (
+        lambda file: write(
+            file.with_suffix(".exr"), np.zeros((2, 2, 3)), full_width=200_000, full_height=100_000
+        ).rename(file),
+        "is 200000 x 100000 pixels large; at most",
+    ),
+    "hdr": (
+        lambda file: file.write_bytes(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 100000 +X 100000\n" + bytes(99)),
+        "is 100000 x 100000 pixels large; at most",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_must_not_be_read_is_refused_by_name(tmp_path: Path, name: str) -> None:
+    make, message = REFUSED[name]
+    file = tmp_path / "image.png"
+    make(file)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(TextureError, match=message) as caught:
+        read(file)
+    assert str(caught.value).startswith(f"{file}: ")
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
+
+
+def test_the_limit_is_an_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = write(tmp_path / "a.exr", np.zeros((30, 40, 3)))
+    monkeypatch.setenv(PIXELS_VARIABLE, "1199")
+    with pytest.raises(TextureError, match=f"at most {PIXELS_VARIABLE} = 1199 pixels"):
+        read(file)
+    monkeypatch.setenv(PIXELS_VARIABLE, "1200")
+    assert read(file).shape == (30, 40, 3)
+    for wrong in ("many", "-1", "0", "1e9", "9" * 5000):
+        monkeypatch.setenv(PIXELS_VARIABLE, wrong)
+        with pytest.raises(OutputError, match=f"{PIXELS_VARIABLE} is '") as caught:
+            check_file(file, TextureError)
+        assert len(str(caught.value)) < 200
