@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import re
 import stat
+import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -31,6 +32,10 @@ DEFAULT_PIXELS = 1 << 27
 _BYTES = 32  # of a file, for each pixel of the limit: uncompressed, eight channels of floats
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
+_PNG_SIDE = 1_000_000  # pixels: libpng's limit
+# Of a PNG, by its colour type: bits of a sample, and samples of a pixel.
+_PNG_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
+_PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
 def most_pixels() -> int:
@@ -41,8 +46,11 @@ def most_pixels() -> int:
     return int(given)
 
 
-def check_file(file: Path, error: type[LookdevError]) -> None:
-    """Raise `error` unless an image may be read: a regular file, neither empty nor larger than the limit."""
+def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
+    """Raise `error` unless an image may be read: a regular file, neither empty nor larger than the limit.
+
+    The limit is that of `most` pixels, by default `most_pixels`.
+    """
     try:
         status = file.stat()
     except FileNotFoundError:
@@ -53,43 +61,73 @@ def check_file(file: Path, error: type[LookdevError]) -> None:
         raise error(f"{file}: is not a regular file")
     if not status.st_size:
         raise error(f"{file}: cannot be read as an image: it is empty")
-    most = _BYTES * most_pixels()
-    if status.st_size > most:
-        raise error(f"{file}: has {status.st_size} bytes; at most {most} are read, {_BYTES} for each of {_limit()}")
+    pixels, limit = _limit(most)
+    if status.st_size > _BYTES * pixels:
+        largest = f"at most {_BYTES * pixels} are read, {_BYTES} for each of {limit}"
+        raise error(f"{file}: has {status.st_size} bytes; {largest}")
 
 
 @contextmanager
-def open_image(file: Path, error: type[LookdevError]) -> Iterator[oiio.ImageInput]:
-    """Open an image whose file and header are checked, alpha as stored; raises `error` where it must not be read."""
-    check_file(file, error)
-    if _is_damaged_png(file, error):  # of which libpng tells stderr
-        raise error(f"{file}: cannot be read as an image: the header of the PNG is damaged")
+def open_image(file: Path, error: type[LookdevError], most: int | None = None) -> Iterator[oiio.ImageInput]:
+    """Open an image whose file and header are checked, alpha as stored; raises `error` where it must not be read.
+
+    The limit is as of `check_file`.
+    """
+    check_file(file, error, most)
+    _check_png(file, error, whole=False)
     # Some formats are decoded as they are opened. OpenImageIO refuses what is larger.
-    oiio.attribute("limits:imagesize_MB", -(-_BYTES * most_pixels() // _MEGABYTE))
+    oiio.attribute("limits:imagesize_MB", -(-_BYTES * _limit(most)[0] // _MEGABYTE))
+    # The other reader of EXR writes to stderr what is wrong with an image.
+    oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
     image = oiio.ImageInput.open(str(file), as_stored)
     if image is None:
-        raise error(f"{file}: cannot be read as an image: {_reason(oiio.geterror())}")
+        raise error(f"{file}: cannot be read as an image: {_reason(oiio.geterror)}")
     try:
-        check_size(file, image.spec(), error)
+        check_size(file, image.spec(), error, most)
         yield image
     finally:
         image.close()
 
 
-def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError]) -> None:
-    """Raise `error` unless the pixels of an image, and those of its whole frame, are within the limit."""
+def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most: int | None = None) -> None:
+    """Raise `error` unless an image has pixels, and their number, that of its whole frame too, is within the limit."""
     sizes = ((spec.width, spec.height), (spec.full_width, spec.full_height))
+    if min(spec.nchannels, *sizes[0], *sizes[1]) < 1:
+        raise error(f"{file}: has no pixels: it is {spec.width} x {spec.height}, of {spec.nchannels} channels")
     width, height = max(sizes, key=lambda size: size[0] * size[1])
     if spec.depth > 1:
         raise error(f"{file}: is a volume of depth {spec.depth}; a flat image would be right")
-    if width * height > most_pixels():
-        raise error(f"{file}: is {width} x {height} pixels large; at most {_limit()} would be right")
+    pixels, limit = _limit(most)
+    if width * height > pixels:
+        raise error(f"{file}: is {width} x {height} pixels large; at most {limit} would be right")
 
 
-def _limit() -> str:
-    return f"{PIXELS_VARIABLE} = {most_pixels()} pixels"
+def _check_jpeg(file: Path, error: type[LookdevError]) -> None:
+    """Raise `error` for a JPEG without its end marker (ITU-T T.81, B.1.1.3): its reader fills what is missing."""
+    data = file.read_bytes()
+    place = 2
+    while data[place : place + 1] == b"\xff" and data[place + 1 : place + 2] != b"\xda":
+        place += 2 + int.from_bytes(data[place + 2 : place + 4], "big")
+    if data.find(b"\xff\xd9", place) < 0:
+        raise error(f"{file}: cannot be read as an image: the JPEG is cut off")
+
+
+def _check_png(file: Path, error: type[LookdevError], *, whole: bool) -> None:
+    try:
+        problem = _png_problem(file, whole=whole)
+    except OSError as failure:
+        raise error(f"{file}: cannot be read: {failure.strerror}") from failure
+    if problem:
+        raise error(f"{file}: cannot be read as an image: {problem}")
+
+
+def _limit(most: int | None) -> tuple[int, str]:
+    """Return the largest number of pixels, and its name in a message."""
+    if most is not None:
+        return most, f"{most} pixels"
+    return most_pixels(), f"{PIXELS_VARIABLE} = {most_pixels()} pixels"
 
 
 def strips(
@@ -100,6 +138,9 @@ def strips(
     Raises `error` where the pixels cannot be read.
     """
     spec = image.spec()
+    _check_png(file, error, whole=True)
+    if image.format_name() == "jpeg":
+        _check_jpeg(file, error)
     rows = max(1, _STRIP // spec.width)
     if spec.tile_height:
         rows = -(-rows // spec.tile_height) * spec.tile_height
@@ -112,8 +153,8 @@ def strips(
             pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *wanted)
         else:
             pixels = image.read_scanlines(subimage, 0, begin, end, spec.z, *wanted)
-        if pixels is None:
-            raise error(f"{file}: cannot be read as an image: {_reason(image.geterror())}")
+        if pixels is None or image.has_error:  # what is missing of a TIFF is not None
+            raise error(f"{file}: cannot be read as an image: {_reason(image.geterror)}")
         yield first, pixels.reshape(end - begin, spec.width, len(channels))
 
 
@@ -126,18 +167,61 @@ def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type
     return pixels
 
 
-def _reason(text: str) -> str:
+def _reason(error: Callable[[], str]) -> str:
     """Return the start of what OpenImageIO says: the library of a format repeats an error in further lines."""
-    first = text.strip().partition("\n")[0][:300]
+    try:
+        first = error().strip().partition("\n")[0][:300]
+    except UnicodeDecodeError:  # it quotes the file
+        first = "it is damaged"
     return "".join(each if each.isprintable() else "?" for each in first) or "no reader knows it"
 
 
-def _is_damaged_png(file: Path, error: type[LookdevError]) -> bool:
-    """Return whether the first chunk of a PNG is not whole (ISO/IEC 15948, 5.3 and 11.2.2)."""
-    try:
-        with file.open("rb") as stream:
-            start = stream.read(33)
-    except OSError as failure:
-        raise error(f"{file}: cannot be read: {failure.strerror}") from failure
-    whole = start[8:16] == b"\0\0\0\rIHDR" and zlib.crc32(start[12:29]).to_bytes(4, "big") == start[29:]
-    return start[:8] == b"\x89PNG\r\n\x1a\n" and not whole
+def _png_problem(file: Path, *, whole: bool) -> str:
+    """Return what is wrong with the chunks of a PNG (ISO/IEC 15948, 5 and 11.2); '' for another file.
+
+    Of libpng it would be a line on stderr. Unless `whole`, the pixels are passed over.
+    """
+    with file.open("rb") as stream:
+        if stream.read(8) != b"\x89PNG\r\n\x1a\n":
+            return ""
+        size = os.fstat(stream.fileno()).st_size
+        packed, kind, left = zlib.decompressobj(), b"", -1
+        while kind != b"IEND":
+            start = stream.read(8)
+            length, kind = int.from_bytes(start[:4], "big"), start[4:]
+            if len(start) < 8 or length > size - stream.tell() - 4:
+                return "the PNG is cut off"
+            if (kind == b"IHDR") != (left < 0):
+                return "the header of the PNG is damaged"
+            if kind == b"IDAT" and not whole:
+                return ""
+            data, check = stream.read(length), stream.read(4)
+            if zlib.crc32(kind + data).to_bytes(4, "big") != check:
+                return "the header of the PNG is damaged" if kind == b"IHDR" else "the PNG is damaged"
+            if kind == b"IHDR":
+                left = _png_bytes(data)
+                if not left:
+                    return "the header of the PNG is damaged"
+                width, height = struct.unpack(">II", data[:8])
+                if max(width, height) > _PNG_SIDE:
+                    return f"it is {width} x {height} pixels large; a side has at most {_PNG_SIDE}"
+            elif kind == b"IDAT":
+                try:
+                    while data and left:
+                        left = max(left - len(packed.decompress(data, _MEGABYTE)), 0)
+                        data = packed.unconsumed_tail
+                except zlib.error:
+                    return "the PNG is damaged"
+        return "the PNG is cut off" if whole and left else ""
+
+
+def _png_bytes(header: bytes) -> int:
+    """Return how many bytes the pixels of a PNG have, at least, before they are packed; 0 for a damaged header."""
+    if len(header) != 13:
+        return 0
+    width, height, depth, color, method, filtering, interlaced = struct.unpack(">IIBBBBB", header)
+    known = depth in _PNG_DEPTHS.get(color, ()) and not method and not filtering and interlaced < 2
+    if not known or not 0 < width < 1 << 31 or not 0 < height < 1 << 31:
+        return 0
+    # Interlaced pixels have more bytes than these: a filter for each row of seven pictures.
+    return int(height * (1 + -(-width * depth * _PNG_CHANNELS[color] // 8)) if not interlaced else height)

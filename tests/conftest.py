@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lookdev.asset import load_asset
-from lookdev.cache import Content
+from lookdev.cache import Content, take_notes
 from lookdev.codegen import (
     AttributeBinding,
     GroupSocket,
@@ -38,6 +38,12 @@ frames = 4
 kind = "lighting"
 frames = 3
 """
+
+
+@pytest.fixture(autouse=True)
+def _no_notes() -> None:
+    """Forget what the test before left of damaged files."""
+    take_notes()
 
 
 @pytest.fixture

@@ -98,6 +98,29 @@ def test_what_must_not_be_read_is_refused_by_name(tmp_path: Path, name: str) -> 
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100_000  # kB
 
 
+@pytest.mark.parametrize("suffix", [".png", ".tif", ".jpg", ".exr"])
+@pytest.mark.parametrize("part", [0.99, 0.7])
+def test_an_image_that_is_cut_off_is_refused(tmp_path: Path, suffix: str, part: float) -> None:
+    """Readers of some kinds fill what is missing."""
+    file = write(tmp_path / f"a{suffix}", np.random.default_rng(1).random((64, 64, 3)))
+    assert read(file).shape == (64, 64, 3)
+    os.truncate(file, int(part * file.stat().st_size))
+    with pytest.raises(TextureError, match="cannot be read as an image"):
+        read(file)
+
+
+def test_a_changed_byte_of_a_png_is_seen(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    file = write(tmp_path / "a.png", np.random.default_rng(1).random((64, 64, 3)))
+    data = bytearray(file.read_bytes())
+    for place in range(8, len(data), 97):
+        data[place] ^= 1
+        file.write_bytes(data)
+        with pytest.raises(TextureError, match=r"the PNG|header"):
+            read(file)
+        data[place] ^= 1
+    assert capfd.readouterr().err == ""
+
+
 def test_the_limit_is_an_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = write(tmp_path / "a.exr", np.zeros((30, 40, 3)))
     monkeypatch.setenv(PIXELS_VARIABLE, "1199")

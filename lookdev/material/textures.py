@@ -28,7 +28,7 @@ UDIM = "<UDIM>"
 """The place of a tile's number in the name of a set."""
 
 # Parts of the names of cached files: raised when the conversion, or the slopes made from it, change.
-_CONVERTER_VERSION, _SLOPE_VERSION = 1, 1
+_CONVERTER_VERSION, _SLOPE_VERSION = 2, 1
 _UDIM_NUMBER = re.compile(r"1[0-9]{3}")
 
 _WRAPS: dict[str, Wrap] = {

@@ -18,10 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from lookdev.cache import atomic_path
 from lookdev.errors import OutputError
+from lookdev.images import open_image, whole_image
 
 Floats = NDArray[np.float32]
 
 PREFIX = "lookdev:"
+
+LARGEST = 1 << 28
+"""Pixels of a frame: 16384 x 16384."""
 
 _ROWS_OF_A_BLOCK = 16  # of ZIP_COMPRESSION
 
@@ -49,12 +53,16 @@ def write_frame(path: Path, beauty: ArrayLike, alpha: ArrayLike, header: Mapping
 def read_frame(path: Path) -> tuple[Floats, Floats]:
     """Return beauty (H, W, 3) and alpha (H, W) of a frame as written; raises OutputError where it is not whole."""
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as exr:
-            # `channels()` raises ValueError where OpenEXR cannot decode the part.
-            planes = [exr.channels()[name].pixels for name in "RGBA"]
-    except (RuntimeError, ValueError, KeyError) as error:
-        raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {error}") from error
-    return np.stack(planes[:3], axis=-1), planes[3]
+        with open_image(path, OutputError, LARGEST) as image:
+            names = list(image.spec().channelnames)
+            if not {*"RGBA"} <= set(names):
+                raise OutputError(f"{path}: has channels {', '.join(names[:20])}")
+            pixels = whole_image(image, path, range(len(names)), OutputError)
+    except OutputError as error:
+        reason = str(error).removeprefix(f"{path}: ")
+        raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {reason}") from error
+    beauty = [names.index(name) for name in "RGB"]
+    return np.ascontiguousarray(pixels[..., beauty]), np.ascontiguousarray(pixels[..., names.index("A")])
 
 
 def read_header(path: Path) -> dict[str, str]:

@@ -32,7 +32,8 @@ def main() -> None:
         os.dup2(written.fileno(), 2)
         for line in sys.stdin:
             kind, seed, number = line.rstrip("\n").split("\t")
-            with tempfile.TemporaryDirectory() as folder:
+            with tempfile.TemporaryDirectory() as folder, tempfile.TemporaryDirectory() as cache:
+                os.environ["LOOKDEV_CACHE"] = cache
                 written.seek(0)
                 written.truncate()
                 outcome = judged(made(KINDS[kind], int(seed), int(number), Path(folder)))

@@ -13,6 +13,9 @@ from materialx import MATERIALX
 from jobs import JOBS
 
 sys.path.append(str(Path(__file__).parent.parent / "asset"))  # whose tests check arrays of assets
+from damaged_files import DAMAGED
+from images import IMAGES
 from usd_assets import USD_ASSETS
 
-KINDS: dict[str, Kind] = {kind.name: kind for kind in (USD_ASSETS, JOBS, EVAL, MATERIALX, LOOKS)}
+_ALL = (USD_ASSETS, JOBS, EVAL, MATERIALX, LOOKS, *IMAGES, *DAMAGED)
+KINDS: dict[str, Kind] = {kind.name: kind for kind in _ALL}

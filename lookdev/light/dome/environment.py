@@ -112,10 +112,13 @@ def _builtin_file(name: str) -> Path:
 
 def _read(file: Path) -> Floats:
     """Read R, G, B (or Y alone, a grey map) from the first part that has them."""
-    if file.suffix.lower() not in (".exr", ".hdr"):
+    kinds = {".exr": "openexr", ".hdr": "hdr"}
+    if file.suffix.lower() not in kinds:
         raise EnvironmentMapError(f"{file}: an environment map is a lat-long .exr or .hdr file")
     names: list[str] = []
     with open_image(file, EnvironmentMapError) as image:
+        if image.format_name() != kinds[file.suffix.lower()]:
+            raise EnvironmentMapError(f"{file}: is an image of kind {image.format_name()}, which its name does not say")
         number = 0
         while image.seek_subimage(number, 0):
             spec = image.spec()
