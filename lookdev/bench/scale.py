@@ -32,12 +32,12 @@ _SIDE, _LIGHT, _BOUNCES = 64, "studio", 2
 _LOOK = """#usda 1.0
 def Material "Grey"
 {
-    token outputs:lookdev:surface.connect = </Grey/Surface.outputs:surface>
+    token outputs:lookdev:surface.connect = </Grey/Surface.outputs:layer>
     def Shader "Surface"
     {
         uniform token info:id = "LookdevDisney"
         color3f inputs:baseColor = (0.4, 0.4, 0.4)
-        token outputs:surface
+        token outputs:layer
     }
 }
 """

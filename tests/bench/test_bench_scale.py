@@ -11,6 +11,7 @@ from bench_fakes import quiet
 from rich.console import Console
 
 from lookdev.asset import Asset, load_asset
+from lookdev.batch.prepare import prepare_job
 from lookdev.bench import scale
 from lookdev.bench.report import print_scale
 from lookdev.bench.scale import Case, ScaleResults, Start, run_scale
@@ -57,7 +58,11 @@ def processes(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[list[str]
     real = scale.subprocess.Popen
 
     def popen(command: list[str], **options: object) -> object:
+        if command[0] != sys.executable:
+            return real(command, **options)  # one that the job's check starts
         started.append(command[2:])
+        if command[-1].endswith("warm.toml"):
+            assert len(prepare_job(Path(command[-1])).plan.frames) == 1  # the job that is measured can be rendered
         return real([sys.executable, "-c", TELLS if "broken" not in command[-1] else "raise SystemExit(3)"], **options)
 
     monkeypatch.setattr(scale.subprocess, "Popen", popen)

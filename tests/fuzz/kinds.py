@@ -7,14 +7,13 @@ from pathlib import Path
 
 from cases import Kind
 from eval_lines import EVAL
-from looks import LOOKS
-from materialx import MATERIALX
-
-from jobs import JOBS
+from job_cases import JOBS
+from look_cases import LOOKS
+from materialx_cases import MATERIALX
 
 sys.path.append(str(Path(__file__).parent.parent / "asset"))  # whose tests check arrays of assets
 from damaged_files import DAMAGED
-from images import IMAGES
+from image_cases import IMAGES
 from usd_assets import USD_ASSETS
 
 _ALL = (USD_ASSETS, JOBS, EVAL, MATERIALX, LOOKS, *IMAGES, *DAMAGED)
