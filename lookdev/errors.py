@@ -12,6 +12,8 @@
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
     ├── CodegenError        a model uses an operation that the symbolic arrays do not support
     ├── ContentError        the cache lacks a file that a render task names
+    ├── ReadingError        a file crashed what read it, or takes too much time or memory (defined in lookdev.guard)
+    ├── KilledError         the system killed the program (defined in lookdev.guard)
     ├── OutputError         a frame, sheet or picture cannot be written or read back
     ├── WorkerError         the render worker died, hung or sent no valid answer
     └── RenderError         Blender refused or failed to render a frame

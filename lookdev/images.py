@@ -20,6 +20,7 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from lookdev.errors import LookdevError, OutputError
+from lookdev.guard import reading
 
 Floats = NDArray[np.float32]
 
@@ -81,14 +82,15 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
     oiio.attribute("openexr:core", 1)
     as_stored = oiio.ImageSpec()
     as_stored["oiio:UnassociatedAlpha"] = 1
-    image = oiio.ImageInput.open(str(file), as_stored)
-    if image is None:
-        raise error(f"{file}: cannot be read as an image: {_reason(oiio.geterror)}")
-    try:
-        check_size(file, image.spec(), error, most)
-        yield image
-    finally:
-        image.close()
+    with reading(file):
+        image = oiio.ImageInput.open(str(file), as_stored)
+        if image is None:
+            raise error(f"{file}: cannot be read as an image: {_reason(oiio.geterror)}")
+        try:
+            check_size(file, image.spec(), error, most)
+            yield image
+        finally:
+            image.close()
 
 
 def check_size(file: Path, spec: oiio.ImageSpec, error: type[LookdevError], most: int | None = None) -> None:

@@ -24,7 +24,8 @@ def ending_at_signals() -> Iterator[None]:
     """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
 
     Python runs handlers between its own instructions: a library that computes for long would hold them up. Another
-    thread sees the signal at once.
+    thread sees the signal at once. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the
+    parent.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
@@ -36,8 +37,13 @@ def ending_at_signals() -> Iterator[None]:
                 if not done.is_set():
                     os._exit(128 + number[0])
 
+    def interrupt(*_: object) -> None:
+        for number in before:
+            signal.signal(number, lambda *_: None)
+        raise KeyboardInterrupt
+
     done = threading.Event()
-    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     waking = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=watch, daemon=True).start()
     try:
@@ -45,5 +51,6 @@ def ending_at_signals() -> Iterator[None]:
     finally:
         done.set()
         signal.set_wakeup_fd(waking)
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
         os.close(writer)

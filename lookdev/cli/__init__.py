@@ -6,7 +6,7 @@ What a verb needs is imported when it runs, so that ``lookdev --help`` loads not
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -14,6 +14,7 @@ import lookdev
 from lookdev.cache import take_notes
 from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
+from lookdev.guard import KilledError, NativeCrash, supervised
 from lookdev.lifetime import ending_at_signals
 
 EX_SOFTWARE = 70
@@ -32,7 +33,20 @@ app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 
 def main() -> None:
-    """Run the command line; an exception becomes a message on stderr and an exit code.
+    """Run the command line in a process that survives what a damaged file does to it (`lookdev.guard`)."""
+    try:
+        code = supervised(run)
+    except KilledError as error:
+        _leave(str(error), 1)
+    except LookdevError as error:
+        _leave(str(error), 2)
+    except NativeCrash as error:
+        _leave_with_report(error)
+    sys.exit(code)
+
+
+def run() -> None:
+    """Run the command line in this process; an exception becomes a message on stderr and an exit code.
 
     1: frames failed, or output, disk or renderer did; 2: the input is wrong; 70: a defect of the program, with a report
     file; 130: interrupted.
@@ -51,15 +65,19 @@ def main() -> None:
         place = f"{error.filename}: " if error.filename else ""
         _leave(f"{place}{error.strerror or error}", 1)
     except Exception as error:  # noqa: BLE001  the last resort
-        from lookdev.batch.crash import record_crash
-
-        _leave(record_crash(error, sys.argv), EX_SOFTWARE)
+        _leave_with_report(error)
     finally:
         for note in take_notes():
             typer.echo(f"note: {note}", err=True)
 
 
-def _leave(message: str, code: int) -> None:
+def _leave_with_report(error: Exception) -> NoReturn:
+    from lookdev.batch.crash import record_crash
+
+    _leave(record_crash(error, sys.argv), EX_SOFTWARE)
+
+
+def _leave(message: str, code: int) -> NoReturn:
     typer.echo(f"lookdev: {message}", err=True)
     sys.exit(code)
 

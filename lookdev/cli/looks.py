@@ -23,9 +23,9 @@ def validate(
     as_json: AsJson = False,
 ) -> None:
     """List all faults of the looks of a file, in every variant that is not given; exit code 1 if there are errors."""
-    from lookdev.material.validate import validate as validate_looks
+    from lookdev.material.validate.examine import examine
     from lookdev.material.variants import parse_variants
 
-    report = validate_looks(file, prim, parse_variants(variants or ()))
+    report = examine(file, prim, parse_variants(variants or ()))
     typer.echo(json.dumps(report.data(), indent=2) if as_json else report.text())
     raise typer.Exit(1 if report.has_errors else 0)

@@ -1,7 +1,8 @@
 """Opening and composing USD files of any content: USD's messages become a `StageError`, nothing goes to stderr.
 
 `open_stage` and `compose` check every layer before USD reads it (`files`). A damaged binary layer can nevertheless
-crash the process, and `lookdev.material.validate` reads it in another one. `clips` checks value clips, as USD does not.
+crash the process, and what a layer refers to can be endless: `lookdev.guard` is told which file is read. `clips` checks
+value clips, as USD does not.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any, Literal
 
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
+from lookdev import guard
 from lookdev.errors import Fault, LookError, StageError, nearest_hint, shortened
 from lookdev.mtlx import document_layer, is_document, redirect
 from lookdev.stage.clips import clip_faults
@@ -33,7 +35,8 @@ def reading(file: Path) -> Iterator[list[str]]:
     held = UsdUtils.CoalescingDiagnosticDelegate()
     warnings: list[str] = []
     try:
-        yield warnings
+        with guard.reading(file):
+            yield warnings
     except Tf.ErrorException as error:
         raise StageError([Fault(str(file), "", f"USD cannot open it: {error_words(error)}")]) from error
     except UnicodeDecodeError as error:
@@ -311,7 +314,9 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
     pending, seen = [root], {root, ""}
     while pending:
         path = pending.pop()
-        if problem := layer_problem(Path(Ar.SplitPackageRelativePathOuter(path)[0])):
+        whole = Path(Ar.SplitPackageRelativePathOuter(path)[0])
+        guard.opened(whole)
+        if problem := layer_problem(whole):
             faults.append(Fault(root, "", problem if path == root else f"its layer {path} {problem}"))
             continue
         try:

@@ -14,7 +14,7 @@ sys.path += [str(Path(__file__).parents[1] / room) for room in ("batch", "bench"
 
 import batch_case as case
 
-from lookdev.cli import main
+from lookdev.cli import run
 from lookdev.job import Job, load_job
 from lookdev.render.backends import BACKENDS
 
@@ -26,13 +26,13 @@ Provide = Callable[..., None]
 def run_cli(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
     """Return a function that runs the command line and returns its exit code, stdout and stderr."""
 
-    def run(*arguments: object) -> tuple[int, str, str]:
+    def run_with(*arguments: object) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["lookdev", *map(str, arguments)])
         with pytest.raises(SystemExit) as left:
-            main()
+            run()
         return (int(left.value.code or 0), *capsys.readouterr())
 
-    return run
+    return run_with
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import batch_case as case
 import pytest
 
 from lookdev.batch.examples import Example, copy_example, list_examples
-from lookdev.cli import main
+from lookdev.cli import run
 from lookdev.errors import OutputError
 from lookdev.job import json_schema, load_job
 from lookdev.material.usd import read_look
@@ -144,7 +144,7 @@ def test_what_a_library_prints_is_not_before_the_json(
     provide("lookdev.batch.prepare", prepare_job=prepare_job)
     monkeypatch.setattr(sys, "argv", ["lookdev", "plan", str(job_file), "--json"])
     with pytest.raises(SystemExit):
-        main()
+        run()
     output, errors = capfd.readouterr()
     assert json.loads(output)["files"]
     assert "Warning: a library" in errors

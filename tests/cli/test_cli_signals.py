@@ -17,11 +17,12 @@ from lookdev.lifetime import end_with_parent
 end_with_parent()
 pathlib.Path({0!r}).write_text(str(os.getpid()))
 time.sleep(60)"""
-_WAITS = """import sys
-from lookdev.cli import main
-from lookdev.material import validate
-validate._PROGRAM = (sys.executable, "-c", {child!r})
-sys.argv = ["lookdev", "validate", "look.usda"]
+_WAITS = """import subprocess, sys
+from lookdev.cli import app, main
+@app.command()
+def wait():
+    subprocess.run((sys.executable, "-c", {child!r}))
+sys.argv = ["lookdev", "wait"]
 main()"""
 # A library that computes for a minute, and does not return to Python.
 _COMPUTES = """import hashlib, subprocess, sys

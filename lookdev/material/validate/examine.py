@@ -1,8 +1,7 @@
 """All faults of the looks of a file, in every combination of variants.
 
 These are the faults of `read_look`, the findings of USD's own validators, and notes on what is legal without effect. Of
-a material of another shading model, notes say what it is read as and what is not carried. A hostile file can hang or
-kill the process that reads it: `lookdev.material.validate` runs this in a process of its own.
+a material of another shading model, notes say what it is read as and what is not carried.
 """
 
 from __future__ import annotations

@@ -46,12 +46,6 @@ class Report:
         """Return the report as data for JSON."""
         return asdict(self)
 
-    @classmethod
-    def from_data(cls, data: dict[str, Any]) -> Report:
-        """Return the report that `data` was made of."""
-        findings = (Finding(**{**each, "variants": tuple(each["variants"])}) for each in data["findings"])
-        return cls(**{**data, "findings": tuple(findings)})
-
     def text(self) -> str:
         """Return a summary, then the findings by prim."""
         counts = [(severity, sum(each.severity == severity for each in self.findings)) for severity in SEVERITIES]

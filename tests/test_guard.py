@@ -1,0 +1,177 @@
+"""A program in a child process: what a file does to it becomes a message, and all else is as without the child."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from lookdev.guard import MEMORY_VARIABLE, SECONDS_VARIABLE
+
+_PROGRAM = """
+import ctypes, os, signal, sys, time
+from pathlib import Path
+from lookdev.guard import opened, reading, supervised
+from lookdev.lifetime import ending_at_signals
+def program():
+{body}
+try:
+    print("code", supervised(program))
+except Exception as error:
+    print(type(error).__name__, error)
+"""
+
+
+def outcome(body: str, **variables: str) -> str:
+    """Return what a supervised program writes to stdout, then its parent."""
+    done = subprocess.run(
+        (sys.executable, "-c", _PROGRAM.format(body=textwrap.indent(body, "    "))),
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | variables,
+        check=True,
+        timeout=60.0,
+    )
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    ("body", "expected"),
+    [
+        ("print('hello')", "hello\ncode 0\n"),
+        ("sys.exit(3)", "code 3\n"),
+        ("with reading(Path('a')): sys.exit(3)", "code 3\n"),
+        ("os.kill(os.getpid(), signal.SIGTERM)", f"code {128 + signal.SIGTERM}\n"),
+        ("sys.stderr.close(); raise ValueError", "code 1\n"),
+    ],
+)
+def test_a_program_ends_as_it_would_alone(body: str, expected: str) -> None:
+    assert outcome(body) == expected
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        (
+            "with reading(Path('a.usd')):\n  with reading(Path('b.png')): ctypes.string_at(0)",
+            "ReadingError b.png: reading it crashed (SIGSEGV); it is damaged: write it anew\n",
+        ),
+        (
+            "with reading(Path('a.usd')):\n  with reading(Path('b.png')): pass\n  os.abort()",
+            "ReadingError a.usd: reading it crashed (SIGABRT); it is damaged: write it anew\n",
+        ),
+        (
+            "with reading(Path('a\\x1b[2J')): os.kill(os.getpid(), signal.SIGKILL)",
+            "KilledError the system killed the program while it read a?[2J (SIGKILL), "
+            "as it does where memory is short\n",
+        ),
+    ],
+)
+def test_a_signal_while_a_file_is_read_names_the_file(body: str, message: str) -> None:
+    assert outcome(body) == message
+
+
+def test_a_signal_at_another_time_is_a_defect_with_its_place() -> None:
+    text = outcome("with reading(Path('a.usd')): pass\nos.abort()")
+    assert text.startswith("NativeCrash SIGABRT\n")
+    assert 'File "<string>", line 8 in program' in text
+
+
+_SWELLS = "held = b'x' * (64 << 20)"
+
+
+@pytest.mark.parametrize(
+    ("body", "whole"),
+    [
+        (f"with reading(Path('a.usd')): {_SWELLS}; time.sleep(10)", False),
+        (f"with reading(Path('a.usd')):\n  with reading(Path('b.usd')): {_SWELLS}\n  time.sleep(10)", False),
+        (f"{_SWELLS}\nwith reading(Path('a.usd')): time.sleep(0.2)", True),
+        (f"with reading(Path('large')): {_SWELLS}; time.sleep(0.2)", True),
+        (f"with reading(Path('a.usd')): opened(Path('large')); {_SWELLS}; time.sleep(0.2)", True),
+    ],
+    ids=["swells", "inside", "before", "large", "layer"],
+)
+def test_memory_is_bounded_by_the_size_of_what_is_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, body: str, whole: bool
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("large").write_bytes(bytes(1 << 20))
+    started = time.monotonic()
+    text = outcome(body, **{MEMORY_VARIABLE: "32"})
+    if whole:
+        assert text == "code 0\n"
+    else:
+        assert text.startswith("ReadingError a.usd: reading it takes more than 32 MiB of memory; ")
+        assert f"{MEMORY_VARIABLE}, 32 MiB beside 128 times the size of its files" in text
+        assert time.monotonic() - started < 8.0  # it was not waited for
+
+
+@pytest.mark.parametrize(
+    ("body", "ends"),
+    [
+        ("with reading(Path('a.usd')):\n  while True: pass", False),
+        ("with reading(Path('a.usd')): time.sleep(1.3)", True),  # another file system may be slow
+    ],
+    ids=["computes", "waits"],
+)
+def test_time_is_bounded(body: str, ends: bool) -> None:
+    text = outcome(body, **{SECONDS_VARIABLE: "1"})
+    assert (text == "code 0\n") == ends
+    assert ends or text.startswith("ReadingError a.usd: reading it takes more than 1 s; ")
+
+
+def test_a_limit_that_is_no_number_is_refused() -> None:
+    text = outcome("pass", **{MEMORY_VARIABLE: "2 GiB"})
+    assert text == f"LookdevError {MEMORY_VARIABLE} is '2 GiB'; a whole number from 1 to 999999999 is needed\n"
+
+
+def test_the_first_signal_counts(tmp_path: Path) -> None:
+    """Ctrl-C comes from the terminal and from the parent: what it starts to remove is removed nevertheless."""
+    body = """
+    with ending_at_signals():
+        try:
+            Path("ready").touch()
+            time.sleep(60)
+        except KeyboardInterrupt:
+            for _ in range(50):
+                time.sleep(0.01)
+            Path("removed").touch()
+            sys.exit(130)"""
+    process = subprocess.Popen((sys.executable, "-c", _PROGRAM.format(body=body)), cwd=tmp_path, process_group=0)
+    try:
+        until = time.monotonic() + 30.0
+        while not (tmp_path / "ready").exists():
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.wait(5.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+    assert (tmp_path / "removed").exists()
+
+
+def test_the_command_line_names_a_file_of_endless_references(tmp_path: Path) -> None:
+    levels = ['def Xform "L0" {\n}']
+    for level in range(1, 10):
+        inner = "".join(f'def "c{i}" (references = </L{level - 1}>) {{\n}}\n' for i in range(10))
+        levels.append(f'def Xform "L{level}" {{\n{inner}}}')
+    file = tmp_path / "bomb.usda"
+    file.write_text('#usda 1.0\n(defaultPrim = "L9")\n' + "\n".join(levels))
+    done = subprocess.run(
+        (sys.executable, "-m", "lookdev", "inspect", str(file), "--json"),
+        env=os.environ | {MEMORY_VARIABLE: "200"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60.0,
+    )
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith(f"lookdev: {file}: reading it takes more than 200 MiB of memory")
+    assert done.stderr.count("\n") == 1
