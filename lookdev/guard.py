@@ -192,7 +192,7 @@ class _State:
             case {"reads": file}:
                 self.files.append(file)
             case {"read": file}:
-                self.files.remove(file)
+                del self.files[max(place for place, each in enumerate(self.files) if each == file)]
                 self.start = self.start if self.files else None
             case {"opened": file, "bytes": size}:
                 self.sizes[file] = size
