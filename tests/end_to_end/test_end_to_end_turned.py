@@ -22,7 +22,7 @@ asset = { builtin = "sphere" }
 look = [{ name = "red", material = "red.usda" }]
 ibl = [{ name = "city", builtin = "city", rotation = 40 }]
 turntable = [{ kind = "element", frames = 5 }]
-render = { resolution = [64, 64], samples = 64 }
+render = { resolution = [64, 64], samples = 1024 }
 """
 
 
@@ -65,10 +65,10 @@ def test_every_pose_has_that_picture(job: Path) -> None:
     (task,) = prepare_job(job).plan.pending()
     assert task.pose == Pose(0.0, 40.0)
     ratios, wrong = differences(task, [Pose(72.0 * number, 40.0) for number in range(1, 5)], Pose(72.0, 41.0))
-    # 1 would be noise. Relative to the camera, asset, light and samples are the same, and so is the noise, up to
-    # float32 and the facets.
-    assert max(ratios) < 0.01, ratios
-    assert wrong > 0.3, wrong
+    # 1 would be noise. Relative to the camera, asset and light are the same, and the directions drawn from the light:
+    # most of the noise is. Directions drawn from a BSDF that reads no tangent start from any one.
+    assert max(ratios) < 0.3, ratios
+    assert wrong > 5.0, wrong
 
 
 def test_a_white_light_that_turns_is_one_frame(tmp_path: Path) -> None:

@@ -188,10 +188,10 @@ FAULTS = {
     "pi missing": Fault({"points": 16, "albedo": 1, "image": 6}, _instead(r"0\.3183098861837907", "1.0", 1)),
     # Where directions enter the local frame, and where they leave it.
     "alpha_x and alpha_y swapped": Fault(
-        {"points": 16, "albedo": 2, "image": 100}, _instead(r"\bw[oi]_[xy] = (?:cell|dot).*|\bwi = wi_x.*", _other_axis)
+        {"points": 16, "albedo": 2, "image": inf}, _instead(r"\bw[oi]_[xy] = (?:cell|dot).*|\bwi = wi_x.*", _other_axis)
     ),
     "a lobe's pdf 2 % too large": Fault(
-        {"points": 16, "albedo": 1, "image": inf}, _instead(r"pdf \+= share_1 \*", "pdf += 1.02 * share_1 *")
+        {"points": 16, "albedo": 1, "image": inf}, _instead(r"pdf (\+?=) share_1 \*", r"pdf \1 1.02 * share_1 *")
     ),
     "the mask inverted": Fault({"points": 16, "albedo": 1, "image": 6}, plant=_restacked(_mask_inverted)),
     "the layers swapped": Fault({"points": 16, "albedo": 1, "image": 6}, plant=_restacked(_swapped)),
@@ -205,7 +205,7 @@ FAULTS = {
     "a texture not linearised": Fault(
         {"image": 6}, _instead(r"(color texture0 = lookdev_texture\([^;]*;)", r"\1 texture0 = pow(texture0, 1 / 2.2);")
     ),
-    "3 % of the light lost": Fault({"albedo": 1, "image": 25}, _instead(r"direct \+= f", "direct += 0.97 * f")),
+    "3 % of the light lost": Fault({"albedo": 1, "image": 25}, _instead(r"direct \+= ", "direct += 0.97 * ")),
 }
 
 NONE = {look: Fault({}, look=look) for look in ("paint", "lacquer")}
