@@ -7,6 +7,7 @@ stack. Each is a `TextError` that says so.
 from __future__ import annotations
 
 import json
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -19,6 +20,10 @@ LARGEST = 64 << 20
 
 DEEPEST = 32
 """Tables, objects and lists inside each other."""
+
+# A key of as many parts as are too deep, where a key may stand: the parser takes time and memory by their square.
+_PART = r"""(?:[\w-]+|"[^"\n]*"|'[^'\n]*')"""
+_DEEP_KEY = re.compile(rf"(?:^|[\[{{,])[ \t]*(?:{_PART}[ \t]*\.[ \t]*){{{DEEPEST}}}", re.MULTILINE)
 
 _HINT = "a plain file with text would be right"
 
@@ -56,6 +61,8 @@ def decoded(data: bytes, file: object) -> str:
 
 def parse_toml(text: str, file: object) -> dict[str, Any]:
     """Return the tables of a TOML text; raises TextError with line and column."""
+    if _DEEP_KEY.search(text):
+        raise _too_deep(file)
     return dict(_parsed(tomllib.loads, text, file, "TOML"))
 
 
@@ -78,7 +85,11 @@ def _parsed(parse: Callable[[Any], Any], text: str | bytes, file: object, langua
     else:
         if not _is_deep(data):
             return data
-    raise _refused(file, f"has tables or lists more than {DEEPEST} deep", "flatten it")
+    raise _too_deep(file)
+
+
+def _too_deep(file: object) -> TextError:
+    return _refused(file, f"has tables or lists more than {DEEPEST} deep", "flatten it")
 
 
 def _is_deep(data: object) -> bool:

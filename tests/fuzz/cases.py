@@ -37,6 +37,18 @@ class Reading:
 
 
 @dataclass(frozen=True)
+class Shown:
+    """How a case is rendered: the job that shows its files, and those that are right, by name.
+
+    Each of `right` writes its files into an empty folder and returns the text of their job. Where nothing was noted,
+    only that of the name "sound" is right.
+    """
+
+    job: str
+    right: Mapping[str, Callable[[Path], str]]
+
+
+@dataclass(frozen=True)
 class Case:
     """An input with one thing wrong.
 
@@ -50,6 +62,7 @@ class Case:
     sound: Callable[[], Reading]
     error_names: tuple[str, ...] = ()
     note_names: tuple[str, ...] = ()
+    shown: Shown | None = None
 
 
 @dataclass(frozen=True)
@@ -66,12 +79,14 @@ class Kind:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case; `text` is the message, or what shows the fault."""
+    """What became of a case; `text` is the message, or what shows the fault; `peak` is of its process, in bytes."""
 
     title: str
     expected: tuple[str, ...]
     outcome: str
     text: str = ""
+    seconds: float = 0.0
+    peak: int = 0
 
     @property
     def right(self) -> bool:

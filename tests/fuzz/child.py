@@ -1,6 +1,7 @@
 """Reads cases in a process of its own: lines of "kind<TAB>seed<TAB>number" in, an outcome as a line of JSON out.
 
-What the USD library writes to stderr is an outcome; memory is bounded.
+What the USD library writes to stderr is an outcome, and so is memory: the peak of what the process, and any process
+that it started, had resident.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import os
 import resource
 import sys
 import tempfile
+import time
 import warnings
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -17,14 +19,14 @@ from pathlib import Path
 from cases import judged, made
 from kinds import KINDS
 
-MEMORY = 2 << 30  # bytes beyond those of the imports
+MEMORY = 2 << 30  # bytes
+_MOST = 3 * MEMORY  # of addresses: the machine is safe, and no library meets the limit where it would tell of one
 
 
 def main() -> None:
     """Answer each line of stdin."""
     warnings.simplefilter("error")
-    used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-    resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
+    resource.setrlimit(resource.RLIMIT_AS, (_MOST, _MOST))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     answers = os.fdopen(os.dup(1), "w", buffering=1)
     with tempfile.TemporaryFile() as written:
@@ -36,12 +38,25 @@ def main() -> None:
                 os.environ["LOOKDEV_CACHE"] = cache
                 written.seek(0)
                 written.truncate()
-                outcome = judged(made(KINDS[kind], int(seed), int(number), Path(folder)))
+                case = made(KINDS[kind], int(seed), int(number), Path(folder))
+                started = time.monotonic()
+                Path("/proc/self/clear_refs").write_text("5")  # the peak from here on
+                outcome = judged(case)
+                outcome = replace(outcome, seconds=time.monotonic() - started, peak=_peak())
+                if outcome.peak > MEMORY:
+                    outcome = replace(outcome, outcome="memory", text=f"{outcome.peak >> 20} MiB; {outcome.outcome}")
                 sys.stderr.flush()
                 written.seek(0)
                 if text := written.read().decode(errors="replace"):
                     outcome = replace(outcome, outcome="stderr", text=f"{outcome.outcome}: {text}")
             answers.write(json.dumps(asdict(outcome)) + "\n")
+
+
+def _peak() -> int:
+    """Return the most that this process, or one that it waited for, had resident, in bytes."""
+    status = Path("/proc/self/status").read_text()
+    own = next(int(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM"))
+    return max(own, resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss) * 1024
 
 
 if __name__ == "__main__":

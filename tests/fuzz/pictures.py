@@ -1,0 +1,131 @@
+"""Small pictures of malformed inputs, and of what they may look like.
+
+A case that is read, with or without a note, is rendered by a job in the folder of its files, and must show the picture
+of one of the inputs that are right: the sound one or, where a note says what is left out, the sound one without it.
+Seeds are the same, so equal scenes show equal pictures, bit for bit; the order of meshes and the names in a shader may
+change the last digits.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from cases import Case
+from numpy.typing import NDArray
+
+from lookdev.batch.prepare import plan_job
+from lookdev.errors import LookdevError
+from lookdev.job import load_job
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered, renderer
+
+CLOSE = 1e-6
+"""The largest relative squared difference of equal pictures: rounding in float32; 2 % of brightness are 4e-4."""
+
+JOB = """output = "out"
+asset = {{ {asset} }}
+look = [{{ name = "shown"{look} }}]
+ibl = [{{ name = "sky", {light} }}]
+turntable = [{{ kind = "element", frames = 1, start = 30.0 }}]
+render = {{ resolution = [20, 20], samples = 8, bounces = 1, backend = "exact" }}
+outputs = {{ sheet = false, png = false }}
+{more}
+"""
+STUDIO = 'builtin = "studio"'
+
+Picture = NDArray[np.float32]
+"""Radiance and alpha (H, W, 4), or an array without pixels where the job is refused."""
+
+REFUSED = np.zeros((0, 0, 4), np.float32)
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A case's picture beside those that are right: the name of one that it equals, or '', and what shows that."""
+
+    like: str
+    text: str
+    shown: bool  # whether there is a picture
+    same_task: bool = False  # whether even the frames' digests are equal
+
+
+class Painter:
+    """Renders folders of jobs in a warm worker; the pictures of right inputs once for each digest."""
+
+    def __init__(self, render: Callable[[FrameTask], Rendered]) -> None:
+        self._render = render
+        self._right: dict[str, Picture] = {}
+
+    def compared(self, case: Case, folder: Path, outcome: str, backend: str = "exact") -> Compared:
+        """Render a case whose files are in a folder, and what is right for its outcome."""
+        shown = case.shown
+        assert shown is not None
+        digest, text, picture = self._picture(folder, shown.job, backend, None)
+        seen = [text]
+        for name, write in shown.right.items():
+            if outcome == "sound" and name != "sound":
+                continue
+            with tempfile.TemporaryDirectory() as place:
+                job = write(Path(place))
+                other, text, right = self._picture(Path(place), job, backend, self._right)
+            far = difference(picture, right)
+            if far <= CLOSE:
+                return Compared(name, "", bool(picture.size), digest == other)
+            seen.append(f"{name}: {far:.3g} {text}")
+        return Compared("", "; ".join(seen), bool(picture.size))
+
+    def _picture(
+        self, folder: Path, job: str, backend: str, known: dict[str, Picture] | None
+    ) -> tuple[str, str, Picture]:
+        file = folder / "picture.toml"
+        file.write_text(job.replace('"exact"', f'"{backend}"'))
+        try:
+            task = plan_job(load_job(file)).plan.frames[0].task
+        except LookdevError as error:
+            return "", str(error)[:500], REFUSED
+        if known is not None and task.digest in known:
+            return task.digest, "", known[task.digest]
+        rendered = self._render(task)
+        picture = np.concatenate([(rendered.a + rendered.b) / 2.0, rendered.alpha[..., None]], axis=-1)
+        if known is not None:
+            known[task.digest] = picture
+        return task.digest, "", picture
+
+
+def difference(one: Picture, other: Picture) -> float:
+    """Return the mean of the squared difference over the squared mean of two pictures; infinite where one is refused."""
+    if one.shape != other.shape:
+        return float("inf")
+    if not one.size:
+        return 0.0
+    scale = (np.square(one, dtype=np.float64) + np.square(other, dtype=np.float64)) / 2.0
+    return float(np.mean(np.square(one.astype(np.float64) - other) / (scale + 0.01)))
+
+
+@contextmanager
+def painter() -> Iterator[Painter]:
+    """Yield a painter with a warm worker."""
+    with renderer() as render:
+        yield Painter(render)
+
+
+def job(asset: str, look: str = "", light: str = STUDIO, more: str = "") -> str:
+    """Return the text of a job of a small picture."""
+    return JOB.format(asset=asset, look=look and f", {look}", light=light, more=more)
+
+
+def table(**keys: Any) -> str:
+    """Return keys of a TOML table, without those that are None."""
+    return ", ".join(f"{key} = {_toml(value)}" for key, value in keys.items() if value is not None)
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f'"{key}" = {_toml(each)}' for key, each in value.items()) + " }"
+    return f'"{value}"' if isinstance(value, str) else str(value)
