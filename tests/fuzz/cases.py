@@ -40,12 +40,12 @@ class Reading:
 class Shown:
     """How a case is rendered: the job that shows its files, and those that are right, by name.
 
-    Each of `right` writes its files into an empty folder and returns the text of their job. Where nothing was noted,
-    only that of the name "sound" is right.
+    Each of `right` is called with an empty folder and the notes, writes its files and returns the text of their job.
+    Where nothing was noted, only that of the name "sound" is right.
     """
 
     job: str
-    right: Mapping[str, Callable[[Path], str]]
+    right: Mapping[str, Callable[[Path, str], str]]
 
 
 @dataclass(frozen=True)

@@ -4,17 +4,57 @@ from __future__ import annotations
 
 import random
 import tempfile
+from collections.abc import Mapping
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
-from cases import Case, Kind, Reading
-from image_files import ENVIRONMENTS, RGB, TEXTURES, exr
+import numpy as np
+from cases import Case, Kind, Reading, Shown
+from image_files import ENVIRONMENTS, RGB, TEXTURES, Wrong, exr
+from numpy.typing import NDArray
+from pictures import job, table
+from usd_pictures import probe
 
 from lookdev.errors import TextureError
 from lookdev.images import open_image, whole_image
 from lookdev.light import load_environment
 from lookdev.material import Texture
 from lookdev.material.textures import linear_texture, slope_texture
+
+_TEXTURED = """#usda 1.0
+( defaultPrim = "M" )
+def Material "M"
+{
+    token outputs:lookdev:surface.connect = </M/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor.connect = </M/Image.outputs:rgb>
+        normal3f inputs:normal.connect = </M/Bump.outputs:normal>
+    }
+    def Shader "Image"
+    {
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @FILE@
+        token inputs:sourceColorSpace = "raw"
+        token inputs:wrapS = "repeat"
+        token inputs:wrapT = "repeat"
+        float2 inputs:st.connect = </M/Reader.outputs:result>
+    }
+    def Shader "Bump"
+    {
+        uniform token info:id = "LookdevBump"
+        float inputs:height.connect = </M/Image.outputs:r>
+        float inputs:scale = 0.02
+    }
+    def Shader "Reader"
+    {
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+    }
+}
+"""
 
 
 def read_environment(file: Path, exposure: float) -> Reading:
@@ -41,20 +81,28 @@ def read_texture(file: Path, exposure: float = 0.0) -> Reading:
 @cache
 def _sound(read: str, suffix: str) -> Reading:
     """Return what the sound image reads as, or that of another format by its suffix."""
-    every = ENVIRONMENTS if read == "environment" else TEXTURES
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, f"map{suffix or '.exr'}")
-        write = every[f"{suffix} longer"].right if suffix else exr(RGB)
-        assert write
-        write(file, random.Random(0))
-        return READERS[read](file, 0.0)
+        _right(read, Path(folder), suffix)
+        return READERS[read](Path(folder, f"map{suffix or '.exr'}"), 0.0)
 
+
+REPAIRED: dict[str, dict[int, float | None]] = {
+    "NaN": {2: None},
+    "infinite": {2: float(RGB.max())},
+    "negative": {2: 0.0, 3: 0.0},
+    "NaN and negative": {3: 0.0, 2: None},
+}
+"""What becomes of bad texels, by their rows, in this order; None: the mean of their neighbours."""
 
 READERS = {"environment": read_environment, "texture": read_texture}
 
 
+def _every(read: str) -> Mapping[str, Wrong]:
+    return ENVIRONMENTS if read == "environment" else TEXTURES
+
+
 def _make(read: str, rng: random.Random, number: int, folder: Path) -> Case:
-    every = ENVIRONMENTS if read == "environment" else TEXTURES
+    every = _every(read)
     name = list(every)[number % len(every)]
     wrong = every[name]
     file = folder / wrong.name
@@ -66,7 +114,40 @@ def _make(read: str, rng: random.Random, number: int, folder: Path) -> Case:
         lambda: _sound(read, file.suffix if wrong.right else ""),
         (str(file),),
         (file.name,),
+        Shown(
+            _job(read, folder, file.name, wrong.exposure),
+            {
+                "sound": lambda place, notes: _right(read, place, file.suffix if wrong.right else ""),
+                "repaired": lambda place, notes: _repaired(read, place, name),
+            },
+        ),
     )
+
+
+def _job(read: str, folder: Path, name: str, exposure: float = 0.0) -> str:
+    """Write a look that shows a map, and return the job."""
+    if read == "environment":
+        (folder / "look.usda").write_text(probe())
+        return job('builtin = "sphere"', 'material = "look.usda"', table(file=name, exposure=exposure))
+    (folder / "look.usda").write_text(_TEXTURED.replace("FILE", name))
+    return job('builtin = "sphere"', 'material = "look.usda"')
+
+
+def _right(read: str, folder: Path, suffix: str, pixels: NDArray[Any] = RGB) -> str:
+    file = folder / f"map{suffix or '.exr'}"
+    write = _every(read)[f"{suffix} longer"].right if suffix else exr(pixels)
+    assert write
+    write(file, random.Random(0))
+    return _job(read, folder, file.name)
+
+
+def _repaired(read: str, folder: Path, name: str) -> str:
+    """Write the map that is left of one with bad texels, at [2, 3] and [3, 3]."""
+    pixels = RGB.copy()
+    for bad, value in REPAIRED.get(name, {}).items():
+        around = [pixels[bad + y, 3 + x] for y in (-1, 0, 1) for x in (-1, 0, 1) if (y, x) != (0, 0)]
+        pixels[bad, 3] = np.mean(around, axis=0) if value is None else value
+    return _right(read, folder, "", pixels)
 
 
 IMAGES = (

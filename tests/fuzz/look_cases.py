@@ -7,9 +7,10 @@ from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cases import Case, Kind, Reading
+from cases import Case, Kind, Reading, Shown
+from pictures import job
 from text_changes import ANY, CHANGES, NO_FILES, REFUSED, odd
-from usd_sound import PIXEL
+from usd_sound import PIXELS
 
 from lookdev.material import Formula
 from lookdev.material.look import leaves
@@ -73,6 +74,7 @@ def Material "M"
 _TEXT = _TEXT.replace("        color3f inputs:subsurfaceTint = (0.5, 0.25, 1)\n", "")
 _LINES = _TEXT.splitlines()
 _SPOTS = [number for number, line in enumerate(_LINES) if "inputs:" in line or "info:id" in line]
+_JOB = job('builtin = "sphere"', 'material = "look.usda"')
 _VALUES = {
     "int": "1",
     "double": "0.5",
@@ -133,9 +135,15 @@ def _read(file: Path) -> Reading:
 @cache
 def _sound() -> Reading:
     with TemporaryDirectory() as name:
-        (Path(name) / "color.png").write_bytes(PIXEL)
-        (Path(name) / "look.usda").write_text(_TEXT)
+        _write(Path(name))
         return _read(Path(name) / "look.usda")
+
+
+def _write(folder: Path, notes: str = "") -> str:
+    """Write the sound look, and return the job that shows it."""
+    (folder / "color.png").write_bytes(PIXELS)
+    (folder / "look.usda").write_text(_TEXT)
+    return _JOB
 
 
 def _ladder(way: str) -> str:
@@ -160,7 +168,7 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
     random.Random("order").shuffle(order)
     what, *rest = _PLANNED[order[number % len(order)]]
     file = folder / "look.usda"
-    (folder / "color.png").write_bytes(PIXEL)
+    (folder / "color.png").write_bytes(PIXELS)
     lines = list(_LINES)
     expected, names = REFUSED, ("look.usda",)
     strange = odd(rng).replace("\x1b", "\\x1b").replace("\x07", "\\x07")
@@ -203,7 +211,7 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
     if what not in ("text", "place"):
         file.write_text("\n".join(lines) + "\n")
     title = " ".join((what, *(each[:40] for each in rest)))
-    return Case(title, expected, lambda: _read(file), sound, names)
+    return Case(title, expected, lambda: _read(file), sound, names, shown=Shown(_JOB, {"sound": _write}))
 
 
 LOOKS = Kind("looks", make, len(_PLANNED))

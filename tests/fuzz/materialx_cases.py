@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import random
 import re
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from cases import Case, Kind, Reading
+from cases import Case, Kind, Reading, Shown
+from pictures import job
 from text_changes import ANY, CHANGES, NO_FILES, REFUSED, odd
-from usd_sound import PIXEL
+from usd_sound import PIXELS
 
 from lookdev.material.materialx import import_materialx, write_usda
 from lookdev.material.usd import read_look
@@ -41,6 +43,9 @@ _TEXT = """<?xml version="1.0"?>
 _WAYS = {
     "import": {"SHADER": "disney_principled", "COLOR": "baseColor", "ROUGH": "roughness", "TINT": "subsurfaceDistance"},
     "look": {"SHADER": "gltf_pbr", "COLOR": "base_color", "ROUGH": "roughness", "TINT": "sheen_color"},
+}
+_JOBS = {
+    way: job('builtin = "sphere"', f'material = "{name}"') for way, name in (("import", "m.usda"), ("look", "m.mtlx"))
 }
 _VALUES = (
     "",
@@ -138,10 +143,8 @@ def _read(way: str, file: Path) -> Reading:
 @cache
 def _sound(way: str) -> Reading:
     with TemporaryDirectory() as name:
-        folder = Path(name)
-        (folder / "color.png").write_bytes(PIXEL)
-        (folder / "m.mtlx").write_text(_text(way))
-        return _read(way, folder / "m.mtlx")
+        _write(way, _text(way), Path(name))
+        return _read(way, Path(name) / "m.mtlx")
 
 
 def make(rng: random.Random, number: int, folder: Path) -> Case:
@@ -149,7 +152,7 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
     order = list(range(len(_PLANNED)))
     random.Random("order").shuffle(order)
     what, way, *rest = _PLANNED[order[number % len(order)]]
-    (folder / "color.png").write_bytes(PIXEL)
+    (folder / "color.png").write_bytes(PIXELS)
     file, text = folder / "m.mtlx", _text(way)
     lines = text.splitlines(keepends=True)
     strange = re.sub(r'[<>&"\x00-\x1f]', "-", odd(rng))
@@ -180,7 +183,33 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
     title = " ".join((what, way, *(each[:40] for each in rest)))
     if what == "whole" and rest[0] in ("an entity", "a control character"):
         expected = ANY
-    return Case(title, expected, lambda: _read(way, file), lambda: _sound(way), names, ())
+    right = {"sound": partial(_write, way, text)} | _as_noted(way, text, what, rest)
+    # Of another node there is another picture.
+    shown = None if (what, way) == ("category", "look") else Shown(_JOBS[way], right)
+    return Case(title, expected, lambda: _read(way, file), lambda: _sound(way), names, (), shown)
+
+
+def _write(way: str, text: str, folder: Path, notes: str = "") -> str:
+    """Write a document, and the look that is imported from it; return the job that shows it."""
+    (folder / "color.png").write_bytes(PIXELS)
+    (folder / "m.mtlx").write_text(text)
+    if way == "import":
+        write_usda(import_materialx(folder / "m.mtlx"), folder / "m.usda", replace=True)
+    return _JOBS[way]
+
+
+def _as_noted(way: str, text: str, what: str, rest: list[str]) -> dict[str, Callable[[Path, str], str]]:
+    """Return how documents are written without what a note may say is lost: the line, its node, or the texture."""
+    lines = text.splitlines(keepends=True)
+    colored = next(number for number, line in enumerate(lines) if 'nodename="image"' in line)
+    placed = next(number for number, line in enumerate(lines) if 'nodename="place"' in line)
+    without = {"without the texture": colored, "without its place": placed}
+    if what in ("value", "nodename", "type", "name"):
+        without["without the line"] = int(rest[0])
+    black = text.replace('nodename="image"', 'value="0, 0, 0"')
+    return {"black": partial(_write, way, black)} | {
+        name: partial(_write, way, "".join(lines[:number] + lines[number + 1 :])) for name, number in without.items()
+    }
 
 
 MATERIALX = Kind("MaterialX", make, len(_PLANNED))

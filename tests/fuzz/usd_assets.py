@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import tempfile
 from dataclasses import fields
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from cases import Case, Kind, Reading
 from pxr import Sdf, UsdUtils
 from usd_files import FILES
 from usd_mutations import ROLES, Mutation, declared
+from usd_pictures import file_shown, spot_shown
 from usd_sound import SOUND, Sound, Spot
 
 from lookdev.asset.subdivision import refine
@@ -61,6 +62,7 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
         lambda: sound_reading(base, way),
         ("asset.", *names),
         ("asset.", place),
+        spot_shown(base, spot, file, lambda layer, to: written(layer, sound, way, to)),
     )
 
 
@@ -76,6 +78,7 @@ def _file_case(name: str, rng: random.Random, folder: Path) -> Case:
         lambda: wrong_free(name),
         wrong.names,
         wrong.names,
+        file_shown(file, sound, partial(_write_right, name), partial(_write_noted, name)),
     )
 
 
@@ -135,12 +138,22 @@ def sound_reading(base: str, way: str) -> Reading:
 def wrong_free(name: str) -> Reading:
     """Return what the sound asset of a case of `FILES` reads as."""
     with tempfile.TemporaryDirectory() as folder:
-        sound, right = FILES[name].sound, FILES[name].right
-        if right is not None:
-            return read(right(Path(folder), random.Random(0)) or Path(folder) / "asset.usda", sound)
-        layer = Sdf.Layer.CreateAnonymous(".usda")
-        layer.ImportFromString(sound.text)
-        return read(written(layer, sound, "usda", Path(folder)), sound)
+        return read(_write_right(name, Path(folder)), FILES[name].sound)
+
+
+def _write_right(name: str, folder: Path) -> Path:
+    sound, right = FILES[name].sound, FILES[name].right
+    if right is not None:
+        return right(folder, random.Random(0)) or folder / "asset.usda"
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(sound.text)
+    return written(layer, sound, "usda", folder)
+
+
+def _write_noted(name: str, folder: Path) -> Path:
+    if (noted := FILES[name].noted) is None:
+        return _write_right(name, folder)
+    return noted(folder, random.Random(0)) or folder / "asset.usda"
 
 
 def read(file: Path, sound: Sound) -> Reading:

@@ -15,7 +15,7 @@ from pathlib import Path
 from pxr import Sdf, UsdUtils
 from usd_mutations import ANY, NAMED, NOTED, REFUSED
 from usd_mutations import SOUND as RIGHT
-from usd_sound import CUBE, PIXEL, SOUND, Sound
+from usd_sound import CUBE, PIXELS, SOUND, Sound
 
 _CAGE = SOUND["cage"]
 _HEAD = '#usda 1.0\n(\n    defaultPrim = "Root"\n    metersPerUnit = 0.5\n    upAxis = "Y"\n'
@@ -32,6 +32,8 @@ class Wrong:
     sound: Sound = _CAGE
     right: Write | None = None
     """What writes the sound files where `sound` alone does not."""
+    noted: Write | None = None
+    """What writes files without what a note says is lost."""
 
 
 def _text(body: str, more: str = "") -> str:
@@ -216,8 +218,8 @@ def _image(make: Callable[[Path], object]) -> Wrong:
     return Wrong(write, NAMED, ("asset.usda", "color.png"), SOUND["materials"])
 
 
-_HEADER = b"IHDR" + struct.pack(">II", 100_000, 100_000) + PIXEL[24:29]
-_HUGE = PIXEL[:12] + _HEADER + struct.pack(">I", zlib.crc32(_HEADER)) + PIXEL[33:]
+_HEADER = b"IHDR" + struct.pack(">II", 100_000, 100_000) + PIXELS[24:29]
+_HUGE = PIXELS[:12] + _HEADER + struct.pack(">I", zlib.crc32(_HEADER)) + PIXELS[33:]
 _MTLX = """<?xml version="1.0"?>
 <materialx version="1.39">
   <standard_surface name="S" type="surfaceshader">
@@ -279,7 +281,7 @@ FILES: dict[str, Wrong] = {
     "reference to a folder": Wrong(_special(Path.mkdir), names=("asset.usda", "odd.usda")),
     "reference to a pipe": Wrong(_special(os.mkfifo), names=("asset.usda", "odd.usda")),
     "reference to an empty file": Wrong(_special(Path.touch), names=("asset.usda", "odd.usda")),
-    "reference to an image": Wrong(_special(lambda path: path.write_bytes(PIXEL)), names=("asset.usda", "odd.usda")),
+    "reference to an image": Wrong(_special(lambda path: path.write_bytes(PIXELS)), names=("asset.usda", "odd.usda")),
     "reference to a device": Wrong(_beside("@/dev/zero@"), names=("asset.usda", "/dev/zero")),
     "reference to an unknown suffix": Wrong(_beside("@part.usdx@"), names=("asset.usda", "part.usdx")),
     "reference with an offset that is not finite": Wrong(_beside("@part.usda@</Root> (offset = nan)"), ANY),
@@ -344,8 +346,8 @@ FILES: dict[str, Wrong] = {
     "a pipe as usdc": Wrong(_made(os.mkfifo, "asset.usdc"), names=("asset.usdc",)),
     "a link to itself": Wrong(_made(lambda path: path.symlink_to(path))),
     "a device": Wrong(_made(lambda path: path.symlink_to("/dev/zero"))),
-    "an image": Wrong(_raw(PIXEL, "asset.usda")),
-    "an image as usdc": Wrong(_raw(PIXEL, "asset.usdc"), names=("asset.usdc",)),
+    "an image": Wrong(_raw(PIXELS, "asset.usda")),
+    "an image as usdc": Wrong(_raw(PIXELS, "asset.usdc"), names=("asset.usdc",)),
     "UTF-16": Wrong(_raw(_CAGE.text.encode("utf-16"))),
     "Latin-1": Wrong(_raw(_CAGE.text.replace('"Loop"', '"L\xf6\xf6p"').encode("latin-1"))),
     "a NUL": Wrong(_raw(_CAGE.text.replace("Loop", "Lo\0p"))),
@@ -375,7 +377,7 @@ FILES: dict[str, Wrong] = {
     ),
     # Packages.
     "package of nothing": Wrong(_zip()),
-    "package of an image": Wrong(_zip(("a.png", PIXEL))),
+    "package of an image": Wrong(_zip(("a.png", PIXELS))),
     "package of packed text": Wrong(_zip(("a.usda", _CAGE.text.encode()), method=zipfile.ZIP_DEFLATED), ANY),
     "package of text": Wrong(_zip(("a.usda", _CAGE.text.encode())), ANY),
     "package with a way out": Wrong(
@@ -390,14 +392,14 @@ FILES: dict[str, Wrong] = {
     "texture that is a pipe": _image(os.mkfifo),
     "texture that is not there": _image(lambda path: None),
     "texture of text": _image(lambda path: path.write_text("no image")),
-    "texture cut off": _image(lambda path: path.write_bytes(PIXEL[:20])),
+    "texture cut off": _image(lambda path: path.write_bytes(PIXELS[:20])),
     "texture of 100,000 x 100,000": _image(lambda path: path.write_bytes(_HUGE)),
     # MaterialX documents.
     "document": _with_document(_MTLX, RIGHT),
     "document that is not there": _with_document(""),
     "document of nothing": _with_document(" "),
     "document cut off": _with_document(_MTLX[:200]),
-    "document of noise": _with_document(PIXEL),
+    "document of noise": _with_document(PIXELS),
     "document in UTF-16": _with_document(_MTLX.encode("utf-16")),
     "document without the material": _with_document(
         _MTLX.replace('name="M"', 'name="N"'), NAMED, "asset.", "/Root/Looks/Materials/M"
@@ -411,17 +413,20 @@ FILES: dict[str, Wrong] = {
     "document with a value of another type": _with_document(
         _MTLX.replace('value="0.5"', 'value="word"'), NAMED, "asset.|look.mtlx", "specular_roughness"
     ),
-    "document of a cycle": _with_document(
-        _MTLX.replace(
-            '<input name="base_color" type="color3" value="0.5, 0.25, 1"/>',
-            '<input name="base_color" type="color3" nodename="A"/>',
-        ).replace(
-            "  <surfacematerial",
-            '  <add name="A" type="color3"><input name="in1" type="color3" nodename="A"/></add>\n  <surfacematerial',
+    "document of a cycle": replace(
+        _with_document(
+            _MTLX.replace(
+                '<input name="base_color" type="color3" value="0.5, 0.25, 1"/>',
+                '<input name="base_color" type="color3" nodename="A"/>',
+            ).replace(
+                "  <surfacematerial",
+                '  <add name="A" type="color3"><input name="in1" type="color3" nodename="A"/></add>\n  <surfacematerial',
+            ),
+            NAMED,
+            "asset.|look.mtlx",
+            "A",
         ),
-        NAMED,
-        "asset.|look.mtlx",
-        "A",
+        noted=_document(_MTLX.replace("0.5, 0.25, 1", "0.8, 0.8, 0.8")),
     ),
     # Layers over the asset.
     "layer over nothing": _over('over "Nowhere"\n{\n    double radius = 1\n}'),

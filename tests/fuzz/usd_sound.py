@@ -7,6 +7,8 @@ role, and what must then be said.
 # ruff: noqa: E501
 from __future__ import annotations
 
+import struct
+import zlib
 from dataclasses import dataclass, field
 
 CUBE = """
@@ -415,10 +417,18 @@ SOUND["skel"] = Sound(
     ),
 )
 
-PIXEL = bytes.fromhex(
-    "89504e470d0a1a0a0000000d4948445200000001000000010802000000907753de0000000c49444154789c63e8afa8000003b4018a6d29b2b9"
-    "0000000049454e44ae426082"
-)
+
+def _png() -> bytes:
+    """Return a PNG of 4 x 4 pixels that differ."""
+    rows = b"".join(
+        b"\0" + bytes((37 * (4 * y + x) + 80 * c) % 256 for x in range(4) for c in range(3)) for y in range(4)
+    )
+    chunks = ((b"IHDR", struct.pack(">IIBBBBB", 4, 4, 8, 2, 0, 0, 0)), (b"IDAT", zlib.compress(rows)), (b"IEND", b""))
+    packed = (struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks)
+    return b"\x89PNG\r\n\x1a\n" + b"".join(packed)
+
+
+PIXELS = _png()
 SOUND["materials"] = Sound(
     _stage(f"""
     def Mesh "Body" (
@@ -517,7 +527,7 @@ SOUND["materials"] = Sound(
         Spot("/Root/Looks/Standard/Mul", "info:id", "shader"),
         Spot("/Root/Looks/Standard/Mul", "inputs:in1", "input"),
     ),
-    files={"color.png": PIXEL},
+    files={"color.png": PIXELS},
     collection="/Root/Body.collection:paint",
     packs=False,
 )

@@ -1,0 +1,183 @@
+"""Assets whose prims, materials, UV sets and primvars have names that are long, foreign, or words of a language."""
+
+from __future__ import annotations
+
+import random
+import unicodedata
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from cases import Case, Kind, Reading, Shown
+from pictures import job, table
+from usd_pictures import material
+from usd_sound import CUBE
+
+from lookdev.asset.usd import read_usd
+from lookdev.codegen.source import short_name
+from lookdev.material.usd.bound import read_bound
+from lookdev.stage import Composition, compose
+
+_PLAIN = ("Root", "Body", "Second", "Looks", "Paint", "Rubber", "map", "wear", "rust", "tint")
+_PRIMVARS = _PLAIN[6:]
+_WORDS = """
+    float int color normal point vector matrix string struct void return if else for while break continue output
+    shader surface closure public emit true false and or not double long short unsigned const static inline main
+    N Ng P I u v dPdu dPdv time dtime dPdtime Ci M_PI stdosl abs mix noise texture trace getattribute
+    None True def class lambda import self name bpy position material_index sharp_face sharp_edge crease_vert id
+    radius velocity custom_normal prototype UVMap Col Generated Object location rotation scale density instance_id
+    Material Shader Mesh primvars st_0 uv_map primvar_wear handed shading_tangent lookup0 lookdev_uv result wo wi
+    alpha seed light layer0 base pi x
+""".split()  # noqa: SIM905
+"""Of OSL and C, of Python and Blender, of USD and our own code."""
+
+_FOREIGN = ("größe", "漢字", "ναός", "Ñandú", "имя", "ß", "ſt", "Ⅷ", "ʹa", "हिन्दी", "한글", "K", "ﬁ")
+
+
+def _long(rng: random.Random, number: int) -> str:
+    """Return a long name that differs from the others of an asset in its last character alone."""
+    return "n" * (rng.choice((55, 56, 62, 63, 64, 66, 67, 68, 127, 128, 199)) - 1) + "abcdefghij"[number]
+
+
+def _foreign(rng: random.Random, number: int) -> str:
+    return _FOREIGN[(number + rng.randrange(3)) % len(_FOREIGN)] + "abcdefghij"[number]
+
+
+def _composed(rng: random.Random, number: int) -> str:
+    """Return names of which two are written differently, in code points, and look alike."""
+    form = "NFC" if number % 2 else "NFD"
+    return unicodedata.normalize(form, "éàü") + "abcde"[number // 2]
+
+
+def _long_foreign(rng: random.Random, number: int) -> str:
+    return "字" * rng.randrange(18, 70) + "ä" * number
+
+
+def _cased(rng: random.Random, number: int) -> str:
+    """Return names that differ by case alone."""
+    return "".join(letter.upper() if number >> place & 1 else letter for place, letter in enumerate("wear"))
+
+
+def _spaced(rng: random.Random, number: int) -> str:
+    """Return names in namespaces, which prims have none of."""
+    return ("a:" if number >= len(_PLAIN) - len(_PRIMVARS) else "a_") * rng.randrange(1, 30) + f"b{number}"
+
+
+def _short(rng: random.Random, number: int) -> str:
+    return "_" * (number + 1)
+
+
+def _number(rng: random.Random, number: int) -> str:
+    return f"_{number}"
+
+
+_FAMILIES: dict[str, Callable[[random.Random, int], str]] = {
+    "long": _long,
+    "foreign": _foreign,
+    "composed": _composed,
+    "long and foreign": _long_foreign,
+    "cased": _cased,
+    "in namespaces": _spaced,
+    "underscores": _short,
+    "numbers": _number,
+}
+_PLANNED = (
+    *(("family", name) for name in _FAMILIES for _ in range(8)),
+    *(("word", word) for word in _WORDS),
+    *(("short names of others", str(number)) for number in range(4)),
+)
+_JOB = job(table(usd="asset.usda"))
+
+
+def _text(names: tuple[str, ...]) -> str:
+    root, body, second, looks, paint, rubber, uv, wear, rust, tint = names
+    above = f"/{root}/{looks}"
+    primvars = f"""
+        texCoord2f[] primvars:{uv} = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0.5), (1, 0.5), (0.5, 1), (0, 0.25)] (
+            interpolation = "vertex"
+        )
+        float[] primvars:{wear} = [0, 0.25, 0.5, 0.75, 1, 1, 0, 0.5] (interpolation = "vertex")
+        float[] primvars:{rust} = [1, 0.5, 0, 0.25, 0.5, 0, 1, 1] (interpolation = "vertex")
+        color3f[] primvars:{tint} = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1)] (
+            interpolation = "uniform"
+        )
+        uniform token subdivisionScheme = "none"
+"""
+    first = material(paint, above, st=uv, wear=wear, rust=rust, tint=tint)
+    other = material(rubber, above, wear=rust, tint=tint)
+    bound = 'prepend apiSchemas = ["MaterialBindingAPI"]'
+    return f"""#usda 1.0
+( defaultPrim = "{root}" )
+def Xform "{root}"
+{{
+    def Mesh "{body}" ({bound})
+    {{{CUBE}{primvars}        rel material:binding = <{above}/{paint}>
+    }}
+    def Mesh "{second}" ({bound})
+    {{{CUBE}{primvars}        rel material:binding = <{above}/{rubber}>
+        double3 xformOp:translate = (3, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }}
+    def Scope "{looks}"
+    {{
+{first}{other}    }}
+}}
+"""
+
+
+def _read(file: Path, names: tuple[str, ...]) -> Reading:
+    """Read an asset, with its plain names again."""
+    composed = compose(Composition(file))
+    asset = read_usd(composed)
+    result: dict[str, object] = {}
+    for number, mesh in enumerate(asset.meshes):
+        values = mesh.uvs | mesh.primvars
+        result |= {
+            f"{number} {plain}": values[name].tobytes()
+            for plain, name in zip(_PLAIN, names, strict=True)
+            if plain in _PRIMVARS
+        }
+        result[f"{number} others"] = len(values)
+    bound = read_bound(composed, [slot.material for slot in asset.slots if slot.material])
+    result["looks"] = [len(each.look.layers) for each in bound.values()]
+    result["lost"] = [str(fault) for each in bound.values() for fault in each.lost]
+    return Reading(result, asset.notes)
+
+
+def _write(folder: Path, notes: str = "", names: tuple[str, ...] = _PLAIN) -> str:
+    (folder / "asset.usda").write_text(_text(names), encoding="utf-8")
+    return _JOB
+
+
+@cache
+def _sound() -> Reading:
+    with TemporaryDirectory() as folder:
+        _write(Path(folder))
+        return _read(Path(folder) / "asset.usda", _PLAIN)
+
+
+def make(rng: random.Random, number: int, folder: Path) -> Case:
+    """Write an asset with other names: some of them, or all."""
+    what, which = _PLANNED[number % len(_PLANNED)]
+    names = list(_PLAIN)
+    changed = range(len(_PLAIN)) if rng.random() < 0.5 else rng.sample(range(len(_PLAIN)), 5)
+    match what:
+        case "family":
+            for place in changed:
+                names[place] = _FAMILIES[which](rng, place)
+        case "word":
+            # A word of each place, and of the next ones all others, so that words meet.
+            first = _WORDS.index(which)
+            for place in range(len(_PLAIN)):
+                names[place] = _WORDS[(first + place) % len(_WORDS)]
+        case _:
+            # A name that is what a long one becomes in Blender.
+            names[6:] = ["m" * 80, short_name("m" * 80), "w" * 80, short_name("w" * 80)]
+    _write(folder, names=tuple(names))
+    file, given = folder / "asset.usda", tuple(names)
+    shown = Shown(_JOB, {"sound": _write})
+    return Case(f"{what} {which}", frozenset({"sound"}), lambda: _read(file, given), _sound, shown=shown)
+
+
+NAMES = Kind("names", make, 2 * len(_PLANNED))

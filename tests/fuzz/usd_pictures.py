@@ -1,0 +1,195 @@
+"""How sound and changed USD assets are rendered, and what they may look like: in looks that show what is read."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from cases import Shown
+from pictures import job, table
+from pxr import Gf, Sdf
+from usd_sound import SOUND, Sound, Spot
+
+Write = Callable[[Any, Path], Path]
+"""Writes a layer, and the files beside it, into a folder; returns the asset."""
+
+
+_TAKEN = re.compile(r"(\S+\.inputs:\w+): is not carried(?:: .*?)? \((.*) (?:is|are) taken\)")
+_KINDS = {"st": "float2", "wear": "float", "tint": "float3", "rust": "float"}
+
+
+def probe(**varnames: str) -> str:
+    """Return the text of a look that shows the primvars of the names given.
+
+    A UV set `st`, `wear` and `tint` make its colour, `rust` its roughness; those without a name are constants.
+    """
+    return f'#usda 1.0\n( defaultPrim = "Probe" )\n{material("Probe", "", **varnames)}'
+
+
+def material(name: str, above: str, **varnames: str) -> str:
+    """Return the material of `probe`, below the prim of a path."""
+    path = f"{above}/{name}"
+    readers = "".join(
+        f"""    def Shader "{each}"
+    {{
+        uniform token info:id = "UsdPrimvarReader_{_KINDS[each]}"
+        string inputs:varname = "{varname}"
+        {_KINDS[each]} outputs:result
+    }}
+"""
+        for each, varname in varnames.items()
+    )
+    color = "clamp(0.5 * st + [0.3, 0.3, 0.5], 0, 1)" if "st" in varnames else "[0.5, 0.25, 0.75]"
+    color += "".join(f" * (0.25 + 0.5 * {each})" for each in ("wear", "tint") if each in varnames)
+
+    def expression(shader: str, kind: str, text: str) -> str:
+        used = [each for each in varnames if re.search(rf"\b{each}\b", text)]
+        types = _KINDS | {"tint": "color3f"}
+        inputs = "".join(
+            f"        {types[each]} inputs:{each}.connect = <{path}/{each}.outputs:result>\n" for each in used
+        )
+        return f"""    def Shader "{shader}"
+    {{
+        uniform token info:id = "LookdevExpression"
+        string inputs:expression = "{text}"
+{inputs}        {kind} outputs:result
+    }}
+"""
+
+    colored = expression("Color", "color3f", color)
+    rough = expression("Rough", "float", "rust" if "rust" in varnames else "0.5")
+    return f"""def Material "{name}"
+{{
+    token outputs:lookdev:surface.connect = <{path}/Base.outputs:layer>
+    def Shader "Base"
+    {{
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor.connect = <{path}/Color.outputs:result>
+        float inputs:roughness.connect = <{path}/Rough.outputs:result>
+        token outputs:layer
+    }}
+{colored}{rough}{readers}}}
+"""
+
+
+_GREY = """#usda 1.0
+( defaultPrim = "Grey" )
+def Material "Grey"
+{
+    token outputs:lookdev:surface.connect = </Grey/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor = (0.18, 0.18, 0.18)
+        token outputs:layer
+    }
+}
+"""
+_PROBES: dict[str, tuple[str, str]] = {
+    # What reads the primvars of a base, and the part that has them.
+    "mesh": (probe(st="st", wear="wear", rust="rust"), "/Root/Body"),
+    "cage": (probe(st="st"), "/Root/Body"),
+    "curves": (probe(wear="wear"), "/Root/Hair"),
+    "instances": (probe(rust="rust"), "/Root"),
+}
+
+
+def asset_job(file: str, sound: Sound, look: str = "") -> str:
+    """Return the job that shows an asset."""
+    look = look or table(layer=sound.layer)
+    more = f'[camera]\nusd = "{sound.camera}"' if sound.camera else ""
+    asset = table(usd=file, time=sound.time, variants=dict(sound.variants) or None)
+    return job(asset, look, more=more)
+
+
+def spot_shown(base: str, spot: Spot, file: Path, write: Write) -> Shown:
+    """Return how an asset is rendered whose property `spot` is changed.
+
+    Where a note says so, it may be the sound one without the property, without the value of it, or without the prim.
+    """
+    sound = SOUND[base]
+    look, text = "", ""
+    if base in _PROBES and spot.name not in ("primvars:displayColor", "visibility", "purpose"):
+        text, part = _PROBES[base]
+        look = table(material="probe.usda", parts=[part])
+    elif spot.role in ("members", "expansion"):
+        text, look = probe(), table(material="probe.usda", parts=[sound.collection])
+
+    def placed(folder: Path, name: str) -> str:
+        if text:
+            (folder / "probe.usda").write_text(text)
+        return asset_job(name, sound, look)
+
+    def right(change: Callable[[Any, str], object]) -> Callable[[Path, str], str]:
+        def write_right(folder: Path, notes: str) -> str:
+            layer = Sdf.Layer.CreateAnonymous(".usda")
+            layer.ImportFromString(sound.text)
+            change(layer, notes)
+            return placed(folder, write(layer, folder).name)
+
+        return write_right
+
+    operations = {
+        f"without operation {number}": right(lambda layer, notes, number=number: _leave_out(layer, spot, number))
+        for number in range(3 if spot.role == "order" else 0)
+    }
+    return Shown(
+        placed(file.parent, file.name),
+        {
+            "sound": right(lambda layer, notes: None),
+            "without the property": right(lambda layer, notes: _remove(layer, spot)),
+            "without the prim": right(lambda layer, notes: _deactivate(layer, spot.prim)),
+            "as noted": right(_take),
+            **operations,
+        },
+    )
+
+
+def file_shown(file: Path, sound: Sound, write: Callable[[Path], Path], noted: Callable[[Path], Path]) -> Shown:
+    """Return how an asset is rendered whose files are wrong.
+
+    `write` writes the sound ones, `noted` what is left where a note says so; a material may also be grey.
+    """
+
+    def grey(folder: Path, notes: str) -> str:
+        (folder / "grey.usda").write_text(_GREY)
+        return asset_job(write(folder).name, sound, table(material="grey.usda"))
+
+    return Shown(
+        asset_job(file.name, sound),
+        {
+            "sound": lambda folder, notes: asset_job(write(folder).name, sound),
+            "as noted": lambda folder, notes: asset_job(noted(folder).name, sound),
+            "grey": grey,
+        },
+    )
+
+
+def _remove(layer: Any, spot: Spot) -> None:
+    prim = layer.GetPrimAtPath(spot.prim)
+    prim.RemoveProperty(layer.GetPropertyAtPath(f"{spot.prim}.{spot.name}"))
+
+
+def _leave_out(layer: Any, spot: Spot, number: int) -> None:
+    attribute = layer.GetAttributeAtPath(f"{spot.prim}.{spot.name}")
+    values = list(attribute.default)
+    attribute.default = type(attribute.default)(values[:number] + values[number + 1 :])
+
+
+def _deactivate(layer: Any, path: str) -> None:
+    layer.GetPrimAtPath(path).active = False
+
+
+def _take(layer: Any, notes: str) -> None:
+    """Give inputs the values that notes say are taken."""
+    for path, taken in _TAKEN.findall(notes):
+        attribute = layer.GetAttributeAtPath(path)
+        edits = attribute.connectionPathList
+        if taken.startswith("the UV set"):
+            edits.explicitItems = ["/Root/Looks/Preview/Reader.outputs:result"]
+        else:
+            numbers = [float(each) for each in taken.split(", ")]
+            edits.ClearEdits()
+            attribute.default = Gf.Vec3f(*numbers) if len(numbers) == 3 else numbers[0]
