@@ -22,6 +22,13 @@ _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,39}")
 _ODD = re.compile(r"[^A-Za-z0-9]")
 _TAKEN = {"position", "material_index", "sharp_face", "sharp_edge", "crease_vert", "crease_edge", "id", "radius"}
 _TAKEN |= {"velocity", "normal", "custom_normal", "prototype", "matrix", "N", "P"}
+# What Cycles computes itself: it looks these up before the attributes of a mesh.
+_TAKEN |= {"Ng", "corner_normal", "face_normal", "uv", "tangent", "tangent_sign", "undisplaced_tangent", "generated"}
+_TAKEN |= {"undisplaced_tangent_sign", "vertex_color", "generated_transform", "undeformed", "undisplaced", "particle"}
+_TAKEN |= {"undisplaced_N", "motion_P", "motion_N", "curve_intercept", "curve_length", "curve_random", "point_random"}
+_TAKEN |= {"ptex_face_id", "ptex_uv", "density", "color", "flame", "heat", "temperature", "pointiness"}
+_TAKEN |= {"velocity_x", "velocity_y", "velocity_z", "random_per_island", "shadow_transparency"}
+_SHORTENED = re.compile(r".*_[0-9a-f]{12}")
 
 
 @dataclass(frozen=True)
@@ -55,9 +62,11 @@ class AttributeBinding:
 def short_name(name: str) -> str:
     """Return the name of a UV set or primvar in Blender and in shaders, different for each.
 
-    Blender cuts names, OSL's identifiers are ASCII, and some names of attributes have a meaning in Blender or here.
+    Blender cuts names, OSL's identifiers are ASCII, and some names of attributes have a meaning in Blender, in Cycles or
+    here.
     """
-    if _PLAIN.fullmatch(name) and name not in _TAKEN and not name.startswith("lookdev_"):
+    plain = _PLAIN.fullmatch(name) and name not in _TAKEN and not _SHORTENED.fullmatch(name)
+    if plain and not name.startswith("lookdev_"):
         return name
     return f"{_ODD.sub('_', name[:24])}_{hashlib.sha256(name.encode()).hexdigest()[:12]}"
 

@@ -388,3 +388,9 @@ def test_the_digest_of_points_is_that_of_their_text() -> None:
 def test_text_is_the_same_every_time(textures: dict[str, Texture]) -> None:
     layers = [base(baseColor=textures["a"], clearcoat=0.5), base(textures["mask"], sheen=1.0, subsurface=0.5)]
     assert surface(*layers).osl == surface(*layers).osl
+
+
+def test_names_that_have_a_meaning_in_cycles_or_here_are_not_kept():
+    for name in ("generated", "tangent", "density", "color", "uv", "position", "lookdev_tangent", short_name("m" * 80)):
+        assert short_name(name) != name
+    assert short_name("st") == "st"

@@ -19,7 +19,7 @@ from lookdev.codegen.source import short_name
 from lookdev.material.usd.bound import read_bound
 from lookdev.stage import Composition, compose
 
-_PLAIN = ("Root", "Body", "Second", "Looks", "Paint", "Rubber", "map", "wear", "rust", "tint")
+_PLAIN = ("Root", "Body", "Second", "Looks", "Paint", "Rubber", "more", "map", "wear", "rust", "tint")
 _PRIMVARS = _PLAIN[6:]
 _WORDS = """
     float int color normal point vector matrix string struct void return if else for while break continue output
@@ -28,7 +28,9 @@ _WORDS = """
     None True def class lambda import self name bpy position material_index sharp_face sharp_edge crease_vert id
     radius velocity custom_normal prototype UVMap Col Generated Object location rotation scale density instance_id
     Material Shader Mesh primvars st_0 uv_map primvar_wear handed shading_tangent lookup0 lookdev_uv result wo wi
-    alpha seed light layer0 base pi x
+    alpha seed light layer0 base pi x uv tangent tangent_sign undisplaced undeformed generated generated_transform
+    motion_P motion_N particle curve_intercept curve_length curve_random point_random vertex_color Ng_ face_normal
+    ptex_face_id ptex_uv flame heat temperature velocity_x pointiness random_per_island shadow_transparency UV undisplaced_N undisplaced_tangent
 """.split()  # noqa: SIM905
 """Of OSL and C, of Python and Blender, of USD and our own code."""
 
@@ -37,17 +39,17 @@ _FOREIGN = ("größe", "漢字", "ναός", "Ñandú", "имя", "ß", "ſt", "
 
 def _long(rng: random.Random, number: int) -> str:
     """Return a long name that differs from the others of an asset in its last character alone."""
-    return "n" * (rng.choice((55, 56, 62, 63, 64, 66, 67, 68, 127, 128, 199)) - 1) + "abcdefghij"[number]
+    return "n" * (rng.choice((55, 56, 62, 63, 64, 66, 67, 68, 127, 128, 199)) - 1) + "abcdefghijk"[number]
 
 
 def _foreign(rng: random.Random, number: int) -> str:
-    return _FOREIGN[(number + rng.randrange(3)) % len(_FOREIGN)] + "abcdefghij"[number]
+    return _FOREIGN[(number + rng.randrange(3)) % len(_FOREIGN)] + "abcdefghijk"[number]
 
 
 def _composed(rng: random.Random, number: int) -> str:
     """Return names of which two are written differently, in code points, and look alike."""
     form = "NFC" if number % 2 else "NFD"
-    return unicodedata.normalize(form, "éàü") + "abcde"[number // 2]
+    return unicodedata.normalize(form, "éàü") + "abcdef"[number // 2]
 
 
 def _long_foreign(rng: random.Random, number: int) -> str:
@@ -91,9 +93,10 @@ _JOB = job(table(usd="asset.usda"))
 
 
 def _text(names: tuple[str, ...]) -> str:
-    root, body, second, looks, paint, rubber, uv, wear, rust, tint = names
+    root, body, second, looks, paint, rubber, more, uv, wear, rust, tint = names
     above = f"/{root}/{looks}"
     primvars = f"""
+        texCoord2f[] primvars:{more} = [(0.75, 0.5)] (interpolation = "constant")
         texCoord2f[] primvars:{uv} = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 0.5), (1, 0.5), (0.5, 1), (0, 0.25)] (
             interpolation = "vertex"
         )
@@ -167,13 +170,13 @@ def make(rng: random.Random, number: int, folder: Path) -> Case:
             for place in changed:
                 names[place] = _FAMILIES[which](rng, place)
         case "word":
-            # A word of each place, and of the next ones all others, so that words meet.
-            first = _WORDS.index(which)
+            # The word is the name of a UV set, or of a primvar; other words are those of the rest.
+            first = _WORDS.index(which) - rng.randrange(6, len(_PLAIN))
             for place in range(len(_PLAIN)):
                 names[place] = _WORDS[(first + place) % len(_WORDS)]
         case _:
             # A name that is what a long one becomes in Blender.
-            names[6:] = ["m" * 80, short_name("m" * 80), "w" * 80, short_name("w" * 80)]
+            names[7:] = ["m" * 80, short_name("m" * 80), "w" * 80, short_name("w" * 80)]
     _write(folder, names=tuple(names))
     file, given = folder / "asset.usda", tuple(names)
     shown = Shown(_JOB, {"sound": _write})

@@ -1,0 +1,116 @@
+"""Malformed inputs that are read show the picture of a sound input; so does a job whose cache is damaged."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cases import judged, made
+from damaged_files import PRODUCTS, WAYS
+from image_files import RGB, exr
+from kinds import KINDS
+from pictures import Painter, job, painter, table
+from usd_sound import SOUND
+
+from lookdev.batch.prepare import plan_job
+from lookdev.job import load_job
+from lookdev.render.worker import renderer
+
+pytestmark = pytest.mark.cycles
+
+_SAMPLE = {"USD assets": 4, "names": 2, "looks": 1, "MaterialX": 2, "environments": 1, "textures": 1}
+"""Pictures of each kind in the ordinary tests."""
+
+_MANY = [("USD assets", 1, 90), ("USD assets", 2, 90), ("MaterialX", 1, 60), ("names", 1, 80)]
+_MANY += [("looks", 1, 12), ("environments", 1, 40), ("textures", 1, 24)]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LOOKDEV_CACHE", str(tmp_path_factory.mktemp("cache")))
+        yield
+
+
+@pytest.fixture(scope="module")
+def paint(_cache: None) -> Iterator[Painter]:
+    with painter() as paint:
+        yield paint
+
+
+def _wrong(paint: Painter, kind: str, seed: int, count: int, backend: str = "exact") -> list[str]:
+    """Compare pictures of cases that are read, until there are `count`; return what is wrong."""
+    numbers = list(range(KINDS[kind].count))
+    random.Random(f"{kind} {seed}").shuffle(numbers)
+    shown, wrong = 0, []
+    for number in numbers:
+        with tempfile.TemporaryDirectory() as folder:
+            case = made(KINDS[kind], seed, number, Path(folder))
+            # Where another meaning is right, so is another picture.
+            if case.shown is None or "silent" in case.expected or not case.expected & {"sound", "noted"}:
+                continue
+            outcome = judged(case)
+            if outcome.outcome not in ("sound", "noted"):
+                continue
+            compared = paint.compared(case, Path(folder), outcome, backend)
+        shown += compared.shown
+        if not compared.like:
+            wrong.append(f'{case.title}: {compared.text}\npython tests/fuzz/rerun.py "{kind}" {seed} {number}')
+        if shown == count:
+            return wrong
+    raise AssertionError(f"{kind} has but {shown} pictures")
+
+
+@pytest.mark.parametrize("kind", _SAMPLE)
+def test_a_sample_of_malformed_inputs_shows_the_right_picture(paint: Painter, kind: str) -> None:
+    assert not _wrong(paint, kind, 0, _SAMPLE[kind])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("kind", "seed", "count"), _MANY)
+def test_malformed_inputs_show_the_right_picture(paint: Painter, kind: str, seed: int, count: int) -> None:
+    assert not _wrong(paint, kind, seed, count)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", _SAMPLE)
+def test_malformed_inputs_show_the_right_picture_in_nodes(paint: Painter, kind: str) -> None:
+    assert not _wrong(paint, kind, 3, 5 * _SAMPLE[kind], "nodes")
+
+
+def _rendered(folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Return the picture of a job, by a worker of its own, and the notes."""
+    prepared = plan_job(load_job(folder / "job.toml"))
+    with renderer() as render:
+        frame = render(prepared.plan.frames[0].task)
+    return np.stack([frame.a, frame.b]), (*prepared.notes, *frame.notes)
+
+
+@pytest.mark.slow
+def test_a_damaged_cache_shows_the_same_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    cache = tmp_path / "cache"
+    monkeypatch.setenv("LOOKDEV_CACHE", str(cache))
+    (tmp_path / "asset.usda").write_text(SOUND["cage"].text)
+    exr(RGB)(tmp_path / "sky.exr", random.Random(0))
+    PRODUCTS["document"](tmp_path)
+    PRODUCTS["package"](tmp_path)
+    look = table(material="look.usdz", assign=[{"prims": ["/Root/Loop"], "material": "look.mtlx"}])
+    (tmp_path / "job.toml").write_text(job('usd = "asset.usda"', look, 'file = "sky.exr"'))
+    picture, _ = _rendered(tmp_path)
+    shutil.copytree(cache, tmp_path / "sound")
+    files = sorted(file.relative_to(cache) for file in cache.rglob("*") if file.is_file())
+    random.Random(0).shuffle(files)
+    assert {file.parent.name for file in files} > {"content", "assets", "refined"}
+    for number, name in enumerate(files):
+        shutil.rmtree(cache)
+        shutil.copytree(tmp_path / "sound", cache)
+        way = list(WAYS)[number % len(WAYS)]
+        WAYS[way](cache / name, random.Random(number))
+        again, notes = _rendered(tmp_path)
+        np.testing.assert_array_equal(again, picture, f"{name}: {way}")
+        assert f"{cache / name}: was damaged, and is made again" in notes
