@@ -62,8 +62,7 @@ class AttributeBinding:
 def short_name(name: str) -> str:
     """Return the name of a UV set or primvar in Blender and in shaders, different for each.
 
-    Blender cuts names, OSL's identifiers are ASCII, and some names of attributes have a meaning in Blender, in Cycles or
-    here.
+    Blender cuts names, OSL's identifiers are ASCII, and some names have a meaning in Blender, in Cycles or here.
     """
     plain = _PLAIN.fullmatch(name) and name not in _TAKEN and not _SHORTENED.fullmatch(name)
     if plain and not name.startswith("lookdev_"):

@@ -244,7 +244,7 @@ def test_types_without_a_reader_are_named(file):
         ),
         (
             lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e10),
-            r"/Cube: the asset has a radius of 1.73e\+10 m, with metersPerUnit 1e\+10; 2e-07 to 5e\+09 m can be",
+            r"/Cube: the asset has a radius of 1.73e\+10 m, with metersPerUnit 1e\+10; 1e-06 to 1e\+09 m can be",
         ),
         (lambda file: UsdGeom.SetStageMetersPerUnit(file.stage, 1e-7), "/Cube: the asset has a radius of 1.73e-07 m"),
     ],

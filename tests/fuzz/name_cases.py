@@ -30,7 +30,8 @@ _WORDS = """
     Material Shader Mesh primvars st_0 uv_map primvar_wear handed shading_tangent lookup0 lookdev_uv result wo wi
     alpha seed light layer0 base pi x uv tangent tangent_sign undisplaced undeformed generated generated_transform
     motion_P motion_N particle curve_intercept curve_length curve_random point_random vertex_color Ng_ face_normal
-    ptex_face_id ptex_uv flame heat temperature velocity_x pointiness random_per_island shadow_transparency UV undisplaced_N undisplaced_tangent
+    ptex_face_id ptex_uv flame heat temperature velocity_x pointiness random_per_island
+    shadow_transparency UV undisplaced_N undisplaced_tangent
 """.split()  # noqa: SIM905
 """Of OSL and C, of Python and Blender, of USD and our own code."""
 

@@ -82,6 +82,10 @@ class Painter:
             seen.append(f"{name}: {far:.3g} {text}")
         return Compared("", "; ".join(seen), bool(picture.size))
 
+    def picture(self, folder: Path, job: str) -> Picture:
+        """Return the picture of a job in a folder; `REFUSED` where it is refused."""
+        return self._picture(folder, job, "exact", None)[2]
+
     def _picture(
         self, folder: Path, job: str, backend: str, known: dict[str, Picture] | None
     ) -> tuple[str, str, Picture]:

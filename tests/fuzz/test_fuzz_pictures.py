@@ -14,12 +14,14 @@ from cases import judged, made
 from damaged_files import PRODUCTS, WAYS
 from image_files import RGB, exr
 from kinds import KINDS
-from pictures import Painter, job, painter, table
+from pictures import CLOSE, Painter, Picture, difference, job, painter, table
 from usd_sound import SOUND
 
+from lookdev.asset.usd import read_usd
 from lookdev.batch.prepare import plan_job
 from lookdev.job import load_job
 from lookdev.render.worker import renderer
+from lookdev.stage import Composition, compose
 
 pytestmark = pytest.mark.cycles
 
@@ -81,6 +83,22 @@ def test_malformed_inputs_show_the_right_picture(paint: Painter, kind: str, seed
 @pytest.mark.parametrize("kind", _SAMPLE)
 def test_malformed_inputs_show_the_right_picture_in_nodes(paint: Painter, kind: str) -> None:
     assert not _wrong(paint, kind, 3, 5 * _SAMPLE[kind], "nodes")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("base", ["mesh", "cage", "curves", "points", "instancer", "Capsule"])
+def test_an_asset_shows_the_same_picture_at_the_limits_of_size(paint: Painter, tmp_path: Path, base: str) -> None:
+    text = SOUND[base].text
+    file = tmp_path / "asset.usda"
+
+    def picture(unit: float) -> Picture:
+        file.write_text(text.replace("metersPerUnit = 0.5", f"metersPerUnit = {unit!r}"))
+        return paint.picture(tmp_path, job('usd = "asset.usda"'))
+
+    expected = picture(0.5)
+    radius = read_usd(compose(Composition(file))).radius / 0.5
+    for size in (1.05e-6, 1e-3, 1e4, 0.95e9):
+        assert difference(picture(size / radius), expected) <= CLOSE, size
 
 
 def _rendered(folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import random
+import re
 import struct
 import zipfile
 import zlib
@@ -264,7 +265,23 @@ def _over(text: str) -> Wrong:
 
 
 _LONG = "n" * 300
-_NESTED = "".join(f'def "P{i}"\n{{\n' for i in range(5000)) + "}\n" * 5000
+_TRIANGLE = (
+    '    def Mesh "More"\n    {{\n        point3f[] points = [(0, 0, 0), (1, 0, 0), {}]\n'
+    "        int[] faceVertexCounts = [3]\n        int[] faceVertexIndices = [0, 1, 2]\n    }}"
+)
+
+
+def _nested(count: int) -> str:
+    """Return the text of prims inside each other."""
+    return "".join(f'def "P{i}"\n{{\n' for i in range(count)) + "}\n" * count
+
+
+def _scaled(size: float) -> str:
+    """Return the text of a cube of some half-width."""
+    cube = re.sub(r"\b1\b(?=[,)])", f"{size:g}", CUBE.splitlines()[1])
+    rest = "\n".join(CUBE.splitlines()[2:])
+    return _text(f'def Xform "Root"\n{{\n    def Mesh "Body"\n    {{\n{cube}\n{rest}\n    }}\n}}')
+
 
 FILES: dict[str, Wrong] = {
     # Arcs.
@@ -359,7 +376,7 @@ FILES: dict[str, Wrong] = {
     "deep dictionaries": Wrong(
         _raw(_text("", "    customData = " + "{ dictionary a = " * 20000 + "{}" + "}" * 20000 + "\n"))
     ),
-    "5,000 nested prims": Wrong(_raw(_text(_NESTED))),
+    "5,000 nested prims": Wrong(_raw(_text(_nested(5000)))),
     "a number of 5,000 digits": Wrong(_raw(_CAGE.text.replace("0.5", "1" * 5000, 1)), NAMED),
     "a number of 5,000 digits in an array": Wrong(
         _raw(_CAGE.text.replace("(0, 0, 4)", f"(0, 0, {'1' * 5000})", 1)), NAMED
@@ -446,6 +463,23 @@ FILES: dict[str, Wrong] = {
             ("1e-12", REFUSED),
         )
     },
+    **{
+        f"points of {size:g}": Wrong(_raw(_scaled(size)), names=("asset.", "/Root/Body", "radius"))
+        for size in (1e-30, 1e-9, 1e-6, 1e10, 1e15)
+    },
+    "a point of 1e30": Wrong(_prims(_TRIANGLE.format("(1e30, 0, 0)")), names=("asset.", "/Root/More", "points")),
+    "an unused far point": Wrong(
+        _raw(_CAGE.text.replace("(0, 0, 5)]", "(0, 0, 5), (1e9, 1e9, 1e9)]")), RIGHT, ("asset.", "/Root/Loop")
+    ),
+    "a transform of zeros": Wrong(
+        _prims(
+            f'    def Mesh "More"\n    {{{CUBE}        matrix4d xformOp:transform = ((0, 0, 0, 0), (0, 0, 0, 0), '
+            '(0, 0, 0, 0), (0, 0, 0, 0))\n        uniform token[] xformOpOrder = ["xformOp:transform"]\n    }'
+        ),
+        NAMED,
+        ("asset.", "/Root/More"),
+    ),
+    "200,000 nested prims": Wrong(_raw(_text(_nested(200_000)))),
     "metersPerUnit of text": Wrong(_metadata("metersPerUnit = 0.5", 'metersPerUnit = "0.5"')),
     **{
         f"upAxis {value}": Wrong(_metadata('upAxis = "Y"', f"upAxis = {value}"))

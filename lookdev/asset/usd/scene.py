@@ -23,7 +23,7 @@ from lookdev.errors import AssetError, nearest_hint
 from lookdev.stage import Composed
 
 _Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-_SMALLEST, _LARGEST = 2e-7, 5e9  # radii, in metres, of assets that renderers show
+_SMALLEST, _LARGEST = 1e-6, 1e9  # radii, in metres, of assets that renderers show whole
 _MOST_PATHS = 3  # in a note
 _MOST_FAULTS = 20  # in an error
 
