@@ -105,13 +105,16 @@ class Painter:
 
 
 def difference(one: Picture, other: Picture) -> float:
-    """Return the mean squared difference of two pictures over their squares; infinite where one alone is refused."""
+    """Return the squared difference of two pictures over their squares; infinite where one alone is refused.
+
+    It is the larger one of radiance and alpha.
+    """
     if one.shape != other.shape:
         return float("inf")
-    if not one.size:
-        return 0.0
-    scale = (np.square(one, dtype=np.float64) + np.square(other, dtype=np.float64)) / 2.0
-    return float(np.mean(np.square(one.astype(np.float64) - other) / (scale + 0.01)))
+    apart = np.square(one.astype(np.float64) - other).sum(axis=(0, 1))
+    squares = (np.square(one, dtype=np.float64) + np.square(other, dtype=np.float64)).sum(axis=(0, 1)) / 2.0
+    parts = [(apart[part].sum(), squares[part].sum()) for part in (slice(3), slice(3, 4))]
+    return max((float(far / whole) if whole else 0.0 for far, whole in parts), default=0.0)
 
 
 @contextmanager

@@ -57,7 +57,8 @@ def _wrong(paint: Painter, kind: str, seed: int, count: int, backend: str = "exa
             if case.shown is None or "silent" in case.expected or not case.expected & {"sound", "noted"}:
                 continue
             outcome = judged(case)
-            if outcome.outcome not in ("sound", "noted"):
+            assert outcome.right, f"{case.title}: {outcome.outcome}: {outcome.text}"
+            if outcome.outcome == "refused":
                 continue
             compared = paint.compared(case, Path(folder), outcome, backend)
         shown += compared.shown
