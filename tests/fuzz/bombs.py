@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pxr import Sdf, Usd
+from pxr import Sdf
 from usd_sound import CUBE
 
 _HEAD = '#usda 1.0\n(\n    defaultPrim = "Root"\n    metersPerUnit = 0.5\n    upAxis = "Y"\n)\n'
@@ -63,27 +63,10 @@ def _nested_binary(count: int) -> Callable[[Path], Path]:
     return write
 
 
-def _variants(folder: Path) -> Path:
-    """Write an instanceable prim that has itself, by a variant, below it."""
-    stage = Usd.Stage.CreateNew(str(folder / "asset.usda"))
-    root = stage.DefinePrim("/Root", "Xform")
-    stage.SetDefaultPrim(root)
-    for i in range(12):
-        variants = root.GetVariantSets().AddVariantSet(f"v{i}")
-        variants.AddVariant("a")
-        variants.SetVariantSelection("a")
-        with variants.GetVariantEditContext():
-            for j in range(4):
-                stage.DefinePrim(f"/Root/N{i}_{j}").GetReferences().AddInternalReference("/Root")
-    stage.Save()
-    return folder / "asset.usda"
-
-
 BOMBS: dict[str, Callable[[Path], Path]] = {
     "references, tenfold, 9 deep": _references(10, 9),
     "payloads, tenfold, 9 deep": _references(10, 9, "payload"),
     "references in one layer, tenfold, 9 deep": _within(10, 9),
     "references in one layer, twofold, 30 deep": _within(2, 30),
     "2,000 nested prims in a binary layer": _nested_binary(2_000),
-    "variants that refer to their prim": _variants,
 }

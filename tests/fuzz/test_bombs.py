@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import pytest
@@ -22,7 +21,6 @@ _LIMITS = {MEMORY_VARIABLE: "1024", SECONDS_VARIABLE: "8"}
 def test_a_bomb_is_refused_by_name(tmp_path: Path, name: str) -> None:
     file = BOMBS[name](tmp_path)
     (tmp_path / "job.toml").write_text(job(table(usd=file.name)))
-    started = time.monotonic()
     done = subprocess.run(
         (sys.executable, "-m", "lookdev", "plan", str(tmp_path / "job.toml")),
         capture_output=True,
@@ -34,5 +32,3 @@ def test_a_bomb_is_refused_by_name(tmp_path: Path, name: str) -> None:
     assert done.returncode == 2, done.stderr
     assert str(file) in done.stderr
     assert len(done.stderr) < 2000
-    # A hang would be 20 s; starting takes part of it.
-    assert time.monotonic() - started < 40.0
