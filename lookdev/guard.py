@@ -34,7 +34,7 @@ SECONDS_VARIABLE = "LOOKDEV_READ_SECONDS"
 """Environment variable: seconds that reading a file may take, beside `_SECONDS_EACH` for each of its MiB."""
 
 DEFAULT_MEMORY = 1536
-DEFAULT_SECONDS = 20
+DEFAULT_SECONDS = 15
 
 _MEMORY_EACH = 128  # MiB for each MiB of the files read so far
 _SECONDS_EACH = 10
