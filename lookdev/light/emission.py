@@ -1,0 +1,154 @@
+"""What lights of all kinds share: colour, shape of the beam, shadow, falloff.
+
+Names and formulas are those of UsdLux, whose documentation (`UsdLuxLightAPI`, `UsdLuxShapingAPI`, `UsdLuxShadowAPI`, in
+``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11) is quoted by name below. Radiance is in nits:
+1 shows as a pixel of value 1. `Falloff` is not physical, nor part of UsdLux; it follows section 6.2 of Burley, "Physically
+Based Shading at Disney", 2012, in its aim.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.errors import EnvironmentMapError
+from lookdev.light.ies import Profile
+
+Floats = NDArray[np.float64]
+Color = tuple[float, float, float]
+
+_NEAREST = 1e-6  # metres: a falloff computes with at least this distance, so that no exponent divides by 0
+
+
+@dataclass(frozen=True)
+class Shaping:
+    """The beam of a light, by angles in degrees off its axis: `UsdLuxShapingAPI`.
+
+    The defaults change nothing; UsdLux's own default of `cone_angle`, where the schema is applied, is 90.
+    """
+
+    cone_angle: float = 180.0
+    cone_softness: float = 0.0
+    focus: float = 0.0
+    focus_tint: Color = (0.0, 0.0, 0.0)
+    profile: Profile | None = None
+
+    def __post_init__(self) -> None:
+        check_number("cone angle", self.cone_angle, least=0.0)
+        check_number("cone softness", self.cone_softness)
+        check_number("focus", self.focus)
+        check_color("focus tint", self.focus_tint)
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """What of a light passes what occludes it: `UsdLuxShadowAPI`. Distances are in metres from the shaded place."""
+
+    enable: bool = True
+    color: Color = (0.0, 0.0, 0.0)
+    distance: float = -1.0
+    falloff: float = -1.0
+    falloff_gamma: float = 1.0
+
+    def __post_init__(self) -> None:
+        check_color("shadow colour", self.color)
+        for name in ("distance", "falloff"):
+            check_number(f"shadow {name}", getattr(self, name))
+        check_number("shadow falloff gamma", self.falloff_gamma, least=0.0)
+
+
+@dataclass(frozen=True)
+class Falloff:
+    """How the light that arrives depends on the distance d in metres to the light's position; not physical.
+
+    A small light is as bright at a place as one of the same intensity at ``d + virtual_distance``, whose light falls
+    with the power `exponent` of the distance instead of 2; both agree at 1 m. From `start` on it fades smoothly, and
+    none arrives from `end` on; None: it has no end.
+    """
+
+    virtual_distance: float = 0.0
+    exponent: float = 2.0
+    start: float = 0.0
+    end: float | None = None
+
+    def __post_init__(self) -> None:
+        check_number("virtual distance", self.virtual_distance, least=0.0)
+        check_number("falloff exponent", self.exponent, least=0.0)
+        check_number("falloff start", self.start, least=0.0)
+        if self.end is not None and check_number("falloff end", self.end) <= self.start:
+            raise EnvironmentMapError(f"falloff end {self.end:g}: more than its start, {self.start:g}, would be right")
+
+
+@dataclass(frozen=True)
+class Emission:
+    """The light that a light sends out.
+
+    Parameters
+    ----------
+    color
+        Radiance in nits, linear Rec.709, before `shaping`: as `emitted_color`.
+    diffuse, specular
+        Factors of the diffuse and the specular response of what is lit.
+    shaping, shadow, falloff
+        None: the light sends the same in all directions; its distance has no effect beyond its solid angle.
+    turns
+        Whether the light turns with the rig in the lighting rotation.
+    camera
+        Whether the camera sees it.
+    group
+        The name of its light group.
+    """
+
+    color: Color = (1.0, 1.0, 1.0)
+    diffuse: float = 1.0
+    specular: float = 1.0
+    shaping: Shaping | None = None
+    shadow: Shadow = field(default_factory=Shadow)
+    falloff: Falloff | None = None
+    turns: bool = True
+    camera: bool = False
+    group: str = ""
+
+    def __post_init__(self) -> None:
+        check_color("colour times intensity", self.color)
+        check_number("diffuse multiplier", self.diffuse, least=0.0)
+        check_number("specular multiplier", self.specular, least=0.0)
+
+
+def emitted_color(
+    color: Sequence[float],
+    *,
+    intensity: float = 1.0,
+    exposure: float = 0.0,
+    temperature: Sequence[float] = (1.0, 1.0, 1.0),
+    size: float = 1.0,
+) -> Color:
+    """Return an `Emission.color`: `UsdLuxLightAPI`, ``inputs:intensity`` to ``inputs:enableColorTemperature``.
+
+    `temperature` is the value of `UsdLux.BlackbodyTemperatureAsRgb`, if enabled; `size` the light's `size_factor`, if
+    its power is normalized.
+    """
+    check_number("intensity", intensity, least=0.0)
+    check_number("exposure", exposure)
+    scale = intensity * math.pow(2.0, exposure) / size
+    r, g, b = (scale * a * t for a, t in zip(color, temperature, strict=True))
+    return r, g, b
+
+
+def check_number(what: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
+    """Return a number; raises EnvironmentMapError unless it is finite, at least `least`, and greater than `above`."""
+    if not (math.isfinite(value) and value >= least and value > above):
+        right = f"more than {above:g}" if above > -math.inf else f"at least {least:g}" if least > -math.inf else "finite"
+        raise EnvironmentMapError(f"{what} {value:g}: a number that is {right} would be right")
+    return value
+
+
+def check_color(what: str, value: Sequence[float]) -> None:
+    """Raise EnvironmentMapError unless all channels are finite and not negative."""
+    if not all(math.isfinite(channel) and channel >= 0.0 for channel in value):
+        shown = ", ".join(f"{channel:g}" for channel in value)
+        raise EnvironmentMapError(f"{what} ({shown}): finite channels, none negative, would be right")

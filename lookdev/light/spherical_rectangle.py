@@ -1,0 +1,151 @@
+"""Directions to a rectangle, nearly uniform over its solid angle, with an exact pdf.
+
+As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction is an
+azimuth about an axis parallel to two of the sides, then the sine of its elevation, which is uniform between those of
+the two sides. Their exact azimuth inverts differences of four angles, of which float32 leaves nothing where the solid
+angle is below 1e-3 sr or so. Here the azimuth has a density that is linear between `SEGMENTS` + 1 places, and is that of
+the solid angle there; the pdf of the result is exact. Measured, it differs from a uniform one by some percent. Nothing is
+computed as a difference of nearly equal numbers, so the same formulas serve from 1e-6 of a rectangle's size above it to
+1e6 sizes away, in float32. The azimuth is about the axis for which its range is smaller, which keeps the density smooth
+also near an edge and in the plane of the rectangle.
+
+All functions keep the type of their arguments, so that float32 can be tried.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[Any]
+
+SEGMENTS = 4
+"""Of the density of the azimuth."""
+
+_TINY = 1e-30
+
+
+class SphericalRectangle(NamedTuple):
+    """Rectangles (...) seen from the origin; x is along the sides whose ends bound the azimuth.
+
+    x from `x0` to `x0 + width`, y from `y0` to `y0 + height`, at `z` > 0. `swapped` where x is the rectangle's own y.
+    """
+
+    x0: Floats
+    width: Floats
+    y0: Floats
+    height: Floats
+    z: Floats
+    swapped: Floats
+    angle: Floats
+    """Range of the azimuth."""
+    density: Floats
+    """(SEGMENTS + 1, ...): range of the sine of the elevation, at equal steps of the azimuth."""
+    mass: Floats
+    """Integral of `density` over the range, taken as 1."""
+
+    @property
+    def solid_angle(self) -> Floats:
+        """Steradians, to some percent."""
+        return self.angle * self.mass
+
+
+def seen_rectangle(x0: Floats, width: Floats, y0: Floats, height: Floats, z: Floats) -> SphericalRectangle:
+    """Return how rectangles (...) are seen that lie in front of the origin, at z > 0."""
+    along_x, along_y = _angle(x0, width, z), _angle(y0, height, z)
+    swapped = along_y < along_x
+    x0, width, y0, height, angle = (
+        np.where(swapped, other, one)
+        for one, other in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
+    )
+    density = np.stack(
+        [
+            _sine_range(_x(x0, width, z, angle, step / SEGMENTS)[1], y0, height)
+            for step in range(SEGMENTS + 1)
+        ]
+    )
+    mass = (density.sum(axis=0) - (density[0] + density[-1]) / 2) / SEGMENTS
+    return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
+
+
+def draw(seen: SphericalRectangle, u: Floats) -> tuple[Floats, Floats]:
+    """Map points u (..., 2) of the unit square to fractions (...) of the rectangle's own width and height."""
+    wanted = u[..., 0] * seen.mass * SEGMENTS
+    fraction = np.zeros_like(wanted)
+    for step in range(SEGMENTS):
+        left, right = seen.density[step], seen.density[step + 1]
+        mass = (left + right) / 2
+        inside = np.clip(wanted, 0, mass)
+        # The root without cancellation of left t + (right - left) t^2 / 2 = inside.
+        root = np.sqrt(np.maximum(left * left + 2 * (right - left) * inside, 0))
+        fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, 1) / SEGMENTS
+        wanted = wanted - inside
+    s, squared = _x(seen.x0, seen.width, seen.z, seen.angle, fraction)
+    t = _y(squared, seen.y0, seen.height, u[..., 1])
+    return np.where(seen.swapped, t, s), np.where(seen.swapped, s, t)
+
+
+def density(seen: SphericalRectangle, s: Floats, t: Floats) -> Floats:
+    """Return the pdf (...) per steradian with which `draw` gives fractions; the caller knows that both are in [0, 1]."""
+    s = np.where(seen.swapped, t, s)
+    x = seen.x0 + seen.width * s
+    azimuth = np.arctan2(seen.width * s * seen.z, seen.z * seen.z + seen.x0 * x)
+    place = np.clip(azimuth / np.maximum(seen.angle, _TINY), 0, 1) * SEGMENTS
+    step = np.minimum(place.astype(np.int64), SEGMENTS - 1)
+    left, right = (np.take_along_axis(seen.density, index[None], 0)[0] for index in (step, step + 1))
+    drawn = left + (right - left) * (place - step)
+    across = _sine_range(seen.z * seen.z + x * x, seen.y0, seen.height)
+    return drawn / np.maximum(seen.mass * seen.angle * across, _TINY)
+
+
+def _angle(x0: Floats, width: Floats, z: Floats) -> Floats:
+    """Return the angle between (x0, z) and (x0 + width, z)."""
+    return np.arctan2(width * z, z * z + x0 * (x0 + width))
+
+
+def _x(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | float) -> tuple[Floats, Floats]:
+    """Return where, as a fraction of the width, a part of the angle is passed, and x^2 + z^2 there.
+
+    By the law of sines in the triangles that the place makes with the two ends.
+    """
+    first = np.hypot(x0, z) * np.sin(fraction * angle)
+    last = np.hypot(x0 + width, z) * np.sin((1 - fraction) * angle)
+    first, last = np.maximum(first, 0), np.maximum(last, 0)
+    s = first / np.maximum(first + last, _TINY)
+    x = x0 + width * s
+    return s, x * x + z * z
+
+
+def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
+    """Return y1 / r1 - y0 / r0, y1 = y0 + height, where r^2 = squared + y^2."""
+    y1 = y0 + height
+    r0, r1 = np.sqrt(squared + y0 * y0), np.sqrt(squared + y1 * y1)
+    apart = y0 * y1 < 0
+    weight = y1 * r0 + y0 * r1
+    beside = squared * (y0 + y1) * height / (r0 * r1 * np.where(apart | (weight == 0), 1, weight))
+    return np.where(apart, y1 / r1 - y0 / r0, beside)
+
+
+def _y(squared: Floats, y0: Floats, height: Floats, v: Floats) -> Floats:
+    """Return where, as a fraction of the height, the sine is at the part v of its range."""
+    y1 = y0 + height
+    apart, below = y0 * y1 < 0, (y0 + y1 < 0)
+    v = np.where(below & ~apart, 1 - v, v)
+    near = np.where(apart, y0, np.where(below, -y1, y0))
+    far = near + height
+    d, r0, r1 = np.sqrt(squared), np.sqrt(squared + near * near), np.sqrt(squared + far * far)
+    sine = near / r0
+    step = v * _sine_range(squared, near, height)
+    reached = sine + step
+    # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
+    mixed = np.where(apart, 1 - near * far / (r0 * r1), squared * (squared + near * near + far * far) / (
+        r0 * r1 * (r0 * r1 + np.where(apart, 0, near * far))
+    ))
+    cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
+    first = d / r0
+    beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)
+    moved = np.where(apart, d * reached / np.maximum(cosine, _TINY) - near, beyond)
+    t = np.clip(moved / height, 0, 1)
+    return np.where(below & ~apart, 1 - t, t)
