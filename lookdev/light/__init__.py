@@ -1,24 +1,39 @@
-"""Lights: a protocol, and a record a kind. The only kind is the dome light, an environment map at infinity."""
+"""Lights: a protocol, and a record a kind."""
 
 from __future__ import annotations
 
 from functools import cache
 from importlib.resources import files
-from operator import attrgetter
+from operator import methodcaller
 from typing import Annotated, Any
 
 from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
+from lookdev.light.cylinder import CylinderLight
+from lookdev.light.disk import DiskLight
+from lookdev.light.distant import DistantLight
 from lookdev.light.dome import Dome, example_dome, prepare_light
 from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_environment, make_environment
+from lookdev.light.dome.local import LocalDome, example_local_dome
+from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
+from lookdev.light.ies import Profile, load_profile
+from lookdev.light.picture import prepare_texture
+from lookdev.light.placement import placement
 from lookdev.light.protocol import Emitter, Light, LightCode, LightKind, Turned
+from lookdev.light.rect import RectLight
+from lookdev.light.sphere import SphereLight
 
 LIGHT_KINDS: dict[str, LightKind] = {
     "dome": LightKind(
-        Dome, files("lookdev") / "shaders" / "dome.osl.h", example_dome, world=attrgetter("radiance_file")
-    )
+        Dome, files("lookdev") / "shaders" / "dome.osl.h", example_dome, world=methodcaller("world_file")
+    ),
+    "local_dome": LightKind(LocalDome, None, example_local_dome),
+    **{
+        kind.kind: LightKind(kind, None, kind.example)
+        for kind in (CylinderLight, DiskLight, DistantLight, RectLight, SphereLight)
+    },
 }
 
 
@@ -53,15 +68,30 @@ __all__ = [
     "BUILTIN_LIGHTS",
     "LIGHT_KINDS",
     "AnyLight",
+    "CylinderLight",
+    "DiskLight",
+    "DistantLight",
     "Dome",
+    "Emission",
     "Emitter",
     "EnvironmentMap",
+    "Falloff",
     "Light",
     "LightCode",
     "LightKind",
+    "LocalDome",
+    "Profile",
+    "RectLight",
+    "Shadow",
+    "Shaping",
+    "SphereLight",
     "Turned",
+    "emitted_color",
     "load_environment",
+    "load_profile",
     "make_environment",
+    "placement",
     "prepare_light",
+    "prepare_texture",
     "world_image",
 ]

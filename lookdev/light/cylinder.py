@@ -1,16 +1,24 @@
-"""Cylinder light: `UsdLuxCylinderLight`."""
+"""Cylinder light: `UsdLuxCylinderLight`.
+
+Directions are drawn to a rectangle that covers its side as a place sees it; those that miss it bring no light.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.light.placed import PlacedLight
+from lookdev.light.emission import check_number
+from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
+from lookdev.light.spherical_rectangle import SphericalRectangle, density, draw, seen_rectangle
 
-Floats = NDArray[np.float64]
+Floats = NDArray[Any]
+
+_MARGIN = 1e-6  # of the width of the outline
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,3 +29,109 @@ class CylinderLight(PlacedLight):
 
     length: float
     radius: float
+
+    @classmethod
+    def example(cls) -> CylinderLight:
+        """Return a warm light above, to a side."""
+        return cls(length=1.5, radius=0.2, position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_number("length", self.length, above=0.0)
+        check_number("radius", self.radius, above=0.0)
+
+    @property
+    def size_factor(self) -> float:
+        return 2.0 * math.pi * self.radius * self.length
+
+    def _distance(self, place: Floats, direction: Floats) -> Floats:
+        return meet_side(place, direction, self.length, self.radius)
+
+    def _pdf(self, place: Floats, direction: Floats) -> Floats:
+        cover = covering(place, self.length, self.radius)
+        towards = cover.inside(direction)
+        before = cover.outside & (towards[..., 2] > 0.0)
+        along = cover.away / np.where(before, towards[..., 2], 1.0)
+        s = (along * towards[..., 0] - cover.x0) / cover.width
+        t = (along * towards[..., 1] + cover.half) / (2.0 * cover.half)
+        met = before & (np.abs(s - 0.5) <= 0.5) & (np.abs(t - 0.5) <= 0.5)
+        return np.where(met, density(cover.seen, np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0)), 0.0)
+
+    def _sample(self, place: Floats, u: Floats) -> Floats:
+        cover = covering(place, self.length, self.radius)
+        s, t = draw(cover.seen, u)
+        local = np.stack([cover.x0 + s * cover.width, (2.0 * t - 1.0) * cover.half, cover.away], axis=-1)
+        return cover.outward(local / np.linalg.norm(local, axis=-1, keepdims=True))
+
+
+def meet_side(place: Floats, direction: Floats, length: Any, radius: Any) -> Floats:
+    """Return the distance (...) along directions (..., 3) to the outside of the side; inf if missed, or from inside."""
+    x, y, z = np.moveaxis(place, -1, 0)
+    wx, wy, wz = np.moveaxis(direction, -1, 0)
+    across, steep = y * wz - z * wy, wy * wy + wz * wz
+    towards = -(y * wy + z * wz)
+    squared = radius * radius * steep - across * across
+    met = (y * y + z * z > radius * radius) & (towards > 0) & (squared >= 0)
+    distance = (towards - np.sqrt(np.maximum(squared, 0))) / np.where(met, steep, 1)
+    met &= np.abs(x + np.where(met, distance, 0) * wx) <= length / 2
+    return np.where(met, distance, np.inf)
+
+
+class Cover(NamedTuple):
+    """The rectangle that covers the side of a cylinder as places (...) see it, in frames of the places' own.
+
+    x is along the cylinder's axis, z from the place at right angles to the axis. It is as wide as the outline, at
+    `away` along z, y from -`half` to `half`, x from `x0` to `x0 + width`.
+    """
+
+    outside: NDArray[np.bool_]
+    """Whether the place is farther from the axis than the side: from elsewhere none of it is seen."""
+    y: Floats
+    z: Floats
+    """The cylinder's y and z of the frame's z."""
+    x0: Floats
+    width: Floats
+    half: Floats
+    away: Floats
+
+    @property
+    def seen(self) -> SphericalRectangle:
+        return seen_rectangle(self.x0, self.width, -self.half, 2 * self.half, self.away)
+
+    def inside(self, direction: Floats) -> Floats:
+        """Express directions (..., 3) of the cylinder in the frames."""
+        x, y, z = np.moveaxis(direction, -1, 0)
+        return np.stack(np.broadcast_arrays(x, self.z * y - self.y * z, self.y * y + self.z * z), axis=-1)
+
+    def outward(self, local: Floats) -> Floats:
+        """Return directions (..., 3) of the cylinder from those in the frames."""
+        x, y, z = np.moveaxis(local, -1, 0)
+        return np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
+
+
+def covering(place: Floats, length: Any, radius: Any) -> Cover:
+    """Return what covers the side of a cylinder from places (..., 3).
+
+    The lines in which it is touched by planes through the place are at `away` = (D - R) (D + R) / D, D being the place's
+    distance from the axis. What lies nearer, between them, is at least at D - R: its ends show farther out, by up to
+    (D + R) / D.
+    """
+    x, y, z = np.moveaxis(place, -1, 0)
+    far = np.hypot(y, z)
+    outside = far > radius
+    far = np.where(outside, far, 2 * radius)
+    grown = (far + radius) / far
+    away = (far - radius) * grown
+    # Rounding must not leave out the outline.
+    half = radius * np.sqrt((far - radius) * (far + radius)) / far * (1 + _MARGIN)
+    first, last = -length / 2 - x, length / 2 - x
+    before, beyond = np.maximum(-first, 0) * (grown - 1), np.maximum(last, 0) * (grown - 1)
+    return Cover(
+        outside,
+        np.where(outside, -y / far, 0),
+        np.where(outside, -z / far, 1),
+        first - before,
+        length + before + beyond,
+        half,
+        away,
+    )

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,29 @@ Floats = NDArray[np.float64]
 Color = tuple[float, float, float]
 
 _NEAREST = 1e-6  # metres: a falloff computes with at least this distance, so that no exponent divides by 0
+
+
+def smooth_step(value: Floats, start: float, end: float) -> Floats:
+    """Return 0 up to `start`, 1 from `end` on, and the cubic polynomial without a kink between; 0 where both are equal."""
+    t = np.clip((value - start) / (end - start), 0.0, 1.0) if end > start else np.zeros_like(value)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def check_number(what: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
+    """Return a number; raises EnvironmentMapError unless it is finite, at least `least`, and greater than `above`."""
+    if not (math.isfinite(value) and value >= least and value > above):
+        right = (
+            f"more than {above:g}" if above > -math.inf else f"at least {least:g}" if least > -math.inf else "finite"
+        )
+        raise EnvironmentMapError(f"{what} {value:g}: a number that is {right} would be right")
+    return value
+
+
+def check_color(what: str, value: Sequence[float]) -> None:
+    """Raise EnvironmentMapError unless all channels are finite and not negative."""
+    if not all(math.isfinite(channel) and channel >= 0.0 for channel in value):
+        shown = ", ".join(f"{channel:g}" for channel in value)
+        raise EnvironmentMapError(f"{what} ({shown}): finite channels, none negative, would be right")
 
 
 @dataclass(frozen=True)
@@ -43,6 +66,24 @@ class Shaping:
         check_number("focus", self.focus)
         check_color("focus tint", self.focus_tint)
 
+    def factor(self, direction: Floats) -> Floats:
+        """Return what radiance is multiplied by, (..., 1 or 3), where the light lies in directions (..., 3) of its space.
+
+        The emission direction is the opposite one, the light's axis is -z.
+        """
+        x, y, z = np.moveaxis(direction, -1, 0)
+        off_axis = np.degrees(np.arctan2(np.hypot(x, y), z))
+        # inputs:shaping:cone:angle and inputs:shaping:cone:softness.
+        start = self.cone_angle * (1.0 - min(max(self.cone_softness, 0.0), 1.0))
+        factor = np.where(off_axis <= self.cone_angle, 1.0 - smooth_step(off_axis, start, self.cone_angle), 0.0)
+        if self.profile:
+            factor *= self.profile.factor(off_axis, np.degrees(np.arctan2(-y, -x)) % 360.0)
+        if self.focus <= 0.0:
+            return factor[..., None]
+        # inputs:shaping:focusTint.
+        focused = np.abs(z)[..., None] ** self.focus
+        return factor[..., None] * (focused + (1.0 - focused) * np.array(self.focus_tint))
+
 
 @dataclass(frozen=True)
 class Shadow:
@@ -59,6 +100,16 @@ class Shadow:
         for name in ("distance", "falloff"):
             check_number(f"shadow {name}", getattr(self, name))
         check_number("shadow falloff gamma", self.falloff_gamma, least=0.0)
+
+    def passed(self, distance: Floats) -> Floats:
+        """Return the share (..., 3) of the light that passes what occludes it at distances (...)."""
+        strength = np.full(distance.shape, float(self.enable))
+        if self.distance >= 0.0:
+            zone = min(self.falloff, self.distance)
+            # inputs:shadow:falloffGamma, with linear distance within the zone.
+            left = np.clip((self.distance - distance) / zone, 0.0, 1.0) if zone > 0.0 else distance <= self.distance
+            strength *= left**self.falloff_gamma
+        return 1.0 - strength[..., None] * (1.0 - np.array(self.color))
 
 
 @dataclass(frozen=True)
@@ -81,6 +132,12 @@ class Falloff:
         check_number("falloff start", self.start, least=0.0)
         if self.end is not None and check_number("falloff end", self.end) <= self.start:
             raise EnvironmentMapError(f"falloff end {self.end:g}: more than its start, {self.start:g}, would be right")
+
+    def factor(self, distance: Floats) -> Floats:
+        """Return what radiance is multiplied by at places at distances (...) from the light's position."""
+        nearest = np.maximum(distance, _NEAREST)
+        fade = 1.0 if self.end is None else 1.0 - smooth_step(distance, self.start, self.end)
+        return nearest * nearest * (nearest + self.virtual_distance) ** -self.exponent * fade
 
 
 @dataclass(frozen=True)
@@ -107,7 +164,7 @@ class Emission:
     diffuse: float = 1.0
     specular: float = 1.0
     shaping: Shaping | None = None
-    shadow: Shadow = field(default_factory=Shadow)
+    shadow: Shadow = Shadow()
     falloff: Falloff | None = None
     turns: bool = True
     camera: bool = False
@@ -117,6 +174,15 @@ class Emission:
         check_color("colour times intensity", self.color)
         check_number("diffuse multiplier", self.diffuse, least=0.0)
         check_number("specular multiplier", self.specular, least=0.0)
+
+    def towards(self, direction: Floats) -> Floats:
+        """Return the radiance (..., 3) that is sent to where the light lies in directions (..., 3) of its own space."""
+        color = np.array(self.color)
+        return color * (self.shaping.factor(direction) if self.shaping else np.ones((*direction.shape[:-1], 1)))
+
+    def faded(self, distance: Floats) -> Floats:
+        """Return what radiance is multiplied by at places at distances (...) from the light's position."""
+        return self.falloff.factor(distance) if self.falloff else np.ones_like(distance)
 
 
 def emitted_color(
@@ -137,18 +203,3 @@ def emitted_color(
     scale = intensity * math.pow(2.0, exposure) / size
     r, g, b = (scale * a * t for a, t in zip(color, temperature, strict=True))
     return r, g, b
-
-
-def check_number(what: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
-    """Return a number; raises EnvironmentMapError unless it is finite, at least `least`, and greater than `above`."""
-    if not (math.isfinite(value) and value >= least and value > above):
-        right = f"more than {above:g}" if above > -math.inf else f"at least {least:g}" if least > -math.inf else "finite"
-        raise EnvironmentMapError(f"{what} {value:g}: a number that is {right} would be right")
-    return value
-
-
-def check_color(what: str, value: Sequence[float]) -> None:
-    """Raise EnvironmentMapError unless all channels are finite and not negative."""
-    if not all(math.isfinite(channel) and channel >= 0.0 for channel in value):
-        shown = ", ".join(f"{channel:g}" for channel in value)
-        raise EnvironmentMapError(f"{what} ({shown}): finite channels, none negative, would be right")

@@ -1,10 +1,31 @@
-"""IES profiles: how much light a luminaire sends in each direction."""
+"""IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
+
+Type C goniophotometry alone, of LM-63-1991 to LM-63-2019. Tilt, lamp and luminous opening are read and have no effect, as
+in the reference implementation of UsdLux.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.cache import Content
+from lookdev.errors import EnvironmentMapError
+from lookdev.text import read_bytes
+
+Floats = NDArray[np.float64]
+
+_LARGEST = 1 << 24  # bytes of a file
+_MOST_ANGLES = 3601
+_HEADERS = ("IESNA91", "IESNA:LM-63-", "IES:LM-63-")
+_VERTICAL = ((0.0, 90.0), (90.0, 180.0), (0.0, 180.0))
+_HORIZONTAL = ((0.0, 0.0), (0.0, 90.0), (0.0, 180.0), (0.0, 360.0), (90.0, 270.0))
 
 
 @dataclass(frozen=True)
@@ -12,11 +33,199 @@ class Profile:
     """An IES profile of `UsdLuxShapingAPI`, as a table.
 
     `table` is a ``.npy`` file of float32, (1 + H, 1 + V): the first row has the vertical angles in degrees from the
-    light's axis, the first column the horizontal angles from 0 to 360, and the rest the luminous intensity in candela,
-    bilinear between them and 0 beyond the vertical angles. `scale` multiplies the intensity: 1, or 1 over the profile's
-    power if it is normalized. `angle_scale` is ``shaping:ies:angleScale``.
+    light's axis, the first column the horizontal angles from 0 to 360, from the light's x towards its y; the rest is the
+    luminous intensity in candela, bilinear between them, and 0 beyond the vertical angles. `scale` multiplies it.
+    `angle_scale` is ``shaping:ies:angleScale``.
     """
 
     table: Content
     scale: float = 1.0
     angle_scale: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.angle_scale) and math.isfinite(self.scale) and self.scale >= 0.0):
+            raise EnvironmentMapError(
+                f"an IES profile's scale {self.scale:g} and angle scale {self.angle_scale:g}: finite numbers, the first "
+                "not negative, would be right"
+            )
+
+    @cached_property
+    def _table(self) -> Floats:
+        return np.load(self.table.path).astype(np.float64)
+
+    def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
+        """Return what radiance is multiplied by in directions of two angles in degrees; horizontal from 0 to 360."""
+        # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
+        if self.angle_scale > 0.0:
+            vertical = vertical / self.angle_scale
+        elif self.angle_scale < 0.0:
+            vertical = (vertical - 180.0) / -self.angle_scale + 180.0
+        down, around, candela = self._table[0, 1:], self._table[1:, 0], self._table[1:, 1:]
+        v, h = (
+            np.clip(np.searchsorted(a, x, "right") - 1, 0, len(a) - 2)
+            for a, x in ((down, vertical), (around, horizontal))
+        )
+        s, t = (vertical - down[v]) / (down[v + 1] - down[v]), (horizontal - around[h]) / (around[h + 1] - around[h])
+        here = (1.0 - s) * candela[h, v] + s * candela[h, v + 1]
+        there = (1.0 - s) * candela[h + 1, v] + s * candela[h + 1, v + 1]
+        lit = (down[0] <= vertical) & (vertical <= down[-1])
+        return np.asarray(np.where(lit, self.scale * ((1.0 - t) * here + t * there), 0.0))
+
+
+def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = False) -> Profile:
+    """Read a profile; with `normalize` its scale is 1 over its power, as `profile_power`.
+
+    Raises
+    ------
+    TextError
+        The file cannot be read.
+    EnvironmentMapError
+        It is no IES file of type C, or contradicts itself; the message names the line.
+    """
+    table = parse_profile(read_bytes(file, _LARGEST).decode("latin-1"), str(file))
+    power = profile_power(table) if normalize else 1.0
+    if not power > 0.0:
+        raise EnvironmentMapError(f"{file}: sends no light, so its power cannot be normalized")
+    content = Content.written(".npy", lambda path: np.save(path, table.astype(np.float32)))
+    return Profile(content, 1.0 / power, angle_scale)
+
+
+def profile_power(table: Floats) -> float:
+    """Return the mean intensity of a table: over the sphere, or over the hemisphere if its angles cover only that.
+
+    UsdLuxShapingAPI, ``inputs:shaping:ies:normalize``, leaves the unit open; the mean is that of its reference
+    implementation (hdEmbree), which integrates over patches by their middle, and this exactly.
+    """
+    down, around, candela = np.radians(table[0, 1:]), np.radians(table[1:, 0]), table[1:, 1:]
+    # The integral of a linear function times the sine: weights of the values at both ends of each step.
+    step = np.diff(down)
+    mean = (np.sin(down[1:]) - np.sin(down[:-1])) / step
+    weights = np.zeros(len(down))
+    weights[:-1] += np.cos(down[:-1]) - mean
+    weights[1:] += mean - np.cos(down[1:])
+    rings = candela @ weights
+    total = float((np.diff(around) * (rings[1:] + rings[:-1]) / 2.0).sum())
+    return total / (2.0 * np.pi * (1.0 if down[-1] - down[0] < 1.6 else 2.0))
+
+
+def parse_profile(text: str, where: str) -> Floats:
+    """Return the table of an IES file, `where` being its name in messages: as `Profile.table`, (1 + H, 1 + V)."""
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    if not lines[0].startswith(_HEADERS):
+        raise _fault(where, 1, f"an IES file begins with {', '.join(_HEADERS)}")
+    tilts = [number for number, line in enumerate(lines, 1) if line.startswith("TILT=")]
+    if not tilts:
+        raise _fault(where, len(lines), "no line 'TILT=', after which an IES file has its numbers")
+    numbers = _Numbers(where, lines, tilts[0])
+    if lines[tilts[0] - 1].strip() == "TILT=INCLUDE":
+        numbers.whole("lamp to luminaire geometry", 1, 3)
+        count = numbers.whole("number of tilt angles", 1, _MOST_ANGLES)
+        numbers.take("tilt angles", count)
+        numbers.take("tilt factors", count)
+    numbers.whole("number of lamps", 1, 1 << 16)
+    numbers.take("lumens of a lamp", 1)  # -1: absolute photometry
+    multiplier = numbers.positive("candela multiplier")
+    down_count = numbers.whole("number of vertical angles", 2, _MOST_ANGLES)
+    around_count = numbers.whole("number of horizontal angles", 1, _MOST_ANGLES)
+    kind = numbers.whole("photometric type", 1, 3)
+    if kind != 1:
+        raise numbers.fault(f"is of type {'?CBA'[kind]} goniophotometry; type C, 1, would be right")
+    numbers.whole("unit of the luminous opening", 1, 2)
+    numbers.take("width, length and height", 3)
+    factor = multiplier * numbers.positive("ballast factor") * numbers.positive("ballast-lamp factor")
+    numbers.take("input watts", 1)
+    down = numbers.angles("vertical angles", down_count, _VERTICAL)
+    around = numbers.angles("horizontal angles", around_count, _HORIZONTAL)
+    rows = []
+    for _ in range(around_count):
+        row = numbers.take("candela values", down_count)
+        if not (row >= 0.0).all():
+            raise numbers.fault(f"candela value {row.min():g}: none is negative")
+        rows.append(row)
+    numbers.end()
+    around, candela = _all_around(around, np.stack(rows))
+    table = np.zeros((1 + len(around), 1 + len(down)))
+    table[0, 1:], table[1:, 0], table[1:, 1:] = down, around, factor * candela
+    if not table.max() < 1e18:
+        raise _fault(where, len(lines), f"a candela value of {table.max():g}; at most 1e18 would be right")
+    return table
+
+
+def _all_around(around: Floats, candela: Floats) -> tuple[Floats, Floats]:
+    """Mirror horizontal angles and values (H, V) to the whole circle, 0 to 360."""
+    if around[0] == 90.0:  # mirrored at the plane of 90 and 270 degrees
+        angles = np.unique(np.concatenate([around, (540.0 - around) % 360.0, [0.0, 360.0]]))
+        given = np.where((angles < 90.0) | (angles > 270.0), (540.0 - angles) % 360.0, angles)
+        return angles, np.stack([np.interp(given, around, column) for column in candela.T], axis=-1)
+    if len(around) == 1:
+        return np.array([0.0, 360.0]), candela[[0, 0]]
+    for half in (90.0, 180.0):
+        if around[-1] == half:
+            around = np.concatenate([around, 2.0 * half - around[-2::-1]])
+            candela = np.concatenate([candela, candela[-2::-1]])
+    return around, candela
+
+
+def _fault(where: str, line: int, what: str) -> EnvironmentMapError:
+    return EnvironmentMapError(f"{where}, line {line}: {what}")
+
+
+class _Numbers:
+    """The numbers after a line of a file, each with its line."""
+
+    def __init__(self, where: str, lines: list[str], after: int) -> None:
+        self._where = where
+        self._lines = len(lines)
+        self._tokens = [
+            (token, number)
+            for number, line in enumerate(lines[after:], after + 1)
+            for token in re.split(r"[\s,]+", line)
+            if token
+        ]
+        self._next = 0
+
+    def fault(self, what: str) -> EnvironmentMapError:
+        """Return an error at the number last taken."""
+        return _fault(self._where, self._tokens[self._next - 1][1] if self._next else self._lines, what)
+
+    def take(self, what: str, count: int) -> Floats:
+        found = self._tokens[self._next : self._next + count]
+        if len(found) < count:
+            raise _fault(self._where, self._lines, f"the file ends before its {what}: {count - len(found)} are missing")
+        values = np.empty(count)
+        for index, (token, _) in enumerate(found):
+            self._next += 1
+            try:
+                values[index] = float(token) if re.fullmatch(r"[-+.0-9eE]+", token) else math.nan
+            except ValueError:
+                values[index] = math.nan
+            if not math.isfinite(values[index]):
+                raise self.fault(f"{token[:40]!r} among the {what} is no number")
+        return values
+
+    def whole(self, what: str, least: int, most: int) -> int:
+        value = float(self.take(what, 1)[0])
+        if not (value.is_integer() and least <= value <= most):
+            raise self.fault(f"{what} {value:g}: a whole number from {least} to {most} would be right")
+        return int(value)
+
+    def positive(self, what: str) -> float:
+        value = float(self.take(what, 1)[0])
+        if not value > 0.0:
+            raise self.fault(f"{what} {value:g}: a number above 0 would be right")
+        return value
+
+    def angles(self, what: str, count: int, ranges: tuple[tuple[float, float], ...]) -> Floats:
+        values = self.take(what, count)
+        if (np.diff(values) <= 0.0).any():
+            raise self.fault(f"the {what} do not increase")
+        if (values[0], values[-1]) not in ranges:
+            right = ", ".join(f"{first:g} to {last:g}" for first, last in ranges)
+            raise self.fault(f"the {what} are from {values[0]:g} to {values[-1]:g}; {right} would be right")
+        return values
+
+    def end(self) -> None:
+        if self._next < len(self._tokens):
+            more = len(self._tokens) - self._next
+            self._next += 1
+            raise self.fault(f"the file has {more} numbers more than it announces")

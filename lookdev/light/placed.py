@@ -24,6 +24,9 @@ Floats = NDArray[np.float64]
 VERSION = 1
 """Part of every digest: raised when the same fields give other light or other samples."""
 
+EXAMPLE_AXES: Axes = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
+EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedLight(ABC):
@@ -55,11 +58,9 @@ class PlacedLight(ABC):
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
         local, towards = self._inside(place), to_local(self.axes, direction)
-        distance = self._distance(local, towards)
-        met = np.isfinite(distance)
-        sent = self._sent(local, towards, np.where(met, distance, 0.0))
-        arriving = sent * self.emission.towards(towards) * self.emission.faded(np.linalg.norm(local, axis=-1))[..., None]
-        return np.where(met[..., None], arriving, 0.0)
+        met = np.isfinite(self._distance(local, towards))[..., None]
+        faded = self.emission.faded(np.linalg.norm(local, axis=-1))[..., None]
+        return np.where(met, self._sent(local, towards) * self.emission.towards(towards) * faded, 0.0)
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
         return self._pdf(self._inside(place), to_local(self.axes, direction))
@@ -76,12 +77,13 @@ class PlacedLight(ABC):
     def _inside(self, place: Floats) -> Floats:
         return to_local(self.axes, place - np.array(self.position))
 
-    def _sent(self, place: Floats, direction: Floats, distance: Floats) -> Floats | float:
-        """Return the share of the emission (..., 3) that what is met at a distance sends; 1 unless overridden."""
+    def _sent(self, place: Floats, direction: Floats) -> Floats | float:
+        """Return the share (..., 3) of the emission that is sent from what is met; 1 unless a kind has a texture."""
         return 1.0
 
     @abstractmethod
-    def _distance(self, place: Floats, direction: Floats) -> Floats: ...
+    def _distance(self, place: Floats, direction: Floats) -> Floats:
+        """Return metres to the side that emits; inf where it is not met, or from behind."""
 
     @abstractmethod
     def _pdf(self, place: Floats, direction: Floats) -> Floats: ...

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cache import Content
+from lookdev.light.emission import Emission
 from lookdev.light.mapping import rotate_z
 
 Floats = NDArray[np.float64]
@@ -49,12 +50,19 @@ class Emitter(Protocol):
     def sample(self, place: Floats, u: Floats) -> Floats:
         """Map points `u` (N, 2) of the unit square to directions (N, 3) at places (N, 3)."""
 
+    def distance(self, place: Floats, direction: Floats) -> Floats:
+        """Return metres (...) to the light: inf where it is infinitely far, or not in that direction."""
+
 
 class Light(Emitter, Protocol):
     """A light of a registered kind: a frozen dataclass of plain data that names its files."""
 
     kind: ClassVar[str]
     """The name of its record in `lookdev.light.LIGHT_KINDS`."""
+
+    @property
+    def emission(self) -> Emission:
+        """What it sends out. `radiance` has its colour, shaping and falloff; the rest is for whoever integrates."""
 
     @property
     def digest(self) -> str:
@@ -65,7 +73,10 @@ class Light(Emitter, Protocol):
         """Whether the radiance is the same from every direction at every place: then it needs no samples."""
 
     def code(self, *, sampled: bool) -> LightCode:
-        """Return the values for the kind's OSL; without `sampled`, those to look radiance up."""
+        """Return the values for the kind's OSL; without `sampled`, those to look radiance up.
+
+        Raises EnvironmentMapError where the OSL does not render what the light is.
+        """
 
 
 @dataclass(frozen=True)
@@ -77,15 +88,16 @@ class LightKind:
     type
         The dataclass of its lights.
     osl
-        The file of its OSL, by sections; `lookdev.codegen.osl.light` states the content of each.
+        The file of its OSL, by sections; `lookdev.codegen.osl.light` states the content of each. None: backend `exact`
+        cannot render the kind, and `Light.code` raises.
     example
         Returns a small light of the kind that is not `constant`, for tests and documentation.
     world
-        Returns the lat-long EXR file by which Cycles' world shows a light; None: only backend `exact` renders the kind.
+        Returns the lat-long EXR file by which Cycles' world shows a light; None: it cannot.
     """
 
     type: type[Light]
-    osl: Traversable
+    osl: Traversable | None
     example: Callable[[], Light]
     world: Callable[[Any], Content] | None = None
 
@@ -105,3 +117,6 @@ class Turned:
 
     def sample(self, place: Floats, u: Floats) -> Floats:
         return rotate_z(self.light.sample(rotate_z(place, -self.degrees), u), self.degrees)
+
+    def distance(self, place: Floats, direction: Floats) -> Floats:
+        return self.light.distance(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))

@@ -10,9 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cache import Content
-from lookdev.light.emission import check_number
 from lookdev.light.dome.files import read_exr
-from lookdev.light.placed import PlacedLight
+from lookdev.light.emission import check_number
+from lookdev.light.picture import cell_density, draw_cell, look_up, luminance_tree
+from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
+from lookdev.light.plane import meet_plane, seen_part, towards_plane
+from lookdev.light.spherical_rectangle import density, draw
 
 Floats = NDArray[np.float64]
 
@@ -30,3 +33,51 @@ class RectLight(PlacedLight):
     width: float
     height: float
     texture: Content | None = None
+
+    @classmethod
+    def example(cls) -> RectLight:
+        """Return a warm light above, to a side."""
+        return cls(width=1.2, height=0.8, position=(0.4, -1.0, 1.6), axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_number("width", self.width, above=0.0)
+        check_number("height", self.height, above=0.0)
+
+    @property
+    def size_factor(self) -> float:
+        return self.width * self.height
+
+    @cached_property
+    def picture(self) -> Floats | None:
+        """The texture (H, W, 3), row 0 at +y, column 0 at +x; an EnvironmentMapError if its file is broken."""
+        return None if self.texture is None else read_exr(self.texture.path, "RGB").astype(np.float64)
+
+    @cached_property
+    def tree(self) -> tuple[Floats, ...] | None:
+        """Means over quadrants of quadrants of the texture, by which directions are drawn: `luminance_tree`."""
+        return None if self.picture is None else luminance_tree(self.picture)
+
+    def _distance(self, place: Floats, direction: Floats) -> Floats:
+        return meet_plane(place, direction, self.width, self.height)[0]
+
+    def _sent(self, place: Floats, direction: Floats) -> Floats | float:
+        if self.picture is None:
+            return 1.0
+        _, s, t = meet_plane(place, direction, self.width, self.height)
+        return look_up(self.picture, 1.0 - s, 1.0 - t)
+
+    def _pdf(self, place: Floats, direction: Floats) -> Floats:
+        distance, s, t = meet_plane(place, direction, self.width, self.height)
+        if self.tree is None:
+            pdf = density(seen_part(place, self.width, self.height), s, t)
+        else:
+            pdf = cell_density(self.tree, place, self.width, self.height, s, t)
+        return np.where(np.isfinite(distance), pdf, 0.0)
+
+    def _sample(self, place: Floats, u: Floats) -> Floats:
+        if self.tree is None:
+            s, t = draw(seen_part(place, self.width, self.height), u)
+        else:
+            s, t = draw_cell(self.tree, place, self.width, self.height, u)
+        return towards_plane(place, self.width, self.height, s, t)

@@ -42,7 +42,7 @@ class SphericalRectangle(NamedTuple):
     angle: Floats
     """Range of the azimuth."""
     density: Floats
-    """(SEGMENTS + 1, ...): range of the sine of the elevation, at equal steps of the azimuth."""
+    """(1 + segments, ...): range of the sine of the elevation, at equal steps of the azimuth."""
     mass: Floats
     """Integral of `density` over the range, taken as 1."""
 
@@ -52,7 +52,9 @@ class SphericalRectangle(NamedTuple):
         return self.angle * self.mass
 
 
-def seen_rectangle(x0: Floats, width: Floats, y0: Floats, height: Floats, z: Floats) -> SphericalRectangle:
+def seen_rectangle(
+    x0: Floats, width: Floats, y0: Floats, height: Floats, z: Floats, segments: int = SEGMENTS
+) -> SphericalRectangle:
     """Return how rectangles (...) are seen that lie in front of the origin, at z > 0."""
     along_x, along_y = _angle(x0, width, z), _angle(y0, height, z)
     swapped = along_y < along_x
@@ -60,27 +62,24 @@ def seen_rectangle(x0: Floats, width: Floats, y0: Floats, height: Floats, z: Flo
         np.where(swapped, other, one)
         for one, other in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
     )
-    density = np.stack(
-        [
-            _sine_range(_x(x0, width, z, angle, step / SEGMENTS)[1], y0, height)
-            for step in range(SEGMENTS + 1)
-        ]
-    )
-    mass = (density.sum(axis=0) - (density[0] + density[-1]) / 2) / SEGMENTS
+    squares = (_x(x0, width, z, angle, step / segments)[1] for step in range(segments + 1))
+    density = np.stack([_sine_range(squared, y0, height) for squared in squares])
+    mass = (density.sum(axis=0) - (density[0] + density[-1]) / 2) / segments
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
 
 
 def draw(seen: SphericalRectangle, u: Floats) -> tuple[Floats, Floats]:
     """Map points u (..., 2) of the unit square to fractions (...) of the rectangle's own width and height."""
-    wanted = u[..., 0] * seen.mass * SEGMENTS
+    segments = len(seen.density) - 1
+    wanted = u[..., 0] * seen.mass * segments
     fraction = np.zeros_like(wanted)
-    for step in range(SEGMENTS):
+    for step in range(segments):
         left, right = seen.density[step], seen.density[step + 1]
         mass = (left + right) / 2
         inside = np.clip(wanted, 0, mass)
         # The root without cancellation of left t + (right - left) t^2 / 2 = inside.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * inside, 0))
-        fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, 1) / SEGMENTS
+        fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, 1) / segments
         wanted = wanted - inside
     s, squared = _x(seen.x0, seen.width, seen.z, seen.angle, fraction)
     t = _y(squared, seen.y0, seen.height, u[..., 1])
@@ -92,10 +91,9 @@ def density(seen: SphericalRectangle, s: Floats, t: Floats) -> Floats:
     s = np.where(seen.swapped, t, s)
     x = seen.x0 + seen.width * s
     azimuth = np.arctan2(seen.width * s * seen.z, seen.z * seen.z + seen.x0 * x)
-    place = np.clip(azimuth / np.maximum(seen.angle, _TINY), 0, 1) * SEGMENTS
-    step = np.minimum(place.astype(np.int64), SEGMENTS - 1)
-    left, right = (np.take_along_axis(seen.density, index[None], 0)[0] for index in (step, step + 1))
-    drawn = left + (right - left) * (place - step)
+    segments = len(seen.density) - 1
+    place = np.clip(azimuth / np.maximum(seen.angle, _TINY), 0, 1) * segments
+    drawn = sum(value * np.maximum(1 - np.abs(place - step), 0) for step, value in enumerate(seen.density))
     across = _sine_range(seen.z * seen.z + x * x, seen.y0, seen.height)
     return drawn / np.maximum(seen.mass * seen.angle * across, _TINY)
 
@@ -140,9 +138,11 @@ def _y(squared: Floats, y0: Floats, height: Floats, v: Floats) -> Floats:
     step = v * _sine_range(squared, near, height)
     reached = sine + step
     # 1 - sine^2 at the ends and at v, without the difference where the sine is near 1.
-    mixed = np.where(apart, 1 - near * far / (r0 * r1), squared * (squared + near * near + far * far) / (
-        r0 * r1 * (r0 * r1 + np.where(apart, 0, near * far))
-    ))
+    mixed = np.where(
+        apart,
+        1 - near * far / (r0 * r1),
+        squared * (squared + near * near + far * far) / (r0 * r1 * (r0 * r1 + np.where(apart, 0, near * far))),
+    )
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
     first = d / r0
     beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)

@@ -37,9 +37,11 @@ def light_sections(light: Light) -> dict[str, list[str]]:
     Raises
     ------
     CodegenError
-        The kind's file lacks a section, or has an unknown one.
+        The kind's file lacks a section, or has an unknown one; or the kind has no file.
     """
     osl = LIGHT_KINDS[light.kind].osl
+    if osl is None:
+        raise CodegenError(f"a light of kind '{light.kind}' has no OSL; backend 'exact' cannot render it")
     sections: dict[str, list[str]] = {}
     lines: list[str] = []
     for line in osl.read_text(encoding="utf-8").splitlines():

@@ -23,10 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cache import Content, derived
+from lookdev.errors import EnvironmentMapError
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.environment import EnvironmentMap, make_environment
 from lookdev.light.dome.files import read_exr, write_exr
 from lookdev.light.dome.warp import BilinearWarp, lookup_towards
+from lookdev.light.emission import Emission
+from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.light.protocol import LightCode
 
 Floats = NDArray[np.float64]
@@ -39,7 +42,9 @@ TABLE_VERSION = 3
 class Dome:
     """A `lookdev.light.Light` by the files that the shader reads: of its radiance, and of the tables if it samples.
 
-    `width` and `height` are those of the map. `sample` is in proportion to the mean of the channels, uniform if black.
+    `width` and `height` are those of the map, `map_digest` names it and its tables. The map is in the frame of `axes`,
+    and its radiance is multiplied by the emission's colour. `sample` is in proportion to the mean of the map's channels,
+    uniform if black.
     """
 
     kind: ClassVar[str] = "dome"
@@ -50,8 +55,22 @@ class Dome:
     bins_file: Content | None
     width: int
     height: int
-    digest: str
+    map_digest: str
     constant: bool = False
+    axes: Axes = WORLD_AXES
+    emission: Emission = Emission()
+
+    def __post_init__(self) -> None:
+        checked_axes(self.axes)
+        if self.emission.falloff is not None or self.emission.shaping is not None:
+            raise EnvironmentMapError("a dome light has neither falloff nor shaping: it is all around, infinitely far")
+
+    @property
+    def digest(self) -> str:
+        as_it_is = (self.axes, self.emission)
+        if as_it_is == (WORLD_AXES, Emission()):
+            return self.map_digest
+        return hashlib.sha256(f"{self.map_digest} {as_it_is!r}".encode()).hexdigest()
 
     @cached_property
     def table(self) -> Floats:
@@ -63,15 +82,28 @@ class Dome:
         return BilinearWarp(self.table.mean(axis=-1))
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
-        return lookup_towards(self.table, direction)
+        return lookup_towards(self.table, to_local(self.axes, direction)) * np.array(self.emission.color)
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
-        return self._warp.pdf(direction)
+        return self._warp.pdf(to_local(self.axes, direction))
 
     def sample(self, place: Floats, u: Floats) -> Floats:
-        return self._warp.directions(u)
+        return to_world(self.axes, self._warp.directions(u))
+
+    def distance(self, place: Floats, direction: Floats) -> Floats:
+        return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
+
+    def world_file(self) -> Content:
+        """Return `radiance_file`; an EnvironmentMapError where Cycles' world cannot show it as the light."""
+        self._check_plain("Cycles' world")
+        return self.radiance_file
+
+    def _check_plain(self, what: str) -> None:
+        if self.axes != WORLD_AXES or self.emission != Emission():
+            raise EnvironmentMapError(f"{what} cannot show a dome light with axes or an emission of its own yet")
 
     def code(self, *, sampled: bool) -> LightCode:
+        self._check_plain("backend 'exact'")
         constants = {
             "WIDTH": self.width,
             "HEIGHT": self.height,

@@ -1,0 +1,37 @@
+"""Cones of directions: sampling, pdf, and frames about their axes. All functions keep the type of their arguments."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[Any]
+
+
+def uniform_density(versine: Floats) -> Floats:
+    """Return the pdf (...) per steradian of `draw_uniform`; `versine` is 1 - cos of the cone's half angle."""
+    return 1 / (2 * math.pi * versine)
+
+
+def draw_uniform(versine: Floats, u: Floats) -> Floats:
+    """Map points u (..., 2) of the unit square to directions (..., 3), uniform in cones about z."""
+    down = u[..., 0] * versine
+    sine, angle = np.sqrt(down * (2 - down)), 2 * math.pi * u[..., 1]
+    return np.stack([sine * np.cos(angle), sine * np.sin(angle), 1 - down], axis=-1)
+
+
+def about(axis: Floats, local: Floats) -> Floats:
+    """Return vectors (..., 3) of frames whose z are the unit vectors `axis` (..., 3).
+
+    Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
+    """
+    x, y, z = np.moveaxis(axis, -1, 0)
+    sign = np.where(z < 0, -1, 1).astype(axis.dtype)
+    a = -1 / (sign + z)
+    b = x * y * a
+    tangent = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
+    return local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis
