@@ -42,9 +42,9 @@ class SphericalRectangle(NamedTuple):
     angle: Floats
     """Range of the azimuth."""
     density: Floats
-    """(1 + segments, ...): range of the sine of the elevation, at equal steps of the azimuth."""
+    """(segments, ...): range of the sine of the elevation, amid equal segments of the azimuth."""
     mass: Floats
-    """Integral of `density` over the range, taken as 1."""
+    """Mean of `density`."""
 
     @property
     def solid_angle(self) -> Floats:
@@ -62,24 +62,24 @@ def seen_rectangle(
         np.where(swapped, other, one)
         for one, other in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
     )
-    squares = (_x(x0, width, z, angle, step / segments)[1] for step in range(segments + 1))
+    squares = (_x(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
     density = np.stack([_sine_range(squared, y0, height) for squared in squares])
-    mass = (density.sum(axis=0) - (density[0] + density[-1]) / 2) / segments
+    mass = density.sum(axis=0) / segments
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
 
 
 def draw(seen: SphericalRectangle, u: Floats) -> tuple[Floats, Floats]:
     """Map points u (..., 2) of the unit square to fractions (...) of the rectangle's own width and height."""
-    segments = len(seen.density) - 1
+    segments = len(seen.density)
     wanted = u[..., 0] * seen.mass * segments
     fraction = np.zeros_like(wanted)
-    for step in range(segments):
-        left, right = seen.density[step], seen.density[step + 1]
-        mass = (left + right) / 2
-        inside = np.clip(wanted, 0, mass)
+    for step in range(segments + 1):
+        left, right = seen.density[max(step - 1, 0)], seen.density[min(step, segments - 1)]
+        part = 0.5 if step in (0, segments) else 1.0
+        inside = np.clip(wanted, 0, (left + right) / 2 * part)
         # The root without cancellation of left t + (right - left) t^2 / 2 = inside.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * inside, 0))
-        fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, 1) / segments
+        fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, part) / segments
         wanted = wanted - inside
     s, squared = _x(seen.x0, seen.width, seen.z, seen.angle, fraction)
     t = _y(squared, seen.y0, seen.height, u[..., 1])
@@ -91,8 +91,8 @@ def density(seen: SphericalRectangle, s: Floats, t: Floats) -> Floats:
     s = np.where(seen.swapped, t, s)
     x = seen.x0 + seen.width * s
     azimuth = np.arctan2(seen.width * s * seen.z, seen.z * seen.z + seen.x0 * x)
-    segments = len(seen.density) - 1
-    place = np.clip(azimuth / np.maximum(seen.angle, _TINY), 0, 1) * segments
+    segments = len(seen.density)
+    place = np.clip(azimuth / np.maximum(seen.angle, _TINY) * segments - 0.5, 0, segments - 1)
     drawn = sum(value * np.maximum(1 - np.abs(place - step), 0) for step, value in enumerate(seen.density))
     across = _sine_range(seen.z * seen.z + x * x, seen.y0, seen.height)
     return drawn / np.maximum(seen.mass * seen.angle * across, _TINY)
