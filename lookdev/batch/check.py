@@ -218,7 +218,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
         MeshScene(setup.scene.asset, setup.scene.looks),
-        task.light,
+        task.lights,
         task.camera,
         pose,
         (width, height),

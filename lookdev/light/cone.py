@@ -34,4 +34,4 @@ def about(axis: Floats, local: Floats) -> Floats:
     b = x * y * a
     tangent = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
-    return local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis
+    return np.asarray(local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis)

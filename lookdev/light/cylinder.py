@@ -112,9 +112,9 @@ class Cover(NamedTuple):
 def covering(place: Floats, length: Any, radius: Any) -> Cover:
     """Return what covers the side of a cylinder from places (..., 3).
 
-    The lines in which it is touched by planes through the place are at `away` = (D - R) (D + R) / D, D being the place's
-    distance from the axis. What lies nearer, between them, is at least at D - R: its ends show farther out, by up to
-    (D + R) / D.
+    The lines in which planes through the place touch it are at `away` = (D - R) (D + R) / D, D being the distance of
+    the place from the axis. What lies between them is at least at D - R: its ends show farther out, up to (D + R) / D
+    times.
     """
     x, y, z = np.moveaxis(place, -1, 0)
     far = np.hypot(y, z)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.cone import draw_uniform, uniform_density
-from lookdev.light.emission import Emission, check_number
+from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, VERSION
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.light.protocol import LightCode
@@ -34,12 +34,12 @@ class DistantLight:
 
     angle: float = 0.53
     axes: Axes = WORLD_AXES
-    emission: Emission = Emission()
+    emission: Emission = WHITE
 
     @classmethod
     def example(cls) -> DistantLight:
         """Return a warm light above, to a side."""
-        return cls(angle=40.0, axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
+        return cls(angle=60.0, axes=EXAMPLE_AXES, emission=EXAMPLE_EMISSION)
 
     def __post_init__(self) -> None:
         check_number("angle", self.angle, least=0.0)

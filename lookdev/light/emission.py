@@ -1,9 +1,9 @@
 """What lights of all kinds share: colour, shape of the beam, shadow, falloff.
 
-Names and formulas are those of UsdLux, whose documentation (`UsdLuxLightAPI`, `UsdLuxShapingAPI`, `UsdLuxShadowAPI`, in
-``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11) is quoted by name below. Radiance is in nits:
-1 shows as a pixel of value 1. `Falloff` is not physical, nor part of UsdLux; it follows section 6.2 of Burley, "Physically
-Based Shading at Disney", 2012, in its aim.
+Names and formulas are those of UsdLux: `UsdLuxLightAPI`, `UsdLuxShapingAPI` and `UsdLuxShadowAPI`, documented in
+``pxr/pluginfo/usdLux/resources/usdLux/schema.usda`` of usd-core 26.11. Radiance is in nits: 1 shows as a pixel of value
+1. `Falloff` is not physical, nor part of UsdLux; its aim is that of section 6.2 of Burley, "Physically Based Shading at
+Disney", 2012.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NEAREST = 1e-6  # metres: a falloff computes with at least this distance, so th
 
 
 def smooth_step(value: Floats, start: float, end: float) -> Floats:
-    """Return 0 up to `start`, 1 from `end` on, and the cubic polynomial without a kink between; 0 where both are equal."""
+    """Return 0 up to `start`, 1 from `end` on, and a cubic polynomial without kinks between; 0 where both are equal."""
     t = np.clip((value - start) / (end - start), 0.0, 1.0) if end > start else np.zeros_like(value)
     return t * t * (3.0 - 2.0 * t)
 
@@ -67,7 +67,7 @@ class Shaping:
         check_color("focus tint", self.focus_tint)
 
     def factor(self, direction: Floats) -> Floats:
-        """Return what radiance is multiplied by, (..., 1 or 3), where the light lies in directions (..., 3) of its space.
+        """Return what radiance is multiplied by, (..., 1 or 3), where directions (..., 3) in its space lead to it.
 
         The emission direction is the opposite one, the light's axis is -z.
         """
@@ -82,7 +82,7 @@ class Shaping:
             return factor[..., None]
         # inputs:shaping:focusTint.
         focused = np.abs(z)[..., None] ** self.focus
-        return factor[..., None] * (focused + (1.0 - focused) * np.array(self.focus_tint))
+        return np.asarray(factor[..., None] * (focused + (1.0 - focused) * np.array(self.focus_tint)))
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,10 @@ class Shadow:
             # inputs:shadow:falloffGamma, with linear distance within the zone.
             left = np.clip((self.distance - distance) / zone, 0.0, 1.0) if zone > 0.0 else distance <= self.distance
             strength *= left**self.falloff_gamma
-        return 1.0 - strength[..., None] * (1.0 - np.array(self.color))
+        return np.asarray(1.0 - strength[..., None] * (1.0 - np.array(self.color)))
+
+
+_BLACK_SHADOW = Shadow()
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ class Falloff:
         """Return what radiance is multiplied by at places at distances (...) from the light's position."""
         nearest = np.maximum(distance, _NEAREST)
         fade = 1.0 if self.end is None else 1.0 - smooth_step(distance, self.start, self.end)
-        return nearest * nearest * (nearest + self.virtual_distance) ** -self.exponent * fade
+        return np.asarray(nearest * nearest * (nearest + self.virtual_distance) ** -self.exponent * fade)
 
 
 @dataclass(frozen=True)
@@ -164,7 +167,7 @@ class Emission:
     diffuse: float = 1.0
     specular: float = 1.0
     shaping: Shaping | None = None
-    shadow: Shadow = Shadow()
+    shadow: Shadow = _BLACK_SHADOW
     falloff: Falloff | None = None
     turns: bool = True
     camera: bool = False
@@ -183,6 +186,10 @@ class Emission:
     def faded(self, distance: Floats) -> Floats:
         """Return what radiance is multiplied by at places at distances (...) from the light's position."""
         return self.falloff.factor(distance) if self.falloff else np.ones_like(distance)
+
+
+WHITE = Emission()
+"""Radiance 1 in all directions."""
 
 
 def emitted_color(

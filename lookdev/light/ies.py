@@ -1,7 +1,7 @@
 """IES profiles: the luminous intensity of a luminaire in each direction, from files of ANSI/IES LM-63.
 
-Type C goniophotometry alone, of LM-63-1991 to LM-63-2019. Tilt, lamp and luminous opening are read and have no effect, as
-in the reference implementation of UsdLux.
+Type C goniophotometry alone, of LM-63-1991 to LM-63-2019. Tilt, lamp and luminous opening are read and have no effect,
+as in the reference implementation of UsdLux.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Profile:
     """An IES profile of `UsdLuxShapingAPI`, as a table.
 
     `table` is a ``.npy`` file of float32, (1 + H, 1 + V): the first row has the vertical angles in degrees from the
-    light's axis, the first column the horizontal angles from 0 to 360, from the light's x towards its y; the rest is the
-    luminous intensity in candela, bilinear between them, and 0 beyond the vertical angles. `scale` multiplies it.
+    light's axis, the first column the horizontal angles from 0 to 360, from the light's x towards its y; the rest is
+    the luminous intensity in candela, bilinear between them, and 0 beyond the vertical angles. `scale` multiplies it.
     `angle_scale` is ``shaping:ies:angleScale``.
     """
 
@@ -45,13 +45,13 @@ class Profile:
     def __post_init__(self) -> None:
         if not (math.isfinite(self.angle_scale) and math.isfinite(self.scale) and self.scale >= 0.0):
             raise EnvironmentMapError(
-                f"an IES profile's scale {self.scale:g} and angle scale {self.angle_scale:g}: finite numbers, the first "
-                "not negative, would be right"
+                f"an IES profile's scale {self.scale:g} and angle scale {self.angle_scale:g}: finite numbers, the "
+                "first not negative, would be right"
             )
 
     @cached_property
     def _table(self) -> Floats:
-        return np.load(self.table.path).astype(np.float64)
+        return np.asarray(np.load(self.table.path), np.float64)
 
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
         """Return what radiance is multiplied by in directions of two angles in degrees; horizontal from 0 to 360."""

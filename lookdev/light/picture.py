@@ -1,8 +1,8 @@
 """The texture of a rectangle light: look-ups, and directions in proportion to luminance within its solid angle.
 
-A rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is chosen in proportion to the mean of the
-texture times the quadrant's solid angle; within the last one directions are those of `spherical_rectangle`. The mean is
-over bilinear look-ups: where it is 0, no light is sent from anywhere in the quadrant.
+A rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is chosen in proportion to the mean of
+the texture times the quadrant's solid angle; within the last one directions are those of `spherical_rectangle`. The
+mean is over bilinear look-ups: where it is 0, no light is sent from anywhere in the quadrant.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.errors import EnvironmentMapError
-from lookdev.light.emission import Emission, check_number
+from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world
 from lookdev.light.protocol import LightCode
 
@@ -40,7 +40,7 @@ class PlacedLight(ABC):
 
     position: Vector = (0.0, 0.0, 0.0)
     axes: Axes = WORLD_AXES
-    emission: Emission = Emission()
+    emission: Emission = WHITE
 
     def __post_init__(self) -> None:
         for value in self.position:

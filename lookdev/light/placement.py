@@ -61,9 +61,9 @@ def vector(values: ArrayLike) -> Vector:
 
 def to_local(axes: Axes, world: Floats) -> Floats:
     """Express vectors (..., 3) of the world by axes."""
-    return world @ np.array(axes).T
+    return np.asarray(world @ np.array(axes).T)
 
 
 def to_world(axes: Axes, local: Floats) -> Floats:
     """Return the vectors (..., 3) of the world that are expressed by axes."""
-    return local @ np.array(axes)
+    return np.asarray(local @ np.array(axes))

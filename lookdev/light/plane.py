@@ -45,4 +45,4 @@ def towards_plane(place: Floats, width: Any, height: Any, s: Floats, t: Floats) 
     before = z < 0
     towards = np.stack([width * (s - 0.5) - x, height * (t - 0.5) - y, np.where(before, -z, 1)], axis=-1)
     towards = np.where(before[..., None], towards, np.array((0, 0, 1), towards.dtype))
-    return towards / np.sqrt((towards * towards).sum(axis=-1, keepdims=True))
+    return np.asarray(towards / np.sqrt((towards * towards).sum(axis=-1, keepdims=True)))

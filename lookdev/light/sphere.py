@@ -54,7 +54,7 @@ def sphere_versine(place: Floats, radius: Any) -> Floats:
     """Return 1 - cos of half the angle at which places (..., 3) see a sphere about the origin; 1 from inside."""
     squared = (place * place).sum(axis=-1)
     sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
-    return sine / (1 + np.sqrt(1 - sine))
+    return np.asarray(sine / (1 + np.sqrt(1 - sine)))
 
 
 def meet_sphere(place: Floats, direction: Floats, radius: Any) -> Floats:

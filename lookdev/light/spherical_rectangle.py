@@ -2,12 +2,14 @@
 
 As in Ureña, Fajardo, King, "An Area-Preserving Parametrization for Spherical Rectangles", 2013, a direction is an
 azimuth about an axis parallel to two of the sides, then the sine of its elevation, which is uniform between those of
-the two sides. Their exact azimuth inverts differences of four angles, of which float32 leaves nothing where the solid
-angle is below 1e-3 sr or so. Here the azimuth has a density that is linear between `SEGMENTS` + 1 places, and is that of
-the solid angle there; the pdf of the result is exact. Measured, it differs from a uniform one by some percent. Nothing is
-computed as a difference of nearly equal numbers, so the same formulas serve from 1e-6 of a rectangle's size above it to
-1e6 sizes away, in float32. The azimuth is about the axis for which its range is smaller, which keeps the density smooth
-also near an edge and in the plane of the rectangle.
+the two sides. Their exact azimuth inverts a sum of four angles, of which float32 leaves nothing at solid angles below
+1e-3 sr or so. Here the azimuth has a density that is linear between the middles of `SEGMENTS` equal segments, where it
+is the range of the sine; the pdf of the result is exact. The weight of a sample, 1 over pdf and solid angle, is 1 with
+a standard deviation of 0.05 in most places and 0.14 in the worst ones tried, and at most 1.2.
+
+Nothing is computed as a difference of nearly equal numbers, so the same formulas serve, in float32, from 1e-6 of a
+rectangle's size above it to 1e6 sizes away. The azimuth is about the axis for which its range is smaller: this keeps
+its density smooth near an edge and in the plane of the rectangle.
 
 All functions keep the type of their arguments, so that float32 can be tried.
 """
@@ -87,7 +89,7 @@ def draw(seen: SphericalRectangle, u: Floats) -> tuple[Floats, Floats]:
 
 
 def density(seen: SphericalRectangle, s: Floats, t: Floats) -> Floats:
-    """Return the pdf (...) per steradian with which `draw` gives fractions; the caller knows that both are in [0, 1]."""
+    """Return the pdf (...) per steradian with which `draw` gives fractions, both in [0, 1]."""
     s = np.where(seen.swapped, t, s)
     x = seen.x0 + seen.width * s
     azimuth = np.arctan2(seen.width * s * seen.z, seen.z * seen.z + seen.x0 * x)
@@ -95,7 +97,7 @@ def density(seen: SphericalRectangle, s: Floats, t: Floats) -> Floats:
     place = np.clip(azimuth / np.maximum(seen.angle, _TINY) * segments - 0.5, 0, segments - 1)
     drawn = sum(value * np.maximum(1 - np.abs(place - step), 0) for step, value in enumerate(seen.density))
     across = _sine_range(seen.z * seen.z + x * x, seen.y0, seen.height)
-    return drawn / np.maximum(seen.mass * seen.angle * across, _TINY)
+    return np.asarray(drawn / np.maximum(seen.mass * seen.angle * across, _TINY))
 
 
 def _angle(x0: Floats, width: Floats, z: Floats) -> Floats:

@@ -1,8 +1,9 @@
-"""Pixels of a scene under a light, in float64: a frame of Cycles converges to them.
+"""Pixels of a scene under lights, in float64: a frame of Cycles converges to them.
 
 The integral over a pixel's area and over directions is estimated by randomised quasi-Monte Carlo: a scrambled Sobol set
 for each pixel, multiple importance sampling of BSDF and light (balance heuristic) at each depth, several independent
-scrambles whose spread is the standard error.
+scrambles whose spread is the standard error. Each light has directions of its own, weighed against the BSDF's alone.
+The asset occludes a light up to the light's distance; lights occlude nothing.
 
 A surface that transmits is thin and looks alike from both sides. A path that meets the scene again continues from there
 up to `bounces` times; a direction drawn from the light that is blocked contributes nothing. Where a surface is absent,
@@ -12,7 +13,7 @@ a bounce, to the next hit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample, seen_along
-from lookdev.light import Emitter, Turned
+from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
 
 Floats = NDArray[np.float64]
@@ -30,8 +31,6 @@ Mask = NDArray[np.bool_]
 Places = NDArray[Any]
 """Places on a surface, one a row; the scene defines the content of a row."""
 
-# At each depth: BSDF direction (2), light direction (2), whether to continue straight on (1).
-_DIMENSIONS = 5
 _BLOCK = 2**14  # rays at a time: enough to outweigh the calls, few enough for the processor's cache
 
 
@@ -72,7 +71,7 @@ class Scene(Protocol):
 
 def frame_pixels(
     scene: Scene,
-    light: Emitter,
+    lights: Sequence[Light],
     camera: Camera,
     pose: Pose,
     resolution: tuple[int, int],
@@ -87,7 +86,7 @@ def frame_pixels(
 
     Parameters
     ----------
-    scene, light, camera, pose, resolution
+    scene, lights, camera, pose, resolution
         Of the frame, whose exposure is 0.
     pixels : (P, 2)
         Column and row of each pixel, row 0 at the top.
@@ -103,10 +102,10 @@ def frame_pixels(
     """
     estimates = np.empty((len(pixels), scrambles, 3))
     on_lens = 2 * (camera.lens is not None)
-    turned = Turned(light, pose.lighting - pose.element)
+    turned = [_Lamp.turned(light, pose) for light in lights]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
-        u = _points(numbers, on_lens + 2 + _DIMENSIONS * (bounces + 1), samples, scrambles, seed)
+        u = _points(numbers, on_lens + 2 + _dimensions(lights) * (bounces + 1), samples, scrambles, seed)
         lens, u = u[:, :on_lens], u[:, on_lens:]
         corner = np.repeat(pixels[numbers], scrambles * samples, axis=0)
         x, y = corner[:, 0] + u[:, 0], corner[:, 1] + u[:, 1]
@@ -129,27 +128,64 @@ def _points(numbers: Ints, dimensions: int, samples: int, scrambles: int, seed: 
     return np.concatenate(points)
 
 
-def _scattered(scene: Scene, light: Emitter, place: Places, ray: Floats, u: Floats) -> Floats:
+def _dimensions(lights: Sequence[object]) -> int:
+    """Return the dimensions at each depth: of BSDF (2) and each light (2), and whether to continue straight on (1)."""
+    return 3 + 2 * len(lights)
+
+
+@dataclass(frozen=True)
+class _Lamp:
+    """A light in the pose of a frame."""
+
+    light: Turned
+    shadow: Shadow
+
+    @classmethod
+    def turned(cls, light: Light, pose: Pose) -> _Lamp:
+        turn = pose.lighting if light.emission.turns else 0.0
+        return cls(Turned(light, turn - pose.element), light.emission.shadow)
+
+    def passed(self, point: Floats, direction: Floats, occluder: Floats) -> Floats:
+        """Return the share (N, 3) that reaches points (N, 3) which the scene occludes at distances (N,), or at inf."""
+        occluded = occluder < self.light.distance(point, direction)
+        return np.where(occluded[:, None], self.shadow.passed(np.where(occluded, occluder, 0.0)), 1.0)
+
+
+def _scattered(scene: Scene, lamps: Sequence[_Lamp], place: Places, ray: Floats, u: Floats) -> Floats:
     """Return the radiance (N, 3) that comes back along rays (N, 3) that hit the scene at `place`."""
     total = np.zeros(ray.shape)
     path = np.arange(len(ray))  # the paths not ended, in `total` and `u`
     throughput = np.ones(ray.shape)
     bounced = np.zeros(len(ray), np.bool_)
-    for depth in range(u.shape[1] // _DIMENSIONS):
-        here = u[path, _DIMENSIONS * depth : _DIMENSIONS * (depth + 1)]
+    start = scene.points(place)  # of the ray, where it last bounced
+    shadowed = np.ones((len(lamps), *ray.shape))  # the share of each light that the surfaces passed since then occlude
+    dimensions = _dimensions(lamps)
+    for depth in range(u.shape[1] // dimensions):
+        here = u[path, dimensions * depth : dimensions * (depth + 1)]
         surface = _Surface.seen(scene, place, -ray)
-        from_light = _to_local(surface.frame, light.sample(surface.point, here[:, 2:4]))
-        onward = surface.meet(light, surface.sample(here[:, :2]))
-        total[path] += throughput * (onward.direct + surface.meet(light, from_light).direct)
+        onward = surface.meet(lamps, surface.sample(here[:, :2]))
+        direct = onward.direct
+        for number, lamp in enumerate(lamps):
+            drawn = lamp.light.sample(surface.point, here[:, 2 + 2 * number : 4 + 2 * number])
+            direct = direct + surface.meet([lamp], _to_local(surface.frame, drawn)).direct
+        total[path] += throughput * direct
 
         absent = 1.0 - surface.presence
         beyond, far_place = np.zeros(len(ray), np.bool_), place.copy()
         if len(holes := np.flatnonzero(absent > 0.0)):
             beyond[holes], far_place[holes] = scene.onward(place[holes], ray[holes])
-            seen = holes[bounced[holes] & ~beyond[holes]]
-            total[path[seen]] += absent[seen, None] * throughput[seen] * light.radiance(surface.point[seen], ray[seen])
+            seen = holes[bounced[holes]]
+            point = surface.point[seen]
+            travelled = np.linalg.norm(point - start[seen], axis=-1)
+            far = scene.points(far_place[seen])
+            occluder = np.where(beyond[seen], np.linalg.norm(far - point, axis=-1), np.inf)
+            for lamp, share in zip(lamps, shadowed, strict=True):
+                share[seen] *= 1.0 - lamp.shadow.passed(travelled)
+                reaching = share[seen] * lamp.passed(point, ray[seen], occluder)
+                reaching *= lamp.light.radiance(point, ray[seen])
+                total[path[seen]] += absent[seen, None] * throughput[seen] * reaching
         # Where both directions lead to another hit, one of them is chosen in proportion to its share.
-        through = beyond & (here[:, 4] < absent)
+        through = beyond & (here[:, -1] < absent)
         weight = np.where(through[:, None], 1.0, onward.weight)
         weight /= np.where(beyond & ~through, 1.0 - absent, 1.0)[:, None]
 
@@ -158,6 +194,8 @@ def _scattered(scene: Scene, light: Emitter, place: Places, ray: Floats, u: Floa
         path, throughput = path[kept], throughput[kept] * weight[kept]
         bounced = bounced[kept] | ~straight
         ray = np.where(straight[:, None], ray[kept], onward.direction[kept])
+        start = np.where(straight[:, None], start[kept], surface.point[kept])
+        shadowed = np.where(straight[:, None], shadowed[:, kept], 1.0)
         place = onward.place[kept]
         place[straight] = far_place[kept[straight]]
     return total
@@ -165,9 +203,9 @@ def _scattered(scene: Scene, light: Emitter, place: Places, ray: Floats, u: Floa
 
 @dataclass(frozen=True)
 class _Meeting:
-    """What rays along directions (N, 3) meet: the light, or another place where they are `blocked` (N,).
+    """What rays along directions (N, 3) meet: lights, and another place where they are `blocked` (N,).
 
-    `direct` (N, 3) is the light's part of the estimator, by the balance heuristic; `weight` (N, 3) is f times the
+    `direct` (N, 3) is the lights' part of the estimator, by the balance heuristic; `weight` (N, 3) is f times the
     cosine over the density of the BSDF's samples. Rays without weight are not traced.
     """
 
@@ -206,8 +244,8 @@ class _Surface:
         """Draw directions (N, 3) from the BSDF by u (N, 2)."""
         return self._each(lambda bsdf, part: sample(bsdf, self.wo[part], u[part]), (3,))
 
-    def meet(self, light: Emitter, wi: Floats) -> _Meeting:
-        """Trace rays along directions (N, 3) to the light or to the next hit."""
+    def meet(self, lamps: Sequence[_Lamp], wi: Floats) -> _Meeting:
+        """Trace rays along directions (N, 3) to lights and to the next hit."""
         direction = np.einsum("nji,nj->ni", self.frame, wi)
         value = self._each(lambda bsdf, part: evaluate_cosine(bsdf, self.wo[part], wi[part]), (3,))
         density = self._each(lambda bsdf, part: pdf(bsdf, self.wo[part], wi[part]), ())
@@ -216,11 +254,16 @@ class _Surface:
         followed = np.flatnonzero((value > 0.0).any(axis=-1))
         blocked, place = np.zeros(len(wi), np.bool_), self.place.copy()
         blocked[followed], place[followed] = self.scene.onward(self.place[followed], direction[followed])
-        free = followed[~blocked[followed]]
-        point, wi = self.point[free], direction[free]
-        arriving = light.radiance(point, wi)
+        point, towards = self.point[followed], direction[followed]
+        far = np.linalg.norm(self.scene.points(place[followed]) - point, axis=-1)
+        occluder = np.where(blocked[followed], far, np.inf)
         direct = np.zeros(direction.shape)
-        direct[free] = _divide(value[free] * arriving, density[free] + light.pdf(point, wi))
+        for lamp in lamps:
+            passed = lamp.passed(point, towards, occluder)
+            lit = np.flatnonzero(passed.any(axis=-1))
+            arriving = passed[lit] * lamp.light.radiance(point[lit], towards[lit])
+            both = density[followed[lit]] + lamp.light.pdf(point[lit], towards[lit])
+            direct[followed[lit]] += _divide(value[followed[lit]] * arriving, both)
         return _Meeting(direction, direct, blocked, place, _divide(value, density))
 
     def _each(self, compute: Callable[[Bsdf, Ints], Floats], shape: tuple[int, ...]) -> Floats:

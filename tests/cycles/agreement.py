@@ -43,7 +43,7 @@ def _reference(
         StackLayer(each.model, complete_parameters(each.model, each.inputs), each.mask, each.mode) for each in layers
     ]
     camera, scene = orbit_camera((0.0, 0.0, 0.0), radius), replace(shape, bsdf=stack_bsdf(stack))
-    return frame_pixels(scene, light, camera, pose, frame.alpha.shape, chosen[:, ::-1], **options)
+    return frame_pixels(scene, [light], camera, pose, frame.alpha.shape, chosen[:, ::-1], **options)
 
 
 def assert_agreement(
@@ -99,7 +99,7 @@ def assert_mesh_agreement(
     camera = orbit_camera(asset.center, asset.radius)
 
     def agreement(bounces: int) -> Finding:
-        reference = frame_pixels(scene, light, camera, POSE, alpha.shape, chosen, bounces=bounces)
+        reference = frame_pixels(scene, [light], camera, POSE, alpha.shape, chosen, bounces=bounces)
         return check_frame(asset.name, halves, alpha, len(frames) * samples, chosen, reference)
 
     found = agreement(bounces)

@@ -65,7 +65,7 @@ def agreement(frames: list[Rendered], asset: Asset, look: Look, light: Dome, cam
     alpha = np.mean([frame.alpha for frame in frames], axis=0)
     pixels = choose_pixels(alpha, 100, seed=1)
     scene = MeshScene(asset, [look] * len(asset.slots))
-    reference = frame_pixels(scene, light, camera, POSE, SIZE, pixels, bounces=BOUNCES)
+    reference = frame_pixels(scene, [light], camera, POSE, SIZE, pixels, bounces=BOUNCES)
     return check_frame(asset.name, halves, alpha, SEEDS * SAMPLES, pixels, reference)
 
 

@@ -108,7 +108,7 @@ def test_looks_that_read_tangents_get_them(
     def reference(tangents: NDArray[np.float32]) -> NDArray[np.float64]:
         scene = MeshScene(replace(asset, meshes=(replace(asset.meshes[0], tangents=tangents),)), [Look("look", layers)])
         camera = orbit_camera(asset.center, asset.radius)
-        return frame_pixels(scene, light, camera, POSE, alpha.shape, chosen).value
+        return frame_pixels(scene, [light], camera, POSE, alpha.shape, chosen).value
 
     (mesh,), (tangents,) = asset.meshes, tangents_of(asset.meshes)
     right, turned = reference(tangents), reference(np.cross(mesh.normals, tangents))

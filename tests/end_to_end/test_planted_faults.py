@@ -159,8 +159,8 @@ def _light_mirrored(patch: pytest.MonkeyPatch) -> None:
         right[wrong] = prepare_light(light)
         return wrong
 
-    def reference(scene: MeshScene, light: Dome, *rest: Any, **options: int) -> Estimate:
-        return frame_pixels(scene, right[light], *rest, **options)
+    def reference(scene: MeshScene, lights: tuple[Dome, ...], *rest: Any, **options: int) -> Estimate:
+        return frame_pixels(scene, [right[light] for light in lights], *rest, **options)
 
     patch.setattr("lookdev.batch.check.prepare_light", prepare)
     patch.setattr("lookdev.batch.check.frame_pixels", reference)

@@ -13,7 +13,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.light import LIGHT_KINDS, LightCode, LightKind
+from lookdev.light import LIGHT_KINDS, Emission, LightCode, LightKind
+from lookdev.light.emission import WHITE
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ class Cone:
     axis: tuple[float, float, float]
     cosine: float
     color: tuple[float, float, float]
+    emission: Emission = WHITE
 
     @property
     def digest(self) -> str:
@@ -46,6 +48,9 @@ class Cone:
         cosine, angle = 1.0 - u[:, 0] * (1.0 - self.cosine), 2.0 * np.pi * u[:, 1]
         sine = np.sqrt(1.0 - cosine * cosine)
         return np.stack([sine * np.cos(angle), sine * np.sin(angle), cosine], axis=-1) @ frame
+
+    def distance(self, place: Floats, direction: Floats) -> Floats:
+        return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
 
     def code(self, *, sampled: bool) -> LightCode:
         values = {**dict(zip("XYZ", self.axis, strict=True)), "COSINE": self.cosine, "RADIANCE": f"color{self.color}"}

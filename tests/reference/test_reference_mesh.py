@@ -124,7 +124,7 @@ def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
     options = {"bounces": 1, "samples": 256, "scrambles": 4}
     shape = replace(shape, bsdf=MODELS[model].bsdf(complete_parameters(model, layers[model])))
     mesh, exact = (
-        frame_pixels(scene, lights["forest"], CAMERA, POSE, SIZE, INSIDE, **options)
+        frame_pixels(scene, [lights["forest"]], CAMERA, POSE, SIZE, INSIDE, **options)
         for scene in (MeshScene(asset, [look]), shape)
     )
     # The same directions are drawn, so that noise cancels. 64 rings are up to 3e-4 off the sphere and their facets
@@ -136,7 +136,7 @@ def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
 @pytest.mark.parametrize("bounces", [0, 1, 4])
 def test_a_lossless_box_in_a_furnace_lacks_what_is_still_inside(bounces, lights):
     box, options = MeshScene(box_asset(), [LEAF] * 6), {"bounces": bounces, "samples": 64, "scrambles": 16}
-    got = frame_pixels(box, lights["white"], CAMERA, POSE, SIZE, INSIDE, **options)
+    got = frame_pixels(box, [lights["white"]], CAMERA, POSE, SIZE, INSIDE, **options)
     # Half of what is inside leaves at every wall. Sixteen scrambles: beyond five errors is one in six thousand.
     assert (np.abs(got.value - (1.0 - 0.5 ** (bounces + 1))) <= 5.0 * got.error + 1e-9).all()
     assert (got.error < 0.02).all()
@@ -147,7 +147,7 @@ def test_every_slot_wears_its_own_look(lights):
     camera, pose = Camera(20.0, 0.0, (0.0, 0.0, 0.0), 8.0), Pose(0.0, 0.0)  # sees the wall of -y, the third
     for wearing in range(6):
         box = MeshScene(box_asset(), [LEAF if slot == wearing else black for slot in range(6)])
-        got = frame_pixels(box, lights["white"], camera, pose, SIZE, INSIDE[:1], bounces=0, samples=16, scrambles=2)
+        got = frame_pixels(box, [lights["white"]], camera, pose, SIZE, INSIDE[:1], bounces=0, samples=16, scrambles=2)
         assert (got.value > 0.4).all() == (wearing == 2)
 
 

@@ -9,7 +9,7 @@ import pytest
 from shapes import CAMERA, INSIDE, POSE, SIZE, Plane, Sphere
 
 from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
-from lookdev.light import make_environment, prepare_light
+from lookdev.light import Emission, make_environment, prepare_light
 from lookdev.light.mapping import rotate_z, uv_to_direction
 from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
@@ -20,7 +20,7 @@ SIGMAS, NOISE = 5.0, 2e-2
 
 def estimate(bsdf, shape, light, *, camera=CAMERA, pose=POSE, size=SIZE, pixels=INSIDE, **options):
     scene = replace(shape, bsdf=bsdf)
-    return frame_pixels(scene, light, camera, pose, size, pixels, samples=512, scrambles=16, **options)
+    return frame_pixels(scene, [light], camera, pose, size, pixels, samples=512, scrambles=16, **options)
 
 
 def assert_agrees(got, expected):
@@ -169,6 +169,8 @@ def test_light_may_differ_from_place_to_place():
     class Glow:
         """Uniform over directions, brighter along x."""
 
+        emission = Emission()
+
         def radiance(self, place, direction):
             return (2.0 + place[:, :1]) * np.ones(3)
 
@@ -177,6 +179,9 @@ def test_light_may_differ_from_place_to_place():
 
         def sample(self, place, u):
             return white_sky.sample(place, u)
+
+        def distance(self, place, direction):
+            return np.full(len(direction), np.inf)
 
     white_sky = dome(np.ones((1, 1, 3)))
     got = estimate(lambert(0.5, 0.0), Sphere(), Glow())

@@ -28,7 +28,7 @@ from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.environment import EnvironmentMap, make_environment
 from lookdev.light.dome.files import read_exr, write_exr
 from lookdev.light.dome.warp import BilinearWarp, lookup_towards
-from lookdev.light.emission import Emission
+from lookdev.light.emission import WHITE, Emission
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.light.protocol import LightCode
 
@@ -43,8 +43,8 @@ class Dome:
     """A `lookdev.light.Light` by the files that the shader reads: of its radiance, and of the tables if it samples.
 
     `width` and `height` are those of the map, `map_digest` names it and its tables. The map is in the frame of `axes`,
-    and its radiance is multiplied by the emission's colour. `sample` is in proportion to the mean of the map's channels,
-    uniform if black.
+    and its radiance is multiplied by the emission's colour. `sample` is in proportion to the mean of the channels of
+    the map, uniform if black.
     """
 
     kind: ClassVar[str] = "dome"
@@ -58,7 +58,7 @@ class Dome:
     map_digest: str
     constant: bool = False
     axes: Axes = WORLD_AXES
-    emission: Emission = Emission()
+    emission: Emission = WHITE
 
     def __post_init__(self) -> None:
         checked_axes(self.axes)
@@ -68,7 +68,7 @@ class Dome:
     @property
     def digest(self) -> str:
         as_it_is = (self.axes, self.emission)
-        if as_it_is == (WORLD_AXES, Emission()):
+        if as_it_is == (WORLD_AXES, WHITE):
             return self.map_digest
         return hashlib.sha256(f"{self.map_digest} {as_it_is!r}".encode()).hexdigest()
 
@@ -82,7 +82,7 @@ class Dome:
         return BilinearWarp(self.table.mean(axis=-1))
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
-        return lookup_towards(self.table, to_local(self.axes, direction)) * np.array(self.emission.color)
+        return np.asarray(lookup_towards(self.table, to_local(self.axes, direction)) * np.array(self.emission.color))
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
         return self._warp.pdf(to_local(self.axes, direction))
@@ -99,7 +99,7 @@ class Dome:
         return self.radiance_file
 
     def _check_plain(self, what: str) -> None:
-        if self.axes != WORLD_AXES or self.emission != Emission():
+        if self.axes != WORLD_AXES or self.emission != WHITE:
             raise EnvironmentMapError(f"{what} cannot show a dome light with axes or an emission of its own yet")
 
     def code(self, *, sampled: bool) -> LightCode:

@@ -1,7 +1,7 @@
 """A dome light of finite size, for a part of a scene: not physical, nor part of UsdLux.
 
-Burley, "Physically Based Shading at Disney", 2012, section 6.2, names image-based lights as local fill. What a place sees
-in a direction is the image where that ray meets the sphere (Lagarde, Zanuttini, "Local Image-Based Lighting with
+Burley, "Physically Based Shading at Disney", 2012, section 6.2, has image-based lights as a local fill. What a place
+sees in a direction is the image where that ray meets the sphere (Lagarde, Zanuttini, "Local Image-Based Lighting with
 Parallax-Corrected Cubemaps", 2012).
 """
 
