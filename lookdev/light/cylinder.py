@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.spherical_rectangle import SphericalRectangle, density, draw, seen_rectangle
+from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, seen_rectangle
 
 Floats = NDArray[Any]
 
@@ -51,17 +51,16 @@ class CylinderLight(PlacedLight):
         cover = covering(place, self.length, self.radius)
         towards = cover.inside(direction)
         before = cover.outside & (towards[..., 2] > 0.0)
-        along = cover.away / np.where(before, towards[..., 2], 1.0)
-        s = (along * towards[..., 0] - cover.x0) / cover.width
-        t = (along * towards[..., 1] + cover.half) / (2.0 * cover.half)
+        along = np.where(before, cover.away / np.where(before, towards[..., 2], 1.0), 0.0)
+        x, y = along * towards[..., 0], along * towards[..., 1]
+        s, t = (x - cover.x0) / cover.width, (y + cover.half) / (2.0 * cover.half)
         met = before & (np.abs(s - 0.5) <= 0.5) & (np.abs(t - 0.5) <= 0.5)
-        return np.where(met, density(cover.seen, np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0)), 0.0)
+        point = Point(np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0), x, y)
+        return np.where(met, density(cover.seen, point), 0.0)
 
     def _sample(self, place: Floats, u: Floats) -> Floats:
         cover = covering(place, self.length, self.radius)
-        s, t = draw(cover.seen, u)
-        local = np.stack([cover.x0 + s * cover.width, (2.0 * t - 1.0) * cover.half, cover.away], axis=-1)
-        return cover.outward(local / np.linalg.norm(local, axis=-1, keepdims=True))
+        return cover.towards(draw(cover.seen, u))
 
 
 def meet_side(place: Floats, direction: Floats, length: Any, radius: Any) -> Floats:
@@ -103,10 +102,11 @@ class Cover(NamedTuple):
         x, y, z = np.moveaxis(direction, -1, 0)
         return np.stack(np.broadcast_arrays(x, self.z * y - self.y * z, self.y * y + self.z * z), axis=-1)
 
-    def outward(self, local: Floats) -> Floats:
-        """Return directions (..., 3) of the cylinder from those in the frames."""
-        x, y, z = np.moveaxis(local, -1, 0)
-        return np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
+    def towards(self, point: Point) -> Floats:
+        """Return the directions (..., 3) of the cylinder to points of the rectangle."""
+        x, y, z = np.broadcast_arrays(point.x, point.y, self.away)
+        local = np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
+        return np.asarray(local / np.sqrt((local * local).sum(axis=-1, keepdims=True)))
 
 
 def covering(place: Floats, length: Any, radius: Any) -> Cover:

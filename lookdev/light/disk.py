@@ -43,15 +43,15 @@ class DiskLight(PlacedLight):
         return math.pi * self.radii[0] * self.radii[1]
 
     def _distance(self, place: Floats, direction: Floats) -> Floats:
-        distance, s, t = meet_plane(place, direction, *self._sides)
-        return np.where(np.hypot(s - 0.5, t - 0.5) <= 0.5, distance, np.inf)
+        distance, point = meet_plane(place, direction, *self._sides)
+        return np.where(np.hypot(point.s - 0.5, point.t - 0.5) <= 0.5, distance, np.inf)
 
     def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        distance, s, t = meet_plane(place, direction, *self._sides)
-        return np.where(np.isfinite(distance), density(seen_part(place, *self._sides), s, t), 0.0)
+        distance, point = meet_plane(place, direction, *self._sides)
+        return np.where(np.isfinite(distance), density(seen_part(place, *self._sides), point), 0.0)
 
     def _sample(self, place: Floats, u: Floats) -> Floats:
-        return towards_plane(place, *self._sides, *draw(seen_part(place, *self._sides), u))
+        return towards_plane(place, draw(seen_part(place, *self._sides), u))
 
     @property
     def _sides(self) -> tuple[float, float]:

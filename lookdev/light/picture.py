@@ -16,7 +16,7 @@ from lookdev.cache import Content
 from lookdev.light.dome.environment import EnvironmentMap
 from lookdev.light.dome.files import write_exr
 from lookdev.light.plane import seen_part
-from lookdev.light.spherical_rectangle import density, draw
+from lookdev.light.spherical_rectangle import Point, density, draw
 
 Floats = NDArray[Any]
 
@@ -72,8 +72,8 @@ def _coverage(texels: int, cells: int) -> Floats:
     return np.asarray(np.diff(tent, axis=0) * cells / texels)
 
 
-def draw_cell(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, u: Floats) -> tuple[Floats, Floats]:
-    """Map points u (N, 2) of the unit square to fractions (N,) of width and height, for places (N, 3)."""
+def draw_cell(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, u: Floats) -> Point:
+    """Map points u (N, 2) of the unit square to points of the rectangle, for places (N, 3)."""
     row, column = (np.zeros(len(place), np.int64) for _ in range(2))
     u1, u2 = u[..., 0], u[..., 1]
     for level in range(1, len(tree)):
@@ -85,15 +85,16 @@ def draw_cell(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, 
         chosen, u2 = _choose(u2, above[:, 1] / np.maximum(above.sum(axis=1), _TINY))
         row = 2 * row + chosen
     size = 1.0 / len(tree[-1])
-    s, t = draw(seen_part(place, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
-    return (column + s) * size, (row + t) * size
+    seen = seen_part(place, width, height, column * size, row * size, size)
+    point = draw(seen, np.stack([u1, u2], axis=-1))
+    return point._replace(s=(column + point.s) * size, t=(row + point.t) * size)
 
 
-def cell_density(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, s: Floats, t: Floats) -> Floats:
-    """Return the pdf (...) per steradian with which `draw_cell` gives fractions."""
-    place, s, t = np.broadcast_arrays(place, s[..., None], t[..., None])
-    shape = s.shape[:-1]
-    place, s, t = place.reshape(-1, 3), s[..., 0].ravel(), t[..., 0].ravel()
+def cell_density(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, point: Point) -> Floats:
+    """Return the pdf (...) per steradian with which `draw_cell` gives points."""
+    shape = point.s.shape
+    place = np.broadcast_to(place, (*shape, 3)).reshape(-1, 3)
+    s, t, x, y = (values.ravel() for values in point)
     cells = len(tree[-1])
     column, row = (np.clip((f * cells).astype(np.int64), 0, cells - 1) for f in (s, t))
     share, every = np.ones_like(s), np.arange(len(s))
@@ -104,7 +105,8 @@ def cell_density(tree: tuple[Floats, ...], place: Floats, width: Any, height: An
         share = share * weight[every, i & 1, j & 1] / np.maximum(weight.sum(axis=(1, 2)), _TINY)
     size = 1.0 / cells
     seen = seen_part(place, width, height, column * size, row * size, size)
-    return np.asarray((share * density(seen, s * cells - column, t * cells - row)).reshape(shape))
+    part = Point(np.clip(s * cells - column, 0, 1), np.clip(t * cells - row, 0, 1), x, y)
+    return np.asarray((share * density(seen, part)).reshape(shape))
 
 
 def _weights(means: Floats, place: Floats, width: Any, height: Any, row: Any, column: Any) -> Floats:

@@ -64,20 +64,20 @@ class RectLight(PlacedLight):
     def _sent(self, place: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
-        _, s, t = meet_plane(place, direction, self.width, self.height)
-        return look_up(self.picture, 1.0 - s, 1.0 - t)
+        _, point = meet_plane(place, direction, self.width, self.height)
+        return look_up(self.picture, 1.0 - point.s, 1.0 - point.t)
 
     def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        distance, s, t = meet_plane(place, direction, self.width, self.height)
+        distance, point = meet_plane(place, direction, self.width, self.height)
         if self.tree is None:
-            pdf = density(seen_part(place, self.width, self.height), s, t)
+            pdf = density(seen_part(place, self.width, self.height), point)
         else:
-            pdf = cell_density(self.tree, place, self.width, self.height, s, t)
+            pdf = cell_density(self.tree, place, self.width, self.height, point)
         return np.where(np.isfinite(distance), pdf, 0.0)
 
     def _sample(self, place: Floats, u: Floats) -> Floats:
         if self.tree is None:
-            s, t = draw(seen_part(place, self.width, self.height), u)
+            point = draw(seen_part(place, self.width, self.height), u)
         else:
-            s, t = draw_cell(self.tree, place, self.width, self.height, u)
-        return towards_plane(place, self.width, self.height, s, t)
+            point = draw_cell(self.tree, place, self.width, self.height, u)
+        return towards_plane(place, point)

@@ -29,6 +29,17 @@ SEGMENTS = 4
 _TINY = 1e-30
 
 
+class Point(NamedTuple):
+    """Points (...) of rectangles, in the rectangle's own axes: `x` and `y` from the foot of the place that sees it, and
+    the same as fractions `s` and `t` of width and height. From close x and y have more digits, from afar s and t.
+    """
+
+    s: Floats
+    t: Floats
+    x: Floats
+    y: Floats
+
+
 class SphericalRectangle(NamedTuple):
     """Rectangles (...) seen from the origin; x is along the sides whose ends bound the azimuth.
 
@@ -64,14 +75,14 @@ def seen_rectangle(
         np.where(swapped, other, one)
         for one, other in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
     )
-    squares = (_x(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
-    density = np.stack([_sine_range(squared, y0, height) for squared in squares])
+    middles = (_x(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
+    density = np.stack([_sine_range(x * x + z * z, y0, height) for x in middles])
     mass = density.sum(axis=0) / segments
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
 
 
-def draw(seen: SphericalRectangle, u: Floats) -> tuple[Floats, Floats]:
-    """Map points u (..., 2) of the unit square to fractions (...) of the rectangle's own width and height."""
+def draw(seen: SphericalRectangle, u: Floats) -> Point:
+    """Map points u (..., 2) of the unit square to points of the rectangles."""
     segments = len(seen.density)
     wanted = u[..., 0] * seen.mass * segments
     fraction = np.zeros_like(wanted)
@@ -83,15 +94,18 @@ def draw(seen: SphericalRectangle, u: Floats) -> tuple[Floats, Floats]:
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * inside, 0))
         fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, part) / segments
         wanted = wanted - inside
-    s, squared = _x(seen.x0, seen.width, seen.z, seen.angle, fraction)
-    t = _y(squared, seen.y0, seen.height, u[..., 1])
-    return np.where(seen.swapped, t, s), np.where(seen.swapped, s, t)
+    s, x = _x(seen.x0, seen.width, seen.z, seen.angle, fraction)
+    # Near the foot the difference of x0 and width s has no digits, the tangent has.
+    near = x * x + seen.z * seen.z < seen.z * seen.width
+    x = np.where(near, seen.z * np.tan(np.arctan2(seen.x0, seen.z) + np.where(near, fraction, 0) * seen.angle), x)
+    t, y = _y(x * x + seen.z * seen.z, seen.y0, seen.height, u[..., 1])
+    swapped = seen.swapped
+    return Point(np.where(swapped, t, s), np.where(swapped, s, t), np.where(swapped, y, x), np.where(swapped, x, y))
 
 
-def density(seen: SphericalRectangle, s: Floats, t: Floats) -> Floats:
-    """Return the pdf (...) per steradian with which `draw` gives fractions, both in [0, 1]."""
-    s = np.where(seen.swapped, t, s)
-    x = seen.x0 + seen.width * s
+def density(seen: SphericalRectangle, point: Point) -> Floats:
+    """Return the pdf (...) per steradian with which `draw` gives points, which lie in the rectangles."""
+    s, x = np.where(seen.swapped, point.t, point.s), np.where(seen.swapped, point.y, point.x)
     azimuth = np.arctan2(seen.width * s * seen.z, seen.z * seen.z + seen.x0 * x)
     segments = len(seen.density)
     place = np.clip(azimuth / np.maximum(seen.angle, _TINY) * segments - 0.5, 0, segments - 1)
@@ -106,7 +120,7 @@ def _angle(x0: Floats, width: Floats, z: Floats) -> Floats:
 
 
 def _x(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | float) -> tuple[Floats, Floats]:
-    """Return where, as a fraction of the width, a part of the angle is passed, and x^2 + z^2 there.
+    """Return where, as a fraction of the width, a part of the angle is passed, and x there.
 
     By the law of sines in the triangles that the place makes with the two ends.
     """
@@ -114,8 +128,7 @@ def _x(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | f
     last = np.hypot(x0 + width, z) * np.sin((1 - fraction) * angle)
     first, last = np.maximum(first, 0), np.maximum(last, 0)
     s = first / np.maximum(first + last, _TINY)
-    x = x0 + width * s
-    return s, x * x + z * z
+    return s, x0 + width * s
 
 
 def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
@@ -128,8 +141,8 @@ def _sine_range(squared: Floats, y0: Floats, height: Floats) -> Floats:
     return np.where(apart, y1 / r1 - y0 / r0, beside)
 
 
-def _y(squared: Floats, y0: Floats, height: Floats, v: Floats) -> Floats:
-    """Return where, as a fraction of the height, the sine is at the part v of its range."""
+def _y(squared: Floats, y0: Floats, height: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """Return where, as a fraction of the height, the sine is at the part v of its range, and y there."""
     y1 = y0 + height
     apart, below = y0 * y1 < 0, (y0 + y1 < 0)
     v = np.where(below & ~apart, 1 - v, v)
@@ -148,6 +161,7 @@ def _y(squared: Floats, y0: Floats, height: Floats, v: Floats) -> Floats:
     cosine = np.sqrt((1 - v) ** 2 * (squared / (r0 * r0)) + v**2 * (squared / (r1 * r1)) + 2 * v * (1 - v) * mixed)
     first = d / r0
     beyond = d * step * (reached + sine) / np.maximum(cosine * first * (reached * first + sine * cosine), _TINY)
-    moved = np.where(apart, d * reached / np.maximum(cosine, _TINY) - near, beyond)
-    t = np.clip(moved / height, 0, 1)
-    return np.where(below & ~apart, 1 - t, t)
+    y = np.where(apart, d * reached / np.maximum(cosine, _TINY), near + beyond)
+    t = np.clip(np.where(apart, y - near, beyond) / height, 0, 1)
+    mirrored = below & ~apart
+    return np.where(mirrored, 1 - t, t), np.where(mirrored, -y, y)

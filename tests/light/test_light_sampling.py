@@ -1,0 +1,177 @@
+"""Sampling of shapes from their surface to a million sizes away: solid angle, float32, and the variance."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from lookdev.light import CylinderLight, DiskLight, RectLight, SphereLight
+from lookdev.light.cone import about, draw_uniform, uniform_density
+from lookdev.light.cylinder import covering
+from lookdev.light.placed import PlacedLight
+from lookdev.light.plane import seen_part, towards_plane
+from lookdev.light.sphere import sphere_versine
+from lookdev.light.spherical_rectangle import Point, density, draw
+
+Floats = NDArray[Any]
+
+# As fractions of the sides, from the middle: inside, at an edge, a corner, beyond an edge, a corner, far aside.
+ASIDE = [(0.1, 0.2), (0.5, 0.1), (0.5, 0.5), (0.51, 0.1), (0.52, 0.6), (4.0, 0.3), (-0.1, -3.0)]
+ABOVE = [1e-6, 1e-3, 0.03, 0.3, 1.0, 30.0, 1e3, 1e6]
+SIDES = [(1.0, 1.0), (20.0, 1.0), (0.05, 1.0)]
+
+
+def rectangle_places(width: float, height: float) -> Floats:
+    """Return places (N, 3) in front of a rectangle, near and far."""
+    size = max(width, height)
+    # From afar also aside by as many sizes.
+    return np.array([(width * x * max(1.0, z), height * y * max(1.0, z), -size * z) for x, y in ASIDE for z in ABOVE])
+
+
+def solid_angle(place: Floats, width: float, height: float) -> Floats:
+    """Return the solid angle (N,) of a rectangle, by its two triangles (van Oosterom, Strackee 1983)."""
+    corners = [
+        np.stack([x * width / 2.0 - place[:, 0], y * height / 2.0 - place[:, 1], -place[:, 2]], axis=-1)
+        for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    total = np.zeros(len(place))
+    volume = width * height * -place[:, 2]  # of the parallelepiped of three corners, without a difference
+    for a, b, c in ((corners[0], corners[1], corners[2]), (corners[0], corners[2], corners[3])):
+        ra, rb, rc = (np.linalg.norm(v, axis=-1) for v in (a, b, c))
+        below = ra * rb * rc + (a * b).sum(-1) * rc + (b * c).sum(-1) * ra + (c * a).sum(-1) * rb
+        total += 2.0 * np.arctan2(volume, below)
+    return total
+
+
+@pytest.mark.parametrize(("width", "height"), SIDES)
+def test_the_solid_angle_of_a_rectangle_is_right_from_close_to_far(width: float, height: float) -> None:
+    light = RectLight(width=width, height=height)
+    grid = strata(128)
+    for place in rectangle_places(width, height):
+        places = np.broadcast_to(place, (len(grid), 3))
+        pdf = light.pdf(places, light.sample(places, grid))
+        wanted = solid_angle(place[None], width, height)[0]
+        assert (pdf > 0.0).all()
+        weight = 1.0 / (pdf * wanted)
+        assert weight.mean() == pytest.approx(1.0, rel=1e-3)
+        assert weight.std() < 0.15
+        assert weight.max() < 1.15
+
+
+def strata(side: int) -> Floats:
+    """Return the middles (side^2, 2) of the strata of the unit square."""
+    middle = (np.arange(side) + 0.5) / side
+    return np.stack(np.meshgrid(middle, middle), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("above", ABOVE)
+def test_the_solid_angle_of_round_lights_is_right_from_close_to_far(above: float) -> None:
+    """Of a disk on its axis, and of a sphere; of a long thin cylinder by its outline."""
+    grid = strata(256)
+
+    def covered(light: PlacedLight, place: tuple[float, float, float]) -> float:
+        places = np.broadcast_to(np.array(place), (len(grid), 3))
+        wi = light.sample(places, grid)
+        pdf = light.pdf(places, wi)
+        lit = np.isfinite(light.distance(places, wi))
+        assert (pdf[lit] > 0.0).all()
+        return float((lit / np.where(pdf > 0.0, pdf, np.inf)).mean())
+
+    slant = np.hypot(1.0, above)
+    disk = 2.0 * np.pi / (slant * (slant + above))
+    assert covered(DiskLight(radii=(1.0, 1.0)), (0.0, 0.0, -above)) == pytest.approx(disk, rel=1e-3)
+
+    away = 1.0 + above
+    sphere = 2.0 * np.pi / away**2 / (1.0 + np.sqrt(above * (2.0 + above)) / away)
+    # Rounding of a direction loses half of an edge that is 1e-16 of it wide.
+    assert covered(SphereLight(radius=1.0), (0.0, away, 0.0)) == pytest.approx(sphere, rel=1e-6)
+
+    # Of the strip between the planes that touch the cylinder, if that is wide enough not to end in what is seen: the
+    # integral over the azimuth of what the ends cut off, which lie between the near side and the outline.
+    half, length = np.arcsin(1.0 / away), 1e4 * away
+    ends = 2.0 / np.hypot(1.0, 2.0 * np.array([np.sqrt(above * (2.0 + above)), above]) / length)
+    cylinder = covered(CylinderLight(length=length, radius=1.0), (0.0, 0.0, -away))
+    assert 2.0 * half * ends[0] * (1.0 - 1e-3) <= cylinder <= 2.0 * half * ends[1] * (1.0 + 1e-3)
+
+
+def single(*values: Any) -> list[Floats]:
+    """Return values in float32."""
+    return [np.asarray(value, np.float32) for value in values]
+
+
+def double(*values: Any) -> list[Floats]:
+    """Return the same values, rounded to float32, in float64."""
+    return [value.astype(np.float64) for value in single(*values)]
+
+
+@pytest.mark.parametrize(("width", "height"), SIDES)
+def test_a_rectangle_is_sampled_in_float32(width: float, height: float) -> None:
+    """The pdf of each direction, and the irradiance by all of them."""
+    grid = strata(64)
+    normals = np.random.default_rng(5).normal(size=(8, 3))
+    normals[:, 2] = np.abs(normals[:, 2])
+
+    def sampled(place: Floats, u: Floats, width: Floats, height: Floats) -> tuple[Point, Floats, Floats]:
+        seen = seen_part(place, width, height)
+        point = draw(seen, u)
+        pdf, wi = density(seen, point), towards_plane(place, point)
+        assert pdf.dtype == wi.dtype == place.dtype
+        return point, pdf, wi
+
+    for place in rectangle_places(width, height):
+        given = (np.tile(place, (len(grid), 1)), grid, width, height)
+        point, pdf, wi = sampled(*single(*given))
+        places, _, *sides = double(*given)
+        right = density(seen_part(places, *sides), Point(*double(*point)))
+        np.testing.assert_allclose(pdf, right, rtol=1e-4)
+        _, right_pdf, right_wi = sampled(*double(*given))
+        got = (np.maximum(wi.astype(np.float64) @ normals.T, 0.0) / pdf[:, None]).mean(axis=0)
+        wanted = (np.maximum(right_wi @ normals.T, 0.0) / right_pdf[:, None]).mean(axis=0)
+        lit = wanted > 1e-3 * wanted.max()
+        np.testing.assert_allclose(got[lit], wanted[lit], rtol=1e-4)
+
+
+@pytest.mark.parametrize("above", ABOVE)
+def test_a_sphere_and_a_cylinder_are_sampled_in_float32(above: float) -> None:
+    grid = strata(64)
+    place = np.tile((0.6 * (1.0 + above), 0.0, -0.8 * (1.0 + above)), (len(grid), 1))
+
+    def by_cone(place: Floats, u: Floats) -> tuple[Floats, Floats]:
+        versine = sphere_versine(place, 1.0)
+        axis = -place / np.sqrt((place * place).sum(axis=-1, keepdims=True))
+        return uniform_density(versine), about(axis, draw_uniform(versine, u))
+
+    def by_cover(place: Floats, u: Floats) -> tuple[Floats, Floats]:
+        turned = place[:, [1, 0, 2]]
+        cover = covering(turned, 3.0, 1.0)
+        point = draw(cover.seen, u)
+        return density(cover.seen, point), cover.towards(point)
+
+    for method in (by_cone, by_cover):
+        pdf, wi = method(*single(place, grid))
+        assert pdf.dtype == wi.dtype == np.float32
+        right_pdf, right_wi = method(*double(place, grid))
+        np.testing.assert_allclose(pdf, right_pdf, rtol=1e-4)
+        # As parts of the angle at which the light is seen; float32 directions are 6e-8 apart.
+        wide = 1.0 / np.sqrt(right_pdf.max())
+        assert np.abs(wi - right_wi).max() < 1e-4 * min(wide, 1.0) + 1e-7
+
+
+@pytest.mark.parametrize(("aside", "above"), [(0.0, 0.02), (0.3, 0.05), (0.49, 0.01), (0.55, 0.02), (0.6, 0.03)])
+def test_near_a_rectangle_the_variance_is_a_small_part_of_that_of_area_sampling(aside: float, above: float) -> None:
+    """Of the irradiance of planes in several tilts; the area's pdf is distance^2 / (area cosine)."""
+    rng = np.random.default_rng(11)
+    light, count = RectLight(width=1.0, height=1.0), 100_000
+    place = np.tile((aside, 0.1, -above), (count, 1))
+    by_solid_angle = light.sample(place, rng.random((count, 2)))
+    points = np.concatenate([rng.random((count, 2)) - 0.5, np.zeros((count, 1))], axis=-1) - place
+    away = np.linalg.norm(points, axis=-1)
+    by_area = points / away[:, None]
+    for normal in np.array([(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (-0.8, 0.0, 0.6), (0.0, 1.0, 0.0)]):
+        value = np.maximum(by_solid_angle @ normal, 0.0) / light.pdf(place, by_solid_angle)
+        other = np.maximum(by_area @ normal, 0.0) * by_area[:, 2] / away**2
+        assert value.mean() == pytest.approx(other.mean(), rel=0.1)
+        assert value.var() <= other.var() / 5.0
