@@ -207,6 +207,7 @@ def emitted_color(
     """
     check_number("intensity", intensity, least=0.0)
     check_number("exposure", exposure)
-    scale = intensity * math.pow(2.0, exposure) / size
+    # What overflows is infinite, which no Emission takes.
+    scale = intensity * math.pow(2.0, min(exposure, 1000.0)) / size
     r, g, b = (scale * a * t for a, t in zip(color, temperature, strict=True))
     return r, g, b

@@ -1,0 +1,106 @@
+"""Textured rectangles: how the picture lies, its means, and the variance of sampling by luminance."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from light_cases import assert_chi_square
+from numpy.typing import NDArray
+
+from lookdev.light import RectLight, make_environment, prepare_texture
+from lookdev.light.picture import look_up, luminance_tree
+from lookdev.light.plane import meet_plane
+
+Floats = NDArray[np.float64]
+
+
+def textured(picture: Floats, **fields) -> RectLight:
+    texture = prepare_texture(make_environment("picture", picture))
+    return RectLight(**{"width": 2.0, "height": 1.0, "texture": texture, **fields})
+
+
+def spotted(side: int = 64) -> Floats:
+    """Return a dim picture with a spot of a thousandth of its area that sends most of the light."""
+    picture = np.full((side, side, 3), 0.02)
+    picture[13:15, 40:42] = (60.0, 50.0, 40.0)
+    return picture
+
+
+def test_a_picture_is_upright_for_whom_it_shines_on() -> None:
+    picture = np.zeros((2, 4, 3))
+    picture[0, 0], picture[1, 3] = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    light = textured(picture)
+    place = np.array([0.0, 0.0, -2.0])
+    for x, y, color in ((0.8, 0.3, (1.0, 0.0, 0.0)), (-0.8, -0.3, (0.0, 1.0, 0.0)), (0.8, -0.3, (0.0, 0.0, 0.0))):
+        towards = np.array([x, y, 2.0])
+        got = light.radiance(place, towards / np.linalg.norm(towards))
+        np.testing.assert_allclose(got, color, atol=1e-6)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 3), (7, 5), (32, 64), (100, 33)])
+def test_the_tree_has_the_means_of_bilinear_look_ups(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(3)
+    picture = rng.random((*shape, 3)) * (rng.random((*shape, 1)) < 0.3)
+    tree = luminance_tree(picture, 3)
+    assert [len(level) for level in tree] == [1, 2, 4, 8]
+    # The look-up is linear on squares of half a texel: their middles give its exact mean, if cells are whole squares.
+    many = (np.arange(16 * shape[1]) + 0.5) / (16 * shape[1]), (np.arange(16 * shape[0]) + 0.5) / (16 * shape[0])
+    values = look_up(picture, *np.meshgrid(*many)).mean(axis=-1)[::-1, ::-1]
+    if not values.any():
+        values += 1.0
+    wanted = values.reshape(8, 2 * shape[0], 8, 2 * shape[1]).mean(axis=(1, 3))
+    np.testing.assert_allclose(tree[-1], wanted, atol=2e-3 * values.max())
+    assert tree[0][0, 0] == pytest.approx(values.mean(), rel=1e-9)
+    assert ((tree[-1] > 0.0) == (wanted > 0.0)).all()
+
+
+@pytest.mark.parametrize("place", [(0.3, 0.2, -1.5), (0.9, 0.45, -0.1), (2.5, 0.0, -0.2), (30.0, 10.0, -60.0)])
+def test_points_follow_the_pdf(place: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(9)
+    picture = rng.random((8, 16, 3)) ** 4
+    picture[3:5, 5:9] = 0.0
+    light, count = textured(picture), 200_000
+    places = np.broadcast_to(np.array(place), (count, 3))
+    wi = light.sample(places, rng.random((count, 2)))
+    _, point = meet_plane(places, wi, light.width, light.height)
+    row, column = (np.minimum(fraction * 16, 15).astype(int) for fraction in (point.t, point.s))
+    observed = np.bincount(row * 16 + column, minlength=256)
+    # Over the area, at 20^2 points of each cell: pdf cosine / distance^2.
+    fine = (np.arange(320) + 0.5) / 320
+    s, t = (values.ravel() for values in np.meshgrid(fine, fine))
+    towards = np.stack([light.width * (s - 0.5), light.height * (t - 0.5), 0.0 * s], axis=-1) - place
+    away = np.linalg.norm(towards, axis=-1)
+    mass = light.pdf(np.array(place), towards / away[:, None]) * towards[:, 2] / away**3 * light.size_factor / 320**2
+    expected = mass.reshape(16, 20, 16, 20).sum(axis=(1, 3)).ravel()
+    assert expected.sum() == pytest.approx(1.0, abs=2e-3)
+    assert_chi_square(observed, expected * count, least=20)
+
+
+@pytest.mark.parametrize(
+    ("place", "least"),
+    # Closest, the spot's cells are seen at all angles.
+    [((0.0, 0.0, -20.0), 100.0), ((0.3, 0.1, -1.0), 100.0), ((-0.5, 0.2, -0.2), 50.0), ((-0.23, 0.27, -0.05), 2.0)],
+)
+def test_a_small_bright_spot_costs_little(place: tuple[float, float, float], least: float) -> None:
+    """The variance of irradiance, against directions that are uniform over the solid angle."""
+    rng = np.random.default_rng(12)
+    light, count = textured(spotted()), 100_000
+    plain = RectLight(width=2.0, height=1.0)
+    places, u, normal = np.broadcast_to(np.array(place), (count, 3)), rng.random((count, 2)), np.array([0.6, 0.0, 0.8])
+
+    def values(drawn: RectLight) -> Floats:
+        wi = drawn.sample(places, u)
+        pdf = drawn.pdf(places, wi)
+        return light.radiance(places, wi)[:, 0] * np.maximum(wi @ normal, 0.0) / np.where(pdf > 0.0, pdf, np.inf)
+
+    by_luminance, by_solid_angle = values(light), values(plain)
+    both = np.sqrt((by_luminance.var() + by_solid_angle.var()) / count)
+    assert abs(by_luminance.mean() - by_solid_angle.mean()) < 5.0 * both
+    assert by_luminance.var() * least < by_solid_angle.var()
+
+
+def test_a_black_texture_sends_nothing_and_is_sampled_all_the_same() -> None:
+    light, place = textured(np.zeros((4, 4, 3))), np.tile((0.0, 0.0, -1.0), (100, 1))
+    wi = light.sample(place, np.random.default_rng(1).random((100, 2)))
+    assert (light.pdf(place, wi) > 0.0).all()
+    assert (light.radiance(place, wi) == 0.0).all()
