@@ -1,0 +1,94 @@
+"""Domes that are turned and coloured, and local ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from light_cases import cells, overcast, sunny
+from numpy.typing import NDArray
+
+from lookdev.errors import EnvironmentMapError
+from lookdev.light import Emission, LocalDome
+from lookdev.light.mapping import rotate_z
+from lookdev.light.placement import Axes, to_local, to_world
+
+Floats = NDArray[np.float64]
+
+PLACE = np.array([0.3, -0.2, 0.5])
+MIRRORED: Axes = ((0.0, 0.8, 0.6), (1.0, 0.0, 0.0), (0.0, -0.6, 0.8))
+
+
+def test_a_dome_is_turned_by_its_axes_and_multiplied_by_its_colour() -> None:
+    plain = sunny()
+    dome = replace(plain, axes=MIRRORED, emission=Emission((2.0, 1.0, 0.5)))
+    u = np.random.default_rng(2).random((1000, 2))
+    places = np.broadcast_to(PLACE, (1000, 3))
+    wi = dome.sample(places, u)
+    local = to_local(MIRRORED, wi)
+    np.testing.assert_allclose(local, plain.sample(places, u), atol=1e-14)
+    np.testing.assert_allclose(to_world(MIRRORED, local), wi, atol=1e-14)
+    np.testing.assert_allclose(dome.radiance(places, wi), plain.radiance(places, local) * (2.0, 1.0, 0.5))
+    np.testing.assert_allclose(dome.pdf(places, wi), plain.pdf(places, local))
+    # A quarter turn to the left moves the map to the left.
+    quarter = replace(plain, axes=((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    np.testing.assert_allclose(quarter.radiance(places, rotate_z(wi, 90.0)), plain.radiance(places, wi), atol=1e-9)
+
+
+def local(**fields) -> LocalDome:
+    return LocalDome(**{"dome": overcast(), "position": (0.5, 0.0, 0.2), "radius": 2.0, "edge": 0.0, **fields})
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0, 0.0), (0.7, -0.4, 0.3), (0.0, 1.99, 0.0)])
+def test_directions_of_a_local_dome_follow_their_pdf(offset: tuple[float, float, float]) -> None:
+    """By integrals: of the pdf itself, and of smooth functions by its directions and by uniform ones."""
+    light, count = local(), 400_000
+    place = np.array(light.position) + offset
+    towards, solid = cells(512)
+    density = light.pdf(place, towards)
+    assert (density * solid).sum() == pytest.approx(1.0, abs=2e-3)
+    drawn = light.sample(np.broadcast_to(place, (count, 3)), np.random.default_rng(4).random((count, 2)))
+    np.testing.assert_allclose(np.linalg.norm(drawn, axis=-1), 1.0, rtol=1e-12)
+    for axis in np.array([(1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.0, 1.0, 0.0)]):
+        for power in (1, 2, 3):
+            got = (drawn @ axis) ** power
+            wanted = ((towards @ axis) ** power * density * solid).sum()
+            assert abs(got.mean() - wanted) < 5.0 * got.std() / np.sqrt(count) + 1e-3
+
+
+def test_a_local_dome_shows_what_its_sphere_has_there() -> None:
+    light = local()
+    rng = np.random.default_rng(8)
+    onto = rng.normal(size=(1000, 3))
+    onto /= np.linalg.norm(onto, axis=-1, keepdims=True)
+    for offset in ((0.0, 0.0, 0.0), (1.2, -0.4, 0.3)):
+        place = np.array(light.position) + offset
+        towards = light.radius * onto - offset
+        away = np.linalg.norm(towards, axis=-1)
+        wi = towards / away[:, None]
+        np.testing.assert_allclose(light.distance(place, wi), away, rtol=1e-12)
+        np.testing.assert_allclose(light.radiance(place, wi), light.dome.radiance(place, onto), rtol=1e-9)
+
+
+def test_a_local_dome_ends_softly() -> None:
+    light, direction = local(edge=0.5, dome=overcast()), np.array([0.0, 0.0, 1.0])
+    full = local().radiance
+    for away, share in ((0.9, 1.0), (1.25, 1.0 - 0.15625), (1.5, 0.5), (1.75, 0.15625), (2.0, 0.0), (3.0, 0.0)):
+        place = np.array(light.position) + (away, 0.0, 0.0)
+        np.testing.assert_allclose(light.radiance(place, direction), share * full(place, direction), rtol=1e-9)
+        assert (light.pdf(place, direction) > 0.0) == (away < 2.0)
+        assert np.isfinite(light.distance(place, direction)) == (away < 2.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"radius": 0.0}, "radius 0"),
+        ({"edge": 1.5}, "edge 1.5: a part"),
+        ({"position": (0.0, np.nan, 0.0)}, "position"),
+    ],
+)
+def test_a_wrong_local_dome_is_refused(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(EnvironmentMapError, match=message):
+        local(**changes)
