@@ -75,7 +75,7 @@ def test_a_local_dome_ends_softly() -> None:
     light, direction = local(edge=0.5, dome=overcast()), np.array([0.0, 0.0, 1.0])
     full = local().radiance
     for away, share in ((0.9, 1.0), (1.25, 1.0 - 0.15625), (1.5, 0.5), (1.75, 0.15625), (2.0, 0.0), (3.0, 0.0)):
-        place = np.array(light.position) + (away, 0.0, 0.0)
+        place = np.array(light.position) + np.array((away, 0.0, 0.0))
         np.testing.assert_allclose(light.radiance(place, direction), share * full(place, direction), rtol=1e-9)
         assert (light.pdf(place, direction) > 0.0) == (away < 2.0)
         assert np.isfinite(light.distance(place, direction)) == (away < 2.0)

@@ -20,7 +20,7 @@ from lookdev.light import (
     prepare_light,
 )
 from lookdev.light.mapping import rotate_z
-from lookdev.reference.render import frame_pixels
+from lookdev.reference.render import Estimate, frame_pixels
 from lookdev.scene import Pose, camera_rays
 
 POSE = Pose(0.0, 0.0)
@@ -66,6 +66,12 @@ def render(shape, lights, *, pose=POSE, bsdf=None, samples=256, **options):
     return frame_pixels(scene, lights, CAMERA, pose, SIZE, INSIDE, samples=samples, scrambles=16, **options)
 
 
+def assert_agree(got: Estimate, wanted: Estimate) -> None:
+    error = np.hypot(got.error, wanted.error)
+    assert (np.abs(got.value - wanted.value) <= SIGMAS * error).all()
+    assert (error < 0.01 * wanted.value.max()).all()
+
+
 def small_light(y: float, **emission) -> SphereLight:
     return SphereLight(radius=0.2, position=(0.1, y, 0.2), emission=Emission((3.0, 2.0, 1.0), **emission))
 
@@ -105,9 +111,9 @@ def test_a_light_is_occluded_only_by_what_lies_before_it() -> None:
     before, behind = small_light(-0.6), small_light(-2.0)
     roofed, open_ = render(Roofed(), [before]), render(Plane(), [before])
     np.testing.assert_allclose(roofed.value, open_.value, rtol=1e-12)
-    assert (open_.value > 0.01).all()
+    assert (open_.value > 1e-3).all()
     assert (render(Roofed(), [behind]).value == 0.0).all()
-    assert (render(Plane(), [behind]).value > 0.01).all()
+    assert (render(Plane(), [behind]).value > 1e-3).all()
     # What is infinitely far, too.
     assert (render(Roofed(), [DistantLight(angle=5.0, axes=FACING)]).value == 0.0).all()
 
@@ -148,10 +154,9 @@ def test_the_rig_turns_but_for_what_stays(turns: bool) -> None:
     got = render(Sphere(), [light], pose=Pose(0.0, 40.0))
     position = rotate_z(light.position, 40.0 if turns else 0.0)
     wanted = render(Sphere(), [replace(light, position=tuple(position.tolist()))])
-    np.testing.assert_allclose(got.value, wanted.value, rtol=2e-3)
-    # The asset turns under both.
-    turned = render(Sphere(), [light], pose=Pose(25.0, 0.0))
-    np.testing.assert_allclose(turned.value, render(Sphere(), [light]).value, rtol=2e-3)
+    assert_agree(got, wanted)
+    # A sphere turns under both without effect.
+    assert_agree(render(Sphere(), [light], pose=Pose(25.0, 0.0)), render(Sphere(), [light]))
 
 
 def test_shadows_of_all_lights_are_independent() -> None:
