@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample, seen_along
+from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
 
@@ -99,6 +100,8 @@ def frame_pixels(
     ------
     ModelError, TextureError, AssetError
         As `Scene.bsdfs` of the scene.
+    EnvironmentMapError
+        A light has a diffuse or a specular multiplier other than 1.
     """
     estimates = np.empty((len(pixels), scrambles, 3))
     on_lens = 2 * (camera.lens is not None)
@@ -142,6 +145,8 @@ class _Lamp:
 
     @classmethod
     def turned(cls, light: Light, pose: Pose) -> _Lamp:
+        if (light.emission.diffuse, light.emission.specular) != (1.0, 1.0):
+            raise EnvironmentMapError("the reference renders no light whose diffuse or specular multiplier is not 1")
         turn = pose.lighting if light.emission.turns else 0.0
         return cls(Turned(light, turn - pose.element), light.emission.shadow)
 

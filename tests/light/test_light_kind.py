@@ -16,10 +16,27 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter, ValidationError
 
 from lookdev.asset import load_asset
+from lookdev.cache import Content
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.codegen.osl.light import light_sections
 from lookdev.errors import CodegenError, EnvironmentMapError
-from lookdev.light import LIGHT_KINDS, AnyLight, DiskLight, Emission, Light, Turned
+from lookdev.light import (
+    LIGHT_KINDS,
+    AnyLight,
+    DiskLight,
+    Emission,
+    EnvironmentMap,
+    Falloff,
+    Light,
+    Profile,
+    RectLight,
+    Shadow,
+    Shaping,
+    SphereLight,
+    Turned,
+    make_environment,
+    prepare_texture,
+)  # fmt: skip
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -30,9 +47,26 @@ from lookdev.scene import Camera, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]
 
+
+def overcast_map() -> EnvironmentMap:
+    return make_environment("picture", np.random.default_rng(2).uniform(size=(8, 16, 3)) ** 3)
+
+
+def shaped() -> Light:
+    """Return a sphere with everything that a light may have."""
+    angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [360.0, 3.0, 1.0, 0.5]], np.float32)
+    profile = Profile(Content.written(".npy", lambda path: np.save(path, angles)), 0.5, 1.5)
+    shaping = Shaping(80.0, 0.5, 2.0, (0.1, 0.2, 0.3), profile)
+    shadow, falloff = Shadow(True, (0.1, 0.0, 0.0), 3.0, 1.0, 2.0), Falloff(0.5, 1.5, 1.0, 9.0)
+    emission = Emission((3.0, 2.0, 1.0), 0.5, 2.0, shaping, shadow, falloff, turns=False, camera=True, group="key")
+    return replace(SphereLight.example(), emission=emission)
+
+
 KINDS = LIGHT_KINDS | {"cone": cone.CONE}
 EXAMPLES: dict[str, Callable[[], Light]] = {
     **{name: kind.example for name, kind in KINDS.items()},
+    "textured rect": lambda: replace(RectLight.example(), texture=prepare_texture(overcast_map())),
+    "shaped sphere": shaped,
     "sunny dome": sunny,
     "overcast dome": overcast,
     "black dome": partial(dome, np.zeros((8, 16, 3))),

@@ -10,6 +10,7 @@ import pytest
 from shapes import CAMERA, INSIDE, SIZE, Plane, Sphere
 
 from lookdev.brdf import Bsdf, Lobe
+from lookdev.errors import EnvironmentMapError
 from lookdev.light import (
     DistantLight,
     Emission,
@@ -157,6 +158,11 @@ def test_the_rig_turns_but_for_what_stays(turns: bool) -> None:
     assert_agree(got, wanted)
     # A sphere turns under both without effect.
     assert_agree(render(Sphere(), [light], pose=Pose(25.0, 0.0)), render(Sphere(), [light]))
+
+
+def test_a_multiplier_is_refused_not_left_out() -> None:
+    with pytest.raises(EnvironmentMapError, match="diffuse or specular multiplier is not 1"):
+        render(Plane(), [small_light(-2.0, specular=0.0)])
 
 
 def test_shadows_of_all_lights_are_independent() -> None:
