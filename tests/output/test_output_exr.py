@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,30 @@ def test_truncated_frame_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np
         read_frame(path)
     with pytest.raises(OutputError, match="pixels are cut off"):
         read_header(path)
+
+
+def test_an_altered_byte_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "a.exr"
+    write_frame(path, *frame, HEADER)
+    whole = path.read_bytes()
+    named = whole.index(b"lookdev:checksum")  # altered, the name is that of another attribute: the pixels are right
+    for place in (each for each in range(0, len(whole), 41) if not 0 <= each - named < 20):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        for read in (read_header, read_frame):
+            with pytest.raises(OutputError, match=re.escape(str(path))):
+                read(path)
+    path.write_bytes(whole)
+    read_header(path)
+    read_frame(path)
+
+
+def test_a_frame_of_a_version_without_checksums_is_whole(tmp_path: Path) -> None:
+    channels = {name: np.full((40, 30), 0.5, np.float32) for name in "RGBA"}
+    path = tmp_path / "a.exr"
+    with OpenEXR.File({"lookdev:digest": "d", "compression": OpenEXR.ZIP_COMPRESSION}, channels) as exr:
+        exr.write(str(path))
+    assert read_header(path) == {"digest": "d", "resolution": "30 x 40"}
+    assert (read_frame(path)[0] == 0.5).all()
 
 
 @pytest.mark.parametrize("content", [b"", b"not an image", None])
