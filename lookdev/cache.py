@@ -8,6 +8,7 @@ again.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from lookdev.errors import ContentError, OutputError
+from lookdev.text import has_text_path
 
 _notes: list[str] = []
 
@@ -53,6 +55,8 @@ def atomic_path(final: Path) -> Iterator[Path]:
     by ``kill -9`` never counts as a frame. An OSError in the block names a file.
     """
     try:
+        if not has_text_path(final):
+            raise OSError(errno.EILSEQ, "its path is not UTF-8", str(final))
         final.parent.mkdir(parents=True, exist_ok=True)
         with _temporary(final) as temporary:
             yield temporary

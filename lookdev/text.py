@@ -27,6 +27,15 @@ class TextError(FaultsError):
     """A text file cannot be read, or does not hold what it should."""
 
 
+def has_text_path(file: Path) -> bool:
+    """Return whether the path of a file is UTF-8: neither USD nor the libraries of images can open another."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def read_bytes(file: Path, largest: int = LARGEST) -> bytes:
     """Return the content of a regular file of at most `largest` bytes; raises TextError."""
     try:

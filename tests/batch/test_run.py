@@ -198,9 +198,7 @@ def test_an_altered_picture_is_made_again_without_rendering(tmp_path: Path) -> N
         assert picture.read_bytes() == whole
 
 
-def test_a_full_disk_does_not_make_a_finished_frame_pending(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_does_not_make_a_finished_frame_pending(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case.run(tmp_path)
     (place(tmp_path) / "element.0003.png").unlink()
 
@@ -208,7 +206,7 @@ def test_a_full_disk_does_not_make_a_finished_frame_pending(
         raise OutputError(f"{path}: cannot write the picture: No space left on device")
 
     monkeypatch.setattr("lookdev.output.record.write_pixels", write_pixels)
-    with pytest.raises(OutputError, match="element.0003.png: .*No space left"):
+    with pytest.raises(OutputError, match=r"element\.0003\.png: .*No space left"):
         case.run(tmp_path)
     assert len(case.requests(tmp_path)) == 6
 
