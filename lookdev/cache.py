@@ -68,6 +68,18 @@ def atomic_path(final: Path) -> Iterator[Path]:
 
 
 @contextmanager
+def from_memory(file: Path) -> Iterator[str]:
+    """Yield the name of a file in memory, for a library to write to, and write its content to `file`.
+
+    So a full disk is an OSError: the libraries of images and OSL's compiler do not report what is lost as they close.
+    """
+    with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
+        yield f"/proc/self/fd/{memory.fileno()}"
+        with file.open("wb") as stream:
+            shutil.copyfileobj(memory, stream, 1 << 20)
+
+
+@contextmanager
 def _temporary(final: Path) -> Iterator[Path]:
     temporary = final.with_name(f".{final.stem}.{os.getpid()}-{secrets.token_hex(4)}{final.suffix}")
     try:
@@ -228,7 +240,7 @@ def _reported(place: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as error:  # OpenEXR raises the second
-        what = error.strerror if isinstance(error, OSError) else error
+        what = error.strerror or error if isinstance(error, OSError) else error
         raise OutputError(
             f"the cache cannot be written: {place}: {what}; make room there, or set LOOKDEV_CACHE to another folder"
         ) from error

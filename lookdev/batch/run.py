@@ -207,7 +207,8 @@ def run_plan(
     except BrokenPipeError:
         raise  # of the report: frames are not written to pipes
     except OSError as error:
-        raise OutputError(f"{plan.output}: the output cannot be written: {error}") from error
+        place, why = error.filename or plan.output, error.strerror or error
+        raise OutputError(f"{place}: the output cannot be written: {why}") from error
     return run.result(interrupted=False)
 
 

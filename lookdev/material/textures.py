@@ -373,3 +373,7 @@ def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float
         closed = output.close()
     if not closed:
         raise OutputError(f"{file}: cannot be written: {output.geterror()}")
+    # What is lost on a full disk as the file is closed is no error of the library.
+    with open_image(file, OutputError) as image:
+        if image.read_scanlines(0, 0, height - 1, height, 0, 0, 4, oiio.FLOAT) is None:
+            raise OutputError(f"{file}: cannot be written: its end is not on disk; is it full?")

@@ -18,7 +18,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import ArrayLike, NDArray
 
-from lookdev.cache import atomic_path
+from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
 
@@ -50,16 +50,16 @@ def write_frame(path: Path, beauty: ArrayLike, alpha: ArrayLike, header: Mapping
     attributes |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     attributes[_CHECKSUM] = _NO_CHECKSUM.decode()
     try:
-        with atomic_path(path) as temporary:
+        with atomic_path(path) as temporary, from_memory(temporary) as name:
             with OpenEXR.File(attributes, planes) as exr:
-                exr.write(str(temporary))
-            with temporary.open("r+b") as stream:
+                exr.write(name)
+            with Path(name).open("r+b") as stream:
                 place = _attributes(stream)[_CHECKSUM.encode()]
                 checksum = _checksum(stream, place)
                 stream.seek(place)
                 stream.write(checksum)
-    except (RuntimeError, OSError) as error:
-        raise OutputError(f"{path}: cannot write the frame: {error}") from error
+    except OSError as error:
+        raise OutputError(f"{path}: cannot write the frame: {error.strerror}") from error
 
 
 def read_frame(path: Path) -> tuple[Floats, Floats]:
