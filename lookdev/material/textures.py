@@ -360,6 +360,8 @@ def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float
     width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
     spec["compression"] = "zip"
+    # Of equal texels, equal files: the digests of frames contain theirs. By default it is the time of writing.
+    spec["DateTime"] = "2000:01:01 00:00:00"
     output = oiio.ImageOutput.create(str(file))
     if output is None or not output.open(str(file), spec):
         raise OutputError(f"{file}: cannot be written: {output.geterror() if output is not None else oiio.geterror()}")

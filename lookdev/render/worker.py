@@ -183,7 +183,7 @@ class Worker:
         """Kill the worker after an error: its next line could belong to the frame before."""
         try:
             yield
-        except RenderError:
+        except (RenderError, OutputError):
             raise  # the exchange is complete
         except BaseException:
             self.kill()

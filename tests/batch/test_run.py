@@ -211,6 +211,14 @@ def test_a_full_disk_does_not_make_a_finished_frame_pending(tmp_path: Path, monk
     assert len(case.requests(tmp_path)) == 6
 
 
+def test_a_worker_that_cannot_write_ends_the_batch(tmp_path: Path) -> None:
+    case.misbehave(tmp_path, element_0003=["full"])
+    with pytest.raises(OutputError, match="/out: No space left on device"):
+        case.run(tmp_path)
+    assert case.requests(tmp_path) == ["element.0001.exr", "element.0002.exr", "element.0003.exr"]
+    assert names(tmp_path, ".exr") == ["element.0001", "element.0002", "lighting.0001"]
+
+
 def test_a_crashed_frame_is_retried_and_the_batch_completes(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0002=["die", "garbage", "ok"])
     events: list[Event] = []

@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +10,7 @@ import OpenEXR
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output import read_frame, read_header, write_frame
+from lookdev.output import read_frame, read_header, write_frame, write_png
 
 HEADER = {
     "digest": "ab" * 32,
@@ -126,6 +128,30 @@ def test_shapes_must_belong_together(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"\(H, W, 3\)"):
         write_frame(tmp_path / "a.exr", np.zeros((4, 4, 3)), np.zeros((4, 5)), {})
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what is written end in a device that takes nothing."""
+
+    @contextmanager
+    def on_full(final: Path) -> Iterator[Path]:
+        temporary = final.with_name("full" + final.suffix)
+        temporary.symlink_to("/dev/full")
+        yield temporary
+        temporary.unlink()
+
+    monkeypatch.setattr("lookdev.cache._temporary", on_full)
+
+
+def test_a_frame_and_a_picture_on_a_full_disk(
+    tmp_path: Path, full_disk: None, frame: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """The libraries do not report what is lost as they close a file."""
+    with pytest.raises(OutputError, match=r"a\.exr: cannot write the frame: No space left on device"):
+        write_frame(tmp_path / "a.exr", *frame, {})
+    with pytest.raises(OutputError, match=r"a\.png: cannot write the picture: No space left on device"):
+        write_png(tmp_path / "a.png", frame[0] * 0.0, None, "Raw")
 
 
 def test_unwritable_place(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
