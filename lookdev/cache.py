@@ -62,7 +62,7 @@ def atomic_path(final: Path) -> Iterator[Path]:
             yield temporary
             temporary.replace(final)
     except OSError as error:
-        if error.filename is None:  # of a full disk, for example
+        if error.filename is None or error.errno == errno.ENOSPC:  # that of a copy names what is copied
             error.filename = str(final)
         raise
 

@@ -69,10 +69,15 @@ def example(
 @app.command(rich_help_panel=_PANEL)
 def schema(
     out: Annotated[
-        typer.FileTextWrite | None, typer.Option("--out", help="Write to this file instead of stdout.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Write to this file instead of stdout.")
     ] = None,
 ) -> None:
     """Write the JSON Schema of job files, for editors."""
+    from lookdev.cache import atomic_path
     from lookdev.job import json_schema
 
-    (out or sys.stdout).write(json.dumps(json_schema(), indent=2) + "\n")
+    if out is None:
+        say_json(json_schema())
+        return
+    with atomic_path(out) as temporary:
+        temporary.write_text(json.dumps(json_schema(), indent=2) + "\n")
