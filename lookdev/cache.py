@@ -55,6 +55,8 @@ def atomic_path(final: Path) -> Iterator[Path]:
     by ``kill -9`` never counts as a frame. An OSError in the block names a file.
     """
     try:
+        if not final.name or final.is_dir():
+            raise OSError(errno.EISDIR, "is a folder", str(final))
         if not has_text_path(final):
             raise OSError(errno.EILSEQ, "its path is not UTF-8", str(final))
         final.parent.mkdir(parents=True, exist_ok=True)

@@ -154,6 +154,12 @@ def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path: Path) -> None
     assert (tmp_path / "room").read_bytes() == b"a few bytes"
 
 
+@pytest.mark.parametrize("place", [Path(), Path("/"), Path("..")])
+def test_a_folder_is_no_file_to_write(place: Path) -> None:
+    with pytest.raises(IsADirectoryError, match="is a folder"), atomic_path(place):
+        pass
+
+
 def _write_twice(file: Path) -> None:
     with atomic_path(file) as temporary, temporary.open("wb", 0) as stream:
         assert stream.write(bytes(2000)) == 1000

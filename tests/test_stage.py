@@ -194,6 +194,7 @@ def test_a_layer_is_stronger_than_the_file_and_relative_to_its_own_folder(folder
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"prim": ""}, r"'' is not the path of a prim"),
         ({"prim": "Car"}, r"'Car' is not the path of a prim \(one looks like '/World/Car'\)"),
         ({"prim": "/Car.radius"}, "is not the path of a prim"),
         ({"prim": "/Car/Weel"}, r"/Car/Weel: there is no such prim \(below /Car there are: /Car/Plain, /Car/Wheel\)"),

@@ -83,7 +83,7 @@ def export_blend(
     """
     out = out.absolute()
     if out.suffix != ".blend":
-        raise LookdevError(f"{out.name}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
+        raise LookdevError(f"{out}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
     if out.is_dir():
         raise OutputError(f"{out}: is a folder; name a file")
     made = read_setups(job, backend="nodes")

@@ -80,7 +80,8 @@ def write_pixels(path: Path, pixels: Pixels) -> None:
         with atomic_path(path) as temporary, from_memory(temporary) as name:
             output = oiio.ImageOutput.create(str(temporary))
             if output is None:
-                raise OutputError(f"{path}: cannot write this kind of file: {oiio.geterror().strip()}")
+                oiio.geterror()
+                raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
             written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
             if not (output.close() and written):
                 raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")

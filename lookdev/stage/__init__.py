@@ -126,7 +126,7 @@ def dependencies(file: Path) -> set[Path]:
 
 
 def _check_path(composition: Composition) -> None:
-    prim = composition.prim or "/"
+    prim = "/" if composition.prim is None else composition.prim
     path = Sdf.Path(prim) if Sdf.Path.IsValidPathString(prim) else Sdf.Path()
     if not (path.IsAbsolutePath() and path.IsAbsoluteRootOrPrimPath()):
         what, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
