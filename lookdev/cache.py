@@ -8,6 +8,7 @@ again.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -22,6 +23,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from lookdev.errors import ContentError, OutputError
+from lookdev.text import has_text_path
 
 _notes: list[str] = []
 
@@ -53,14 +55,30 @@ def atomic_path(final: Path) -> Iterator[Path]:
     by ``kill -9`` never counts as a frame. An OSError in the block names a file.
     """
     try:
+        if not final.name or final.is_dir():
+            raise OSError(errno.EISDIR, "is a folder", str(final))
+        if not has_text_path(final):
+            raise OSError(errno.EILSEQ, "its path is not UTF-8", str(final))
         final.parent.mkdir(parents=True, exist_ok=True)
         with _temporary(final) as temporary:
             yield temporary
             temporary.replace(final)
     except OSError as error:
-        if error.filename is None:  # of a full disk, for example
+        if error.filename is None or error.errno == errno.ENOSPC:  # that of a copy names what is copied
             error.filename = str(final)
         raise
+
+
+@contextmanager
+def from_memory(file: Path) -> Iterator[str]:
+    """Yield the name of a file in memory, for a library to write to, and write its content to `file`.
+
+    So a full disk is an OSError: the libraries of images and OSL's compiler do not report what is lost as they close.
+    """
+    with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
+        yield f"/proc/self/fd/{memory.fileno()}"
+        with file.open("wb") as stream:
+            shutil.copyfileobj(memory, stream, 1 << 20)
 
 
 @contextmanager
@@ -224,7 +242,7 @@ def _reported(place: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as error:  # OpenEXR raises the second
-        what = error.strerror if isinstance(error, OSError) else error
+        what = error.strerror or error if isinstance(error, OSError) else error
         raise OutputError(
             f"the cache cannot be written: {place}: {what}; make room there, or set LOOKDEV_CACHE to another folder"
         ) from error

@@ -7,7 +7,6 @@ large as the image is held in memory: a small file can claim any number of pixel
 from __future__ import annotations
 
 import os
-import re
 import stat
 import struct
 import zlib
@@ -19,8 +18,9 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from lookdev.errors import LookdevError, OutputError
+from lookdev.errors import LookdevError
 from lookdev.guard import reading
+from lookdev.text import stated_limit
 
 Floats = NDArray[np.float32]
 
@@ -41,10 +41,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 def most_pixels() -> int:
     """Return the largest number of pixels of an image; raises OutputError where the variable has no such number."""
-    given = os.environ.get(PIXELS_VARIABLE, str(DEFAULT_PIXELS))
-    if not re.fullmatch(r"[1-9][0-9]{0,11}", given):
-        raise OutputError(f"{PIXELS_VARIABLE} is {given[:40]!a}; a number of pixels from 1 to 10^12 is needed")
-    return int(given)
+    return stated_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:

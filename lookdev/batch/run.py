@@ -32,8 +32,9 @@ from lookdev.batch.sanity import doubts
 from lookdev.cache import share
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.job import Job, JobOutputs, load_job
-from lookdev.output.exr import read_header, write_frame
+from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_line
@@ -206,7 +207,8 @@ def run_plan(
     except BrokenPipeError:
         raise  # of the report: frames are not written to pipes
     except OSError as error:
-        raise OutputError(f"{plan.output}: the output cannot be written: {error}") from error
+        place, why = error.filename or plan.output, error.strerror or error
+        raise OutputError(f"{place}: the output cannot be written: {why}") from error
     return run.result(interrupted=False)
 
 
@@ -245,6 +247,8 @@ class _Run:
         pending = tasks if force else list(self._plan.pending())
         # By file: equal looks have one digest.
         waiting = {task.files for task in pending}
+        files = () if force else (each for frame in self._plan.frames for each in frame.files)
+        damaged = [each.path for each in files if each.reason == DAMAGED]
         for copy in () if force else self._plan.copies():
             share(copy.source, copy.target)
         for task in tasks:
@@ -252,10 +256,16 @@ class _Run:
                 continue
             try:
                 self._pictures.refresh(task)
-            except OutputError:  # the header is valid, the pixels are not, after a power failure
+            except OutputError:
+                if _is_whole(task.files[0]):
+                    raise
+                # Of a version without checksums: its header is valid, its pixels are not.
+                damaged.append(task.files[0])
                 pending.append(task)
             else:
                 self._done.update(task.files)
+        for path in damaged:
+            self._report(Noted(f"{path}: was damaged, and is made again"))
         self._report_sheets(self._pictures.refresh_sheets(self._done))
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
@@ -330,6 +340,14 @@ class _Run:
 
     def _name(self, task: FrameTask) -> str:
         return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+
+
+def _is_whole(frame: Path) -> bool:
+    try:
+        read_frame(frame)
+    except OutputError:
+        return False
+    return True
 
 
 def _start(worker: Worker) -> None:

@@ -13,9 +13,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, cache_dir, derived
+from lookdev.cache import Content, cache_dir, derived, from_memory
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
+from lookdev.cycles.streams import captured
 from lookdev.errors import RenderError
 from lookdev.light import Light
 
@@ -30,21 +31,27 @@ _ATTRIBUTE_SOCKETS = {
 }
 
 
-def compile_osl(osl: str) -> Path:
-    """Compile shader text into the cache, or find it there, and return the .oso file.
+def compile_osl(source: ShaderSource) -> Path:
+    """Compile a shader's text into the cache, or find it there, and return the .oso file.
 
-    Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide.
+    Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide. A
+    RenderError has the compiler's first message, and the file of a text that it refuses.
     """
-    text = "\n".join((*version.OSL_DEFINES, osl))
+    text = "\n".join((*version.OSL_DEFINES, source.osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
 
     def compile_text(compiled: Path) -> None:
-        source = compiled.with_suffix(".osl")
-        source.write_text(text, encoding="utf-8")
-        if not _cycles.osl_compile(os.fspath(source), os.fspath(compiled)):
-            refused = source.replace(cache_dir("osl") / f"{name}.osl")
-            raise RenderError(f"the generated shader does not compile; see {refused} and the log above")
-        source.unlink()
+        file = compiled.with_suffix(".osl")
+        try:
+            file.write_text(text, encoding="utf-8")
+            with from_memory(compiled) as memory:
+                done, log = captured(lambda: _cycles.osl_compile(os.fspath(file), memory))
+            if not done:
+                refused = file.replace(cache_dir("osl") / f"{name}.osl")
+                why = next((line.partition(f"{file}:")[2] for line in log.splitlines() if str(file) in line), log)
+                raise RenderError(f"the shader of '{source.name}' does not compile: {refused}:{why}")
+        finally:
+            file.unlink(missing_ok=True)
 
     (content,) = derived("osl", name, lambda: (Content.written(".oso", compile_text),))
     return content.path
@@ -76,7 +83,7 @@ def script_node(
     exist for `arrays`: they become default values of parameters in the compiled shader.
     """
     script = tree.nodes.new("ShaderNodeScript")
-    compiled = compile_osl(source.osl)
+    compiled = compile_osl(source)
     if arrays:
         script.mode = "INTERNAL"
         script.bytecode = with_arrays(compiled.read_text(encoding="utf-8"), arrays)

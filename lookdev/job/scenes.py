@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lookdev.asset.usd_camera import UsdCamera, read_camera
-from lookdev.errors import Fault, shortened
+from lookdev.errors import Fault, FaultsError, shortened
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
-from lookdev.job.schema import Job
+from lookdev.job.schema import SEVERAL_JOBS, Job, excess_frames
 from lookdev.job.turned import Assets, Turned
 from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as, lost_notes
 from lookdev.light import Light, load_environment, prepare_light
@@ -126,6 +126,8 @@ def _every_variant(job: Job, assets: Assets, faults: list[Fault]) -> tuple[Job, 
         what = f"'*' stands for variants that make {len(looks)} looks, at most {MOST_COMBINATIONS} would be right"
         faults.append(Fault(str(job.file), "look", what, "name a variant of some of the sets"))
         raise_all(faults)
+    if excess := excess_frames(len(looks), len(job.ibl), job.turntable):
+        raise FaultsError([*faults, Fault(str(job.file), "turntable", excess, SEVERAL_JOBS)])
     return job.model_copy(update={"look": tuple(looks)}), places
 
 

@@ -13,7 +13,7 @@ import OpenImageIO as oiio
 import PyOpenColorIO as ocio
 from numpy.typing import ArrayLike, NDArray
 
-from lookdev.cache import atomic_path
+from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError, nearest_hint
 
 Floats = NDArray[np.float32]
@@ -77,12 +77,13 @@ def write_pixels(path: Path, pixels: Pixels) -> None:
     spec.attribute("oiio:ColorSpace", "sRGB")
     spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise the writer divides by alpha again
     try:
-        with atomic_path(path) as temporary:
+        with atomic_path(path) as temporary, from_memory(temporary) as name:
             output = oiio.ImageOutput.create(str(temporary))
             if output is None:
-                raise OutputError(f"{path}: cannot write this kind of file: {oiio.geterror().strip()}")
-            written = output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))
+                oiio.geterror()
+                raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
+            written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
             if not (output.close() and written):
                 raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
     except OSError as error:
-        raise OutputError(f"{path}: cannot write the picture: {error}") from error
+        raise OutputError(f"{path}: cannot write the picture: {error.strerror}") from error

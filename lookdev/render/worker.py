@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from lookdev.errors import RenderError, WorkerError
+from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
@@ -63,6 +63,7 @@ class Failed(BaseModel):
     type: Literal["failed"]
     digest: str
     message: str
+    unwritable: bool = False
 
 
 Message = Ready | Progress | Done | Failed
@@ -149,7 +150,7 @@ class Worker:
         """Render one frame on a started worker.
 
         Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
-        or sent an invalid answer, and was killed.
+        or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
         """
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
@@ -162,7 +163,7 @@ class Worker:
                 raise WorkerError("the render worker answered 'ready' in the middle of a frame")
             self._check_digest(message.digest, task)
             if isinstance(message, Failed):
-                raise RenderError(message.message)
+                raise OutputError(message.message) if message.unwritable else RenderError(message.message)
             return _load(message, task.scene.resolution, self._blender)
 
     def kill(self) -> None:
@@ -182,7 +183,7 @@ class Worker:
         """Kill the worker after an error: its next line could belong to the frame before."""
         try:
             yield
-        except RenderError:
+        except (RenderError, OutputError):
             raise  # the exchange is complete
         except BaseException:
             self.kill()
@@ -250,7 +251,7 @@ class Worker:
 def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
     """Yield a function that renders a frame of any backend, in workers that end with the context.
 
-    It raises what `Worker.start` and `Worker.render` raise; a WorkerError has the last line of the worker's log.
+    It raises what `Worker.start` and `Worker.render` raise; an error of the worker has the last line of its log.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
         workers: dict[tuple[str, ...], Worker] = {}
@@ -285,7 +286,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in shapes}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise WorkerError(f"the render worker's result {done.arrays} cannot be read: {error}") from error
+        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
     done.arrays.unlink(missing_ok=True)
     for name, shape in shapes.items():
         if arrays[name].shape != shape:

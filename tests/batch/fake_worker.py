@@ -88,6 +88,8 @@ def act(task: dict, what: str) -> None:
             time.sleep(60)
         case "failed":
             send(type="failed", digest=digest, message="no such attribute 'st2'")
+        case "full":
+            send(type="failed", digest=digest, message="/out: No space left on device", unwritable=True)
         case "other":
             send(type="failed", digest="0" * 64, message="of another frame")
         case "missing":

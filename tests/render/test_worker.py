@@ -66,7 +66,7 @@ def test_a_launched_worker_is_started_once(worker: Worker, task: FrameTask, tmp_
         ("flood", "invalid message: 'xxx"),
         ("ready", "answered 'ready' in the middle"),
         ("other", "answered for frame 000000000000"),
-        ("missing", "nowhere.npz cannot be read"),
+        ("missing", "result cannot be read.*nowhere.npz"),
         ("truncated", "cannot be read"),
         ("lack", "cannot be read.*alpha"),
         ("shape", r"'b' is \(5, 8, 3\), should be \(6, 8, 3\)"),
