@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset.faces import Faces, first_in_each, raise_all
 from lookdev.asset.mesh import Floats, Mesh, Subdivision
-from lookdev.asset.normals import batches, blocks, face_areas, face_starts, sum_by, unit_or
+from lookdev.asset.normals import batches, blocks, face_areas, face_starts, sum_by, together, unit_or
 from lookdev.asset.shape import LARGEST, Attribute, Doubles, Index, Shape
 from lookdev.errors import AssetError
 
@@ -56,8 +56,9 @@ def _finish(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
     number, kept = _used_points(faces)
-    points = np.concatenate([each.points for each in shapes])[kept]
-    corner_points = number[faces.corner_points]
+    points, corner_points = together([each.points for each in shapes]), faces.corner_points
+    if len(kept) < len(points):
+        points, corner_points = points[kept], number[corner_points]
     point_starts = np.searchsorted(kept, faces.all_points)
     if y_up:
         points = _upright(points)
@@ -65,7 +66,9 @@ def _finish(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
     attributes = _attributes(shapes, faces)
     normals = _normals(shapes, faces, points, corner_points, y_up)
     uvs = [_uvs(shape, values) for shape, values in zip(shapes, attributes, strict=True)]
-    local = (corner_points - np.repeat(point_starts[:-1], np.diff(faces.corners))).astype(np.int32)
+    local = corner_points.astype(np.int32)
+    if len(shapes) > 1:
+        local -= np.repeat(point_starts[:-1].astype(np.int32), np.diff(faces.corners))
     sizes = faces.sizes.astype(np.int32)
 
     meshes: list[Mesh | None] = []
@@ -113,7 +116,9 @@ def _upright(vectors: NDArray[Any]) -> NDArray[Any]:
 
 
 def _single(points: Doubles, shapes: Sequence[Shape], kept: Index, begins: Index) -> Floats:
-    if not (bounded := np.abs(points) <= LARGEST).all():
+    # A number that is none is not within any bounds.
+    if not (points.max() <= LARGEST and points.min() >= -LARGEST):
+        bounded = np.abs(points) <= LARGEST
         raise_all(
             f"{shapes[i].name}: points[{j}] is not a number of metres within +-{LARGEST:g}"
             for i, j in first_in_each(kept[~bounded.all(axis=1)], begins)
@@ -137,7 +142,9 @@ def _attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, Floats]
 def _normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corner_points: Index, y_up: bool) -> Floats:
     """Return unit normals (m, 3): those of the shape, its facets' or smooth ones."""
     areas = face_areas(points, corner_points, faces.sizes)
-    flat = unit_or(areas, np.array([0.0, 0.0, 1.0])).astype(np.float32)
+    flat = np.empty(areas.shape, np.float32)
+    for _, some in blocks(np.ones(len(flat), np.intp)):
+        flat[some] = unit_or(areas[some], np.array([0.0, 0.0, 1.0]))
     smooth = np.array([each.normals is None and not each.flat for each in shapes])
     if smooth.any():
         sums = sum_by(corner_points, np.repeat(areas, faces.sizes, axis=0), len(points))
