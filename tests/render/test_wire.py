@@ -28,6 +28,7 @@ def test_a_task_is_one_line_and_comes_back_equal(task: FrameTask) -> None:
     assert "\r" not in line
     assert decode(line) == task
     assert decode(line + "\n") == task
+    assert decode(encode(task.scene)) == task.scene
 
 
 def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeSource) -> None:
