@@ -26,8 +26,8 @@ class Faces:
 
     `all_points`, `all_faces`, `all_corners` (s + 1,) are where each shape's arrays begin among those of all; `faces`
     and `corners` (s + 1,) where its kept ones begin. sizes (f,); face_source (f,) and corner_source (m,) number kept
-    faces and corners among all; corner_points (m,) number the points of all. `holes` (f,) are kept faces that are not
-    shown.
+    faces and corners among all, None where they are all corners in their order; corner_points (m,) number the points of
+    all. `holes` (f,) are kept faces that are not shown.
     """
 
     shapes: Sequence[Shape]
@@ -38,7 +38,7 @@ class Faces:
     corners: Index
     sizes: Index
     face_source: Index
-    corner_source: Index
+    corner_source: Index | None
     corner_points: Index
     holes: NDArray[np.bool_]
 
@@ -57,15 +57,14 @@ class Faces:
 
         caged = np.array([each.subdivision is not None for each in shapes])
         keep = (sizes >= 3) & ~(holes & ~np.repeat(caged, counts[:, 1]))
-        keep[keep] = _distinct(points[np.repeat(keep, sizes)], sizes[keep])
-        source = np.arange(len(points))
+        keep[keep] = _distinct(points if keep.all() else points[np.repeat(keep, sizes)], sizes[keep])
+        source = None
         mirrored = np.array([each.left_handed for each in shapes])
-        if mirrored.any():  # each face's corners backwards
-            last = np.repeat(2 * face_starts(sizes) + sizes - 1, sizes)
-            source = np.where(np.repeat(mirrored, counts[:, 2]), last - source, source)
-        if not keep.all():
-            source = source[np.repeat(keep, sizes)]
         if mirrored.any() or not keep.all():
+            source = np.arange(len(points))
+            last = np.repeat(2 * face_starts(sizes) + sizes - 1, sizes)
+            # Each face's corners backwards.
+            source = np.where(np.repeat(mirrored, counts[:, 2]), last - source, source)[np.repeat(keep, sizes)]
             points = points[source]
         face_source = np.flatnonzero(keep)
         faces = np.searchsorted(face_source, all_faces)
@@ -121,11 +120,14 @@ class Faces:
         counts = np.diff(self.corners)[chosen]
         if kind == 0:
             return np.repeat(value_starts, counts)
-        every, begins = (
-            (np.repeat(self.face_source, self.sizes), self.all_faces),
-            (self.corner_points, self.all_points),
-            (self.corner_source, self.all_corners),
-        )[kind - 1]
+        if kind == 1:
+            every, begins = np.repeat(self.face_source, self.sizes), self.all_faces
+        elif kind == 2:
+            every, begins = self.corner_points, self.all_points
+        else:
+            source = self.corner_source
+            every = np.arange(len(self.corner_points)) if source is None else source
+            begins = self.all_corners
         shift = value_starts - begins[chosen]
         if len(chosen) < len(self.shapes):
             wanted = np.zeros(len(self.shapes), bool)

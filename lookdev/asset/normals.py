@@ -54,14 +54,6 @@ def batches(corners: Sequence[int]) -> Iterator[slice]:
             start, total = number + 1, 0
 
 
-def face_areas(points: Doubles, corner_points: Numbers, face_sizes: Numbers) -> Doubles:
-    """Return `area_vectors` (f, 3) of faces whose corners are at points (n, 3)."""
-    areas = np.empty((len(face_sizes), 3))
-    for faces, corners in blocks(face_sizes):
-        areas[faces] = area_vectors(points.take(corner_points[corners], axis=0), face_sizes[faces])
-    return areas
-
-
 def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
     """Return each face's area times its unit normal (f, 3), by Newell's method; faces need not be planar.
 
