@@ -40,7 +40,7 @@ def _serve(answers: Answers) -> None:
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
     from lookdev.render.task import SceneTask
-    from lookdev.render.wire import decode
+    from lookdev.render.wire import decode_request
 
     requests: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
@@ -48,7 +48,7 @@ def _serve(answers: Answers) -> None:
     scene: Scene | None = None
     kept = _log_size()
     while True:
-        task = decode(requests.get())
+        task = decode_request(requests.get())
         if isinstance(task, SceneTask):
             scene = None
             with suppress(LookdevError, RuntimeError, OSError, MemoryError):
