@@ -18,7 +18,6 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
@@ -26,6 +25,7 @@ from lookdev.errors import ContentError, OutputError
 from lookdev.text import has_text_path
 
 _notes: list[str] = []
+_digests: dict[tuple[Path, int, int, int], str] = {}  # of files as they were when they were read
 
 
 def cache_dir(*parts: str) -> Path:
@@ -122,9 +122,11 @@ class Content:
         folder = cache_dir("content")
         with _reported(folder), _temporary(folder / f"new{suffix}") as temporary:
             write(temporary)
+            status = temporary.stat()
             content = cls(file_digest(temporary), suffix)
             if not content.is_whole():
                 temporary.replace(content._place)
+                _digests[_state(content._place, status)] = content.digest
         return content
 
     @classmethod
@@ -162,10 +164,12 @@ def is_whole(file: Path, digest: str) -> bool:
     """Return whether there is a file of the cache with this SHA-256; one that is damaged is removed, with a note."""
     try:
         status = file.stat()
-        if stat.S_ISREG(status.st_mode) and digest == _digest_of(
-            file, status.st_ino, status.st_size, status.st_mtime_ns
-        ):
-            return True
+        if stat.S_ISREG(status.st_mode):
+            state = _state(file, status)
+            if state not in _digests:
+                _digests[state] = file_digest(file)
+            if _digests[state] == digest:
+                return True
     except FileNotFoundError:
         return False
     except OSError:  # as unreadable as what is damaged
@@ -248,6 +252,6 @@ def _reported(place: Path) -> Iterator[None]:
         ) from error
 
 
-@lru_cache(maxsize=4096)
-def _digest_of(file: Path, inode: int, size: int, changed: int) -> str:
-    return file_digest(file)
+def _state(file: Path, status: os.stat_result) -> tuple[Path, int, int, int]:
+    """Return what differs where a file was changed or replaced."""
+    return file, status.st_ino, status.st_size, status.st_mtime_ns

@@ -13,14 +13,17 @@ import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from lookdev.errors import LookdevError
 from lookdev.guard import reading
 from lookdev.text import stated_limit
+
+if TYPE_CHECKING:  # the render worker, which reads no image by this door, starts sooner
+    import OpenImageIO as oiio
 
 Floats = NDArray[np.float32]
 
@@ -71,6 +74,8 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
 
     The limit is as of `check_file`.
     """
+    import OpenImageIO as oiio
+
     check_file(file, error, most)
     _check_png(file, error, whole=False)
     # Some formats are decoded as they are opened. OpenImageIO refuses what is larger.
@@ -136,6 +141,8 @@ def strips(
 
     Raises `error` where the pixels cannot be read.
     """
+    import OpenImageIO as oiio
+
     spec = image.spec()
     _check_png(file, error, whole=True)
     if image.format_name() == "jpeg":

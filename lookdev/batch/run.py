@@ -36,7 +36,7 @@ from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
-from lookdev.render.task import FrameTask
+from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_line
 
 if TYPE_CHECKING:
@@ -88,17 +88,20 @@ class RunResult:
         return "\n".join(lines)
 
 
-def _plan_job(job: Job) -> Prepared:
+Prepare = Callable[[Job, Callable[[SceneTask], None] | None], "Prepared"]
+
+
+def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> Prepared:
     # Imported while Blender starts: what reads files takes as long to import as the rest of the program.
     from lookdev.batch.prepare import plan_job
 
-    return plan_job(job)
+    return plan_job(job, ahead)
 
 
 def render_job(
     path: Path,
     *,
-    prepare: Callable[[Job], Prepared] = _plan_job,
+    prepare: Prepare = _plan_job,
     force: bool = False,
     report: Report = lambda event: None,
 ) -> RunResult:
@@ -108,13 +111,13 @@ def render_job(
     frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
     job = load_job(path)
-    command = BACKENDS[job.render.backend].command
-    with output_lock(job.output) as folder, _opened(folder, command) as worker:
+    backend = BACKENDS[job.render.backend]
+    with output_lock(job.output) as folder, _opened(folder, backend.command) as worker:
         if force or _lacks_frames(job):
             # Blender starts while files are read; an error is that of the first frame, then.
             with suppress(WorkerError):
                 worker.launch()
-        prepared = prepare(job)
+        prepared = prepare(job, worker.prepare if backend.ahead else None)
         for note in prepared.notes:
             report(Noted(note))
         job = prepared.job

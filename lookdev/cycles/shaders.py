@@ -62,7 +62,7 @@ def surface_material(source: ShaderSource, light: Light) -> Any:
     code = light.code(sampled=source.directions[1] > 0)
     given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
     values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
-    arrays = {name: np.load(content.path) for name, content in code.arrays.items()}
+    arrays = {name: _kept_text(content) for name, content in code.arrays.items()}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would put each of its triangles into a light tree.
     material.cycles.emission_sampling = "NONE"
@@ -75,12 +75,12 @@ def surface_material(source: ShaderSource, light: Light) -> Any:
 
 
 def script_node(
-    tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, Array] | None = None
+    tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, str] | None = None
 ) -> Any:
     """Add a script node with its sockets and connect it to the surface output.
 
     Blender finds sockets by its `oslquery`, which loads an OpenImageIO that clashes with the installed one. No sockets
-    exist for `arrays`: they become default values of parameters in the compiled shader.
+    exist for `arrays`, texts of `array_text`: they become default values of parameters in the compiled shader.
     """
     script = tree.nodes.new("ShaderNodeScript")
     compiled = compile_osl(source)
@@ -100,23 +100,37 @@ def script_node(
     return script
 
 
-def with_arrays(oso: str, arrays: Mapping[str, Array]) -> str:
-    """Write arrays into a compiled shader, as the default values of its parameters of these names.
+def array_text(values: Array) -> str:
+    """Return an array as it is in a compiled shader: its type and size, a tab, its numbers."""
+    listed = values.ravel().tolist()
+    if values.dtype.kind == "i":
+        # A list writes itself in half the time.
+        return f"int[{values.size}]\t{str(listed)[1:-1].replace(',', '')}"
+    return f"float[{values.size}]\t{' '.join(map('{:.9g}'.format, listed))}"
+
+
+def _kept_text(file: Content) -> str:
+    """Return the `array_text` of a file; it is kept, as half a million integers take 0.06 s to write."""
+    (text,) = derived(
+        "osl", f"{file.digest}-text", lambda: (Content.holding(array_text(np.load(file.path)).encode(), ".txt"),)
+    )
+    return text.path.read_text(encoding="ascii")
+
+
+def with_arrays(oso: str, arrays: Mapping[str, str]) -> str:
+    """Write texts of `array_text` into a compiled shader, as the default values of its parameters of these names.
 
     As source text they would compile slowly. They are marked as interactive, as values that may change between renders:
     OSL reads those from memory, where it would make a constant of LLVM of each number, which takes 0.2 s for half a
     million. A RenderError reports a shader without such a parameter, of that size and type.
     """
     lines = oso.split("\n")
-    for name, values in arrays.items():
-        kind = "int" if values.dtype.kind == "i" else "float"
-        head = f"param\t{kind}[{values.size}]\t{name}\t"
+    for name, array in arrays.items():
+        kind, _, text = array.partition("\t")
+        head = f"param\t{kind}\t{name}\t"
         number = next((number for number, line in enumerate(lines) if line.startswith(head)), None)
         if number is None:
-            raise RenderError(f"the compiled shader has no parameter {kind} {name}[{values.size}]")
-        listed = values.ravel().tolist()
-        # Half a million integers: a list writes itself in half the time.
-        text = str(listed)[1:-1].replace(",", "") if kind == "int" else " ".join(map("{:.9g}".format, listed))
+            raise RenderError(f"the compiled shader has no parameter {kind} {name}")
         hints = lines[number].removeprefix(head).partition("\t")[2]
         lines[number] = f"{head}{text}\t%meta{{int,interactive,1}} {hints}"
     return "\n".join(lines)

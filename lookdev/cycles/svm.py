@@ -10,25 +10,17 @@ from lookdev.cycles.streams import captured
 from lookdev.errors import RenderError
 
 _OVERFLOW = re.compile(r"out of SVM stack space, shader \"(?P<material>[^\"]*)\"", re.IGNORECASE)
-# Blender renders nothing smaller.
-_SIDE = 4
 
 
 def check_stack(scene: Any) -> None:
-    """Render a tiny picture of a scene to compile its shaders, which persistent data keeps for the frames.
+    """Compile the shaders of a scene.
 
     Raises
     ------
     RenderError
         A shader needs more stack than SVM has: parts of it would be missing.
     """
-    render = scene.render
-    size = render.resolution_x, render.resolution_y
-    render.resolution_x = render.resolution_y = _SIDE
-    try:
-        _, log = captured(lambda: engine.render_whole(scene, samples=1))
-    finally:
-        render.resolution_x, render.resolution_y = size
+    _, log = captured(lambda: engine.compile_shaders(scene))
     names = list(dict.fromkeys(found["material"] for found in _OVERFLOW.finditer(log)))
     if names:
         looks = ", ".join(f"'{name}'" for name in names)

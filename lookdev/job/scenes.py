@@ -22,6 +22,9 @@ from lookdev.material.variants import MOST_COMBINATIONS
 from lookdev.scene import Film, Scene
 from lookdev.stage import open_stage
 
+Ahead = Callable[[Job, Look, Light], None]
+"""Is called with a job, and a look and a light of it that are likely to be shown."""
+
 
 @dataclass(frozen=True)
 class JobScenes:
@@ -33,26 +36,39 @@ class JobScenes:
     notes: tuple[str, ...]  # for the user, each once
 
 
-def job_scenes(job: Job) -> JobScenes:
-    """Read the files of a job; raises FaultsError with all faults of all files."""
+def job_scenes(job: Job, ahead: Ahead = lambda job, look, light: None) -> JobScenes:
+    """Read the files of a job; raises FaultsError with all faults of all files.
+
+    Lights and materials are read first: `ahead` is called with a look and a light before the asset is, unless there are
+    faults, or no look has a material of its own.
+    """
     notes: list[str] = []
     faults: list[Fault] = []
     assets = Assets(job.asset)
     job, places = _every_variant(job, assets, faults)
+    of_shaders: list[Fault] = []
+    on_shaders: list[str] = []
+    lights = _lights(job, on_shaders, of_shaders)
+    materials = {}
+    for look in job.look:
+        with collected(job, places[look.name], of_shaders):
+            materials[look.name] = _materials(job, look, places[look.name], on_shaders, of_shaders)
+    if not (faults or of_shaders) and (own := [each[-1] for each in materials.values() if each]):
+        ahead(job, own[0], next(iter(lights.values())))
     turned = {}
     for look in job.look:
         with collected(job, f"{places[look.name]}.layer" if look.layer else "asset", faults):
             turned[look.name] = assets.turned(look)
             notes += turned[look.name].asset.notes
-    lights = _lights(job, notes, faults)
+    notes += on_shaders
+    faults += of_shaders
     dressed: dict[str, Dressed] = {}
     for look in job.look:
-        place = places[look.name]
+        name, place = look.name, places[look.name]
         with collected(job, place, faults):
-            materials = _materials(job, look, place, notes, faults)
-            if look.name in turned:
-                dressed[look.name] = dress_as(look, materials, turned[look.name], Place(str(job.file), place), faults)
-                notes += dressed[look.name].notes
+            if name in turned and name in materials:
+                dressed[name] = dress_as(look, materials[name], turned[name], Place(str(job.file), place), faults)
+                notes += dressed[name].notes
     raise_all(faults)
     with collected(job, "camera.usd", faults):
         shot = _shot(job, next(iter(turned.values())))

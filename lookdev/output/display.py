@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import OpenImageIO as oiio
-import PyOpenColorIO as ocio
 from numpy.typing import ArrayLike, NDArray
 
 from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError, nearest_hint
+
+if TYPE_CHECKING:
+    import PyOpenColorIO as ocio
 
 Floats = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -27,6 +30,8 @@ VIEWS: tuple[str, ...] = ("ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw")
 
 @lru_cache(maxsize=len(VIEWS))
 def _processor(view: str) -> ocio.CPUProcessor:
+    import PyOpenColorIO as ocio  # not at the top: a job writes its first picture late
+
     config = ocio.Config.CreateFromBuiltinConfig(CONFIG)
     return config.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor()
 

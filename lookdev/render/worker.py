@@ -1,7 +1,8 @@
 """Supervision of a render worker: one process, one frame at a time; every answer is checked.
 
-The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; all other output of it and of
-Blender goes to a log file. It ends when stdin ends, also after a crash of this process.
+The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; while it starts it can be sent
+that of a scene, which it prepares without an answer. All other output of it and of Blender goes to a log file. It ends
+when stdin ends, also after a crash of this process.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
-from lookdev.render.task import FrameTask
+from lookdev.render.task import FrameTask, SceneTask
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
@@ -106,6 +107,7 @@ class Worker:
         self._environment = os.environ | {"TMPDIR": str(scratch)}
         self._patience = patience
         self._process: subprocess.Popen[bytes] | None = None
+        self._sending: threading.Thread | None = None
         self._ready = False
         self._blender = ""
         log.write_bytes(b"")
@@ -134,6 +136,23 @@ class Worker:
             except OSError as error:
                 raise WorkerError(f"the render worker {self._command[0]} cannot be started: {error}") from error
 
+    def prepare(self, scene: SceneTask) -> None:
+        """Send a scene to a process that was launched and is not ready yet, so that frames of its looks start sooner.
+
+        Nothing is sent to another process, and only the first scene.
+        """
+        process = self._process
+        if process is None or self._ready or self._sending is not None:
+            return
+
+        def send() -> None:
+            with suppress(WorkerError):  # the first frame reports it
+                self._send(process, wire.encode(scene))
+
+        # A pipe holds less than some shaders until the process reads it.
+        self._sending = threading.Thread(target=send, daemon=True)
+        self._sending.start()
+
     def start(self) -> None:
         """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
         self.launch()
@@ -145,6 +164,8 @@ class Worker:
             if not isinstance(message, Ready):
                 raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
             self._ready, self._blender = True, message.blender
+            if self._sending is not None:
+                self._sending.join()
 
     def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
         """Render one frame on a started worker.
@@ -173,6 +194,9 @@ class Worker:
             return
         _kill_group(process)
         process.wait()
+        if self._sending is not None:
+            self._sending.join()
+            self._sending = None
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
                 with suppress(BrokenPipeError):  # bytes that the dead worker never read

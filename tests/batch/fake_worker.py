@@ -115,10 +115,11 @@ def main() -> None:
     send(type="ready", blender="4.5.0 fake")
     while True:
         task = json.loads(lines.get())
-        name = Path(task["files"][0]).name
+        name = Path(task["files"][0]).name if "files" in task else "scene"
         with requests.open("a") as log:
             log.write(f"{name}\n")
-        act(task, behaviour(name))
+        if name != "scene":
+            act(task, behaviour(name))
 
 
 main()

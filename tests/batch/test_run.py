@@ -341,7 +341,7 @@ def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
     given = case.make_job(tmp_path)
     (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
 
-    def prepare(job: Job) -> Prepared:
+    def prepare(job: Job, ahead: object) -> Prepared:
         raise AssertionError(job.file)
 
     with output_lock(given.output), pytest.raises(OutputError, match=f"process {os.getpid()} on "):
@@ -359,7 +359,7 @@ def test_the_worker_starts_while_the_job_is_prepared(
     record = replace(BACKENDS["exact"], command=case.command(tmp_path))
     monkeypatch.setitem(BACKENDS, "exact", record)
 
-    def prepare(job: Job) -> Any:
+    def prepare(job: Job, ahead: object) -> Any:
         case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 1)
         if fails:
             raise AssetError("damaged")
@@ -393,7 +393,7 @@ def test_the_worker_starts_early_only_where_a_frame_is_missing(
     monkeypatch.setattr(Worker, "launch", lambda worker: (launched.append(worker), launch(worker)))
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=case.command(tmp_path)))
 
-    def prepare(job: Job) -> Any:
+    def prepare(job: Job, ahead: object) -> Any:
         assert len(launched) == starts
         return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
 
