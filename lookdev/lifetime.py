@@ -20,8 +20,10 @@ def end_with_parent() -> None:
 
 
 @contextmanager
-def ending_at_signals() -> Iterator[None]:
+def ending_at_signals() -> Iterator[threading.Event]:
     """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
+
+    The event is set by a signal: while USD is imported, it loses the KeyboardInterrupt.
 
     Python runs handlers between its own instructions: a library that computes for long would hold them up. Another
     thread sees the signal at once. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the
@@ -38,16 +40,17 @@ def ending_at_signals() -> Iterator[None]:
                     os._exit(128 + number[0])
 
     def interrupt(*_: object) -> None:
+        interrupted.set()
         for number in before:
             signal.signal(number, lambda *_: None)
         raise KeyboardInterrupt
 
-    done = threading.Event()
+    done, interrupted = threading.Event(), threading.Event()
     before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     waking = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=watch, daemon=True).start()
     try:
-        yield
+        yield interrupted
     finally:
         done.set()
         signal.set_wakeup_fd(waking)
