@@ -72,6 +72,38 @@ def test_children_end_with_the_program(tmp_path, program, number):
         process.wait()
 
 
+def test_a_signal_during_an_import_waits_for_its_end(tmp_path):
+    """A library in C++ loses the exception: nothing would be tidied up."""
+    (tmp_path / "library.py").write_text(
+        "import pathlib, time\n"
+        "pathlib.Path('child').touch()\n"
+        "try: time.sleep(0.5)\n"
+        "except BaseException: raise ImportError('initialization failed') from None\n"
+    )
+    program = """import time
+from lookdev.cli import app, main
+@app.command()
+def work():
+    try:
+        import library
+        time.sleep(60)
+    except KeyboardInterrupt:
+        print("tidy", flush=True)
+import sys
+sys.argv = ["lookdev", "work"]
+main()"""
+    command = [sys.executable, "-c", program]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    try:
+        _wait((tmp_path / "child").exists, 30.0)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=2.0)[0] == "tidy\n"
+        assert process.returncode == 130
+    finally:
+        process.kill()
+        process.wait()
+
+
 @pytest.mark.cycles
 def test_blender_ends_with_the_program_that_is_killed():
     """Its input stays open here, whose end would end it too."""
