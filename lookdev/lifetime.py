@@ -9,10 +9,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from types import FrameType
 
 _GRACE = 1.5  # seconds in which a program that is told to end may remove its files and end its children
-_LATER = 0.02  # seconds until a signal is tried again
+_LATER = 0.02  # seconds until a signal is repeated
 _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
 
@@ -30,43 +31,52 @@ def _imports(frame: FrameType | None) -> bool:
     return False
 
 
+@dataclass
+class Interruption:
+    """What has come of a signal. An Event has a lock: a second signal would wait for it while the first holds it."""
+
+    came: bool = False
+    raised: bool = False
+
+
 @contextmanager
-def ending_at_signals() -> Iterator[threading.Event]:
+def ending_at_signals() -> Iterator[Interruption]:
     """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
 
-    The event is set by a signal.
-
-    Python runs handlers between its own instructions: a library that computes for long would hold them up. Another
-    thread sees the signal at once. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the
-    parent.
+    Python runs handlers between its own instructions: a library that computes for long would hold them up, and a wait
+    that begins just after the signal is not interrupted. Another thread sees the signal at once, and repeats it until
+    it is raised. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the parent.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
+    main = threading.get_ident()
 
     def watch() -> None:
         with os.fdopen(reader, "rb", buffering=0) as signals:
-            if number := signals.read(1):
-                time.sleep(_GRACE)
-                if not done.is_set():
+            number = signals.read(1)
+            until = time.monotonic() + _GRACE
+            while number and not done.wait(_LATER):
+                with ending:
+                    if not done.is_set() and not interruption.raised:
+                        signal.pthread_kill(main, number[0])
+                if time.monotonic() > until:
                     os._exit(128 + number[0])
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        interrupted.set()
-        if _imports(frame):
-            threading.Timer(_LATER, signal.pthread_kill, (threading.main_thread().ident, number)).start()
-            return
-        for each in before:
-            signal.signal(each, lambda *_: None)
-        raise KeyboardInterrupt
+        interruption.came = True
+        if not interruption.raised and not _imports(frame):
+            interruption.raised = True
+            raise KeyboardInterrupt
 
-    done, interrupted = threading.Event(), threading.Event()
+    done, ending, interruption = threading.Event(), threading.Lock(), Interruption()
     before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     waking = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=watch, daemon=True).start()
     try:
-        yield interrupted
+        yield interruption
     finally:
-        done.set()
+        with ending:
+            done.set()
         signal.set_wakeup_fd(waking)
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -72,11 +72,11 @@ def run() -> None:
     file; 130: interrupted.
     """
     try:
-        with ending_at_signals() as interrupted:
+        with ending_at_signals() as interruption:
             try:
                 app()
             except BaseException:
-                if interrupted.is_set():
+                if interruption.came:
                     sys.exit(128 + signal.SIGINT)
                 raise
     except (OutputError, RenderError, WorkerError) as error:
