@@ -8,6 +8,7 @@ again.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
 import os
@@ -17,13 +18,14 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any, Self
 
 from lookdev.errors import ContentError, OutputError
+from lookdev.text import has_text_path
 
 _notes: list[str] = []
+_digests: dict[tuple[Path, int, int, int], str] = {}  # of files as they were when they were read
 
 
 def cache_dir(*parts: str) -> Path:
@@ -53,14 +55,30 @@ def atomic_path(final: Path) -> Iterator[Path]:
     by ``kill -9`` never counts as a frame. An OSError in the block names a file.
     """
     try:
+        if not final.name or final.is_dir():
+            raise OSError(errno.EISDIR, "is a folder", str(final))
+        if not has_text_path(final):
+            raise OSError(errno.EILSEQ, "its path is not UTF-8", str(final))
         final.parent.mkdir(parents=True, exist_ok=True)
         with _temporary(final) as temporary:
             yield temporary
             temporary.replace(final)
     except OSError as error:
-        if error.filename is None:  # of a full disk, for example
+        if error.filename is None or error.errno == errno.ENOSPC:  # that of a copy names what is copied
             error.filename = str(final)
         raise
+
+
+@contextmanager
+def from_memory(file: Path) -> Iterator[str]:
+    """Yield the name of a file in memory, for a library to write to, and write its content to `file`.
+
+    So a full disk is an OSError: the libraries of images and OSL's compiler do not report what is lost as they close.
+    """
+    with os.fdopen(os.memfd_create("lookdev"), "rb") as memory:
+        yield f"/proc/self/fd/{memory.fileno()}"
+        with file.open("wb") as stream:
+            shutil.copyfileobj(memory, stream, 1 << 20)
 
 
 @contextmanager
@@ -104,9 +122,11 @@ class Content:
         folder = cache_dir("content")
         with _reported(folder), _temporary(folder / f"new{suffix}") as temporary:
             write(temporary)
+            status = temporary.stat()
             content = cls(file_digest(temporary), suffix)
             if not content.is_whole():
                 temporary.replace(content._place)
+                _digests[_state(content._place, status)] = content.digest
         return content
 
     @classmethod
@@ -144,10 +164,12 @@ def is_whole(file: Path, digest: str) -> bool:
     """Return whether there is a file of the cache with this SHA-256; one that is damaged is removed, with a note."""
     try:
         status = file.stat()
-        if stat.S_ISREG(status.st_mode) and digest == _digest_of(
-            file, status.st_ino, status.st_size, status.st_mtime_ns
-        ):
-            return True
+        if stat.S_ISREG(status.st_mode):
+            state = _state(file, status)
+            if state not in _digests:
+                _digests[state] = file_digest(file)
+            if _digests[state] == digest:
+                return True
     except FileNotFoundError:
         return False
     except OSError:  # as unreadable as what is damaged
@@ -224,12 +246,12 @@ def _reported(place: Path) -> Iterator[None]:
     try:
         yield
     except (OSError, RuntimeError) as error:  # OpenEXR raises the second
-        what = error.strerror if isinstance(error, OSError) else error
+        what = error.strerror or error if isinstance(error, OSError) else error
         raise OutputError(
             f"the cache cannot be written: {place}: {what}; make room there, or set LOOKDEV_CACHE to another folder"
         ) from error
 
 
-@lru_cache(maxsize=4096)
-def _digest_of(file: Path, inode: int, size: int, changed: int) -> str:
-    return file_digest(file)
+def _state(file: Path, status: os.stat_result) -> tuple[Path, int, int, int]:
+    """Return what differs where a file was changed or replaced."""
+    return file, status.st_ino, status.st_size, status.st_mtime_ns

@@ -34,10 +34,14 @@ _MOST = 100  # faults in a message
 _CONTROLS = re.compile(r"[\x00-\x09\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069\ud800-\udfff]")
 
 
-def shortened(text: str, longest: int = 400) -> str:
-    """Return the beginning of a text, for a message, without characters that control a terminal."""
-    text = text if len(text) <= longest else f"{text[:longest]}… ({len(text)} characters)"
+def printable(text: str) -> str:
+    """Return a text with a question mark for each character, but ends of lines, that controls a terminal."""
     return _CONTROLS.sub("?", text)
+
+
+def shortened(text: str, longest: int = 400) -> str:
+    """Return the beginning of a text, for a message, as `printable`."""
+    return printable(text if len(text) <= longest else f"{text[:longest]}… ({len(text)} characters)")
 
 
 class LookdevError(Exception):

@@ -226,21 +226,22 @@ def _watch(state: _State, reader: int) -> str:
 
 def _end_with(program: Callable[[], None]) -> NoReturn:
     """Run a program, and end this process at once: a damaged file can crash USD as it is unloaded."""
-    code = 1
+    code = 128 + signal.SIGINT  # also where a second signal interrupts what follows the first
     try:
         program()
         code = 0
     except SystemExit as left:
         code = left.code if isinstance(left.code, int) else int(left.code is not None)
-    except KeyboardInterrupt:
-        code = 128 + signal.SIGINT
     except Exception:  # noqa: BLE001  as Python does it
+        code = 1
         traceback.print_exc()
     finally:
-        for stream in (sys.stdout, sys.stderr):
-            with suppress(OSError, ValueError):
-                stream.flush()
-        os._exit(code)
+        try:
+            for stream in (sys.stdout, sys.stderr):
+                with suppress(OSError, ValueError):
+                    stream.flush()
+        finally:
+            os._exit(code)
 
 
 def _given(variable: str, default: int) -> int:

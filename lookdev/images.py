@@ -7,20 +7,23 @@ large as the image is held in memory: a small file can claim any number of pixel
 from __future__ import annotations
 
 import os
-import re
 import stat
 import struct
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from lookdev.errors import LookdevError, OutputError
+from lookdev.errors import LookdevError
 from lookdev.guard import reading
+from lookdev.text import stated_limit
+
+if TYPE_CHECKING:  # the render worker, which reads no image by this door, starts sooner
+    import OpenImageIO as oiio
 
 Floats = NDArray[np.float32]
 
@@ -41,10 +44,7 @@ _PNG_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 def most_pixels() -> int:
     """Return the largest number of pixels of an image; raises OutputError where the variable has no such number."""
-    given = os.environ.get(PIXELS_VARIABLE, str(DEFAULT_PIXELS))
-    if not re.fullmatch(r"[1-9][0-9]{0,11}", given):
-        raise OutputError(f"{PIXELS_VARIABLE} is {given[:40]!a}; a number of pixels from 1 to 10^12 is needed")
-    return int(given)
+    return stated_limit(PIXELS_VARIABLE, DEFAULT_PIXELS, "pixels")
 
 
 def check_file(file: Path, error: type[LookdevError], most: int | None = None) -> None:
@@ -74,6 +74,8 @@ def open_image(file: Path, error: type[LookdevError], most: int | None = None) -
 
     The limit is as of `check_file`.
     """
+    import OpenImageIO as oiio
+
     check_file(file, error, most)
     _check_png(file, error, whole=False)
     # Some formats are decoded as they are opened. OpenImageIO refuses what is larger.
@@ -139,6 +141,8 @@ def strips(
 
     Raises `error` where the pixels cannot be read.
     """
+    import OpenImageIO as oiio
+
     spec = image.spec()
     _check_png(file, error, whole=True)
     if image.format_name() == "jpeg":

@@ -9,8 +9,11 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
+from types import FrameType
 
 _GRACE = 1.5  # seconds in which a program that is told to end may remove its files and end its children
+_LATER = 0.02  # seconds until a signal is repeated
 _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 
 
@@ -19,37 +22,61 @@ def end_with_parent() -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
+def _imports(frame: FrameType | None) -> bool:
+    """Return whether a module is being imported: libraries in C++ lose a KeyboardInterrupt then."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+@dataclass
+class Interruption:
+    """What has come of a signal. An Event has a lock: a second signal would wait for it while the first holds it."""
+
+    came: bool = False
+    raised: bool = False
+
+
 @contextmanager
-def ending_at_signals() -> Iterator[None]:
+def ending_at_signals() -> Iterator[Interruption]:
     """Make SIGTERM a KeyboardInterrupt, as Ctrl-C is, in the block, and end the process if it goes on nevertheless.
 
-    Python runs handlers between its own instructions: a library that computes for long would hold them up. Another
-    thread sees the signal at once. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the
-    parent.
+    Python runs handlers between its own instructions: a library that computes for long would hold them up, and a wait
+    that begins just after the signal is not interrupted. Another thread sees the signal at once, and repeats it until
+    it is raised. The first signal counts: Ctrl-C may arrive twice, from the terminal and from the parent.
     """
     reader, writer = os.pipe()
     os.set_blocking(writer, False)
+    main = threading.get_ident()
 
     def watch() -> None:
         with os.fdopen(reader, "rb", buffering=0) as signals:
-            if number := signals.read(1):
-                time.sleep(_GRACE)
-                if not done.is_set():
+            number = signals.read(1)
+            until = time.monotonic() + _GRACE
+            while number and not done.wait(_LATER):
+                with ending:
+                    if not done.is_set() and not interruption.raised:
+                        signal.pthread_kill(main, number[0])
+                if time.monotonic() > until:
                     os._exit(128 + number[0])
 
-    def interrupt(*_: object) -> None:
-        for number in before:
-            signal.signal(number, lambda *_: None)
-        raise KeyboardInterrupt
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interruption.came = True
+        if not interruption.raised and not _imports(frame):
+            interruption.raised = True
+            raise KeyboardInterrupt
 
-    done = threading.Event()
+    done, ending, interruption = threading.Event(), threading.Lock(), Interruption()
     before = {number: signal.signal(number, interrupt) for number in (signal.SIGINT, signal.SIGTERM)}
     waking = signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
     threading.Thread(target=watch, daemon=True).start()
     try:
-        yield
+        yield interruption
     finally:
-        done.set()
+        with ending:
+            done.set()
         signal.set_wakeup_fd(waking)
         for number, handler in before.items():
             signal.signal(number, handler)

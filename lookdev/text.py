@@ -7,13 +7,14 @@ stack. Each is a `TextError` that says so.
 from __future__ import annotations
 
 import json
+import os
 import re
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from lookdev.errors import Fault, FaultsError
+from lookdev.errors import Fault, FaultsError, OutputError
 
 LARGEST = 64 << 20
 """Bytes of a text file that are read, unless its kind has a limit of its own."""
@@ -30,6 +31,23 @@ _HINT = "a plain file with text would be right"
 
 class TextError(FaultsError):
     """A text file cannot be read, or does not hold what it should."""
+
+
+def stated_limit(variable: str, default: int, unit: str) -> int:
+    """Return a limit, which an environment variable may state; raises OutputError where it states no such number."""
+    given = os.environ.get(variable, str(default))
+    if not re.fullmatch(r"[1-9][0-9]{0,11}", given):
+        raise OutputError(f"{variable} is {given[:40]!a}; a number of {unit} from 1 to 10^12 is needed")
+    return int(given)
+
+
+def has_text_path(file: Path) -> bool:
+    """Return whether the path of a file is UTF-8: neither USD nor the libraries of images can open another."""
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def read_bytes(file: Path, largest: int = LARGEST) -> bytes:

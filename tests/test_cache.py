@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from lookdev.cache import Content, atomic_path, cache_dir, derived, keep, kept, take_notes
+from lookdev.cache import Content, atomic_path, cache_dir, derived, from_memory, keep, kept, take_notes
 from lookdev.errors import ContentError, OutputError
 
 
@@ -143,6 +143,21 @@ def test_a_cache_that_is_no_folder_is_named(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "file" / "cache"))
     with pytest.raises(OutputError, match=rf"the cache cannot be written: {tmp_path}/file/cache/osl: Not a directory"):
         cache_dir("osl")
+
+
+def test_what_a_library_loses_on_a_full_disk_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "full").symlink_to("/dev/full")
+    with pytest.raises(OSError, match="No space left"), from_memory(tmp_path / "full") as memory:
+        Path(memory).write_bytes(b"a few bytes")
+    with from_memory(tmp_path / "room") as memory:
+        Path(memory).write_bytes(b"a few bytes")
+    assert (tmp_path / "room").read_bytes() == b"a few bytes"
+
+
+@pytest.mark.parametrize("place", [Path(), Path("/"), Path("..")])
+def test_a_folder_is_no_file_to_write(place: Path) -> None:
+    with pytest.raises(IsADirectoryError, match="is a folder"), atomic_path(place):
+        pass
 
 
 def _write_twice(file: Path) -> None:

@@ -131,30 +131,54 @@ def test_a_limit_that_is_no_number_is_refused() -> None:
     assert text == f"LookdevError {MEMORY_VARIABLE} is '2 GiB'; a whole number from 1 to 999999999 is needed\n"
 
 
-def test_the_first_signal_counts(tmp_path: Path) -> None:
+def test_the_first_signal_counts() -> None:
     """Ctrl-C comes from the terminal and from the parent: what it starts to remove is removed nevertheless."""
     body = """
     with ending_at_signals():
         try:
-            Path("ready").touch()
-            time.sleep(60)
+            for _ in range(2):
+                signal.raise_signal(signal.SIGINT)
         except KeyboardInterrupt:
-            for _ in range(50):
-                time.sleep(0.01)
-            Path("removed").touch()
+            signal.raise_signal(signal.SIGINT)
+            print("removed")
             sys.exit(130)"""
-    process = subprocess.Popen((sys.executable, "-c", _PROGRAM.format(body=body)), cwd=tmp_path, process_group=0)
-    try:
-        until = time.monotonic() + 30.0
-        while not (tmp_path / "ready").exists():
-            assert time.monotonic() < until
-            time.sleep(0.01)
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.wait(5.0) == 0
-    finally:
-        process.kill()
-        process.wait()
-    assert (tmp_path / "removed").exists()
+    assert outcome(body) == "removed\ncode 130\n"
+
+
+def test_signals_that_come_together_interrupt_once() -> None:
+    """The second may come at any instruction of what the first runs, and waits for nothing that the first holds."""
+    body = """
+    def again(*_):
+        events.append(place)
+        if len(events) == place:
+            signal.raise_signal(signal.SIGINT)
+        return again
+    interruptions = 0
+    for place in range(1, 60):
+        events = []
+        with ending_at_signals():
+            try:
+                sys.settrace(again)
+                signal.raise_signal(signal.SIGINT)
+            except KeyboardInterrupt:
+                sys.settrace(None)
+                interruptions += 1
+    print(interruptions)"""
+    assert outcome(body) == "59\ncode 0\n"
+
+
+def test_a_signal_is_repeated_until_it_is_raised() -> None:
+    """One that comes just before a wait begins does not end it."""
+    body = """
+    with ending_at_signals() as interruption:
+        interruption.raised = True
+        signal.raise_signal(signal.SIGINT)
+        interruption.raised = False
+        try:
+            time.sleep(60.0)
+        except KeyboardInterrupt:
+            print("raised")"""
+    assert outcome(body) == "raised\ncode 0\n"
 
 
 def test_the_command_line_names_a_file_of_endless_references(tmp_path: Path) -> None:

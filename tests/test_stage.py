@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 from pxr import Sdf, UsdGeom, UsdShade, UsdUtils
 
-from lookdev.errors import LookError, StageError
+from lookdev.errors import LookError, OutputError, StageError
 from lookdev.stage import Composition, compose
+from lookdev.stage.files import DEFAULT_BYTES
 
 CAR = """#usda 1.0
 (
@@ -191,6 +194,7 @@ def test_a_layer_is_stronger_than_the_file_and_relative_to_its_own_folder(folder
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"prim": ""}, r"'' is not the path of a prim"),
         ({"prim": "Car"}, r"'Car' is not the path of a prim \(one looks like '/World/Car'\)"),
         ({"prim": "/Car.radius"}, "is not the path of a prim"),
         ({"prim": "/Car/Weel"}, r"/Car/Weel: there is no such prim \(below /Car there are: /Car/Plain, /Car/Wheel\)"),
@@ -341,7 +345,7 @@ def _cut_crate(data):
     [
         ("a.usdc", _cut_crate, "is damaged: a section of it is cut off"),
         ("a.usdc", lambda data: data[:40], "is damaged: a section of it is cut off"),
-        ("a.usdz", lambda data: data[:64] + _cut_crate(data[64:]), "is damaged: a section of its a.usdc is cut off"),
+        ("a.usdz", lambda data: data[:64] + _cut_crate(data[64:]), "member a.usdc, which is damaged: a section"),
         ("a.usdz", lambda data: data[:-22], "is no package that can be read: File is not a zip file"),
         ("a.usda", lambda data: data.replace(b"Ball", b"Ba\0l"), "holds a character 0, which no text has"),
         ("a.usda", lambda data: data.replace(b"Ball", b"B\xe4ll"), "holds text that is not UTF-8"),
@@ -360,3 +364,32 @@ def test_damaged_files_are_faults_and_do_not_reach_usd(tmp_path, name, change, m
     with pytest.raises(StageError, match=message):
         compose(Composition(copy))
     assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("start", [b"#usda 1.0\n", b"#sdf 1.4.32\n"])
+def test_a_huge_text_layer_is_a_fault_before_it_is_read(tmp_path, start):
+    file = tmp_path / "huge.usda"
+    file.write_bytes(start)
+    os.truncate(file, DEFAULT_BYTES + 1)  # sparse
+    with pytest.raises(
+        StageError, match=f"has {DEFAULT_BYTES + 1} bytes; at most LOOKDEV_LAYER_BYTES = {DEFAULT_BYTES}"
+    ):
+        compose(Composition(file))
+
+
+def test_text_in_a_package_is_bounded_as_a_file_is(tmp_path, monkeypatch):
+    text = '#usda 1.0\ndef Sphere "Ball"\n{\n    string[] names = [' + '"a", ' * 500 + '"b"]\n}\n'
+    (tmp_path / "a.usda").write_text(text)
+    package = tmp_path / "a.usdz"
+    UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(tmp_path / "a.usda")), str(package))
+    monkeypatch.setenv("LOOKDEV_LAYER_BYTES", "1000")
+    with pytest.raises(StageError, match=r"member a\.usda, which has \d{4} bytes; at most LOOKDEV_LAYER_BYTES = 1000"):
+        compose(Composition(package))
+    monkeypatch.setenv("LOOKDEV_LAYER_BYTES", "10000")
+    assert compose(Composition(package)).stage.GetPrimAtPath("/Ball")
+    (tmp_path / "deep.usdz").write_bytes(package.read_bytes().replace(b'"a", ' * 400, b"[" * 2000))
+    with pytest.raises(StageError, match=r"member a\.usda, which is nested 2002 brackets deep"):
+        compose(Composition(tmp_path / "deep.usdz"))
+    monkeypatch.setenv("LOOKDEV_LAYER_BYTES", "1e9")
+    with pytest.raises(OutputError, match=r"LOOKDEV_LAYER_BYTES is '1e9'; a number of bytes"):
+        compose(Composition(package))

@@ -17,7 +17,7 @@ from lookdev.asset.mesh import Asset, Instance, Mesh, Slot
 from lookdev.asset.store import make_asset, read_asset, save_asset
 from lookdev.errors import AssetError, nearest_hint
 
-__all__ = ["BUILTINS", "Asset", "Instance", "Mesh", "Slot", "load_asset", "read_asset", "save_asset"]
+__all__ = ["BUILTINS", "Asset", "Instance", "Mesh", "Slot", "load_asset", "make_asset", "read_asset", "save_asset"]
 
 
 def load_asset(usd: Path | None = None, builtin: str | None = None, prim: str | None = None) -> Asset:

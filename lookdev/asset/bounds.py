@@ -18,46 +18,43 @@ Index = NDArray[np.intp]
 _ROUNDS = 100
 _TOLERANCE = 1e-7
 _CELLS = 8  # along each side of the box of a mesh
+_PARTS = 512  # of a mesh, at most
 _FEW_POINTS, _FEW_INSTANCES = 512, 16  # of a mesh that has no cells
-_RUN = 1024  # points
+_RUN, _SHORT_RUN = 1024, 128  # points
 _INSTANCES = 32  # whose parts are sorted at once
 
 
 class _Cloud:
     """All points of all instances; the search for the farthest one skips instances, and parts of them, by their bounds.
 
-    The parts of a mesh of many points and many instances are the cells of a grid in its box. Those of another mesh are
-    runs of its points, which mostly lie near each other.
+    The parts of a mesh are runs of its points, which mostly lie near each other; those of a mesh of many points and
+    many instances are sorted by the cells of a grid in its box.
     """
 
     def __init__(self, meshes: Sequence[Mesh], instances: Sequence[Instance]) -> None:
-        points, counts, boxes = _joined(meshes)
+        self._points, counts, boxes = _joined(meshes)
         mesh = np.array([instance.mesh for instance in instances])
         divided = (counts >= _FEW_POINTS) & (np.bincount(mesh, minlength=len(meshes)) >= _FEW_INSTANCES)
-        cells = np.repeat(np.arange(len(meshes)) * _CELLS**3, counts)
-        ends = np.cumsum(counts)
-        for number in np.flatnonzero(divided | (counts > _RUN)):
-            own = cells[ends[number] - counts[number] : ends[number]]
-            runs = np.arange(len(own)) // max(_RUN, -(-len(own) // _CELLS**3))
-            own += grid_cells(meshes[number].points, boxes[number]) if divided[number] else runs
-        order = np.argsort(cells, kind="stable")
-        self._points = points[order]
-        self._starts = np.flatnonzero(np.diff(cells[order], prepend=-1))
-        self._lengths = np.diff(self._starts, append=len(points))
-        self._middles, self._radii = bounding_spheres(bounding_boxes(self._points, self._starts))
-        parts = np.bincount(cells[order[self._starts]] // _CELLS**3, minlength=len(meshes))
-        self._first_part, self._parts = (np.cumsum(parts) - parts)[mesh], parts[mesh]
+        begins = np.cumsum(counts) - counts
+        for number in np.flatnonzero(divided):
+            own = self._points[begins[number] : begins[number] + counts[number]]
+            own[:] = own[np.argsort(grid_cells(own, boxes[number]), kind="stable")]
+        runs = np.maximum(np.where(divided, _SHORT_RUN, _RUN), -(-counts // _PARTS))
+        parts = -(-counts // runs)
+        first = np.cumsum(parts) - parts
+        self._starts = np.repeat(begins - first * runs, parts) + np.arange(parts.sum()) * np.repeat(runs, parts)
+        self._lengths = np.diff(self._starts, append=len(self._points))
+        self._middles, self._halves = _middles_and_halves(bounding_boxes(self._points, self._starts))
+        self._first_part, self._parts = first[mesh], parts[mesh]
         matrices = np.array([instance.matrix for instance in instances])
         self._linear, self._offset = matrices[:, :3, :3], matrices[:, :3, 3]
-        self._stretch = np.linalg.norm(self._linear, ord=2, axis=(1, 2))
-        middles, radii = bounding_spheres(boxes)
-        self.centers = self._placed(np.arange(len(mesh)), middles[mesh])
-        self._reach = self._stretch * radii[mesh]
+        self._boxes = tuple(each[mesh] for each in _middles_and_halves(boxes))
+        self.centers = self._placed(np.arange(len(mesh)), self._boxes[0])
 
     def farthest(self, center: Doubles) -> tuple[Doubles, float]:
         """Return the point farthest from `center` and its distance."""
         best, distance = center, -1.0
-        limits = np.linalg.norm(self.centers - center, axis=1) + self._reach
+        limits = self._bounds(center, np.arange(len(self._parts)), *self._boxes)
         order = np.argsort(-limits)
         for first in range(0, len(order), _INSTANCES):
             instances = order[first : first + _INSTANCES]
@@ -65,8 +62,7 @@ class _Cloud:
             counts = self._parts[instances]
             owner = np.repeat(instances, counts)
             part = self._first_part[owner] + np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-            bounds = np.linalg.norm(self._placed(owner, self._middles[part]) - center, axis=1)
-            bounds += self._stretch[owner] * self._radii[part]
+            bounds = self._bounds(center, owner, self._middles[part], self._halves[part])
             for k in np.argsort(-bounds):
                 if bounds[k] <= distance:
                     break
@@ -78,6 +74,11 @@ class _Cloud:
                 if squares[i] > distance * abs(distance):
                     best, distance = world[i], float(np.sqrt(squares[i]))
         return best, distance
+
+    def _bounds(self, center: Doubles, owner: Index, middles: Doubles, halves: Doubles) -> Doubles:
+        """Return distances (k,) from a place that no point of boxes of some instances exceeds."""
+        away = np.abs(self._placed(owner, middles) - center)
+        return np.asarray(np.linalg.norm(away + np.einsum("nij,nj->ni", np.abs(self._linear[owner]), halves), axis=1))
 
     def _placed(self, owner: Index, points: Doubles) -> Doubles:
         """Return a point of each instance in the world."""
@@ -152,9 +153,9 @@ def bounding_boxes(points: NDArray[np.floating[Any]], starts: Index) -> Doubles:
     return np.asarray(np.stack(boxes, axis=1), np.float64)
 
 
-def bounding_spheres(boxes: Doubles) -> tuple[Doubles, Doubles]:
-    """Return the middles (k, 3) of boxes and half their diagonals (k,)."""
-    return boxes.mean(axis=1), 0.5 * np.linalg.norm(np.ptp(boxes, axis=1), axis=1)
+def _middles_and_halves(boxes: Doubles) -> tuple[Doubles, Doubles]:
+    """Return the middles (k, 3) of boxes and half their extents (k, 3)."""
+    return boxes.mean(axis=1), 0.5 * np.ptp(boxes, axis=1)
 
 
 def grid_cells(points: NDArray[np.floating[Any]], box: Doubles) -> Index:

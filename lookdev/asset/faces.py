@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset.mesh import Floats
-from lookdev.asset.normals import blocks, face_starts, next_corners
+from lookdev.asset.normals import blocks, face_starts, together
 from lookdev.asset.shape import Attribute, Index, Shape
 from lookdev.asset.tangents import mixed
 from lookdev.errors import AssetError
@@ -26,8 +26,8 @@ class Faces:
 
     `all_points`, `all_faces`, `all_corners` (s + 1,) are where each shape's arrays begin among those of all; `faces`
     and `corners` (s + 1,) where its kept ones begin. sizes (f,); face_source (f,) and corner_source (m,) number kept
-    faces and corners among all; corner_points (m,) number the points of all. `holes` (f,) are kept faces that are not
-    shown.
+    faces and corners among all, None where they are all corners in their order; corner_points (m,) number the points of
+    all. `holes` (f,) are kept faces that are not shown.
     """
 
     shapes: Sequence[Shape]
@@ -38,7 +38,7 @@ class Faces:
     corners: Index
     sizes: Index
     face_source: Index
-    corner_source: Index
+    corner_source: Index | None
     corner_points: Index
     holes: NDArray[np.bool_]
 
@@ -47,23 +47,25 @@ class Faces:
         """Return the faces that are kept; raises AssetError with a line for each shape that contradicts itself."""
         counts = np.array([(len(each.points), len(each.face_sizes), len(each.face_points)) for each in shapes], np.intp)
         point_starts, all_faces, all_corners = np.vstack([np.zeros(3, np.intp), counts.cumsum(axis=0)]).T
-        sizes = np.concatenate([each.face_sizes for each in shapes]).astype(np.intp, copy=False)
-        points = np.concatenate([each.face_points for each in shapes]).astype(np.intp, copy=False)
+        sizes = together([each.face_sizes for each in shapes]).astype(np.intp, copy=False)
+        points = together([each.face_points for each in shapes]).astype(np.intp, copy=False)
         _check_sizes(shapes, sizes, all_faces)
         _check_range(shapes, points, np.diff(all_corners), counts[:, 0], "faceVertexIndices", "points")
-        points += np.repeat(point_starts[:-1], counts[:, 2])
+        if len(shapes) > 1:
+            points += np.repeat(point_starts[:-1], counts[:, 2])
         holes = _holes(shapes, all_faces)
 
         caged = np.array([each.subdivision is not None for each in shapes])
         keep = (sizes >= 3) & ~(holes & ~np.repeat(caged, counts[:, 1]))
-        keep[keep] = _distinct(points[np.repeat(keep, sizes)], sizes[keep])
-        source = np.arange(len(points))
+        keep[keep] = _distinct(points if keep.all() else points[np.repeat(keep, sizes)], sizes[keep])
+        source = None
         mirrored = np.array([each.left_handed for each in shapes])
-        if mirrored.any():  # each face's corners backwards
+        if mirrored.any() or not keep.all():
+            source = np.arange(len(points))
             last = np.repeat(2 * face_starts(sizes) + sizes - 1, sizes)
-            source = np.where(np.repeat(mirrored, counts[:, 2]), last - source, source)
-        if not keep.all():
-            source = source[np.repeat(keep, sizes)]
+            # Each face's corners backwards.
+            source = np.where(np.repeat(mirrored, counts[:, 2]), last - source, source)[np.repeat(keep, sizes)]
+            points = points[source]
         face_source = np.flatnonzero(keep)
         faces = np.searchsorted(face_source, all_faces)
         sizes = sizes[keep]
@@ -78,7 +80,7 @@ class Faces:
             sizes,
             face_source,
             source,
-            points[source],
+            points,
             holes[keep],
         )
 
@@ -93,7 +95,7 @@ class Faces:
         numbers = np.array([number for number, _ in given], np.intp)
         raise_all(fault for number, each in given if (fault := self._wrong_count(number, each)))
         with np.errstate(over="ignore"):
-            values = np.concatenate([each.values for _, each in given]).astype(np.float32, copy=False)
+            values = together([each.values for _, each in given]).astype(np.float32, copy=False)
         lengths = np.array([len(each.values) for _, each in given], np.intp)
         starts = np.cumsum(lengths) - lengths
         if not (finite := np.isfinite(values)).all():
@@ -104,29 +106,34 @@ class Faces:
             )
         kinds = np.array([_CORNER_INDEX[each.interpolation] for _, each in given], np.intp)
         counts = np.diff(self.corners)[numbers]
-        index = np.empty(counts.sum(), np.intp)
-        for kind in np.unique(kinds):
-            chosen = numbers[kinds == kind]
-            here = slice(None) if len(chosen) == len(numbers) else np.repeat(kinds == kind, counts)
-            index[here] = self._sources(kind, chosen, starts[kinds == kind])
-        return np.split(values[index], np.cumsum(counts)[:-1])
+        if (kinds == kinds[0]).all():
+            index = self._sources(kinds[0], numbers, starts)
+        else:
+            index = np.empty(counts.sum(), np.intp)
+            for kind in np.unique(kinds):
+                chosen = kinds == kind
+                index[np.repeat(chosen, counts)] = self._sources(kind, numbers[chosen], starts[chosen])
+        return np.split(values.take(index, axis=0), np.cumsum(counts)[:-1])
 
     def _sources(self, kind: int, chosen: Index, value_starts: Index) -> Index:
         """Return the index of each kept corner of the chosen shapes among the values of an interpolation."""
         counts = np.diff(self.corners)[chosen]
         if kind == 0:
             return np.repeat(value_starts, counts)
-        every, begins = (
-            (np.repeat(self.face_source, self.sizes), self.all_faces),
-            (self.corner_points, self.all_points),
-            (self.corner_source, self.all_corners),
-        )[kind - 1]
+        if kind == 1:
+            every, begins = np.repeat(self.face_source, self.sizes), self.all_faces
+        elif kind == 2:
+            every, begins = self.corner_points, self.all_points
+        else:
+            source = self.corner_source
+            every = np.arange(len(self.corner_points)) if source is None else source
+            begins = self.all_corners
         shift = value_starts - begins[chosen]
         if len(chosen) < len(self.shapes):
             wanted = np.zeros(len(self.shapes), bool)
             wanted[chosen] = True
             every = every[np.repeat(wanted, np.diff(self.corners))]
-        return np.asarray(every + np.repeat(shift, counts))
+        return every + np.repeat(shift, counts) if shift.any() else every
 
     def _wrong_count(self, number: int, attribute: Attribute) -> str:
         shape, name = self.shapes[number], self._name(number, attribute)
@@ -155,7 +162,8 @@ def first_in_each(places: Index, begins: Index) -> list[tuple[int, int]]:
 
 
 def _check_sizes(shapes: Sequence[Shape], sizes: Index, face_begins: Index) -> None:
-    total = np.diff(np.concatenate([[0], np.cumsum(sizes)])[face_begins])
+    total, filled = np.zeros(len(shapes), np.intp), np.diff(face_begins) > 0
+    total[filled] = np.add.reduceat(sizes, face_begins[:-1][filled])
     given = np.array([len(each.face_points) for each in shapes])
     wrong = total != given
     wrong[np.searchsorted(face_begins, np.flatnonzero(sizes < 0), side="right") - 1] = True
@@ -167,6 +175,9 @@ def _check_sizes(shapes: Sequence[Shape], sizes: Index, face_begins: Index) -> N
 
 
 def _check_range(shapes: Sequence[Shape], indices: Index, lengths: Index, limits: Index, name: str, of: str) -> None:
+    least = limits.min()
+    if len(indices) == 0 or (indices.min() >= 0 and indices.max() < least):
+        return
     bad = np.flatnonzero((indices < 0) | (indices >= np.repeat(limits, lengths)))
     begins = np.cumsum(lengths) - lengths
     raise_all(
@@ -204,15 +215,16 @@ def _distinct(points: Index, sizes: Index) -> NDArray[np.bool_]:
     """
     distinct, key = np.ones(len(sizes), bool), np.zeros(len(sizes), np.uint64)
     for faces, corners in blocks(sizes):
-        own, mine = sizes[faces], points[corners]
+        own, mine = sizes[faces], points[corners].astype(np.uint64)
         starts = face_starts(own)
-        for size in np.unique(own):
+        for size in own[:1] if (own == own[0]).all() else np.unique(own):
             these = np.flatnonzero(own == size)
-            corner = np.sort(mine[starts[these][:, None] + np.arange(size)], axis=1)
-            distinct[faces][these] = (corner[:, 1:] != corner[:, :-1]).all(axis=1)
-        edges = mine.astype(np.uint64) << np.uint64(32) | mine[next_corners(own)].astype(np.uint64)
-        # The hash of 0 is 0: an edge from point 0 to itself would not count.
-        key[faces] = np.add.reduceat(mixed(edges + np.uint64(1)), starts)
+            corner = mine[starts[these] + np.arange(size)[:, None]]
+            ordered = np.sort(corner, axis=0)
+            distinct[faces][these] = (ordered[1:] != ordered[:-1]).all(axis=0)
+            edges = corner << np.uint64(32) | np.roll(corner, -1, axis=0)
+            # The hash of 0 is 0: an edge from point 0 to itself would not count.
+            key[faces][these] = mixed(edges + np.uint64(1)).sum(axis=0)
     ordered = np.sort(key)
     if (ordered[1:] == ordered[:-1]).any():
         first = np.unique(key, return_index=True)[1]

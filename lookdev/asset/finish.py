@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset.faces import Faces, first_in_each, raise_all
 from lookdev.asset.mesh import Floats, Mesh, Subdivision
-from lookdev.asset.normals import batches, blocks, face_areas, face_starts, sum_by, unit_or
+from lookdev.asset.normals import area_vectors, batches, blocks, face_starts, sum_by, together, unit_or
 from lookdev.asset.shape import LARGEST, Attribute, Doubles, Index, Shape
 from lookdev.errors import AssetError
 
@@ -56,8 +56,9 @@ def _finish(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
     if len(faces.sizes) == 0:
         return [None] * len(shapes)
     number, kept = _used_points(faces)
-    points = np.concatenate([each.points for each in shapes])[kept]
-    corner_points = number[faces.corner_points]
+    points, corner_points = together([each.points for each in shapes]), faces.corner_points
+    if len(kept) < len(points):
+        points, corner_points = points[kept], number[corner_points]
     point_starts = np.searchsorted(kept, faces.all_points)
     if y_up:
         points = _upright(points)
@@ -65,7 +66,9 @@ def _finish(shapes: Sequence[Shape], y_up: bool) -> list[Mesh | None]:
     attributes = _attributes(shapes, faces)
     normals = _normals(shapes, faces, points, corner_points, y_up)
     uvs = [_uvs(shape, values) for shape, values in zip(shapes, attributes, strict=True)]
-    local = (corner_points - np.repeat(point_starts[:-1], np.diff(faces.corners))).astype(np.int32)
+    local = corner_points.astype(np.int32)
+    if len(shapes) > 1:
+        local -= np.repeat(point_starts[:-1].astype(np.int32), np.diff(faces.corners))
     sizes = faces.sizes.astype(np.int32)
 
     meshes: list[Mesh | None] = []
@@ -113,7 +116,9 @@ def _upright(vectors: NDArray[Any]) -> NDArray[Any]:
 
 
 def _single(points: Doubles, shapes: Sequence[Shape], kept: Index, begins: Index) -> Floats:
-    if not (bounded := np.abs(points) <= LARGEST).all():
+    # A number that is none is not within any bounds.
+    if not (points.max() <= LARGEST and points.min() >= -LARGEST):
+        bounded = np.abs(points) <= LARGEST
         raise_all(
             f"{shapes[i].name}: points[{j}] is not a number of metres within +-{LARGEST:g}"
             for i, j in first_in_each(kept[~bounded.all(axis=1)], begins)
@@ -136,10 +141,16 @@ def _attributes(shapes: Sequence[Shape], faces: Faces) -> list[dict[str, Floats]
 
 def _normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corner_points: Index, y_up: bool) -> Floats:
     """Return unit normals (m, 3): those of the shape, its facets' or smooth ones."""
-    areas = face_areas(points, corner_points, faces.sizes)
-    flat = unit_or(areas, np.array([0.0, 0.0, 1.0])).astype(np.float32)
     smooth = np.array([each.normals is None and not each.flat for each in shapes])
-    if smooth.any():
+    given = [(i, each.normals) for i, each in enumerate(shapes) if each.normals is not None]
+    flat = np.empty((len(faces.sizes), 3), np.float32)
+    areas = np.empty(flat.shape) if smooth.any() or given else None
+    for some, corners in blocks(faces.sizes):
+        own = area_vectors(points.take(corner_points[corners], axis=0), faces.sizes[some])
+        flat[some] = unit_or(own, np.array([0.0, 0.0, 1.0]))
+        if areas is not None:
+            areas[some] = own
+    if areas is not None and smooth.any():
         sums = sum_by(corner_points, np.repeat(areas, faces.sizes, axis=0), len(points))
         units = unit_or(sums, np.zeros(3)).astype(np.float32)
         shared = (sums != 0.0).any(axis=1)
@@ -149,11 +160,10 @@ def _normals(shapes: Sequence[Shape], faces: Faces, points: Doubles, corner_poin
     normals = np.repeat(flat, faces.sizes, axis=0)
     if smooth.any():
         normals[here] = units[corner_points[here]]
-    given = [(i, each.normals) for i, each in enumerate(shapes) if each.normals is not None]
     for (i, _), authored in zip(given, faces.at_corners(given) if given else (), strict=True):
         of_faces, of_corners = slice(*faces.faces[i : i + 2]), slice(*faces.corners[i : i + 2])
         sizes = faces.sizes[of_faces]
-        if len(sizes):
+        if areas is not None and len(sizes):
             vectors = _upright(authored) if y_up else authored
             along = (np.add.reduceat(vectors, face_starts(sizes), dtype=np.float64) * areas[of_faces]).sum()
             sign = -1.0 if along < 0.0 else 1.0

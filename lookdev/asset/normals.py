@@ -13,6 +13,12 @@ Numbers = NDArray[np.signedinteger[Any]]
 
 _BLOCK = 1 << 13  # corners
 _BATCH = 1 << 18
+_FEW_CORNERS = 7  # of a face: NumPy sums so few numbers one after the other, whatever their layout
+
+
+def together(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """Return arrays as one, without a copy of a single one."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
 def face_starts(face_sizes: Numbers) -> NDArray[np.intp]:
@@ -48,26 +54,30 @@ def batches(corners: Sequence[int]) -> Iterator[slice]:
             start, total = number + 1, 0
 
 
-def face_areas(points: Doubles, corner_points: Numbers, face_sizes: Numbers) -> Doubles:
-    """Return `area_vectors` (f, 3) of faces whose corners are at points (n, 3)."""
-    areas = np.empty((len(face_sizes), 3))
-    for faces, corners in blocks(face_sizes):
-        areas[faces] = area_vectors(points[corner_points[corners]], face_sizes[faces])
-    return areas
-
-
 def area_vectors(corner_positions: Doubles, face_sizes: Numbers) -> Doubles:
     """Return each face's area times its unit normal (f, 3), by Newell's method; faces need not be planar.
 
     `corner_positions` is (m, 3), counter-clockwise seen from outside.
     """
+    if len(face_sizes) and (size := face_sizes[0]) <= _FEW_CORNERS and (face_sizes == size).all():
+        return _alike_area_vectors(corner_positions.reshape(-1, size, 3))
     starts = face_starts(face_sizes)
     # Relative to a corner of the face: far from the origin the cross products cancel.
     local = corner_positions - np.repeat(corner_positions[starts], face_sizes, axis=0)
     x, y, z = local.T
     u, v, w = local[next_corners(face_sizes)].T
     crosses = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
-    return np.asarray(0.5 * np.add.reduceat(crosses, starts, axis=0))
+    return np.asarray(0.5 * np.add.reduceat(crosses, starts, axis=0) + 0.0)
+
+
+def _alike_area_vectors(corner_positions: Doubles) -> Doubles:
+    """Return `area_vectors` of faces of as many corners (f, n, 3): the same bits in a third of the time."""
+    by_corner = np.ascontiguousarray(corner_positions.transpose(2, 1, 0))
+    x, y, z = local = by_corner - by_corner[:, :1]
+    u, v, w = np.roll(local, -1, axis=1)
+    crosses = y * w - z * v, z * u - x * w, x * v - y * u
+    # The sign of a zero depends on the layout, but for the last sum.
+    return np.asarray(0.5 * np.stack([each.sum(axis=0) for each in crosses], axis=-1) + 0.0)
 
 
 def unit_or(vectors: Doubles, fallback: NDArray[np.floating[Any]]) -> Doubles:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset.bounds import Index, grid_cells, smallest_ball
 from lookdev.asset.mesh import Asset, Mesh
-from lookdev.asset.normals import Doubles
+from lookdev.asset.normals import Doubles, together
 
 _OFTEN = 8  # instances: the corners of a mesh's hull are found faster than the points of so many are placed
 _SMALL = 32  # points of a mesh that are placed faster than its corners are found
@@ -53,14 +53,15 @@ def outline(asset: Asset) -> Doubles:
 def turning_axis(points: Doubles) -> tuple[float, float]:
     """Return x and y of the vertical axis through the centre of the smallest circle around points (n, 3) from above."""
     footprint = points[:, :2]
+    x, y = np.ascontiguousarray(footprint.T)
 
     def farthest(center: Doubles) -> tuple[Doubles, float]:
-        squares = ((footprint - center) ** 2).sum(axis=1)
+        squares = (x - center[0]) ** 2 + (y - center[1]) ** 2
         index = int(squares.argmax())
         return footprint[index], math.sqrt(squares[index])
 
-    x, y = smallest_ball(farthest, footprint.mean(axis=0)).tolist()
-    return x, y
+    east, north = smallest_ball(farthest, footprint.mean(axis=0)).tolist()
+    return east, north
 
 
 class _Polytope:
@@ -119,7 +120,7 @@ class _Placed:
     def points(self) -> Doubles:
         """Return all points in the world."""
         placed = zip(self.of.tolist(), self.matrices, strict=True)
-        return np.concatenate([self.clouds[each] @ matrix[:3, :3].T + matrix[:3, 3] for each, matrix in placed])
+        return together([self.clouds[each] @ matrix[:3, :3].T + matrix[:3, 3] for each, matrix in placed])
 
     def outside(self, inner: _Polytope) -> _Placed:
         """Return those whose box is not inside a polytope."""

@@ -83,7 +83,7 @@ def export_blend(
     """
     out = out.absolute()
     if out.suffix != ".blend":
-        raise LookdevError(f"{out.name}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
+        raise LookdevError(f"{out}: an exported scene is a .blend; -o {out.stem or 'look'}.blend would be right")
     if out.is_dir():
         raise OutputError(f"{out}: is a folder; name a file")
     made = read_setups(job, backend="nodes")
@@ -222,7 +222,7 @@ def _run(task: BlendTask, command: Sequence[str], patience: float) -> tuple[str,
             line = last_line(log)
             raise WorkerError(f"the exporter ended with exit code {process.returncode}: {line}") from None
     if answer.error:
-        raise RenderError(answer.error)
+        raise RenderError(f"{task.file.name}: {answer.error}")
     if not task.file.is_file():
         raise WorkerError(f"the exporter ended without an error, and without {task.file.name}")
     return answer.notes

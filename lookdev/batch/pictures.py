@@ -1,7 +1,7 @@
 """The outputs of a plan: files made of finished frames, and made again only when they would differ.
 
 A ledger in the output's state folder records what each file was made of, the frame digests and the options, and its
-size. So a new view, another number of frames, or a file that was cut off is noticed although no frame was rendered.
+digest. So a new view, another number of frames, or a file that was damaged is noticed although no frame was rendered.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.batch.lock import STATE_FOLDER
-from lookdev.cache import atomic_path, share
+from lookdev.cache import atomic_path, file_digest, share
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, read_frame
 from lookdev.plan import Plan, Reel
@@ -109,7 +109,7 @@ class Pictures:
         frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light)
         write_shared(paths, lambda path: file.output.write(path, frames))
         key = self._key(file)
-        self._ledger |= {self._name(path): [key, path.stat().st_size] for path in paths}
+        self._ledger |= {self._name(path): [key, file_digest(path)] for path in paths}
         with atomic_path(self._ledger_file) as temporary:
             temporary.write_text(json.dumps(self._ledger, indent=0))
 
@@ -122,7 +122,7 @@ class Pictures:
         return {name: getattr(self._outputs, name) for name in ("view", *output.options)}
 
     def _is_current(self, path: Path, key: str) -> bool:
-        return path.is_file() and self._ledger.get(self._name(path)) == [key, path.stat().st_size]
+        return path.is_file() and self._ledger.get(self._name(path)) == [key, file_digest(path)]
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._root).as_posix()

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.cache import take_notes
-from lookdev.errors import Fault
+from lookdev.errors import Fault, LookdevError
 from lookdev.job import Job, load_job
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.scenes import JobScenes, job_scenes
+from lookdev.light import Light
+from lookdev.material import Look
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan, make_setup
-from lookdev.render.scene import Generated
+from lookdev.render.scene import Generated, scene_task
+from lookdev.render.task import SceneTask
+from lookdev.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -41,9 +48,21 @@ def prepare_job(path: Path, backend: str | None = None) -> Prepared:
     return plan_job(_with_backend(load_job(path), backend))
 
 
-def plan_job(job: Job) -> Prepared:
-    """Read the files of a job and plan its frames, those on disk included; raises FaultsError with all their faults."""
-    made = make_setups(job_scenes(job))
+def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prepared:
+    """Read the files of a job and plan its frames, those on disk included; raises FaultsError with all their faults.
+
+    `ahead` is called before the asset is read, with a scene of a card that wears a look of the job: a worker that
+    prepares it has compiled the shader when the frames are planned.
+    """
+    generated: Generated = {}
+
+    def show(job: Job, look: Look, light: Light) -> None:
+        if ahead is not None:
+            with suppress(LookdevError):  # the setups report it
+                scene = Scene.of_look(_card(), look, light, job.render.resolution)
+                ahead(scene_task(scene, job.render.sampling, job.render.backend, job.render.device, generated))
+
+    made = make_setups(job_scenes(job, show), generated)
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)
@@ -52,7 +71,7 @@ def plan_job(job: Job) -> Prepared:
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
     """Read a job and its files; backend and errors as `prepare_job`."""
-    return make_setups(job_scenes(_with_backend(load_job(path), backend)))
+    return make_setups(job_scenes(_with_backend(load_job(path), backend)), {})
 
 
 def _with_backend(job: Job, backend: str | None) -> Job:
@@ -61,12 +80,17 @@ def _with_backend(job: Job, backend: str | None) -> Job:
     return job.model_copy(update={"render": job.render.model_copy(update={"backend": backend})})
 
 
-def make_setups(shown: JobScenes) -> JobSetups:
+def _card() -> Asset:
+    """Return a card that is lit as any asset is: a built-in one is known to need no bounces."""
+    plane = load_asset(builtin="plane")
+    return make_asset("card", plane.meshes, plane.instances, plane.slots)
+
+
+def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
     """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
     job, faults = shown.job, list[Fault]()
     ibls = {ibl.name: ibl for ibl in job.ibl}
     setups = []
-    generated: Generated = {}
     for (look, name), scene in shown.scenes.items():
         with collected(job, shown.places[look], faults):
             ibl, render = ibls[name], job.render

@@ -22,6 +22,7 @@ from lookdev.batch.events import (
     RunStarted,
     SheetWritten,
 )
+from lookdev.errors import printable
 
 
 @contextmanager
@@ -87,7 +88,7 @@ class _PlainReport:
 
     def __call__(self, event: Event) -> None:
         if (line := self._tally.take(event)) is not None:
-            self._stream.write(line + "\n")
+            self._stream.write(printable(line) + "\n")
             self._stream.flush()  # a log file is followed while the run goes on
 
 
@@ -103,10 +104,11 @@ class _LiveReport:
     def __call__(self, event: Event) -> None:
         tally = self._tally
         if (line := tally.take(event)) is not None:
-            self._display.console.print(line, markup=False, highlight=False, soft_wrap=True)
+            self._display.console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
         match event:
             case FrameStarted():
-                self._display.reset(self._frame, total=None, description=event.name, visible=True, note="starting")
+                name = printable(event.name)
+                self._display.reset(self._frame, total=None, description=name, visible=True, note="starting")
             case FrameProgressed():
                 error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"
                 note = f"{event.samples}/{event.of} samples{error}"

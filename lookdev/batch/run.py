@@ -32,10 +32,11 @@ from lookdev.batch.sanity import doubts
 from lookdev.cache import share
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.job import Job, JobOutputs, load_job
-from lookdev.output.exr import read_header, write_frame
+from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
-from lookdev.render.task import FrameTask
+from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_line
 
 if TYPE_CHECKING:
@@ -87,17 +88,20 @@ class RunResult:
         return "\n".join(lines)
 
 
-def _plan_job(job: Job) -> Prepared:
+Prepare = Callable[[Job, Callable[[SceneTask], None] | None], "Prepared"]
+
+
+def _plan_job(job: Job, ahead: Callable[[SceneTask], None] | None) -> Prepared:
     # Imported while Blender starts: what reads files takes as long to import as the rest of the program.
     from lookdev.batch.prepare import plan_job
 
-    return plan_job(job)
+    return plan_job(job, ahead)
 
 
 def render_job(
     path: Path,
     *,
-    prepare: Callable[[Job], Prepared] = _plan_job,
+    prepare: Prepare = _plan_job,
     force: bool = False,
     report: Report = lambda event: None,
 ) -> RunResult:
@@ -107,13 +111,13 @@ def render_job(
     frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
     job = load_job(path)
-    command = BACKENDS[job.render.backend].command
-    with output_lock(job.output) as folder, _opened(folder, command) as worker:
+    backend = BACKENDS[job.render.backend]
+    with output_lock(job.output) as folder, _opened(folder, backend.command) as worker:
         if force or _lacks_frames(job):
             # Blender starts while files are read; an error is that of the first frame, then.
             with suppress(WorkerError):
                 worker.launch()
-        prepared = prepare(job)
+        prepared = prepare(job, worker.prepare if backend.ahead else None)
         for note in prepared.notes:
             report(Noted(note))
         job = prepared.job
@@ -206,7 +210,8 @@ def run_plan(
     except BrokenPipeError:
         raise  # of the report: frames are not written to pipes
     except OSError as error:
-        raise OutputError(f"{plan.output}: the output cannot be written: {error}") from error
+        place, why = error.filename or plan.output, error.strerror or error
+        raise OutputError(f"{place}: the output cannot be written: {why}") from error
     return run.result(interrupted=False)
 
 
@@ -245,6 +250,8 @@ class _Run:
         pending = tasks if force else list(self._plan.pending())
         # By file: equal looks have one digest.
         waiting = {task.files for task in pending}
+        files = () if force else (each for frame in self._plan.frames for each in frame.files)
+        damaged = [each.path for each in files if each.reason == DAMAGED]
         for copy in () if force else self._plan.copies():
             share(copy.source, copy.target)
         for task in tasks:
@@ -252,10 +259,16 @@ class _Run:
                 continue
             try:
                 self._pictures.refresh(task)
-            except OutputError:  # the header is valid, the pixels are not, after a power failure
+            except OutputError:
+                if _is_whole(task.files[0]):
+                    raise
+                # Of a version without checksums: its header is valid, its pixels are not.
+                damaged.append(task.files[0])
                 pending.append(task)
             else:
                 self._done.update(task.files)
+        for path in damaged:
+            self._report(Noted(f"{path}: was damaged, and is made again"))
         self._report_sheets(self._pictures.refresh_sheets(self._done))
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
@@ -330,6 +343,14 @@ class _Run:
 
     def _name(self, task: FrameTask) -> str:
         return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+
+
+def _is_whole(frame: Path) -> bool:
+    try:
+        read_frame(frame)
+    except OutputError:
+        return False
+    return True
 
 
 def _start(worker: Worker) -> None:

@@ -88,6 +88,7 @@ def _measure_cells(results: Results, folder: Path, report: Report, opened: Open)
 @contextmanager
 def _kept(results: Results, folder: Path) -> Iterator[None]:
     """Write the results at the end, also after an error; Ctrl-C ends the block without one."""
+    folder.mkdir(parents=True, exist_ok=True)  # where it cannot be made, nothing is measured in vain
     try:
         yield
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ of this process and of its worker in bytes.
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -33,7 +34,8 @@ def main(job: Path) -> None:
 
 
 def _children() -> list[str]:
-    return [number for file in Path("/proc/self/task").glob("*/children") for number in file.read_text().split()]
+    """Return the processes that the main thread started; other threads can end while their lists are read."""
+    return Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()
 
 
 if __name__ == "__main__":

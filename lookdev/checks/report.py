@@ -18,6 +18,7 @@ from rich.text import Text
 
 from lookdev.cache import atomic_path
 from lookdev.checks.finding import Finding, Picture, Plot, Series
+from lookdev.errors import printable
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -36,13 +37,13 @@ def print_findings(findings: Sequence[Finding], console: Console) -> None:
         table.add_column(column, overflow="fold")
     for finding in findings:
         result = Text(_result(finding), style="green" if finding.passed else "bold red")
-        table.add_row(finding.check, Text(finding.subject), result, Text(_words(finding)))
+        table.add_row(finding.check, Text(printable(finding.subject)), result, Text(printable(_words(finding))))
     console.print(table)
     for finding in findings:
         if not finding.passed and finding.details:
-            console.print(Text(f"{finding.check} of {finding.subject}, worst first:", style="bold"))
+            console.print(Text(printable(f"{finding.check} of {finding.subject}, worst first:"), style="bold"))
             for line in finding.details:
-                console.print(Text(line), soft_wrap=True)
+                console.print(Text(printable(line)), soft_wrap=True)
 
 
 def verdict(findings: Sequence[Finding]) -> str:
@@ -84,7 +85,7 @@ def _words(finding: Finding) -> str:
 
 
 def _text(text: str) -> str:
-    return html.escape(text)
+    return html.escape(printable(text))
 
 
 def _badge(finding: Finding) -> str:
@@ -125,7 +126,7 @@ def draw_svg(plot: Plot) -> bytes:
 
 def _plain(text: str) -> str:
     # Matplotlib reads text after a dollar sign as mathematics.
-    return text.replace("$", r"\$")
+    return printable(text).replace("$", r"\$")
 
 
 def _draw_picture(figure: Figure, axes: Any, picture: Picture) -> None:

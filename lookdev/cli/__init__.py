@@ -5,6 +5,9 @@ What a verb needs is imported when it runs, so that ``lookdev --help`` loads not
 
 from __future__ import annotations
 
+import io
+import os
+import signal
 import sys
 from typing import Annotated, NoReturn
 
@@ -13,6 +16,7 @@ import typer
 import lookdev
 from lookdev.cache import take_notes
 from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials
+from lookdev.cli.options import say
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.guard import KilledError, NativeCrash, supervised
 from lookdev.lifetime import ending_at_signals
@@ -34,6 +38,7 @@ app.add_typer(export.app, name="export", rich_help_panel="Jobs")
 
 def main() -> None:
     """Run the command line in a process that survives what a damaged file does to it (`lookdev.guard`)."""
+    _open_streams()
     try:
         code = supervised(run)
     except KilledError as error:
@@ -45,6 +50,21 @@ def main() -> None:
     sys.exit(code)
 
 
+def _open_streams() -> None:
+    """Open the standard streams that are closed, and let those for text print any character somehow."""
+    for stream in range(3):
+        try:
+            os.fstat(stream)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # gets the lowest number that is free
+    sys.stdin = sys.stdin or open(0, closefd=False, encoding="utf-8")  # noqa: SIM115
+    sys.stdout = sys.stdout or open(1, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(2, "w", closefd=False, encoding="utf-8")  # noqa: SIM115
+    for text in (sys.stdout, sys.stderr):
+        if isinstance(text, io.TextIOWrapper):
+            text.reconfigure(errors="backslashreplace")
+
+
 def run() -> None:
     """Run the command line in this process; an exception becomes a message on stderr and an exit code.
 
@@ -52,8 +72,13 @@ def run() -> None:
     file; 130: interrupted.
     """
     try:
-        with ending_at_signals():
-            app()
+        with ending_at_signals() as interruption:
+            try:
+                app()
+            except BaseException:
+                if interruption.came:
+                    sys.exit(128 + signal.SIGINT)
+                raise
     except (OutputError, RenderError, WorkerError) as error:
         _leave(str(error), 1)
     except FaultsError as error:
@@ -68,7 +93,7 @@ def run() -> None:
         _leave_with_report(error)
     finally:
         for note in take_notes():
-            typer.echo(f"note: {note}", err=True)
+            say(f"note: {note}", err=True)
 
 
 def _leave_with_report(error: Exception) -> NoReturn:
@@ -78,7 +103,7 @@ def _leave_with_report(error: Exception) -> NoReturn:
 
 
 def _leave(message: str, code: int) -> NoReturn:
-    typer.echo(f"lookdev: {message}", err=True)
+    say(f"lookdev: {message}", err=True)
     sys.exit(code)
 
 

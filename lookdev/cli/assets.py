@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, Variants
+from lookdev.cli.options import AsJson, Variants, nothing_printed, say, say_json
 
 app = typer.Typer()
 
@@ -54,12 +53,16 @@ def inspect(
 
     # What is missing is listed beside the rest.
     composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()), missing="warn")
-    found, shown = inspect_file(composition, time, tuple(purposes or (Purpose.default, Purpose.render)))
-    typer.echo(json.dumps(found.data(), indent=2) if as_json else found.text())
+    with nothing_printed():
+        found, shown = inspect_file(composition, time, tuple(purposes or (Purpose.default, Purpose.render)))
+    if as_json:
+        say_json(found.data())
+    else:
+        say(found.text())
     if png is not None:
         from lookdev.batch.portrait import write_portrait
 
         result = write_portrait(shown, png)
         if result.exit_code:
-            typer.echo(result.summary(), err=True)
+            say(result.summary(), err=True)
         raise typer.Exit(result.exit_code)

@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from lookdev.cli.options import say
+
 app = typer.Typer()
 
 
@@ -45,7 +47,7 @@ def bench(
     from lookdev.bench.matrix import listing
 
     if show:
-        typer.echo(listing())
+        say(listing())
         return
     from rich.console import Console
 
@@ -53,7 +55,7 @@ def bench(
     from lookdev.bench.report import print_results
     from lookdev.bench.run import run_matrix, run_sequence
 
-    report = partial(typer.echo, err=True)
+    report = partial(say, err=True)
     if scale:
         from lookdev.bench.report import print_scale
         from lookdev.bench.scale import run_scale

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import Prim, Variants
+from lookdev.cli.options import Prim, Variants, say
 
 app = typer.Typer()
 _PANEL = "Accuracy and speed"
@@ -81,12 +81,12 @@ def check(
         variants=parse_variants(variants or ()),
         backend=backend,
     ):
-        typer.echo(finding.headline, err=True)
+        say(finding.headline, err=True)
         findings.append(finding)
     print_findings(findings, Console())
     if html is not None:
         write_html(findings, html, f"lookdev check {file.name if file else '--stress'}")
-    typer.echo(verdict(findings))
+    say(verdict(findings))
     raise typer.Exit(0 if all(finding.passed for finding in findings) else 1)
 
 
@@ -102,4 +102,4 @@ def evaluate(
 
     lines = (decoded(line, f"line {number}") for number, line in enumerate(sys.stdin.buffer, start=1))
     for line in evaluate_lines(lines, backend.value):
-        typer.echo(line)
+        say(line)

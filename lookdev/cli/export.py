@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import JobFile
+from lookdev.cli.options import JobFile, say
 
 app = typer.Typer(help="Write a job for another program.", no_args_is_help=True)
 
@@ -32,5 +32,5 @@ def export_blend(
 
     exported = export(job, out, pack=pack)
     for note in exported.notes:
-        typer.echo(f"note: {note}", err=True)
-    typer.echo(exported.summary())
+        say(f"note: {note}", err=True)
+    say(exported.summary())

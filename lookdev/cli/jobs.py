@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, JobFile, nothing_printed
+from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
 
 app = typer.Typer()
 _PANEL = "Jobs"
@@ -32,7 +32,7 @@ def render(
 
     with show_progress(sys.stdout) as report:
         result = render_job(job, force=force, report=report)
-    typer.echo(result.summary(), err=result.exit_code != 0)
+    say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 
 
@@ -45,11 +45,11 @@ def plan(job: JobFile, as_json: AsJson = False) -> None:
     with nothing_printed():
         prepared = prepare_job(job)
     for note in prepared.notes:
-        typer.echo(f"note: {note}", err=True)
+        say(f"note: {note}", err=True)
     if as_json:
-        typer.echo(json.dumps(plan_data(prepared.plan, prepared.job.output), indent=2))
+        say_json(plan_data(prepared.plan, prepared.job.output))
     else:
-        typer.echo(plan_text(prepared.plan, prepared.job.output))
+        say(plan_text(prepared.plan, prepared.job.output))
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -63,16 +63,21 @@ def example(
     """List the example jobs, or copy one with the looks, presets and textures that it needs."""
     from lookdev.batch.examples import copy_example, examples_text, list_examples
 
-    typer.echo(copy_example(name, to, force=force).summary() if name else examples_text(list_examples()))
+    say(copy_example(name, to, force=force).summary() if name else examples_text(list_examples()))
 
 
 @app.command(rich_help_panel=_PANEL)
 def schema(
     out: Annotated[
-        typer.FileTextWrite | None, typer.Option("--out", help="Write to this file instead of stdout.")
+        Path | None, typer.Option("--out", metavar="FILE", help="Write to this file instead of stdout.")
     ] = None,
 ) -> None:
     """Write the JSON Schema of job files, for editors."""
+    from lookdev.cache import atomic_path
     from lookdev.job import json_schema
 
-    typer.echo(json.dumps(json_schema(), indent=2), file=out)
+    if out is None:
+        say_json(json_schema())
+        return
+    with atomic_path(out) as temporary:
+        temporary.write_text(json.dumps(json_schema(), indent=2) + "\n")

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import AsJson, Prim, Variants
+from lookdev.cli.options import AsJson, Prim, Variants, nothing_printed, say, say_json
 
 app = typer.Typer()
 
@@ -26,6 +25,10 @@ def validate(
     from lookdev.material.validate.examine import examine
     from lookdev.material.variants import parse_variants
 
-    report = examine(file, prim, parse_variants(variants or ()))
-    typer.echo(json.dumps(report.data(), indent=2) if as_json else report.text())
+    with nothing_printed():
+        report = examine(file, prim, parse_variants(variants or ()))
+    if as_json:
+        say_json(report.data())
+    else:
+        say(report.text())
     raise typer.Exit(1 if report.has_errors else 0)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import typer
 
+from lookdev.cli.options import say
+
 app = typer.Typer()
 
 
@@ -13,5 +15,5 @@ def doctor() -> None:
     from lookdev.batch.doctor import describe, examine
 
     findings = list(examine())
-    typer.echo(describe(findings))
+    say(describe(findings))
     raise typer.Exit(0 if all(finding.good for finding in findings) else 1)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from lookdev.cli.options import LookFile, Prim
+from lookdev.cli.options import LookFile, Prim, say
 
 
 class _ListByDefault(TyperGroup):
@@ -70,15 +70,15 @@ def list_presets(
 
     found = read_library(library_folders(library), category)
     for fault in found.faults:
-        typer.echo(f"note: {fault}", err=True)
-    typer.echo(library_text(found))
+        say(f"note: {fault}", err=True)
+    say(library_text(found))
     if sheet is not None:
         from lookdev.batch.progress import show_progress
         from lookdev.batch.thumbnails import write_library_sheet
 
         with show_progress(sys.stdout) as report:
             result = write_library_sheet(found.presets, sheet, report)
-        typer.echo(result.summary(), err=result.exit_code != 0)
+        say(result.summary(), err=result.exit_code != 0)
         raise typer.Exit(result.exit_code)
 
 
@@ -97,7 +97,7 @@ def new(
 
     found = find_preset(preset, library)
     path = new_look(look, found, name)
-    typer.echo(f"{look}: {path} is {found.name}")
+    say(f"{look}: {path} is {found.name}")
 
 
 @app.command()
@@ -117,7 +117,7 @@ def add(
 
     found = find_preset(preset, library)
     number, name = add_layer(look, found, parse_mask(mask, inputs or ()), mode.value, prim)
-    typer.echo(f"{look}: layer {number} is {name}")
+    say(f"{look}: layer {number} is {name}")
 
 
 @app.command()
@@ -126,7 +126,7 @@ def remove(look: LookFile, layer: LayerName, prim: Prim = None) -> None:
     from lookdev.material.library.edit import remove_layer
 
     number, name, gone = remove_layer(look, layer, prim)
-    typer.echo(f"{look}: layer {number}, {name}, is {'removed' if gone else 'disabled: it comes from another file'}")
+    say(f"{look}: layer {number}, {name}, is {'removed' if gone else 'disabled: it comes from another file'}")
 
 
 @app.command()
@@ -142,7 +142,7 @@ def mask(
     from lookdev.material.library.masks import parse_mask
 
     number, name = set_mask(look, layer, parse_mask(mask, inputs or ()), prim)
-    typer.echo(f"{look}: layer {number}, {name}, has the mask {mask}")
+    say(f"{look}: layer {number}, {name}, has the mask {mask}")
 
 
 @app.command()
@@ -150,7 +150,7 @@ def preview(look: LookFile, prim: Prim = None) -> None:
     """Write or refresh a look's UsdPreviewSurface, which other USD viewers show."""
     from lookdev.material.library.edit import write_preview
 
-    typer.echo(f"{look}: {write_preview(look, prim)} is up to date")
+    say(f"{look}: {write_preview(look, prim)} is up to date")
 
 
 @app.command("import")
@@ -164,5 +164,5 @@ def import_document(
     imported = import_materialx(document)
     write_usda(imported, look)
     for fault in imported.unmapped:
-        typer.echo(f"not carried over: {fault}", err=True)
-    typer.echo(f"{look}: {', '.join(f'/{material.name}' for material in imported.materials)}")
+        say(f"not carried over: {fault}", err=True)
+    say(f"{look}: {', '.join(f'/{material.name}' for material in imported.materials)}")

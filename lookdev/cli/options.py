@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
+import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from lookdev.errors import printable
 
 JobFile = Annotated[Path, typer.Argument(metavar="JOB", help="The job file, TOML.", show_default=False)]
 LookFile = Annotated[Path, typer.Argument(metavar="LOOK", help="The look, a USD file.", show_default=False)]
@@ -27,6 +31,24 @@ Variants = Annotated[
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Write one JSON document instead of text.")]
+
+
+def say(text: str, *, err: bool = False) -> None:
+    """Print text, in which nothing that a file or a path contains controls the terminal: what all verbs print by."""
+    typer.echo(printable(text), err=err)
+
+
+def say_json(data: object) -> None:
+    """Print a JSON document; numbers that JSON lacks, NaN and infinity, are null."""
+    say(json.dumps(_finite(data), indent=2, allow_nan=False))
+
+
+def _finite(data: Any) -> Any:
+    if isinstance(data, Mapping):
+        return {key: _finite(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_finite(value) for value in data]
+    return None if isinstance(data, float) and not math.isfinite(data) else data
 
 
 @contextmanager

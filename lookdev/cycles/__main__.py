@@ -1,4 +1,6 @@
-"""The worker: frame tasks in on standard input, results out on standard output, one JSON object a line.
+"""The worker: tasks in on standard input, results out on standard output, one JSON object a line.
+
+A scene is prepared for frames to come, without an answer: where that fails, a frame of it reports why.
 
 Blender prints to standard output, so `Answers` keeps the real one before Blender is loaded, and all else goes to
 standard error. The end of the input, also by the death of the parent, ends the process at once.
@@ -12,6 +14,7 @@ import queue
 import sys
 import tempfile
 import threading
+from contextlib import suppress
 from pathlib import Path
 
 from lookdev.cycles.leave import leaving
@@ -36,7 +39,8 @@ def _serve(answers: Answers) -> None:
     from lookdev.cycles.render import render_frame
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
-    from lookdev.render.wire import decode
+    from lookdev.render.task import SceneTask
+    from lookdev.render.wire import decode_request
 
     requests: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
@@ -44,7 +48,14 @@ def _serve(answers: Answers) -> None:
     scene: Scene | None = None
     kept = _log_size()
     while True:
-        task = decode(requests.get())
+        task = decode_request(requests.get())
+        if isinstance(task, SceneTask):
+            scene = None
+            with suppress(LookdevError, RuntimeError, OSError, MemoryError):
+                made = Scene(task)
+                made.compile_shaders()
+                scene = made
+            continue
 
         def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
             answers.progress(digest, samples, of, relmse)
@@ -52,6 +63,7 @@ def _serve(answers: Answers) -> None:
         try:
             if scene is None or not scene.fits(task.scene):
                 scene = Scene(task.scene)
+            scene.show(task.scene)
             with finer_progress(task.scene.sampling.samples, progress) as report:
                 frame = render_frame(scene, task, report)
             arrays = save_arrays(frame.a, frame.b, frame.alpha)

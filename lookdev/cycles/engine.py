@@ -17,6 +17,7 @@ sys.path.append(str(Path(bpy.utils.resource_path("LOCAL")) / "scripts" / "addons
 import cycles
 
 _ENGINE = "LOOKDEV_CYCLES"
+_SMALLEST = 4  # pixels along a side that Blender renders
 
 
 class Capture(cycles.CyclesRender):  # type: ignore[misc]
@@ -61,6 +62,17 @@ def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[n
     scene.cycles.samples = samples
     scene.cycles.use_sample_subset = False
     return _render(scene, seed)
+
+
+def compile_shaders(scene: Any) -> None:
+    """Render a tiny picture of a scene, whose compiled shaders persistent data keeps for its frames."""
+    render = scene.render
+    size = render.resolution_x, render.resolution_y
+    render.resolution_x = render.resolution_y = _SMALLEST
+    try:
+        render_whole(scene, samples=1)
+    finally:
+        render.resolution_x, render.resolution_y = size
 
 
 def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:

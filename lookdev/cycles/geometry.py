@@ -180,11 +180,13 @@ def _build_mesh(
     data.attributes["position"].data.foreach_set("vector", mesh.points.ravel())
     data.attributes[".corner_vert"].data.foreach_set("value", mesh.corner_points)
     face_sources = worn[mesh.face_slots]
-    used, index = np.unique(face_sources, return_inverse=True)
+    is_used = np.bincount(face_sources) > 0
+    used = np.flatnonzero(is_used)
     for number in used:
         data.materials.append(materials[number])
     if len(used) > 1:
-        _add_attribute(data, "material_index", index.astype(np.int32), "FACE")
+        index = np.cumsum(is_used, dtype=np.int32) - 1
+        _add_attribute(data, "material_index", index[face_sources], "FACE")
     if whole:
         data.update(calc_edges=True)
     # Shaders bring their own normals. Blender's cancel at points where faces meet their reversed doubles.
@@ -198,7 +200,7 @@ def _build_mesh(
             data.attributes[short].data.foreach_set("vector", uv.ravel())
     # Blender's own custom normals have 16 bits; attributes have 32.
     _add_attribute(data, "lookdev_normal", *_compact(mesh, mesh.normals))
-    for name, values in _attributes(mesh, np.repeat(face_sources, mesh.face_sizes), bindings).items():
+    for name, values in _attributes(mesh, face_sources, bindings).items():
         _add_attribute(data, name, *_compact(mesh, values))
     return data
 
@@ -223,7 +225,7 @@ def _compact(mesh: Mesh, values: Floats) -> tuple[Floats, str]:
 
 
 def _attributes(
-    mesh: Mesh, corner_sources: NDArray[Any], bindings: dict[int, tuple[AttributeBinding, ...]]
+    mesh: Mesh, face_sources: NDArray[Any], bindings: dict[int, tuple[AttributeBinding, ...]]
 ) -> dict[str, Floats]:
     """Return the attributes, other than UV sets, that sources read, by name; what a mesh lacks has their fallbacks."""
     found: dict[str, Floats] = {}
@@ -241,9 +243,10 @@ def _attributes(
                 lacking.setdefault(binding.stored, {})[number] = binding.fallback
     for name, fallbacks in lacking.items():
         width = max(map(len, fallbacks.values()))
-        found[name] = np.zeros((len(corner_sources), width) if width > 1 else len(corner_sources), np.float32)
+        at_faces = np.zeros((len(face_sources), width) if width > 1 else len(face_sources), np.float32)
         for number, fallback in fallbacks.items():
-            found[name][corner_sources == number] = fallback if width > 1 else fallback[0]
+            at_faces[face_sources == number] = fallback if width > 1 else fallback[0]
+        found[name] = np.repeat(at_faces, mesh.face_sizes, axis=0)
     return found
 
 

@@ -15,7 +15,7 @@ from lookdev.cache import atomic_path, cache_dir
 from lookdev.codegen import ShaderSource
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.cycles import engine, version
-from lookdev.cycles.shaders import script_node
+from lookdev.cycles.shaders import array_text, script_node
 from lookdev.errors import RenderError
 
 # A power of two, as the rows and `point_cells` are.
@@ -68,7 +68,8 @@ def render_table(
         header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
         OpenEXR.File(header, {"RGB": padded.reshape(rows, _COLUMNS * cells, 3)}).write(str(path))
         values |= {"columns": _COLUMNS, "rows": rows}
-        script_node(version.empty_node_tree(material), source, {"points_file": str(path), **values}, arrays)
+        texts = {name: array_text(each) for name, each in (arrays or {}).items()}
+        script_node(version.empty_node_tree(material), source, {"points_file": str(path), **values}, texts)
         return engine.render_passes(scene, samples)["Combined"][..., :3].reshape(-1, 3)[:count].copy()
 
 

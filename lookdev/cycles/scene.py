@@ -55,20 +55,13 @@ class Scene:
         self.scene = engine.empty_scene() if into is None else into
         self._groups: Groups = {} if groups is None else groups
         self._configure()
-        asset = read_asset(task.asset.path)
-        # Cycles computes in float32, which is too coarse far from the origin.
-        self._origin = np.array(asset.center)
-        materials = [self._material(source) for source in task.shaders]
+        self._materials = [self._material(source) for source in task.shaders]
         # Blender's own BSDF reads no attribute by name, but the first UV set.
-        apart = apart or self.by_user
-        dressed = self.scene, about_origin(asset), task.shaders, task.worn, materials
-        shown = add_asset(*dressed, apart=apart, covered=self.by_portals)
-        self.root, self.objects = shown.root, shown.objects
+        self._apart = apart or self.by_user
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
         self.camera.cycles.use_motion_blur = False
         self.scene.collection.objects.link(self.camera)
-        if self.by_user:
-            shade_by_normals(shown)
+        self._add_asset()
         if isinstance(task.shaders[0], NodeSource):
             check_stack(self.scene)
 
@@ -115,9 +108,37 @@ class Scene:
             case other:
                 raise RenderError(f"look '{other.name}': Cycles has no material for a {type(other).__name__}")
 
+    def _add_asset(self) -> None:
+        task = self.task
+        asset = read_asset(task.asset.path)
+        # Cycles computes in float32, which is too coarse far from the origin.
+        self._origin = np.array(asset.center)
+        dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
+        shown = add_asset(*dressed, apart=self._apart, covered=self.by_portals)
+        self.root, self.objects = shown.root, shown.objects
+        if self.by_user:
+            shade_by_normals(shown)
+
     def fits(self, task: SceneTask) -> bool:
-        """Return whether frames of another task need no rebuild; camera and samples may differ."""
+        """Return whether another task can be shown without a rebuild; asset, camera and samples may differ."""
         return _built_from(task) == _built_from(self.task)
+
+    def show(self, task: SceneTask) -> None:
+        """Show another task that fits, and delete the asset shown before where it is another one, in all scenes."""
+        before, self.task = self.task, task
+        if (task.asset, task.worn) != (before.asset, before.worn):
+            data = bpy.data
+            trees = [tree for tree in data.node_groups if tree.type == "GEOMETRY"]
+            objects = [item for item in data.objects if item != self.camera]
+            data.batch_remove([*objects, *data.meshes, *data.collections, *trees])
+            self._add_asset()
+
+    def compile_shaders(self) -> None:
+        """Compile what frames of the task need, and read its images, as the first frame would."""
+        pose = Pose(0.0, 0.0)
+        self.pose(self.task.camera, pose)
+        self.control(pose, seed=0, samples=1)
+        engine.compile_shaders(self.scene)
 
     def pose(self, camera: Camera, pose: Pose) -> None:
         """Place asset and camera to show a pose, by location and Euler angles.
@@ -147,7 +168,7 @@ class Scene:
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    return task.asset, task.shaders, task.worn, task.lights, task.resolution, task.sampling.bounces, task.device
+    return task.shaders, task.lights, task.resolution, task.sampling.bounces, task.device
 
 
 def _place_camera(item: Any, camera: Camera) -> None:

@@ -13,9 +13,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, cache_dir, derived
+from lookdev.cache import Content, cache_dir, derived, from_memory
 from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
+from lookdev.cycles.streams import captured
 from lookdev.errors import RenderError
 from lookdev.light import Light
 
@@ -30,21 +31,27 @@ _ATTRIBUTE_SOCKETS = {
 }
 
 
-def compile_osl(osl: str) -> Path:
-    """Compile shader text into the cache, or find it there, and return the .oso file.
+def compile_osl(source: ShaderSource) -> Path:
+    """Compile a shader's text into the cache, or find it there, and return the .oso file.
 
-    Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide.
+    Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide. A
+    RenderError has the compiler's first message, and the file of a text that it refuses.
     """
-    text = "\n".join((*version.OSL_DEFINES, osl))
+    text = "\n".join((*version.OSL_DEFINES, source.osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
 
     def compile_text(compiled: Path) -> None:
-        source = compiled.with_suffix(".osl")
-        source.write_text(text, encoding="utf-8")
-        if not _cycles.osl_compile(os.fspath(source), os.fspath(compiled)):
-            refused = source.replace(cache_dir("osl") / f"{name}.osl")
-            raise RenderError(f"the generated shader does not compile; see {refused} and the log above")
-        source.unlink()
+        file = compiled.with_suffix(".osl")
+        try:
+            file.write_text(text, encoding="utf-8")
+            with from_memory(compiled) as memory:
+                done, log = captured(lambda: _cycles.osl_compile(os.fspath(file), memory))
+            if not done:
+                refused = file.replace(cache_dir("osl") / f"{name}.osl")
+                why = next((line.partition(f"{file}:")[2] for line in log.splitlines() if str(file) in line), log)
+                raise RenderError(f"the shader of '{source.name}' does not compile: {refused}:{why}")
+        finally:
+            file.unlink(missing_ok=True)
 
     (content,) = derived("osl", name, lambda: (Content.written(".oso", compile_text),))
     return content.path
@@ -55,7 +62,7 @@ def surface_material(source: ShaderSource, light: Light) -> Any:
     code = light.code(sampled=source.directions[1] > 0)
     given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
     values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
-    arrays = {name: np.load(content.path) for name, content in code.arrays.items()}
+    arrays = {name: _kept_text(content) for name, content in code.arrays.items()}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would put each of its triangles into a light tree.
     material.cycles.emission_sampling = "NONE"
@@ -68,15 +75,15 @@ def surface_material(source: ShaderSource, light: Light) -> Any:
 
 
 def script_node(
-    tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, Array] | None = None
+    tree: Any, source: ShaderSource, values: Mapping[str, str | int | float], arrays: Mapping[str, str] | None = None
 ) -> Any:
     """Add a script node with its sockets and connect it to the surface output.
 
     Blender finds sockets by its `oslquery`, which loads an OpenImageIO that clashes with the installed one. No sockets
-    exist for `arrays`: they become default values of parameters in the compiled shader.
+    exist for `arrays`, texts of `array_text`: they become default values of parameters in the compiled shader.
     """
     script = tree.nodes.new("ShaderNodeScript")
-    compiled = compile_osl(source.osl)
+    compiled = compile_osl(source)
     if arrays:
         script.mode = "INTERNAL"
         script.bytecode = with_arrays(compiled.read_text(encoding="utf-8"), arrays)
@@ -93,23 +100,37 @@ def script_node(
     return script
 
 
-def with_arrays(oso: str, arrays: Mapping[str, Array]) -> str:
-    """Write arrays into a compiled shader, as the default values of its parameters of these names.
+def array_text(values: Array) -> str:
+    """Return an array as it is in a compiled shader: its type and size, a tab, its numbers."""
+    listed = values.ravel().tolist()
+    if values.dtype.kind == "i":
+        # A list writes itself in half the time.
+        return f"int[{values.size}]\t{str(listed)[1:-1].replace(',', '')}"
+    return f"float[{values.size}]\t{' '.join(map('{:.9g}'.format, listed))}"
+
+
+def _kept_text(file: Content) -> str:
+    """Return the `array_text` of a file; it is kept, as half a million integers take 0.06 s to write."""
+    (text,) = derived(
+        "osl", f"{file.digest}-text", lambda: (Content.holding(array_text(np.load(file.path)).encode(), ".txt"),)
+    )
+    return text.path.read_text(encoding="ascii")
+
+
+def with_arrays(oso: str, arrays: Mapping[str, str]) -> str:
+    """Write texts of `array_text` into a compiled shader, as the default values of its parameters of these names.
 
     As source text they would compile slowly. They are marked as interactive, as values that may change between renders:
     OSL reads those from memory, where it would make a constant of LLVM of each number, which takes 0.2 s for half a
     million. A RenderError reports a shader without such a parameter, of that size and type.
     """
     lines = oso.split("\n")
-    for name, values in arrays.items():
-        kind = "int" if values.dtype.kind == "i" else "float"
-        head = f"param\t{kind}[{values.size}]\t{name}\t"
+    for name, array in arrays.items():
+        kind, _, text = array.partition("\t")
+        head = f"param\t{kind}\t{name}\t"
         number = next((number for number, line in enumerate(lines) if line.startswith(head)), None)
         if number is None:
-            raise RenderError(f"the compiled shader has no parameter {kind} {name}[{values.size}]")
-        listed = values.ravel().tolist()
-        # Half a million integers: a list writes itself in half the time.
-        text = str(listed)[1:-1].replace(",", "") if kind == "int" else " ".join(map("{:.9g}".format, listed))
+            raise RenderError(f"the compiled shader has no parameter {kind} {name}")
         hints = lines[number].removeprefix(head).partition("\t")[2]
         lines[number] = f"{head}{text}\t%meta{{int,interactive,1}} {hints}"
     return "\n".join(lines)

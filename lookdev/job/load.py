@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 from lookdev.errors import Fault, JobError, nearest_hint
 from lookdev.job.keys import PATTERNS
 from lookdev.job.schema import LISTS, Job
-from lookdev.text import TextError, parse_toml, read_text
+from lookdev.text import TextError, has_text_path, parse_toml, read_text
 
 Place = tuple[str | int, ...]
 
@@ -31,6 +31,8 @@ def load_job(path: Path) -> Job:
     JobError
         With every fault of the file: its key, what is wrong, and the nearest known key of an unknown one.
     """
+    if not has_text_path(path.absolute()):
+        raise JobError([Fault(str(path.absolute()), "", "its path is not UTF-8", "rename it, or its folder")])
     try:
         text = read_text(path, _LARGEST)
     except TextError as error:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from lookdev.asset.usd_camera import UsdCamera, read_camera
-from lookdev.errors import Fault, shortened
+from lookdev.errors import Fault, FaultsError, shortened
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
-from lookdev.job.schema import Job
+from lookdev.job.schema import SEVERAL_JOBS, Job, excess_frames
 from lookdev.job.turned import Assets, Turned
 from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as, lost_notes
 from lookdev.light import Light, load_environment, prepare_light
@@ -21,6 +21,9 @@ from lookdev.material.usd.bound import read_any_look
 from lookdev.material.variants import MOST_COMBINATIONS
 from lookdev.scene import Film, Scene
 from lookdev.stage import open_stage
+
+Ahead = Callable[[Job, Look, Light], None]
+"""Is called with a job, and a look and a light of it that are likely to be shown."""
 
 
 @dataclass(frozen=True)
@@ -33,26 +36,39 @@ class JobScenes:
     notes: tuple[str, ...]  # for the user, each once
 
 
-def job_scenes(job: Job) -> JobScenes:
-    """Read the files of a job; raises FaultsError with all faults of all files."""
+def job_scenes(job: Job, ahead: Ahead = lambda job, look, light: None) -> JobScenes:
+    """Read the files of a job; raises FaultsError with all faults of all files.
+
+    Lights and materials are read first: `ahead` is called with a look and a light before the asset is, unless there are
+    faults, or no look has a material of its own.
+    """
     notes: list[str] = []
     faults: list[Fault] = []
     assets = Assets(job.asset)
     job, places = _every_variant(job, assets, faults)
+    of_shaders: list[Fault] = []
+    on_shaders: list[str] = []
+    lights = _lights(job, on_shaders, of_shaders)
+    materials = {}
+    for look in job.look:
+        with collected(job, places[look.name], of_shaders):
+            materials[look.name] = _materials(job, look, places[look.name], on_shaders, of_shaders)
+    if not (faults or of_shaders) and (own := [each[-1] for each in materials.values() if each]):
+        ahead(job, own[0], next(iter(lights.values())))
     turned = {}
     for look in job.look:
         with collected(job, f"{places[look.name]}.layer" if look.layer else "asset", faults):
             turned[look.name] = assets.turned(look)
             notes += turned[look.name].asset.notes
-    lights = _lights(job, notes, faults)
+    notes += on_shaders
+    faults += of_shaders
     dressed: dict[str, Dressed] = {}
     for look in job.look:
-        place = places[look.name]
+        name, place = look.name, places[look.name]
         with collected(job, place, faults):
-            materials = _materials(job, look, place, notes, faults)
-            if look.name in turned:
-                dressed[look.name] = dress_as(look, materials, turned[look.name], Place(str(job.file), place), faults)
-                notes += dressed[look.name].notes
+            if name in turned and name in materials:
+                dressed[name] = dress_as(look, materials[name], turned[name], Place(str(job.file), place), faults)
+                notes += dressed[name].notes
     raise_all(faults)
     with collected(job, "camera.usd", faults):
         shot = _shot(job, next(iter(turned.values())))
@@ -126,6 +142,8 @@ def _every_variant(job: Job, assets: Assets, faults: list[Fault]) -> tuple[Job, 
         what = f"'*' stands for variants that make {len(looks)} looks, at most {MOST_COMBINATIONS} would be right"
         faults.append(Fault(str(job.file), "look", what, "name a variant of some of the sets"))
         raise_all(faults)
+    if excess := excess_frames(len(looks), len(job.ibl), job.turntable):
+        raise FaultsError([*faults, Fault(str(job.file), "turntable", excess, SEVERAL_JOBS)])
     return job.model_copy(update={"look": tuple(looks)}), places
 
 

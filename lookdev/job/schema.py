@@ -7,6 +7,7 @@ with every other fault. For the same reason `lookdev.job.load` checks in the raw
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -39,6 +40,9 @@ from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
 
 DEFAULT_FOCAL_LENGTH = 50.0
+
+MOST_FRAMES = 250_000
+"""Files of frames of a job: planning so many takes 1.1 GB and half a minute, or 1.6 GB if all are of other scenes."""
 
 
 class JobIbl(Table):
@@ -266,6 +270,14 @@ class Job(Table):
 
     _file: Path = PrivateAttr()
 
+    @field_validator("turntable")
+    @classmethod
+    def _number_of_frames(cls, value: tuple[JobTurntable, ...], info: ValidationInfo) -> tuple[JobTurntable, ...]:
+        looks, ibls = (len(info.data.get(key, ())) for key in ("look", "ibl"))
+        if excess := excess_frames(looks, ibls, value):
+            raise wrong(excess, SEVERAL_JOBS)
+        return value
+
     @field_validator("camera")
     @classmethod
     def _camera_of_a_file(cls, camera: JobCamera, info: ValidationInfo) -> JobCamera:
@@ -282,6 +294,19 @@ class Job(Table):
     def file(self) -> Path:
         """The job file, absolute; every path in the job is resolved against its folder."""
         return self._file
+
+
+SEVERAL_JOBS = "write several jobs"
+
+
+def excess_frames(looks: int, ibls: int, turntables: Iterable[JobTurntable]) -> str:
+    """Return what is wrong with the number of frames of so many looks and lights; '' where it is at most the limit."""
+    frames = sum(each.frames for each in turntables)
+    count = looks * ibls * frames
+    if count <= MOST_FRAMES:
+        return ""
+    made = f"{looks} looks under {ibls} lights in turntables of {frames} frames"
+    return f"{made} make {count} frames; at most {MOST_FRAMES} would be right"
 
 
 LISTS: tuple[str, ...] = ("look", "ibl", "turntable")

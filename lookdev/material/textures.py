@@ -7,6 +7,7 @@ curve of IEC 61966-2-1; alpha is not.
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -356,20 +357,30 @@ def _rgba_strips(file: Path, image: oiio.ImageInput) -> Iterator[NDArray[np.floa
 
 
 def _write_exr(file: Path, size: Sequence[int], parts: Iterator[NDArray[np.float64]]) -> None:
-    """Write strips of (rows, width, 4) as an EXR of a size (width, height)."""
+    """Write strips of (rows, width, 4) as an EXR of a size (width, height), or raise OSError."""
     width, height = size
     spec = oiio.ImageSpec(width, height, 4, oiio.FLOAT)
     spec["compression"] = "zip"
+    # Of equal texels, equal files: the digests of frames contain theirs. By default it is the time of writing.
+    spec["DateTime"] = "2000:01:01 00:00:00"
     output = oiio.ImageOutput.create(str(file))
-    if output is None or not output.open(str(file), spec):
-        raise OutputError(f"{file}: cannot be written: {output.geterror() if output is not None else oiio.geterror()}")
+    written, row = output.open(str(file), spec), 0
     try:
-        row = 0
-        for rgba in parts:
-            if not output.write_scanlines(row, row + len(rgba), 0, np.ascontiguousarray(rgba, np.float32)):
-                raise OutputError(f"{file}: cannot be written: {output.geterror()}")
+        for rgba in parts if written else ():
+            written = output.write_scanlines(row, row + len(rgba), 0, np.ascontiguousarray(rgba, np.float32))
+            if not written:
+                break
             row += len(rgba)
     finally:
         closed = output.close()
-    if not closed:
-        raise OutputError(f"{file}: cannot be written: {output.geterror()}")
+    if not (written and closed and _has_last_row(file, height)):
+        raise OSError(errno.EIO, "a texture cannot be written; is the disk full?")
+
+
+def _has_last_row(file: Path, height: int) -> bool:
+    """Return whether an EXR that was written is whole: what is lost as it is closed is no error of the library."""
+    try:
+        with open_image(file, OutputError) as image:
+            return image.read_scanlines(0, 0, height - 1, height, 0, 0, 4, oiio.FLOAT) is not None
+    except OutputError:
+        return False

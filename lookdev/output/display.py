@@ -7,14 +7,17 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import OpenImageIO as oiio
-import PyOpenColorIO as ocio
 from numpy.typing import ArrayLike, NDArray
 
-from lookdev.cache import atomic_path
+from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError, nearest_hint
+
+if TYPE_CHECKING:
+    import PyOpenColorIO as ocio
 
 Floats = NDArray[np.float32]
 Pixels = NDArray[np.uint8]
@@ -27,6 +30,8 @@ VIEWS: tuple[str, ...] = ("ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw")
 
 @lru_cache(maxsize=len(VIEWS))
 def _processor(view: str) -> ocio.CPUProcessor:
+    import PyOpenColorIO as ocio  # not at the top: a job writes its first picture late
+
     config = ocio.Config.CreateFromBuiltinConfig(CONFIG)
     return config.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor()
 
@@ -77,12 +82,13 @@ def write_pixels(path: Path, pixels: Pixels) -> None:
     spec.attribute("oiio:ColorSpace", "sRGB")
     spec.attribute("oiio:UnassociatedAlpha", 1)  # otherwise the writer divides by alpha again
     try:
-        with atomic_path(path) as temporary:
+        with atomic_path(path) as temporary, from_memory(temporary) as name:
             output = oiio.ImageOutput.create(str(temporary))
             if output is None:
-                raise OutputError(f"{path}: cannot write this kind of file: {oiio.geterror().strip()}")
-            written = output.open(str(temporary), spec) and output.write_image(np.ascontiguousarray(pixels))
+                oiio.geterror()
+                raise OutputError(f"{path}: cannot write this kind of file; a name that ends in .png would be right")
+            written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
             if not (output.close() and written):
                 raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
     except OSError as error:
-        raise OutputError(f"{path}: cannot write the picture: {error}") from error
+        raise OutputError(f"{path}: cannot write the picture: {error.strerror}") from error

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lookdev.errors import OutputError
+from lookdev.errors import OutputError, printable
 from lookdev.output.display import Pixels, write_pixels
 from lookdev.output.record import Frames
 
@@ -91,6 +91,7 @@ def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
 
 def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
     """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
+    text = printable(text)
     shown, kept = text, len(text)
     while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
         kept -= 1

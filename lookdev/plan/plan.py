@@ -17,6 +17,9 @@ from lookdev.render.task import FrameTask
 from lookdev.scene import Pose
 
 State = Literal["done", "stale", "new"]
+DAMAGED = "damaged"
+"""The reason of a stale file that cannot be read, or was changed since it was written."""
+
 Header = Mapping[str, str]
 HeaderReader = Callable[[Path], Header | None]
 """Returns the ``lookdev:`` attributes of an EXR, without that prefix, and its ``resolution``, "width x height"; raises
@@ -167,7 +170,7 @@ def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> Pla
     try:
         header = read_header(path) or {}
     except OutputError:
-        return PlannedFile(path, "stale", "not a readable EXR")
+        return PlannedFile(path, "stale", DAMAGED)
     width, height = task.scene.resolution
     if header.get("digest") == task.digest:
         same = header.get("resolution") == f"{width} x {height}"

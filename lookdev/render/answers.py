@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.errors import OutputError
+
 
 class Answers:
     """Standard output, reserved for answers: from construction on, other output goes to standard error."""
@@ -46,15 +48,29 @@ class Answers:
         self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
-        """Report why a frame cannot be rendered."""
-        self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
+        """Report why a frame cannot be rendered; an OutputError will meet all other frames too."""
+        if isinstance(error, OutputError):
+            self.send(type="failed", digest=digest, message=str(error), unwritable=True)
+        else:
+            self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
 
 
 def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[np.float32]) -> str:
-    """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path."""
-    handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=os.environ.get("TMPDIR"))
-    with os.fdopen(handle, "wb") as stream:
-        np.savez(stream, a=a, b=b, alpha=alpha)
+    """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.
+
+    Raises OutputError where it cannot be written; nothing is left then.
+    """
+    folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
+    try:
+        handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
+        try:
+            with os.fdopen(handle, "wb") as stream:
+                np.savez(stream, a=a, b=b, alpha=alpha)
+        except OSError:
+            Path(path).unlink()
+            raise
+    except OSError as error:
+        raise OutputError(f"{folder}: a rendered frame cannot be written: {error.strerror or error}") from error
     return path
 
 

@@ -71,6 +71,7 @@ class Backend:
     in_jobs: bool = False  # a job may name it
     any_light: bool = False  # renders lights of every kind; otherwise only those that Cycles' world can show
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
+    ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
 
@@ -133,6 +134,7 @@ BACKENDS: dict[str, Backend] = {
             in_jobs=True,
             any_light=True,
             directions=True,
+            ahead=True,
         ),
         Backend(
             name="nodes",

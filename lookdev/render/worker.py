@@ -1,7 +1,8 @@
 """Supervision of a render worker: one process, one frame at a time; every answer is checked.
 
-The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; all other output of it and of
-Blender goes to a log file. It ends when stdin ends, also after a crash of this process.
+The worker reads one JSON line per frame on stdin and answers in JSON lines on stdout; while it starts it can be sent
+that of a scene, which it prepares without an answer. All other output of it and of Blender goes to a log file. It ends
+when stdin ends, also after a crash of this process.
 """
 
 from __future__ import annotations
@@ -23,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 
-from lookdev.errors import RenderError, WorkerError
+from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
-from lookdev.render.task import FrameTask
+from lookdev.render.task import FrameTask, SceneTask
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
@@ -63,6 +64,7 @@ class Failed(BaseModel):
     type: Literal["failed"]
     digest: str
     message: str
+    unwritable: bool = False
 
 
 Message = Ready | Progress | Done | Failed
@@ -105,6 +107,7 @@ class Worker:
         self._environment = os.environ | {"TMPDIR": str(scratch)}
         self._patience = patience
         self._process: subprocess.Popen[bytes] | None = None
+        self._sending: threading.Thread | None = None
         self._ready = False
         self._blender = ""
         log.write_bytes(b"")
@@ -133,6 +136,23 @@ class Worker:
             except OSError as error:
                 raise WorkerError(f"the render worker {self._command[0]} cannot be started: {error}") from error
 
+    def prepare(self, scene: SceneTask) -> None:
+        """Send a scene to a process that was launched and is not ready yet, so that frames of its looks start sooner.
+
+        Nothing is sent to another process, and only the first scene.
+        """
+        process = self._process
+        if process is None or self._ready or self._sending is not None:
+            return
+
+        def send() -> None:
+            with suppress(WorkerError):  # the first frame reports it
+                self._send(process, wire.encode(scene))
+
+        # A pipe holds less than some shaders until the process reads it.
+        self._sending = threading.Thread(target=send, daemon=True)
+        self._sending.start()
+
     def start(self) -> None:
         """Start the process unless it runs, and wait until it is ready; raises WorkerError where that fails."""
         self.launch()
@@ -144,12 +164,14 @@ class Worker:
             if not isinstance(message, Ready):
                 raise WorkerError(f"the render worker answered '{message.type}' before it was ready")
             self._ready, self._blender = True, message.blender
+            if self._sending is not None:
+                self._sending.join()
 
     def render(self, task: FrameTask, progress: Callable[[Progress], None]) -> Rendered:
         """Render one frame on a started worker.
 
         Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
-        or sent an invalid answer, and was killed.
+        or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
         """
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
@@ -162,7 +184,7 @@ class Worker:
                 raise WorkerError("the render worker answered 'ready' in the middle of a frame")
             self._check_digest(message.digest, task)
             if isinstance(message, Failed):
-                raise RenderError(message.message)
+                raise OutputError(message.message) if message.unwritable else RenderError(message.message)
             return _load(message, task.scene.resolution, self._blender)
 
     def kill(self) -> None:
@@ -172,6 +194,9 @@ class Worker:
             return
         _kill_group(process)
         process.wait()
+        if self._sending is not None:
+            self._sending.join()
+            self._sending = None
         for pipe in (process.stdin, process.stdout):
             if pipe is not None:
                 with suppress(BrokenPipeError):  # bytes that the dead worker never read
@@ -182,7 +207,7 @@ class Worker:
         """Kill the worker after an error: its next line could belong to the frame before."""
         try:
             yield
-        except RenderError:
+        except (RenderError, OutputError):
             raise  # the exchange is complete
         except BaseException:
             self.kill()
@@ -250,7 +275,7 @@ class Worker:
 def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rendered]]:
     """Yield a function that renders a frame of any backend, in workers that end with the context.
 
-    It raises what `Worker.start` and `Worker.render` raise; a WorkerError has the last line of the worker's log.
+    It raises what `Worker.start` and `Worker.render` raise; an error of the worker has the last line of its log.
     """
     with tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch, ExitStack() as stack:
         workers: dict[tuple[str, ...], Worker] = {}
@@ -285,7 +310,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in shapes}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise WorkerError(f"the render worker's result {done.arrays} cannot be read: {error}") from error
+        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
     done.arrays.unlink(missing_ok=True)
     for name, shape in shapes.items():
         if arrays[name].shape != shape:

@@ -115,14 +115,15 @@ def frame_fill(
     AssetError
         The points are not finite, or all in one place.
     """
-    size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+    columns = np.ascontiguousarray(points.T)
+    size = float(np.ptp(columns, axis=1).max()) if len(points) else 0.0
     if not (math.isfinite(size) and size > 0.0):
         raise AssetError(f"the asset is {size} m large: it must have a finite, positive size")
     axis = turning_axis(points)
-    base = np.array([*axis, 0.5 * (points[:, 2].min() + points[:, 2].max())])
+    base = np.array([*axis, 0.5 * (columns[2].min() + columns[2].max())])
     plain = Camera(fov, elevation, (0.0, 0.0, 0.0), 1.0)
     frame = plain.frame
-    touched = _touched(points - base, arcs)
+    touched = _touched((columns - base[:, None]).T, arcs)
 
     def sides(direction: int, slope: float) -> tuple[float, float, float]:
         """Return S on both sides of a direction, and the derivative by the slope of their sum."""

@@ -21,6 +21,7 @@ from lookdev.errors import Fault, LookError, StageError, nearest_hint, shortened
 from lookdev.mtlx import document_layer, is_document, redirect
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
+from lookdev.text import has_text_path
 
 _LONGEST_VALUE = 60  # characters of a value of a file in a message
 _EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
@@ -125,7 +126,7 @@ def dependencies(file: Path) -> set[Path]:
 
 
 def _check_path(composition: Composition) -> None:
-    prim = composition.prim or "/"
+    prim = "/" if composition.prim is None else composition.prim
     path = Sdf.Path(prim) if Sdf.Path.IsValidPathString(prim) else Sdf.Path()
     if not (path.IsAbsolutePath() and path.IsAbsoluteRootOrPrimPath()):
         what, hint = f"{prim!r} is not the path of a prim", "one looks like '/World/Car'"
@@ -303,6 +304,8 @@ def _open_clip(file: Path) -> Sdf.Layer:
 
 def _open_layers(file: Path) -> list[Sdf.Layer]:
     """Check and open a file, the first, and every layer it may be composed of, those of unselected variants too."""
+    if not has_text_path(file):
+        raise StageError([Fault(str(file), "", "its path is not UTF-8", "rename it, or its folder")])
     if not file.is_file():
         raise StageError([Fault(str(file), "", "is not a file" if file.exists() else "no such file")])
     try:

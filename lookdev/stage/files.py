@@ -14,6 +14,13 @@ from typing import BinaryIO
 
 import numpy as np
 
+from lookdev.text import stated_limit
+
+BYTES_VARIABLE = "LOOKDEV_LAYER_BYTES"
+"""Environment variable: the largest number of bytes of a text layer. Binary layers, which USD maps, have no limit."""
+
+DEFAULT_BYTES = 1 << 30
+
 NOT_UTF8 = "holds text that is not UTF-8"
 """What is said of a file that USD quotes in vain."""
 
@@ -40,12 +47,37 @@ _CRATE, _COUNT, _SECTION = struct.Struct("<16xq64x"), struct.Struct("<Q"), struc
 _LOCAL = struct.Struct("<26xHH")  # before a member of a package: the lengths of its name and of what else follows
 
 
+def _problem(stream: BinaryIO, begin: int, size: int) -> str:
+    """Return why USD must not read a layer, a part of a file; '' where it may."""
+    stream.seek(begin)
+    start = stream.read(min(len(_MAGIC), size))
+    if start == _MAGIC:
+        return "" if _is_whole(stream, begin, size) else "is damaged: a section of it is cut off"
+    if not start.startswith((b"#usda", b"#sdf")):
+        return ""
+    if size > (most := stated_limit(BYTES_VARIABLE, DEFAULT_BYTES, "bytes")):
+        largest = f"at most {BYTES_VARIABLE} = {most} bytes of text are read; a binary layer (.usdc) would be right"
+        return f"has {size} bytes; {largest}"
+    return _text_problem(start + stream.read(size - len(start)))
+
+
+def _text_problem(text: bytes) -> str:
+    if b"\0" in text:
+        return "holds a character 0, which no text has"
+    try:
+        if not text.isascii():
+            text.decode()
+    except UnicodeDecodeError:
+        return NOT_UTF8
+    brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)
+    depth = int(_STEPS[brackets].cumsum().max(initial=0))
+    return f"is nested {depth} brackets deep; at most {_DEEPEST} would be right" if depth > _DEEPEST else ""
+
+
 def _is_whole(stream: BinaryIO, begin: int, size: int) -> bool:
-    """Return whether the sections of a layer in a file lie within it, where it is binary."""
+    """Return whether the sections of a binary layer in a file lie within it."""
     stream.seek(begin)
     start = stream.read(min(_CRATE.size, size))
-    if start[: len(_MAGIC)] != _MAGIC:
-        return True
     if len(start) < _CRATE.size:
         return False
     (table,) = _CRATE.unpack(start)
@@ -59,15 +91,15 @@ def _is_whole(stream: BinaryIO, begin: int, size: int) -> bool:
     return all(first >= 0 <= length <= size - first for _, first, length in sections)
 
 
-def _package_problem(package: Path) -> str:
+def _package_problem(stream: BinaryIO) -> str:
     """Return why USD must not read the layers in a package; '' where it may."""
     try:
-        with package.open("rb") as stream, zipfile.ZipFile(stream) as archive:
+        with zipfile.ZipFile(stream) as archive:
             for member in archive.infolist():
                 stream.seek(member.header_offset)
                 begin = member.header_offset + _LOCAL.size + sum(_LOCAL.unpack(stream.read(_LOCAL.size)))
-                if not _is_whole(stream, begin, member.compress_size):
-                    return f"is damaged: a section of its {member.filename} is cut off"
+                if problem := _problem(stream, begin, member.compress_size):
+                    return f"has a member {member.filename}, which {problem}"
     except (zipfile.BadZipFile, NotImplementedError, struct.error) as error:
         return f"is no package that can be read: {error}"
     return ""
@@ -79,22 +111,8 @@ def layer_problem(layer: Path) -> str:
         return "is not a file"
     try:
         with layer.open("rb") as stream:
-            start = stream.read(len(_MAGIC))
-            if start == _MAGIC:
-                whole = _is_whole(stream, 0, layer.stat().st_size)
-                return "" if whole else "is damaged: a section of it is cut off"
-            if start[:2] == b"PK":
-                return _package_problem(layer)
-            if start[:5] != b"#usda":
-                return ""
-            text = start + stream.read()
+            if stream.read(2) == b"PK":
+                return _package_problem(stream)
+            return _problem(stream, 0, layer.stat().st_size)
     except OSError as error:
         return f"cannot be read: {error.strerror}"
-    try:
-        if "\0" in text.decode():
-            return "holds a character 0, which no text has"
-    except UnicodeDecodeError:
-        return NOT_UTF8
-    brackets = np.frombuffer(_QUOTED.sub(b"", text).translate(None, _OTHERS), np.uint8)
-    depth = int(_STEPS[brackets].cumsum().max(initial=0))
-    return f"is nested {depth} brackets deep; at most {_DEEPEST} would be right" if depth > _DEEPEST else ""

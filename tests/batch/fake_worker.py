@@ -88,6 +88,8 @@ def act(task: dict, what: str) -> None:
             time.sleep(60)
         case "failed":
             send(type="failed", digest=digest, message="no such attribute 'st2'")
+        case "full":
+            send(type="failed", digest=digest, message="/out: No space left on device", unwritable=True)
         case "other":
             send(type="failed", digest="0" * 64, message="of another frame")
         case "missing":
@@ -113,10 +115,11 @@ def main() -> None:
     send(type="ready", blender="4.5.0 fake")
     while True:
         task = json.loads(lines.get())
-        name = Path(task["files"][0]).name
+        name = Path(task["files"][0]).name if "files" in task else "scene"
         with requests.open("a") as log:
             log.write(f"{name}\n")
-        act(task, behaviour(name))
+        if name != "scene":
+            act(task, behaviour(name))
 
 
 main()

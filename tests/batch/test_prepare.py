@@ -9,11 +9,13 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.batch.prepare import Prepared, prepare_job
+from lookdev.batch.prepare import Prepared, plan_job, prepare_job
 from lookdev.codegen import NodeSource, ShaderSource, Source
 from lookdev.errors import FaultsError
+from lookdev.job import load_job
 from lookdev.material import Look
 from lookdev.render.backends import BACKENDS, Setting, job_backends
+from lookdev.render.task import SceneTask
 
 LOOK = """#usda 1.0
 def Material "Paint"
@@ -69,6 +71,23 @@ def job(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "job.toml"
     path.write_text(JOB.format(parts=""))
     return path
+
+
+def test_a_scene_with_the_shader_of_frames_is_known_before_the_asset_is_read(job: Path) -> None:
+    scenes: list[SceneTask] = []
+    prepared = plan_job(load_job(job), scenes.append)
+    (scene,) = scenes
+    frame = prepared.plan.frames[0].task.scene
+    assert scene.shaders[0] in frame.shaders
+    assert (scene.lights, scene.resolution, scene.sampling) == (frame.lights, frame.resolution, frame.sampling)
+    (job.parent / "asset.usda").write_text("no USD")
+    with pytest.raises(FaultsError, match=r"asset\.usda"):
+        plan_job(load_job(job), scenes.append)
+    assert scenes == [scene, scene]
+    (job.parent / "other.usda").write_text("no USD either")
+    with pytest.raises(FaultsError):
+        plan_job(load_job(job), scenes.append)
+    assert len(scenes) == 2
 
 
 def test_faults_of_asset_looks_and_lights_are_reported_at_once_with_their_places(job: Path) -> None:

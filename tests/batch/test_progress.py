@@ -65,6 +65,19 @@ def test_a_log_file_gets_plain_lines_at_once() -> None:
     ]
 
 
+@pytest.mark.parametrize("kind", [Terminal, LogFile])
+def test_no_name_controls_the_terminal(monkeypatch: pytest.MonkeyPatch, kind: type[io.StringIO]) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    stream, name = kind(), "gold\x1b[5m\x9b\u202e/city"
+    with show_progress(stream) as report:
+        report(Noted(f"{name}: noted"))
+        report(FrameStarted(name))
+        report(FrameFailed(name, f"the worker said {name}"))
+    assert "gold?[5m??/city" in stream.getvalue()
+    assert "\x1b[5m" not in stream.getvalue()
+    assert not {"\x9b", "\u202e"} & set(stream.getvalue())
+
+
 def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("COLUMNS", "120")

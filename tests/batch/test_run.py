@@ -175,6 +175,50 @@ def test_a_frame_cut_short_on_disk_is_rendered_again(tmp_path: Path) -> None:
     read_frame(frame)
 
 
+@pytest.mark.parametrize("place_from_end", [1, 30, 300])
+def test_an_altered_frame_is_rendered_again_with_a_note(tmp_path: Path, place_from_end: int) -> None:
+    case.run(tmp_path)
+    frame = place(tmp_path) / "element.0003.exr"
+    content = bytearray(frame.read_bytes())
+    content[-place_from_end] ^= 1
+    frame.write_bytes(content)
+    events: list[Event] = []
+    assert case.run(tmp_path, report=events.append).rendered == 1
+    assert events[0] == Noted(f"{frame}: was damaged, and is made again")
+    read_frame(frame)
+
+
+def test_an_altered_picture_is_made_again_without_rendering(tmp_path: Path) -> None:
+    case.run(tmp_path)
+    for name in ("element.0003.png", "element.sheet.png"):
+        picture = place(tmp_path) / name
+        whole = picture.read_bytes()
+        picture.write_bytes(whole[:-20] + bytes([whole[-20] ^ 1]) + whole[-19:])
+        assert case.run(tmp_path).rendered == 0
+        assert picture.read_bytes() == whole
+
+
+def test_a_full_disk_does_not_make_a_finished_frame_pending(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case.run(tmp_path)
+    (place(tmp_path) / "element.0003.png").unlink()
+
+    def write_pixels(path: Path, pixels: object) -> None:
+        raise OutputError(f"{path}: cannot write the picture: No space left on device")
+
+    monkeypatch.setattr("lookdev.output.record.write_pixels", write_pixels)
+    with pytest.raises(OutputError, match=r"element\.0003\.png: .*No space left"):
+        case.run(tmp_path)
+    assert len(case.requests(tmp_path)) == 6
+
+
+def test_a_worker_that_cannot_write_ends_the_batch(tmp_path: Path) -> None:
+    case.misbehave(tmp_path, element_0003=["full"])
+    with pytest.raises(OutputError, match="/out: No space left on device"):
+        case.run(tmp_path)
+    assert case.requests(tmp_path) == ["element.0001.exr", "element.0002.exr", "element.0003.exr"]
+    assert names(tmp_path, ".exr") == ["element.0001", "element.0002", "lighting.0001"]
+
+
 def test_a_crashed_frame_is_retried_and_the_batch_completes(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0002=["die", "garbage", "ok"])
     events: list[Event] = []
@@ -297,7 +341,7 @@ def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
     given = case.make_job(tmp_path)
     (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
 
-    def prepare(job: Job) -> Prepared:
+    def prepare(job: Job, ahead: object) -> Prepared:
         raise AssertionError(job.file)
 
     with output_lock(given.output), pytest.raises(OutputError, match=f"process {os.getpid()} on "):
@@ -315,7 +359,7 @@ def test_the_worker_starts_while_the_job_is_prepared(
     record = replace(BACKENDS["exact"], command=case.command(tmp_path))
     monkeypatch.setitem(BACKENDS, "exact", record)
 
-    def prepare(job: Job) -> Any:
+    def prepare(job: Job, ahead: object) -> Any:
         case.wait_until(lambda: len(case.worker_pids(tmp_path)) == 1)
         if fails:
             raise AssetError("damaged")
@@ -349,7 +393,7 @@ def test_the_worker_starts_early_only_where_a_frame_is_missing(
     monkeypatch.setattr(Worker, "launch", lambda worker: (launched.append(worker), launch(worker)))
     monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=case.command(tmp_path)))
 
-    def prepare(job: Job) -> Any:
+    def prepare(job: Job, ahead: object) -> Any:
         assert len(launched) == starts
         return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
 

@@ -54,7 +54,7 @@ def job_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, provide: Provide) 
     path = tmp_path / "job.toml"
     path.write_text(case.JOB + case.TURNTABLES + case.RENDER)
 
-    def plan_job(job: Job) -> SimpleNamespace:
+    def plan_job(job: Job, ahead: object = None) -> SimpleNamespace:
         return SimpleNamespace(job=job, plan=case.make_plan(job), notes=("city: 3 texels repaired",))
 
     provide("lookdev.batch.prepare", prepare_job=lambda path: plan_job(load_job(path)), plan_job=plan_job)
@@ -67,7 +67,7 @@ def plant(provide: Provide, job_file: Path) -> Callable[[BaseException], None]:
     """Return a function that lets the preparation of a job raise an exception."""
 
     def fail(error: BaseException) -> None:
-        def fails(given: object) -> None:
+        def fails(given: object, ahead: object = None) -> None:
             raise error
 
         provide("lookdev.batch.prepare", prepare_job=fails, plan_job=fails)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import os
 import subprocess
 import sys
 import tempfile
@@ -104,3 +105,22 @@ def test_doctor(run_cli: Command, monkeypatch: pytest.MonkeyPatch, good: bool, c
     left, shown, _ = run_cli("doctor")
     assert left == code
     assert "bpy (Blender)  4.5" in shown
+
+
+@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+def test_closed_streams_are_no_defect(closed: str) -> None:
+    command = f"{sys.executable} -m lookdev plan gone.toml {closed}"
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert ("gone.toml" in done.stderr) == ("2>&-" not in closed)
+
+
+def test_a_terminal_without_unicode_is_no_defect() -> None:
+    done = subprocess.run(
+        (sys.executable, "-m", "lookdev", "plan", "漢.toml"),
+        env=os.environ | {"PYTHONIOENCODING": "latin-1"},
+        capture_output=True,
+        check=False,
+    )
+    assert done.returncode == 2
+    assert rb"\u6f22.toml: cannot be read" in done.stderr

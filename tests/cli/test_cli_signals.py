@@ -24,6 +24,10 @@ def wait():
     subprocess.run((sys.executable, "-c", {child!r}))
 sys.argv = ["lookdev", "wait"]
 main()"""
+# USD loses the exception while it is imported.
+_LOSES = _WAITS.replace(
+    "    subprocess.run(", "    import contextlib\n    with contextlib.suppress(BaseException): subprocess.run("
+)
 # A library that computes for a minute, and does not return to Python.
 _COMPUTES = """import hashlib, subprocess, sys
 from lookdev.cli import app, main
@@ -51,7 +55,7 @@ def _wait(condition, seconds: float) -> float:
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-@pytest.mark.parametrize("program", [_WAITS, _COMPUTES])
+@pytest.mark.parametrize("program", [_WAITS, _LOSES, _COMPUTES])
 def test_children_end_with_the_program(tmp_path, program, number):
     file = tmp_path / "child"
     command = [sys.executable, "-c", program.format(child=_CHILD.format(str(file)))]
@@ -63,6 +67,38 @@ def test_children_end_with_the_program(tmp_path, program, number):
         process.send_signal(number)
         assert process.wait(2.0) in (130, 128 + number)
         _wait(lambda: not _running(child), 0.5)
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_a_signal_during_an_import_waits_for_its_end(tmp_path):
+    """A library in C++ loses the exception: nothing would be tidied up."""
+    (tmp_path / "library.py").write_text(
+        "import pathlib, time\n"
+        "pathlib.Path('child').touch()\n"
+        "try: time.sleep(0.5)\n"
+        "except BaseException: raise ImportError('initialization failed') from None\n"
+    )
+    program = """import time
+from lookdev.cli import app, main
+@app.command()
+def work():
+    try:
+        import library
+        time.sleep(60)
+    except KeyboardInterrupt:
+        print("tidy", flush=True)
+import sys
+sys.argv = ["lookdev", "work"]
+main()"""
+    command = [sys.executable, "-c", program]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    try:
+        _wait((tmp_path / "child").exists, 30.0)
+        process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=2.0)[0] == "tidy\n"
+        assert process.returncode == 130
     finally:
         process.kill()
         process.wait()

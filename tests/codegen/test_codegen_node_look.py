@@ -120,7 +120,8 @@ def nodes_cosine(source: NodeSource, wo: Any, wi: Any, attributes: Mapping[str, 
             facing = dict.fromkeys(("Incoming", "True Normal", "Position"), np.float32([[0.0, 0.0, 1.0]]))
             return {"Backfacing": (side < 0).astype(np.float32), **facing}
         if node.kind in ("LightPath", "CameraData"):
-            return {"Ray Length": np.ones(1, np.float32), "View Distance": np.ones(1, np.float32)}
+            one = np.ones(1, np.float32)
+            return {"Ray Length": one, "View Distance": one, "Is Shadow Ray": 0.0 * one}
         if node.kind == "Attribute":
             value = (attributes or {})[str(node.properties["attribute_name"]).removeprefix("primvars:")]
             return {"Fac": value, "Vector": value}

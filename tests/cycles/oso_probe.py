@@ -9,9 +9,9 @@ import bpy  # noqa: F401  (brings the modules of Cycles)
 import numpy as np
 
 from lookdev.cycles.leave import leaving
-from lookdev.cycles.shaders import with_arrays
+from lookdev.cycles.shaders import array_text, with_arrays
 
 if __name__ == "__main__":
     with leaving(), np.load(sys.argv[1]) as stored:
-        arrays = {name: stored[name] for name in stored.files if name != "oso"}
+        arrays = {name: array_text(stored[name]) for name in stored.files if name != "oso"}
         Path(sys.argv[2]).write_text(with_arrays(str(stored["oso"]), arrays), encoding="utf-8")

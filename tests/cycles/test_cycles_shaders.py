@@ -299,6 +299,17 @@ def test_time_counts_the_samples_of_a_pixel(probes: Probes, samples: int) -> Non
     assert (~right).mean(axis=0).max() <= allowed
 
 
+def test_a_shader_that_does_not_compile_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    run_script("refused_probe.py", tmp_path / "answer.txt")
+    message = (tmp_path / "answer.txt").read_text()
+    (refused,) = (file for file in (tmp_path / "cache").rglob("*") if file.is_file())
+    number, line = next(each for each in enumerate(refused.read_text().splitlines(), 1) if "c = nope" in each[1])
+    assert line.strip() == "c = nope;"
+    what = "error: 'nope' was not declared in this scope"
+    assert message.strip() == f"the shader of 'paint' does not compile: {refused}:{number}: {what}"
+
+
 def test_arrays_are_read_from_memory(tmp_path: Path) -> None:
     """As constants of the compiled code, half a million numbers take longer to compile than all else."""
     oso = "shader s\nparam\tfloat[2]\tb\t0\t\t%read{1,2}\nparam\tint\tc\t7\nparam\tint[3]\ta\t0\t\t%read{3,4}\ncode\n"

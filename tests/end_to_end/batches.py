@@ -80,12 +80,13 @@ def leftovers(job: Path) -> list[Path]:
 
 def worker_of(batch: subprocess.Popen[str]) -> int:
     """Return the process id of a batch's worker."""
+    parents: dict[int, int] = {}
+    workers = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
-            parent = int((process / "stat").read_text().rpartition(")")[2].split()[1])
-            command = (process / "cmdline").read_bytes()
+            parents[int(process.name)] = int((process / "stat").read_text().rpartition(")")[2].split()[1])
+            workers += [int(process.name)] * (b"lookdev.cycles" in (process / "cmdline").read_bytes())
         except (FileNotFoundError, ProcessLookupError):
             continue
-        if parent == batch.pid and b"lookdev.cycles" in command:
-            return int(process.name)
-    raise AssertionError("the batch has no worker")
+    (worker,) = (each for each in workers if parents.get(parents[each]) == batch.pid)
+    return worker

@@ -45,7 +45,7 @@ def test_a_damaged_cache_gives_the_same_picture_with_notes(tmp_path: Path, monke
     assert render_job(tmp_path / "job.toml").exit_code == 0
     beauty, _ = read_frame(frame)
     files = [file for file in (tmp_path / "cache").rglob("*") if file.is_file()]
-    assert {file.suffix for file in files} == {".asset", ".exr", ".npy", ".oso", ".json"}
+    assert {file.suffix for file in files} == {".asset", ".exr", ".npy", ".oso", ".txt", ".json"}
     for suffix in (".oso", "", ".json"):
         damaged = [file for file in files if suffix in ("", file.suffix) and (suffix or file.suffix != ".json")]
         for file in damaged:

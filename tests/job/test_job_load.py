@@ -285,6 +285,9 @@ def test_assigned_materials_dress_a_built_in_asset(folder: Path) -> None:
     assert (look.material, look.assign[0].prims) == (None, ("/Ball",))
 
 
+MORE_TURNTABLES = "".join(f'\n[[turntable]]\nkind = "element"\nname = "t{i}"\nframes = 9999' for i in range(25))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "place", "what"),
     [
@@ -308,6 +311,7 @@ def test_assigned_materials_dress_a_built_in_asset(folder: Path) -> None:
         ("frames = 4", 'frames = "4"', "turntable[0].frames", 'valid integer, not "4"'),
         ("frames = 4", "frames = 10000", "turntable[0].frames", "9999"),
         ("frames = 4", "", "turntable[0].frames", "is missing"),
+        ("frames = 4", "frames = 9999" + MORE_TURNTABLES, "turntable", "make 259974 frames; at most 250000"),
         ("frames = 4", "frames = 4\n[camera]\nfov = 180", "camera.fov", "170"),
         ("frames = 4", "frames = 4\n[camera]\nfov = 9\nfocal_length = 9", "camera.focal_length", "'fov'"),
         ("frames = 4", "frames = 4\n[camera]\nmargin = 0.9", "camera.margin", "greater than or equal to 1"),

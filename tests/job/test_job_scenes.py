@@ -10,7 +10,7 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import FaultsError
-from lookdev.job import parse_job, scenes
+from lookdev.job import parse_job, scenes, schema
 from lookdev.job.scenes import JobScenes, job_scenes
 
 MATERIAL = """
@@ -356,6 +356,16 @@ def test_the_looks_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.Monk
     monkeypatch.setattr(scenes, "MOST_COMBINATIONS", 3)
     with pytest.raises(FaultsError, match=r"look: '\*' stands for variants that make 4 looks, at most 3"):
         make(two)
+
+
+def test_the_frames_of_all_stars_are_bounded(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+    star = 'variants = { finish = "*" }\n'
+    frames = sum(each.frames for each in make(star).job.turntable)
+    monkeypatch.setattr(schema, "MOST_FRAMES", 2 * frames)
+    assert len(make(star).job.look) == 2
+    monkeypatch.setattr(schema, "MOST_FRAMES", 2 * frames - 1)
+    with pytest.raises(FaultsError, match=f"turntable: 2 looks under 1 lights .* make {2 * frames} frames"):
+        make(star)
 
 
 def test_notes_on_an_asset_are_told_once(make: Make) -> None:

@@ -275,7 +275,7 @@ def test_a_layer_that_is_not_there(paint: Path, take: Take, tmp_path: Path, car:
     for base in ("0", "Base"):
         assert f"'{base}' is the base" in refused(lambda base=base: remove_layer(paint, base), paint)
     metal = Path(shutil.copy(ROOT / "materials" / "brushed_metal.usda", tmp_path))
-    assert "has a single layer, no stack" in refused(lambda: set_mask(metal, "1", 0.5), metal)
+    assert ": /BrushedMetal: has a single layer, no stack" in refused(lambda: set_mask(metal, "1", 0.5), metal)
 
 
 def test_a_layer_that_is_there_twice_goes_by_its_number(paint: Path, take: Take) -> None:

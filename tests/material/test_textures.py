@@ -53,6 +53,15 @@ def test_srgb_is_the_piecewise_curve() -> None:
     assert srgb_to_linear(-0.5) == pytest.approx(-0.5 / 12.92)
 
 
+def test_equal_texels_are_equal_files(tmp_path: Path) -> None:
+    """Otherwise frames would be stale once the cache was deleted."""
+    pixels = np.zeros((2, 2, 3), np.uint8)
+    texture = Texture(save(tmp_path / "a.png", pixels, "uint8"), "r", "raw")
+    for file in (linear_texture(texture), slope_texture(texture)):
+        written = oiio.ImageBuf(str(file)).spec().getattribute("DateTime")
+        assert written == "2000:01:01 00:00:00"
+
+
 def test_srgb_is_decoded_and_alpha_neither_decoded_nor_multiplied_in(tmp_path: Path) -> None:
     stored = np.array([[[255, 128, 0, 0], [10, 20, 30, 128]]], np.uint8)
     linear = linear_texture(Texture(save(tmp_path / "a.png", stored, "uint8"), "rgb", "sRGB"))

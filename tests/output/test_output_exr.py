@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +10,7 @@ import OpenEXR
 import pytest
 
 from lookdev.errors import OutputError
-from lookdev.output import read_frame, read_header, write_frame
+from lookdev.output import read_frame, read_header, write_frame, write_png
 
 HEADER = {
     "digest": "ab" * 32,
@@ -77,6 +80,30 @@ def test_truncated_frame_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np
         read_header(path)
 
 
+def test_an_altered_byte_is_detected(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:
+    path = tmp_path / "a.exr"
+    write_frame(path, *frame, HEADER)
+    whole = path.read_bytes()
+    named = whole.index(b"lookdev:checksum")  # altered, the name is that of another attribute: the pixels are right
+    for place in (each for each in range(0, len(whole), 41) if not 0 <= each - named < 20):
+        path.write_bytes(whole[:place] + bytes([whole[place] ^ 4]) + whole[place + 1 :])
+        for read in (read_header, read_frame):
+            with pytest.raises(OutputError, match=re.escape(str(path))):
+                read(path)
+    path.write_bytes(whole)
+    read_header(path)
+    read_frame(path)
+
+
+def test_a_frame_of_a_version_without_checksums_is_whole(tmp_path: Path) -> None:
+    channels = {name: np.full((40, 30), 0.5, np.float32) for name in "RGBA"}
+    path = tmp_path / "a.exr"
+    with OpenEXR.File({"lookdev:digest": "d", "compression": OpenEXR.ZIP_COMPRESSION}, channels) as exr:
+        exr.write(str(path))
+    assert read_header(path) == {"digest": "d", "resolution": "30 x 40"}
+    assert (read_frame(path)[0] == 0.5).all()
+
+
 @pytest.mark.parametrize("content", [b"", b"not an image", None])
 def test_unreadable_files(tmp_path: Path, content: bytes | None) -> None:
     path = tmp_path / "a.exr"
@@ -101,6 +128,30 @@ def test_shapes_must_belong_together(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"\(H, W, 3\)"):
         write_frame(tmp_path / "a.exr", np.zeros((4, 4, 3)), np.zeros((4, 5)), {})
     assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let what is written end in a device that takes nothing."""
+
+    @contextmanager
+    def on_full(final: Path) -> Iterator[Path]:
+        temporary = final.with_name("full" + final.suffix)
+        temporary.symlink_to("/dev/full")
+        yield temporary
+        temporary.unlink()
+
+    monkeypatch.setattr("lookdev.cache._temporary", on_full)
+
+
+def test_a_frame_and_a_picture_on_a_full_disk(
+    tmp_path: Path, full_disk: None, frame: tuple[np.ndarray, np.ndarray]
+) -> None:
+    """The libraries do not report what is lost as they close a file."""
+    with pytest.raises(OutputError, match=r"a\.exr: cannot write the frame: No space left on device"):
+        write_frame(tmp_path / "a.exr", *frame, {})
+    with pytest.raises(OutputError, match=r"a\.png: cannot write the picture: No space left on device"):
+        write_png(tmp_path / "a.png", frame[0] * 0.0, None, "Raw")
 
 
 def test_unwritable_place(tmp_path: Path, frame: tuple[np.ndarray, np.ndarray]) -> None:

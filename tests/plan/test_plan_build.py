@@ -213,7 +213,7 @@ def test_several_changes_are_all_named(scenes: Scenes, disk: Disk, plan_of: Plan
 
 @pytest.mark.parametrize(
     ("header", "reason"),
-    [({}, "not written by lookdev"), (None, "not written by lookdev"), ("broken", "not a readable EXR")],
+    [({}, "not written by lookdev"), (None, "not written by lookdev"), ("broken", "damaged")],
 )
 def test_files_that_are_no_frames_are_stale(
     disk: Disk, plan_of: PlanOf, header: dict[str, str] | str | None, reason: str

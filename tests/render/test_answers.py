@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lookdev.errors import RenderError
+from lookdev.errors import OutputError, RenderError
+from lookdev.render.answers import save_arrays
 from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.worker import Progress, Worker
 from lookdev.scene import Pose
@@ -18,7 +19,7 @@ from lookdev.scene import Pose
 WORKER = """
 import os, sys
 import numpy as np
-from lookdev.errors import RenderError
+from lookdev.errors import OutputError, RenderError
 from lookdev.render.answers import Answers, save_arrays
 from lookdev.render.wire import decode
 
@@ -29,7 +30,7 @@ answers.ready("none 1.0")
 for line in sys.stdin:
     task = decode(line)
     if task.exposure:
-        answers.failed(task.digest, RenderError("too dark"))
+        answers.failed(task.digest, (RenderError if task.exposure < 0 else OutputError)("too dark"))
         continue
     answers.progress(task.digest, 2, 8, None)
     np.ones(300_000_000, np.uint8)
@@ -50,6 +51,8 @@ def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
         with pytest.raises(RenderError, match=r"^RenderError: too dark$"):
             worker.render(replace(task, exposure=-1.0), reported.append)
         assert reported == []
+        with pytest.raises(OutputError, match=r"^too dark$"):
+            worker.render(replace(task, exposure=1.0), reported.append)
         rendered = worker.render(task, reported.append)
     assert reported == [Progress(type="progress", digest="d16e57", samples=2, of=8, relmse=None)]
     image = np.arange(48 * 64 * 3, dtype=np.float32).reshape(48, 64, 3)
@@ -61,3 +64,12 @@ def test_answers_are_read(scene: SceneTask, tmp_path: Path) -> None:
     assert 300e6 < rendered.memory < 900e6
     assert log.read_text() == "chatter of Python\nchatter of C\n"
     assert list(scratch.iterdir()) == []
+
+
+def test_arrays_that_cannot_be_written_are_an_error_of_the_output(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "none"))
+    image = np.zeros((4, 4, 3), np.float32)
+    with pytest.raises(OutputError, match="none: a rendered frame cannot be written: No such file or directory"):
+        save_arrays(image, image, image[..., 0])

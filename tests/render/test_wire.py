@@ -12,7 +12,7 @@ import pytest
 from lookdev.codegen import Link, NodeSource
 from lookdev.errors import WorkerError
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.wire import decode, encode
+from lookdev.render.wire import decode, decode_request, encode
 from lookdev.scene import Pose
 
 
@@ -43,6 +43,13 @@ def test_native_nodes_come_back_as_they_were(task: FrameTask, node_source: NodeS
         assert mix.properties["clamp_result"] is True
         assert isinstance(mix.inputs["B_Color"], Link)
         assert isinstance(mix.inputs["A_Color"], tuple)
+
+
+def test_a_scene_is_told_from_a_frame(task: FrameTask) -> None:
+    assert decode_request(encode(task)) == task
+    assert decode_request(encode(task.scene)) == task.scene
+    with pytest.raises(WorkerError, match="a scene task, not a frame task"):
+        decode(encode(task.scene))
 
 
 def test_floats_survive_exactly(task: FrameTask) -> None:

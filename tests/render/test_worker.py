@@ -56,6 +56,31 @@ def test_a_launched_worker_is_started_once(worker: Worker, task: FrameTask, tmp_
     assert len(worker_pids(tmp_path)) == 2
 
 
+@pytest.mark.parametrize("size", [10, 300_000])  # the second fills the pipe
+def test_a_scene_is_sent_ahead_of_its_frames_without_an_answer(
+    worker: Worker, task: FrameTask, tmp_path: Path, size: int
+) -> None:
+    (source,) = task.scene.shaders
+    scene = replace(task.scene, shaders=(replace(source, osl=size * "x"),))
+    worker.prepare(scene)  # to nobody
+    worker.launch()
+    worker.prepare(scene)
+    worker.prepare(scene)
+    worker.start()
+    worker.prepare(scene)  # too late
+    assert (worker.render(task, lambda progress: None).a == 0.25).all()
+    assert requests(tmp_path) == ["scene", "element.0001.exr"]
+
+
+def test_a_worker_that_dies_before_it_reads_a_scene_is_reported_by_its_start(task: FrameTask, tmp_path: Path) -> None:
+    with Worker((sys.executable, "-c", "raise SystemExit(3)"), tmp_path / "worker.log", tmp_path) as worker:
+        worker.launch()
+        (source,) = task.scene.shaders
+        worker.prepare(replace(task.scene, shaders=(replace(source, osl=300_000 * "x"),)))
+        with pytest.raises(WorkerError, match="exit code 3"):
+            worker.start()
+
+
 @pytest.mark.parametrize(
     ("what", "message"),
     [
@@ -66,7 +91,7 @@ def test_a_launched_worker_is_started_once(worker: Worker, task: FrameTask, tmp_
         ("flood", "invalid message: 'xxx"),
         ("ready", "answered 'ready' in the middle"),
         ("other", "answered for frame 000000000000"),
-        ("missing", "nowhere.npz cannot be read"),
+        ("missing", "result cannot be read.*nowhere.npz"),
         ("truncated", "cannot be read"),
         ("lack", "cannot be read.*alpha"),
         ("shape", r"'b' is \(5, 8, 3\), should be \(6, 8, 3\)"),

@@ -93,7 +93,8 @@ class _Material:
         attributes += [TANGENT_BINDING] * directed
         shown = {node.group for tree in self._groups for node in tree.nodes}
         fits = [fit_tree(name) for name in sorted(shown) if is_fit(name)]
-        trees = (frame, coincident_tree(), *fits, *self._groups, self._builder.tree())
+        see_through = not same(presence, 1.0)
+        trees = (frame, coincident_tree(see_through=see_through), *fits, *self._groups, self._builder.tree())
         return NodeSource(
             self._look.name,
             trees,
@@ -101,7 +102,7 @@ class _Material:
             node_digest(trees, attributes),
             exact=False,
             transmits=whole.transmits,
-            see_through=not same(presence, 1.0),
+            see_through=see_through,
         )
 
     def _run(self, stack: Sequence[StackLayer], names: Sequence[str], part: str) -> _Part:

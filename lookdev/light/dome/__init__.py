@@ -14,6 +14,7 @@ the points is the integral; docs/accuracy.md states the error of one set of poin
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -145,7 +146,9 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:
         return (Content.written(".exr", lambda path: write_exr(path, "RGB", env.radiance)),)
 
     def written_table(table: NDArray[np.int32] | NDArray[np.float32]) -> Content:
-        return Content.written(".npy", lambda path: np.save(path, table))
+        data = io.BytesIO()
+        np.save(data, table)
+        return Content.holding(data.getvalue(), ".npy")
 
     def written_tables() -> tuple[Content, ...]:
         radiance = env.radiance.astype(np.float64)

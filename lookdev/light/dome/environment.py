@@ -12,13 +12,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
 from lookdev.errors import EnvironmentMapError, nearest_hint
 from lookdev.images import check_size, open_image, whole_image
+
+if TYPE_CHECKING:
+    import OpenImageIO as oiio
 
 Floats = NDArray[np.float32]
 

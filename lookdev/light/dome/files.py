@@ -8,6 +8,7 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
+from lookdev.cache import from_memory
 from lookdev.errors import EnvironmentMapError
 
 _TILE_SIDE = 4096
@@ -25,8 +26,8 @@ def write_exr(path: Path, channels: str, values: NDArray[np.float32], *, compres
     tile.mode, tile.roundingMode = OpenEXR.LevelMode.ONE_LEVEL, OpenEXR.LevelRoundingMode.ROUND_DOWN
     compression = OpenEXR.ZIP_COMPRESSION if compressed else OpenEXR.NO_COMPRESSION
     header = {"compression": compression, "type": OpenEXR.tiledimage, "tiles": tile}
-    with OpenEXR.File(header, planes) as exr:
-        exr.write(str(path))
+    with OpenEXR.File(header, planes) as exr, from_memory(path) as name:
+        exr.write(name)
 
 
 def read_exr(path: Path, channels: str) -> NDArray[np.float32]:

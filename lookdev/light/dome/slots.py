@@ -16,7 +16,6 @@ enters the weight of multiple importance sampling; the ratio q / p = g M c / sum
 from __future__ import annotations
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,6 +49,8 @@ def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDAr
     integral
         Over the sphere, of the mean of the channels of the radiance.
     """
+    from concurrent.futures import ThreadPoolExecutor  # not at the top: the render worker starts sooner
+
     slots, numbers = np.zeros((bins.COUNT, SLOTS), np.int32), np.zeros((bins.COUNT, 2), np.float32)
     # In float32, as in the shader: g is only a weight.
     x, y, z = (np.ascontiguousarray(column, np.float32) for column in towards.T)

@@ -61,8 +61,8 @@ class Network:
         return tuple(unique)
 
     def fault(self, where: object, what: str, hint: str = "") -> None:
-        """Note a fault. `where` is an attribute or a path."""
-        place = where.GetPath() if isinstance(where, Usd.Object) else where
+        """Note a fault. `where` is an attribute, a prim by its schema, or a path."""
+        place = where.GetPath() if isinstance(where, Usd.Object | Usd.SchemaBase) else where
         self._faults.append(Fault(str(self.file), shortened(str(place)), shortened(what), hint))
 
     def note(self, fault: Fault) -> None:
