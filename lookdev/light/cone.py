@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[Any]
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
 
 
 def uniform_density(versine: Floats) -> Floats:
@@ -29,9 +29,9 @@ def about(axis: Floats, local: Floats) -> Floats:
     Duff et al., "Building an Orthonormal Basis, Revisited", 2017.
     """
     x, y, z = np.moveaxis(axis, -1, 0)
-    sign = np.where(z < 0, -1, 1).astype(axis.dtype)
+    sign = np.where(z < 0, -np.ones_like(z), np.ones_like(z))
     a = -1 / (sign + z)
     b = x * y * a
     tangent = np.stack([1 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
-    return np.asarray(local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis)
+    return local[..., :1] * tangent + local[..., 1:2] * bitangent + local[..., 2:] * axis

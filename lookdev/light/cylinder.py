@@ -7,18 +7,60 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
+from lookdev.light.shape import FAR, cone_about
 from lookdev.light.spherical_rectangle import Point, SphericalRectangle, density, draw, seen_rectangle
 
-Floats = NDArray[Any]
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
 
 _MARGIN = 1e-6  # of the width of the outline
+_TINY = 1e-30
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """The `Shape` of the side of a cylinder about x, which sends outwards."""
+
+    length: Any
+    radius: Any
+
+    def distance(self, place: Any, direction: Any) -> Any:
+        return meet_side(place, direction, self.length, self.radius)
+
+    def pdf(self, place: Any, direction: Any) -> Any:
+        cover = covering(place, self.length, self.radius)
+        towards = cover.inside(direction)
+        before = cover.outside & (towards[..., 2] > 0)
+        along = np.where(before, cover.away / np.where(before, towards[..., 2], 1), 0)
+        x, y = along * towards[..., 0], along * towards[..., 1]
+        s, t = (x - cover.x0) / cover.width, (y + cover.half) / (2 * cover.half)
+        met = before & (np.absolute(s - 0.5) <= 0.5) & (np.absolute(t - 0.5) <= 0.5)
+        point = Point(np.clip(s, 0, 1), np.clip(t, 0, 1), x, y)
+        return np.where(met, density(cover.seen, point), 0)
+
+    def sample(self, place: Any, u: Any) -> Any:
+        cover = covering(place, self.length, self.radius)
+        return cover.towards(draw(cover.seen, u))
+
+    def solid_angle(self, place: Any) -> Any:
+        x, y, z = np.moveaxis(place, -1, 0)
+        far = np.sqrt(y * y + z * z)
+        along = np.maximum(np.absolute(x) - self.length / 2, 0)
+        off = far - self.radius
+        # What is seen of the side is nearly a rectangle that faces the place, at the nearest point.
+        squared, area = along * along + off * off, 2 * self.radius * self.length
+        sine = far / np.sqrt(np.maximum(along * along + far * far, _TINY))
+        return np.where(off > 0, area * sine / (squared + area / (2 * math.pi)), 0)
+
+    def cone(self, place: Any) -> tuple[Any, Any]:
+        return cone_about(place, np.sqrt(self.length * self.length / 4 + self.radius * self.radius))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,30 +83,16 @@ class CylinderLight(PlacedLight):
         check_number("radius", self.radius, above=0.0)
 
     @property
+    def shape(self) -> Cylinder:
+        return Cylinder(self.length, self.radius)
+
+    @property
     def size_factor(self) -> float:
         return 2.0 * math.pi * self.radius * self.length
 
-    def _distance(self, place: Floats, direction: Floats) -> Floats:
-        return meet_side(place, direction, self.length, self.radius)
-
-    def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        cover = covering(place, self.length, self.radius)
-        towards = cover.inside(direction)
-        before = cover.outside & (towards[..., 2] > 0.0)
-        along = np.where(before, cover.away / np.where(before, towards[..., 2], 1.0), 0.0)
-        x, y = along * towards[..., 0], along * towards[..., 1]
-        s, t = (x - cover.x0) / cover.width, (y + cover.half) / (2.0 * cover.half)
-        met = before & (np.abs(s - 0.5) <= 0.5) & (np.abs(t - 0.5) <= 0.5)
-        point = Point(np.clip(s, 0.0, 1.0), np.clip(t, 0.0, 1.0), x, y)
-        return np.where(met, density(cover.seen, point), 0.0)
-
-    def _sample(self, place: Floats, u: Floats) -> Floats:
-        cover = covering(place, self.length, self.radius)
-        return cover.towards(draw(cover.seen, u))
-
 
 def meet_side(place: Floats, direction: Floats, length: Any, radius: Any) -> Floats:
-    """Return the distance (...) along directions (..., 3) to the outside of the side; inf if missed, or from inside."""
+    """Return the distance (...) along directions (..., 3) to the outside; `FAR` if missed, or from inside."""
     x, y, z = np.moveaxis(place, -1, 0)
     wx, wy, wz = np.moveaxis(direction, -1, 0)
     across, steep = y * wz - z * wy, wy * wy + wz * wz
@@ -73,7 +101,7 @@ def meet_side(place: Floats, direction: Floats, length: Any, radius: Any) -> Flo
     met = (y * y + z * z > radius * radius) & (towards > 0) & (squared >= 0)
     distance = (towards - np.sqrt(np.maximum(squared, 0))) / np.where(met, steep, 1)
     met &= np.abs(x + np.where(met, distance, 0) * wx) <= length / 2
-    return np.where(met, distance, np.inf)
+    return np.where(met, distance, FAR)
 
 
 class Cover(NamedTuple):
@@ -106,7 +134,7 @@ class Cover(NamedTuple):
         """Return the directions (..., 3) of the cylinder to points of the rectangle."""
         x, y, z = np.broadcast_arrays(point.x, point.y, self.away)
         local = np.stack([x, self.z * y + self.y * z, self.z * z - self.y * y], axis=-1)
-        return np.asarray(local / np.sqrt((local * local).sum(axis=-1, keepdims=True)))
+        return local / np.expand_dims(np.sqrt((local * local).sum(axis=-1)), -1)
 
 
 def covering(place: Floats, length: Any, radius: Any) -> Cover:
@@ -117,7 +145,7 @@ def covering(place: Floats, length: Any, radius: Any) -> Cover:
     times.
     """
     x, y, z = np.moveaxis(place, -1, 0)
-    far = np.hypot(y, z)
+    far = np.sqrt(y * y + z * z)
     outside = far > radius
     far = np.where(outside, far, 2 * radius)
     grown = (far + radius) / far

@@ -7,17 +7,44 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.plane import meet_plane, seen_part, towards_plane
+from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
+from lookdev.light.shape import FAR, cone_about
 from lookdev.light.spherical_rectangle import density, draw
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Ellipse:
+    """The `Shape` of an ellipse of radii along x and y."""
+
+    x: Any
+    y: Any
+
+    def distance(self, place: Any, direction: Any) -> Any:
+        distance, point = meet_plane(place, direction, 2 * self.x, 2 * self.y)
+        s, t = point.s - 0.5, point.t - 0.5
+        return np.where(s * s + t * t <= 0.25, distance, FAR)
+
+    def pdf(self, place: Any, direction: Any) -> Any:
+        distance, point = meet_plane(place, direction, 2 * self.x, 2 * self.y)
+        return np.where(distance < FAR, density(seen_part(place, 2 * self.x, 2 * self.y), point), 0)
+
+    def sample(self, place: Any, u: Any) -> Any:
+        return towards_plane(place, draw(seen_part(place, 2 * self.x, 2 * self.y), u))
+
+    def solid_angle(self, place: Any) -> Any:
+        return plane_angle(place, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
+
+    def cone(self, place: Any) -> tuple[Any, Any]:
+        return cone_about(place, np.maximum(self.x, self.y))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,20 +66,9 @@ class DiskLight(PlacedLight):
             check_number("radius", radius, above=0.0)
 
     @property
-    def size_factor(self) -> float:
-        return math.pi * self.radii[0] * self.radii[1]
-
-    def _distance(self, place: Floats, direction: Floats) -> Floats:
-        distance, point = meet_plane(place, direction, *self._sides)
-        return np.where(np.hypot(point.s - 0.5, point.t - 0.5) <= 0.5, distance, np.inf)
-
-    def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        distance, point = meet_plane(place, direction, *self._sides)
-        return np.where(np.isfinite(distance), density(seen_part(place, *self._sides), point), 0.0)
-
-    def _sample(self, place: Floats, u: Floats) -> Floats:
-        return towards_plane(place, draw(seen_part(place, *self._sides), u))
+    def shape(self) -> Ellipse:
+        return Ellipse(*self.radii)
 
     @property
-    def _sides(self) -> tuple[float, float]:
-        return 2.0 * self.radii[0], 2.0 * self.radii[1]
+    def size_factor(self) -> float:
+        return math.pi * self.radii[0] * self.radii[1]

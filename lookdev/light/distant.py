@@ -5,21 +5,48 @@ from __future__ import annotations
 import hashlib
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.vectors import dot
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.cone import draw_uniform, uniform_density
-from lookdev.light.emission import WHITE, Emission, check_number
+from lookdev.light.emission import WHITE, Color, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, VERSION
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
 from lookdev.light.protocol import LightCode
+from lookdev.light.shape import FAR, INFINITE
 
 Floats = NDArray[np.float64]
 
 _NARROWEST = math.radians(0.005)  # half an angle that float32 can tell from 0
+
+
+@dataclass(frozen=True)
+class Cone:
+    """The `Shape` of a cone of directions about z; `versine` is 1 - cos of half its angle."""
+
+    versine: Any
+
+    def distance(self, place: Any, direction: Any) -> Any:
+        # By the chord, which keeps its digits where the cosine is near 1.
+        chord = direction - ZENITH
+        return np.where(dot(chord, chord) <= 2 * self.versine, INFINITE, FAR)
+
+    def pdf(self, place: Any, direction: Any) -> Any:
+        return np.where(self.distance(place, direction) < FAR, uniform_density(self.versine), 0)
+
+    def sample(self, place: Any, u: Any) -> Any:
+        return draw_uniform(self.versine, u)
+
+    def solid_angle(self, place: Any) -> Any:
+        return 2 * math.pi * self.versine
+
+    def cone(self, place: Any) -> tuple[Any, Any]:
+        return ZENITH, np.where(self.versine < 1, self.versine * (2 - self.versine), 1)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,18 +85,29 @@ class DistantLight:
         sine = math.sin(self._half) ** 2
         return math.pi * ((sine if self._half <= math.pi / 2.0 else 2.0 - sine) or 1.0 / math.pi)
 
+    @property
+    def shape(self) -> Cone:
+        return Cone(2.0 * math.sin(max(self._half, _NARROWEST) / 2.0) ** 2)
+
+    @property
+    def sent(self) -> Color:
+        """The radiance in nits within the cone that is drawn, before `shaping`."""
+        r, g, b = (self._scale * channel for channel in self.emission.color)
+        return r, g, b
+
     def radiance(self, place: Floats, direction: Floats) -> Floats:
         towards = to_local(self.axes, direction)
-        lit = self._lit(towards)
+        lit = self.shape.distance(place, towards) < FAR
         sent = np.where(lit[..., None], self._scale * self.emission.towards(towards), 0.0)
         return np.broadcast_to(sent, np.broadcast_shapes(sent.shape, place.shape))
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
-        pdf = np.where(self._lit(to_local(self.axes, direction)), uniform_density(np.array(self._versine)), 0.0)
+        towards = to_local(self.axes, direction)
+        pdf = self.shape.pdf(place, towards)
         return np.broadcast_to(pdf, np.broadcast_shapes(pdf.shape, place.shape[:-1]))
 
     def sample(self, place: Floats, u: Floats) -> Floats:
-        return to_world(self.axes, draw_uniform(np.array(self._versine), u))
+        return to_world(self.axes, self.shape.sample(place, u))
 
     def distance(self, place: Floats, direction: Floats) -> Floats:
         return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
@@ -77,19 +115,9 @@ class DistantLight:
     def code(self, *, sampled: bool) -> LightCode:
         raise EnvironmentMapError(f"backend 'exact' cannot render a light of kind '{self.kind}' yet")
 
-    def _lit(self, local: Floats) -> NDArray[np.bool_]:
-        # By the chord, which keeps its digits where the cosine is near 1.
-        chord = local - np.array((0.0, 0.0, 1.0))
-        return np.asarray((chord * chord).sum(axis=-1) <= 2.0 * self._versine)
-
     @property
     def _half(self) -> float:
         return math.radians(min(self.angle, 360.0)) / 2.0
-
-    @property
-    def _versine(self) -> float:
-        """1 - cos of half the angle of the cone that is drawn."""
-        return 2.0 * math.sin(max(self._half, _NARROWEST) / 2.0) ** 2
 
     @property
     def _scale(self) -> float:

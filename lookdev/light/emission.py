@@ -11,23 +11,49 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
+from lookdev.light.shape import FAR
 
-Floats = NDArray[np.float64]
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
 Color = tuple[float, float, float]
 
 _NEAREST = 1e-6  # metres: a falloff computes with at least this distance, so that no exponent divides by 0
 
 
-def smooth_step(value: Floats, start: float, end: float) -> Floats:
-    """Return 0 up to `start`, 1 from `end` on, and a cubic polynomial without kinks between; 0 where both are equal."""
-    t = np.clip((value - start) / (end - start), 0.0, 1.0) if end > start else np.zeros_like(value)
+def slope(start: float, end: float) -> float:
+    """Return the slope of a `smooth_step` from `start` to `end`; 0 where both are equal, so that it is 0."""
+    return 1.0 / (end - start) if end > start else 0.0
+
+
+def smooth_step(value: Floats, start: float, rise: float) -> Floats:
+    """Return 0 up to `start`, 1 from ``start + 1 / rise`` on, and a cubic polynomial without kinks between."""
+    t = np.clip((value - start) * rise, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
+
+
+def off_axis(direction: Floats) -> Floats:
+    """Return the angle (...) in radians off a light's axis, -z, under which it sends to where directions lead to it."""
+    x, y, z = np.moveaxis(direction, -1, 0)
+    return np.arctan2(np.sqrt(x * x + y * y), z)
+
+
+# UsdLuxShapingAPI: inputs:shaping:cone:angle and inputs:shaping:cone:softness.
+def cone_factor(angle: Floats, cone: Any, start: Any, rise: Any) -> Floats:
+    """Return what of the light is in the cone, (...), at angles off the axis; all angles in radians."""
+    return np.where(angle <= cone, 1.0 - smooth_step(angle, start, rise), 0.0)
+
+
+# UsdLuxShapingAPI: inputs:shaping:focus and inputs:shaping:focusTint.
+def focus_factor(cosine: Floats, focus: Any, tint: Any) -> Floats:
+    """Return what is left of the light, (..., 3), at cosines (...) to the axis; `tint` (3,) is at right angles."""
+    focused = np.expand_dims(np.absolute(cosine) ** focus, -1)
+    return focused + (1.0 - focused) * tint
 
 
 def check_number(what: str, value: float, *, least: float = -math.inf, above: float = -math.inf) -> float:
@@ -72,17 +98,19 @@ class Shaping:
         The emission direction is the opposite one, the light's axis is -z.
         """
         x, y, z = np.moveaxis(direction, -1, 0)
-        off_axis = np.degrees(np.arctan2(np.hypot(x, y), z))
-        # inputs:shaping:cone:angle and inputs:shaping:cone:softness.
-        start = self.cone_angle * (1.0 - min(max(self.cone_softness, 0.0), 1.0))
-        factor = np.where(off_axis <= self.cone_angle, 1.0 - smooth_step(off_axis, start, self.cone_angle), 0.0)
+        angle = off_axis(direction)
+        factor = cone_factor(angle, *self.cone)
         if self.profile:
-            factor *= self.profile.factor(off_axis, np.degrees(np.arctan2(-y, -x)) % 360.0)
-        if self.focus <= 0.0:
-            return factor[..., None]
-        # inputs:shaping:focusTint.
-        focused = np.abs(z)[..., None] ** self.focus
-        return np.asarray(factor[..., None] * (focused + (1.0 - focused) * np.array(self.focus_tint)))
+            factor = factor * self.profile.factor(np.degrees(angle), np.degrees(np.arctan2(-y, -x)) % 360.0)
+        return factor[..., None] * focus_factor(z, max(self.focus, 0.0), np.array(self.focus_tint))
+
+    @property
+    def cone(self) -> tuple[float, float, float]:
+        """The numbers of `cone_factor`."""
+        cone = math.radians(self.cone_angle)
+        start = cone * (1.0 - min(max(self.cone_softness, 0.0), 1.0))
+        # Directions are rounded: the widest cone is all of them.
+        return cone if self.cone_angle < 180.0 else 4.0, start, slope(start, cone)
 
 
 @dataclass(frozen=True)
@@ -103,13 +131,24 @@ class Shadow:
 
     def passed(self, distance: Floats) -> Floats:
         """Return the share (..., 3) of the light that passes what occludes it at distances (...)."""
-        strength = np.full(distance.shape, float(self.enable))
-        if self.distance >= 0.0:
-            zone = min(self.falloff, self.distance)
-            # inputs:shadow:falloffGamma, with linear distance within the zone.
-            left = np.clip((self.distance - distance) / zone, 0.0, 1.0) if zone > 0.0 else distance <= self.distance
-            strength *= left**self.falloff_gamma
-        return np.asarray(1.0 - strength[..., None] * (1.0 - np.array(self.color)))
+        return shadow_passed(distance, *self.numbers, np.array(self.color))
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """The numbers of `shadow_passed` but the colour."""
+        limit = self.distance if self.distance >= 0.0 else math.inf
+        return float(self.enable), min(limit, FAR), max(min(self.falloff, self.distance), 0.0), self.falloff_gamma
+
+
+# UsdLuxShadowAPI: inputs:shadow:falloffGamma, with linear distance within the zone.
+def shadow_passed(distance: Floats, enable: Any, limit: Any, zone: Any, gamma: Any, color: Any) -> Floats:
+    """Return the share (..., 3) of the light that passes occluders at distances (...), up to `limit`.
+
+    The shadow fades over the last part, `zone`, of the limit; it has a `color` (3,), and is there if `enable` is 1.
+    """
+    faded = np.clip((limit - distance) / np.where(zone > 0.0, zone, 1.0), 0.0, 1.0) ** gamma
+    strength = enable * np.where(zone > 0.0, faded, np.where(distance <= limit, 1.0, 0.0))
+    return 1.0 - np.expand_dims(strength, -1) * (1.0 - color)
 
 
 _BLACK_SHADOW = Shadow()
@@ -138,9 +177,19 @@ class Falloff:
 
     def factor(self, distance: Floats) -> Floats:
         """Return what radiance is multiplied by at places at distances (...) from the light's position."""
-        nearest = np.maximum(distance, _NEAREST)
-        fade = 1.0 if self.end is None else 1.0 - smooth_step(distance, self.start, self.end)
-        return np.asarray(nearest * nearest * (nearest + self.virtual_distance) ** -self.exponent * fade)
+        return falloff_factor(distance, *self.numbers)
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """The numbers of `falloff_factor`."""
+        rise = 0.0 if self.end is None else slope(self.start, self.end)
+        return self.virtual_distance, -self.exponent, self.start, rise
+
+
+def falloff_factor(distance: Floats, virtual: Any, power: Any, start: Any, rise: Any) -> Floats:
+    """Return what radiance is multiplied by, (...), as `Falloff.factor`."""
+    nearest = np.maximum(distance, _NEAREST)
+    return nearest * nearest * (nearest + virtual) ** power * (1.0 - smooth_step(distance, start, rise))
 
 
 @dataclass(frozen=True)
@@ -181,7 +230,7 @@ class Emission:
     def towards(self, direction: Floats) -> Floats:
         """Return the radiance (..., 3) that is sent to where the light lies in directions (..., 3) of its own space."""
         color = np.array(self.color)
-        return color * (self.shaping.factor(direction) if self.shaping else np.ones((*direction.shape[:-1], 1)))
+        return color * (self.shaping.factor(direction) if self.shaping else np.ones((*direction.shape[:-1], 3)))
 
     def faded(self, distance: Floats) -> Floats:
         """Return what radiance is multiplied by at places at distances (...) from the light's position."""

@@ -18,6 +18,7 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world
 from lookdev.light.protocol import LightCode
+from lookdev.light.shape import FAR, Shape
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +33,7 @@ EXAMPLE_EMISSION = Emission((3.0, 2.0, 1.0))
 class PlacedLight(ABC):
     """A shape at `position`, in metres, turned by `axes`.
 
-    Kinds implement the methods with an underscore, in the light's own space.
+    Methods with an underscore are in the light's own space.
     """
 
     kind: ClassVar[str]
@@ -53,12 +54,17 @@ class PlacedLight(ABC):
 
     @property
     @abstractmethod
+    def shape(self) -> Shape:
+        """What is placed."""
+
+    @property
+    @abstractmethod
     def size_factor(self) -> float:
         """Square metres by which the radiance is divided where the power is normalized: `UsdLuxLightAPI`."""
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
         local, towards = self._inside(place), to_local(self.axes, direction)
-        met = np.isfinite(self._distance(local, towards))[..., None]
+        met = (self.shape.distance(local, towards) < FAR)[..., None]
         faded = self.emission.faded(np.linalg.norm(local, axis=-1))[..., None]
         return np.where(met, self._sent(local, towards) * self.emission.towards(towards) * faded, 0.0)
 
@@ -69,7 +75,8 @@ class PlacedLight(ABC):
         return to_world(self.axes, self._sample(self._inside(place), u))
 
     def distance(self, place: Floats, direction: Floats) -> Floats:
-        return self._distance(self._inside(place), to_local(self.axes, direction))
+        distance = self.shape.distance(self._inside(place), to_local(self.axes, direction))
+        return np.where(distance < FAR, distance, np.inf)
 
     def code(self, *, sampled: bool) -> LightCode:
         raise EnvironmentMapError(f"backend 'exact' cannot render a light of kind '{self.kind}' yet")
@@ -81,12 +88,8 @@ class PlacedLight(ABC):
         """Return the share (..., 3) of the emission that is sent from what is met; 1 unless a kind has a texture."""
         return 1.0
 
-    @abstractmethod
-    def _distance(self, place: Floats, direction: Floats) -> Floats:
-        """Return metres to the side that emits; inf where it is not met, or from behind."""
+    def _pdf(self, place: Floats, direction: Floats) -> Floats:
+        return np.asarray(self.shape.pdf(place, direction))
 
-    @abstractmethod
-    def _pdf(self, place: Floats, direction: Floats) -> Floats: ...
-
-    @abstractmethod
-    def _sample(self, place: Floats, u: Floats) -> Floats: ...
+    def _sample(self, place: Floats, u: Floats) -> Floats:
+        return np.asarray(self.shape.sample(place, u))

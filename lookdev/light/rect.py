@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,35 @@ from lookdev.light.dome.files import read_exr
 from lookdev.light.emission import check_number
 from lookdev.light.picture import cell_density, draw_cell, look_up, luminance_tree
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.plane import meet_plane, seen_part, towards_plane
+from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
+from lookdev.light.shape import FAR, cone_about
 from lookdev.light.spherical_rectangle import density, draw
 
 Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """The `Shape` of a rectangle, the sides of which are along x and y."""
+
+    width: Any
+    height: Any
+
+    def distance(self, place: Any, direction: Any) -> Any:
+        return meet_plane(place, direction, self.width, self.height)[0]
+
+    def pdf(self, place: Any, direction: Any) -> Any:
+        distance, point = meet_plane(place, direction, self.width, self.height)
+        return np.where(distance < FAR, density(seen_part(place, self.width, self.height), point), 0)
+
+    def sample(self, place: Any, u: Any) -> Any:
+        return towards_plane(place, draw(seen_part(place, self.width, self.height), u))
+
+    def solid_angle(self, place: Any) -> Any:
+        return plane_angle(place, self.width, self.height, self.width * self.height)
+
+    def cone(self, place: Any) -> tuple[Any, Any]:
+        return cone_about(place, np.sqrt(self.width * self.width + self.height * self.height) / 2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +70,10 @@ class RectLight(PlacedLight):
         check_number("height", self.height, above=0.0)
 
     @property
+    def shape(self) -> Rectangle:
+        return Rectangle(self.width, self.height)
+
+    @property
     def size_factor(self) -> float:
         return self.width * self.height
 
@@ -58,9 +87,6 @@ class RectLight(PlacedLight):
         """Means over quadrants of quadrants of the texture, by which directions are drawn: `luminance_tree`."""
         return None if self.picture is None else luminance_tree(self.picture)
 
-    def _distance(self, place: Floats, direction: Floats) -> Floats:
-        return meet_plane(place, direction, self.width, self.height)[0]
-
     def _sent(self, place: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
@@ -68,16 +94,12 @@ class RectLight(PlacedLight):
         return look_up(self.picture, 1.0 - point.s, 1.0 - point.t)
 
     def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        distance, point = meet_plane(place, direction, self.width, self.height)
         if self.tree is None:
-            pdf = density(seen_part(place, self.width, self.height), point)
-        else:
-            pdf = cell_density(self.tree, place, self.width, self.height, point)
-        return np.where(np.isfinite(distance), pdf, 0.0)
+            return super()._pdf(place, direction)
+        distance, point = meet_plane(place, direction, self.width, self.height)
+        return np.where(distance < FAR, cell_density(self.tree, place, self.width, self.height, point), 0.0)
 
     def _sample(self, place: Floats, u: Floats) -> Floats:
         if self.tree is None:
-            point = draw(seen_part(place, self.width, self.height), u)
-        else:
-            point = draw_cell(self.tree, place, self.width, self.height, u)
-        return towards_plane(place, point)
+            return super()._sample(place, u)
+        return np.asarray(towards_plane(place, draw_cell(self.tree, place, self.width, self.height, u)))

@@ -4,16 +4,43 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.brdf.vectors import cross, dot
 from lookdev.light.cone import about, draw_uniform, uniform_density
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
+from lookdev.light.shape import FAR, cone_about
 
-Floats = NDArray[Any]
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """The `Shape` of a sphere, which sends outwards."""
+
+    radius: Any
+
+    def distance(self, place: Any, direction: Any) -> Any:
+        return meet_sphere(place, direction, self.radius)
+
+    def pdf(self, place: Any, direction: Any) -> Any:
+        met = self.distance(place, direction) < FAR
+        return np.where(met, uniform_density(sphere_versine(place, self.radius)), 0)
+
+    def sample(self, place: Any, u: Any) -> Any:
+        axis, _ = self.cone(place)
+        return about(axis, draw_uniform(sphere_versine(place, self.radius), u))
+
+    def solid_angle(self, place: Any) -> Any:
+        outside = dot(place, place) > self.radius * self.radius
+        return np.where(outside, 2 * math.pi * sphere_versine(place, self.radius), 0)
+
+    def cone(self, place: Any) -> tuple[Any, Any]:
+        return cone_about(place, self.radius)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,37 +61,29 @@ class SphereLight(PlacedLight):
         check_number("radius", self.radius, above=0.0)
 
     @property
+    def shape(self) -> Sphere:
+        return Sphere(self.radius)
+
+    @property
     def size_factor(self) -> float:
         return 4.0 * math.pi * self.radius**2
-
-    def _distance(self, place: Floats, direction: Floats) -> Floats:
-        return meet_sphere(place, direction, self.radius)
-
-    def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        met = np.isfinite(self._distance(place, direction))
-        return np.where(met, uniform_density(sphere_versine(place, self.radius)), 0.0)
-
-    def _sample(self, place: Floats, u: Floats) -> Floats:
-        away = np.linalg.norm(place, axis=-1, keepdims=True)
-        axis = np.where(away > 0.0, -place / np.where(away > 0.0, away, 1.0), np.array((0.0, 0.0, 1.0)))
-        return about(axis, draw_uniform(sphere_versine(place, self.radius), u))
 
 
 def sphere_versine(place: Floats, radius: Any) -> Floats:
     """Return 1 - cos of half the angle at which places (..., 3) see a sphere about the origin; 1 from inside."""
-    squared = (place * place).sum(axis=-1)
+    squared = dot(place, place)
     sine = np.minimum(radius * radius / np.maximum(squared, radius * radius), 1)
-    return np.asarray(sine / (1 + np.sqrt(1 - sine)))
+    return sine / (1 + np.sqrt(1 - sine))
 
 
 def meet_sphere(place: Floats, direction: Floats, radius: Any) -> Floats:
-    """Return the distance (...) along directions (..., 3) to a sphere about the origin; inf if missed, or from inside.
+    """Return the distance (...) along directions (..., 3) to a sphere at the origin; `FAR` if missed, or from inside.
 
     The distance of the line to the middle is the length of a cross product, which keeps its digits from afar.
     """
-    across = np.cross(place, direction)
-    squared = radius * radius - (across * across).sum(axis=-1)
-    towards = -(place * direction).sum(axis=-1)
-    outside = (place * place).sum(axis=-1) > radius * radius
+    across = cross(place, direction)
+    squared = radius * radius - dot(across, across)
+    towards = -dot(place, direction)
+    outside = dot(place, place) > radius * radius
     met = outside & (towards > 0) & (squared >= 0)
-    return np.where(met, towards - np.sqrt(np.maximum(squared, 0)), np.inf)
+    return np.where(met, towards - np.sqrt(np.maximum(squared, 0)), FAR)

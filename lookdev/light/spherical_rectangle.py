@@ -16,12 +16,12 @@ All functions keep the type of their arguments, so that float32 can be tried.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-Floats = NDArray[Any]
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
 
 SEGMENTS = 4
 """Of the density of the azimuth."""
@@ -54,8 +54,8 @@ class SphericalRectangle(NamedTuple):
     swapped: Floats
     angle: Floats
     """Range of the azimuth."""
-    density: Floats
-    """(segments, ...): range of the sine of the elevation, amid equal segments of the azimuth."""
+    density: tuple[Floats, ...]
+    """Ranges (...) of the sine of the elevation, amid equal segments of the azimuth."""
     mass: Floats
     """Mean of `density`."""
 
@@ -76,8 +76,8 @@ def seen_rectangle(
         for one, other in ((x0, y0), (width, height), (y0, x0), (height, width), (along_x, along_y))
     )
     middles = (_x(x0, width, z, angle, (step + 0.5) / segments)[1] for step in range(segments))
-    density = np.stack([_sine_range(x * x + z * z, y0, height) for x in middles])
-    mass = density.sum(axis=0) / segments
+    density = tuple(_sine_range(x * x + z * z, y0, height) for x in middles)
+    mass = sum(density) / segments
     return SphericalRectangle(x0, width, y0, height, z, swapped, angle, density, mass)
 
 
@@ -111,7 +111,7 @@ def density(seen: SphericalRectangle, point: Point) -> Floats:
     place = np.clip(azimuth / np.maximum(seen.angle, _TINY) * segments - 0.5, 0, segments - 1)
     drawn = sum(value * np.maximum(1 - np.abs(place - step), 0) for step, value in enumerate(seen.density))
     across = _sine_range(seen.z * seen.z + x * x, seen.y0, seen.height)
-    return np.asarray(drawn / np.maximum(seen.mass * seen.angle * across, _TINY))
+    return drawn / np.maximum(seen.mass * seen.angle * across, _TINY)
 
 
 def _angle(x0: Floats, width: Floats, z: Floats) -> Floats:
@@ -124,8 +124,9 @@ def _x(x0: Floats, width: Floats, z: Floats, angle: Floats, fraction: Floats | f
 
     By the law of sines in the triangles that the place makes with the two ends.
     """
-    first = np.hypot(x0, z) * np.sin(fraction * angle)
-    last = np.hypot(x0 + width, z) * np.sin((1 - fraction) * angle)
+    last_x = x0 + width
+    first = np.sqrt(x0 * x0 + z * z) * np.sin(fraction * angle)
+    last = np.sqrt(last_x * last_x + z * z) * np.sin((1 - fraction) * angle)
     first, last = np.maximum(first, 0), np.maximum(last, 0)
     s = first / np.maximum(first + last, _TINY)
     return s, x0 + width * s

@@ -35,6 +35,9 @@ class SymbolicArray(NDArrayOperatorsMixin):
     def __getitem__(self, index: Any) -> Any:
         return _wrap(self.graph, self.elements[index])
 
+    def sum(self, axis: int) -> Any:
+        return _sum(self.graph, self, axis)
+
     def __bool__(self) -> bool:
         raise CodegenError("a model branches on a value known only at run time; use numpy.where")
 
@@ -108,5 +111,23 @@ def _clip(graph: Graph, a: Any, a_min: Any, a_max: Any) -> Any:
     return _elementwise(graph, "minimum", _elementwise(graph, "maximum", a, a_min), a_max)
 
 
+def _moveaxis(graph: Graph, a: Any, source: int, destination: int) -> Any:
+    return _wrap(graph, np.moveaxis(_elements(a), source, destination))
+
+
+def _broadcast_arrays(graph: Graph, *arrays: Any) -> list[Any]:
+    return [_wrap(graph, each) for each in np.broadcast_arrays(*map(_elements, arrays))]
+
+
 _FUNCTIONS: dict[Any, Callable[..., Any]]
-_FUNCTIONS = {np.sum: _sum, np.stack: _stack, np.expand_dims: _expand_dims, np.where: _where, np.clip: _clip}
+_FUNCTIONS = {
+    np.sum: _sum,
+    np.stack: _stack,
+    np.expand_dims: _expand_dims,
+    np.where: _where,
+    np.clip: _clip,
+    np.moveaxis: _moveaxis,
+    np.broadcast_arrays: _broadcast_arrays,
+    np.zeros_like: lambda graph, a: np.zeros(a.shape),
+    np.ones_like: lambda graph, a: np.ones(a.shape),
+}

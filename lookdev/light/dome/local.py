@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.dome import Dome, example_dome
-from lookdev.light.emission import Emission, check_number, smooth_step
+from lookdev.light.emission import Emission, check_number, slope, smooth_step
 from lookdev.light.placement import Vector
 from lookdev.light.protocol import LightCode
 
@@ -63,7 +63,8 @@ class LocalDome:
         met = np.isfinite(distance)
         onto = local + np.where(met, distance, 0.0)[..., None] * direction
         from_middle = np.linalg.norm(local, axis=-1)
-        share = 1.0 - smooth_step(from_middle, self.radius * (1.0 - self.edge), self.radius)
+        start = self.radius * (1.0 - self.edge)
+        share = 1.0 - smooth_step(from_middle, start, slope(start, self.radius))
         seen = self.dome.radiance(place, np.where(met[..., None], onto, direction))
         return np.where(met[..., None], share[..., None] * seen, 0.0)
 
