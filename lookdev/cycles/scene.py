@@ -19,6 +19,7 @@ from lookdev.cycles.shaders import surface_material
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
+from lookdev.light import Stand, coded
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Pose
 
@@ -55,6 +56,7 @@ class Scene:
         self.scene = engine.empty_scene() if into is None else into
         self._groups: Groups = {} if groups is None else groups
         self._configure()
+        self._asset = read_asset(task.asset.path)
         self._materials = [self._material(source) for source in task.shaders]
         # Blender's own BSDF reads no attribute by name, but the first UV set.
         self._apart = apart or self.by_user
@@ -100,7 +102,9 @@ class Scene:
     def _material(self, source: Source) -> Any:
         match source:
             case ShaderSource():
-                return surface_material(source, self.task.light)
+                x, y, z = self._asset.center
+                stand = Stand((x, y, z), self.task.camera.pivot)
+                return surface_material(source, self.task.lights, stand)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
@@ -110,7 +114,7 @@ class Scene:
 
     def _add_asset(self) -> None:
         task = self.task
-        asset = read_asset(task.asset.path)
+        asset = self._asset
         # Cycles computes in float32, which is too coarse far from the origin.
         self._origin = np.array(asset.center)
         dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
@@ -130,6 +134,7 @@ class Scene:
             data = bpy.data
             trees = [tree for tree in data.node_groups if tree.type == "GEOMETRY"]
             objects = [item for item in data.objects if item != self.camera]
+            self._asset = read_asset(task.asset.path)
             data.batch_remove([*objects, *data.meshes, *data.collections, *trees])
             self._add_asset()
 
@@ -163,12 +168,17 @@ class Scene:
         """
         if self.by_shaders:
             turn = math.radians((pose.lighting - pose.element) % 360.0)
+            # A power of two leaves room for the turn of the lights that stand still while the asset turns.
+            still = any(not light.emission.turns for light in self.task.lights)
+            turned = samples * (1.0 + still * pose.element / 720.0)
             for item in self.objects:
-                item.color = (turn, float(seed), float(samples), self.camera.data.clip_start)
+                item.color = (turn, float(seed), turned, self.camera.data.clip_start)
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    return task.shaders, task.lights, task.resolution, task.sampling.bounces, task.device
+    built = (task.shaders, task.lights, task.resolution, task.sampling.bounces, task.device)
+    # The shaders of a rig contain where its lights stand about the asset.
+    return built if coded(task.lights) else (*built, task.asset, task.camera)
 
 
 def _place_camera(item: Any, camera: Camera) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from lookdev.codegen import ShaderSource
 from lookdev.cycles import version
 from lookdev.cycles.streams import captured
 from lookdev.errors import RenderError
-from lookdev.light import Light
+from lookdev.light import Light, Stand, lights_code
 
 Array = NDArray[np.int32] | NDArray[np.float32]
 
@@ -57,12 +57,13 @@ def compile_osl(source: ShaderSource) -> Path:
     return content.path
 
 
-def surface_material(source: ShaderSource, light: Light) -> Any:
+def surface_material(source: ShaderSource, lights: Sequence[Light], stand: Stand) -> Any:
     """Make the material of a look's light integral."""
-    code = light.code(sampled=source.directions[1] > 0)
+    code = lights_code(lights, sampled=source.directions[1] > 0, stand=stand)
     given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
     values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
     arrays = {name: _kept_text(content) for name, content in code.arrays.items()}
+    arrays |= {name: array_text(numbers) for name, numbers in code.numbers.items()}
     material = bpy.data.materials.new(source.name)
     # Not a light: Cycles would put each of its triangles into a light tree.
     material.cycles.emission_sampling = "NONE"

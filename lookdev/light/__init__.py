@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
 from operator import methodcaller
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
@@ -19,9 +20,10 @@ from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_
 from lookdev.light.dome.local import LocalDome, example_local_dome
 from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
 from lookdev.light.ies import Profile, load_profile
+from lookdev.light.lamps import Rig, Stand, is_plain, rig_code
 from lookdev.light.picture import prepare_texture
 from lookdev.light.placement import placement
-from lookdev.light.protocol import Emitter, Light, LightCode, LightKind, Turned
+from lookdev.light.protocol import CodedLight, Emitter, Light, LightCode, LightKind, Turned
 from lookdev.light.rect import RectLight
 from lookdev.light.sphere import SphereLight
 
@@ -35,6 +37,29 @@ LIGHT_KINDS: dict[str, LightKind] = {
         for kind in (CylinderLight, DiskLight, DistantLight, RectLight, SphereLight)
     },
 }
+
+
+def coded(lights: Sequence[Light]) -> CodedLight | None:
+    """Return the only light of a scene, if the OSL of its kind alone shows it; None: the lights are a rig."""
+    if len(lights) == 1 and LIGHT_KINDS[lights[0].kind].osl is not None and is_plain(lights[0]):
+        return cast(CodedLight, lights[0])
+    return None
+
+
+def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand()) -> LightCode:  # noqa: B008
+    """Return the values for the OSL of the lights of a scene.
+
+    Raises
+    ------
+    EnvironmentMapError
+        A kind that has OSL of its own is beside other lights.
+    """
+    if light := coded(lights):
+        return light.code(sampled=sampled)
+    rig = Rig.of(lights)
+    if alone := next((each.kind for each in lights if each not in (*rig.lamps, *rig.domes)), None):
+        raise EnvironmentMapError(f"a light of kind '{alone}' cannot be one of several; it alone would be right")
+    return rig_code(rig, sampled=sampled, stand=stand)
 
 
 def world_image(light: Light) -> Content:
@@ -85,8 +110,11 @@ __all__ = [
     "Shadow",
     "Shaping",
     "SphereLight",
+    "Stand",
     "Turned",
+    "coded",
     "emitted_color",
+    "lights_code",
     "load_environment",
     "load_profile",
     "make_environment",

@@ -87,6 +87,10 @@ class CylinderLight(PlacedLight):
         return Cylinder(self.length, self.radius)
 
     @property
+    def reach(self) -> float:
+        return math.hypot(self.length / 2.0, self.radius)
+
+    @property
     def size_factor(self) -> float:
         return 2.0 * math.pi * self.radius * self.length
 
@@ -100,7 +104,7 @@ def meet_side(place: Floats, direction: Floats, length: Any, radius: Any) -> Flo
     squared = radius * radius * steep - across * across
     met = (y * y + z * z > radius * radius) & (towards > 0) & (squared >= 0)
     distance = (towards - np.sqrt(np.maximum(squared, 0))) / np.where(met, steep, 1)
-    met &= np.abs(x + np.where(met, distance, 0) * wx) <= length / 2
+    met = met & (np.absolute(x + np.where(met, distance, 0) * wx) <= length / 2)
     return np.where(met, distance, FAR)
 
 

@@ -70,5 +70,9 @@ class DiskLight(PlacedLight):
         return Ellipse(*self.radii)
 
     @property
+    def reach(self) -> float:
+        return max(self.radii)
+
+    @property
     def size_factor(self) -> float:
         return math.pi * self.radii[0] * self.radii[1]

@@ -17,7 +17,6 @@ from lookdev.light.cone import draw_uniform, uniform_density
 from lookdev.light.emission import WHITE, Color, Emission, check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, VERSION
 from lookdev.light.placement import WORLD_AXES, Axes, checked_axes, to_local, to_world
-from lookdev.light.protocol import LightCode
 from lookdev.light.shape import FAR, INFINITE
 
 Floats = NDArray[np.float64]
@@ -111,9 +110,6 @@ class DistantLight:
 
     def distance(self, place: Floats, direction: Floats) -> Floats:
         return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
-
-    def code(self, *, sampled: bool) -> LightCode:
-        raise EnvironmentMapError(f"backend 'exact' cannot render a light of kind '{self.kind}' yet")
 
     @property
     def _half(self) -> float:

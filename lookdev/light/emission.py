@@ -49,6 +49,18 @@ def cone_factor(angle: Floats, cone: Any, start: Any, rise: Any) -> Floats:
     return np.where(angle <= cone, 1.0 - smooth_step(angle, start, rise), 0.0)
 
 
+def beam_bound(cosine: Floats, squared_sine: Floats, cone: Any, start: Any, rise: Any, focus: Any, tint: Any) -> Floats:
+    """Return the largest mean over channels (...) of what `Shaping` leaves, in a cone of directions about an axis.
+
+    `cosine` is that of the axis to -z, `squared_sine` that of half the cone's angle, 1: all directions.
+    """
+    angle = np.arctan2(np.sqrt(np.maximum(1 - cosine * cosine, 0)), cosine)
+    spread = np.where(squared_sine < 1, np.arctan2(np.sqrt(squared_sine), np.sqrt(1 - squared_sine)), math.pi)
+    nearest, farthest = np.maximum(angle - spread, 0), np.minimum(angle + spread, math.pi)
+    focused = np.maximum(np.maximum(np.cos(nearest), -np.cos(farthest)), 0) ** focus
+    return cone_factor(nearest, cone, start, rise) * (focused + (1 - focused) * tint)
+
+
 # UsdLuxShapingAPI: inputs:shaping:focus and inputs:shaping:focusTint.
 def focus_factor(cosine: Floats, focus: Any, tint: Any) -> Floats:
     """Return what is left of the light, (..., 3), at cosines (...) to the axis; `tint` (3,) is at right angles."""

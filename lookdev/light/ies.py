@@ -53,6 +53,11 @@ class Profile:
     def _table(self) -> Floats:
         return np.asarray(np.load(self.table.path), np.float64)
 
+    @property
+    def largest(self) -> float:
+        """The largest factor."""
+        return self.scale * float(self._table[1:, 1:].max())
+
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
         """Return what radiance is multiplied by in directions of two angles in degrees; horizontal from 0 to 360."""
         # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.

@@ -14,10 +14,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.errors import EnvironmentMapError
 from lookdev.light.emission import WHITE, Emission, check_number
 from lookdev.light.placement import WORLD_AXES, Axes, Vector, checked_axes, to_local, to_world
-from lookdev.light.protocol import LightCode
 from lookdev.light.shape import FAR, Shape
 
 Floats = NDArray[np.float64]
@@ -59,6 +57,11 @@ class PlacedLight(ABC):
 
     @property
     @abstractmethod
+    def reach(self) -> float:
+        """Metres from the position to the farthest point."""
+
+    @property
+    @abstractmethod
     def size_factor(self) -> float:
         """Square metres by which the radiance is divided where the power is normalized: `UsdLuxLightAPI`."""
 
@@ -77,9 +80,6 @@ class PlacedLight(ABC):
     def distance(self, place: Floats, direction: Floats) -> Floats:
         distance = self.shape.distance(self._inside(place), to_local(self.axes, direction))
         return np.where(distance < FAR, distance, np.inf)
-
-    def code(self, *, sampled: bool) -> LightCode:
-        raise EnvironmentMapError(f"backend 'exact' cannot render a light of kind '{self.kind}' yet")
 
     def _inside(self, place: Floats) -> Floats:
         return to_local(self.axes, place - np.array(self.position))

@@ -26,12 +26,13 @@ class LightCode:
     """The values that the OSL of a kind takes for one light.
 
     `constants` are preprocessor lines at the start of the shader, `parameters` the values of shader parameters by name
-    (of a file, its path), `arrays` the ``.npy`` files of array parameters by name.
+    (of a file, its path), `arrays` the ``.npy`` files of array parameters by name, `numbers` the values of others.
     """
 
     constants: tuple[str, ...] = ()
     parameters: Mapping[str, Content | str | int | float] = field(default_factory=dict)
     arrays: Mapping[str, Content] = field(default_factory=dict)
+    numbers: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
 
 
 class Emitter(Protocol):
@@ -72,11 +73,12 @@ class Light(Emitter, Protocol):
     def constant(self) -> bool:
         """Whether the radiance is the same from every direction at every place: then it needs no samples."""
 
-    def code(self, *, sampled: bool) -> LightCode:
-        """Return the values for the kind's OSL; without `sampled`, those to look radiance up.
 
-        Raises EnvironmentMapError where the OSL does not render what the light is.
-        """
+class CodedLight(Light, Protocol):
+    """A light of a kind that has OSL of its own."""
+
+    def code(self, *, sampled: bool) -> LightCode:
+        """Return the values for the kind's OSL; without `sampled`, those to look radiance up."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,8 @@ class LightKind:
     type
         The dataclass of its lights.
     osl
-        The file of its OSL, by sections; `lookdev.codegen.osl.light` states the content of each. None: backend `exact`
-        cannot render the kind, and `Light.code` raises.
+        The file of its OSL, by sections; `lookdev.codegen.osl.light` states the content of each: its lights are each a
+        `CodedLight`. None: they are lights of a rig (`lookdev.light.lamps`).
     example
         Returns a small light of the kind that is not `constant`, for tests and documentation.
     world
@@ -104,19 +106,24 @@ class LightKind:
 
 @dataclass(frozen=True)
 class Turned:
-    """An `Emitter` rotated about the world's z axis by `degrees`, counter-clockwise seen from above."""
+    """An `Emitter` rotated about a vertical `axis`, x and y, by `degrees`, counter-clockwise seen from above."""
 
     light: Emitter
     degrees: float
+    axis: tuple[float, float] = (0.0, 0.0)
 
     def radiance(self, place: Floats, direction: Floats) -> Floats:
-        return self.light.radiance(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
+        return self.light.radiance(self._back(place), rotate_z(direction, -self.degrees))
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
-        return self.light.pdf(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
+        return self.light.pdf(self._back(place), rotate_z(direction, -self.degrees))
 
     def sample(self, place: Floats, u: Floats) -> Floats:
-        return rotate_z(self.light.sample(rotate_z(place, -self.degrees), u), self.degrees)
+        return rotate_z(self.light.sample(self._back(place), u), self.degrees)
 
     def distance(self, place: Floats, direction: Floats) -> Floats:
-        return self.light.distance(rotate_z(place, -self.degrees), rotate_z(direction, -self.degrees))
+        return self.light.distance(self._back(place), rotate_z(direction, -self.degrees))
+
+    def _back(self, place: Floats) -> Floats:
+        axis = np.array((*self.axis, 0.0))
+        return np.asarray(rotate_z(place - axis, -self.degrees) + axis)

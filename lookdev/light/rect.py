@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -72,6 +73,10 @@ class RectLight(PlacedLight):
     @property
     def shape(self) -> Rectangle:
         return Rectangle(self.width, self.height)
+
+    @property
+    def reach(self) -> float:
+        return math.hypot(self.width, self.height) / 2.0
 
     @property
     def size_factor(self) -> float:

@@ -65,6 +65,10 @@ class SphereLight(PlacedLight):
         return Sphere(self.radius)
 
     @property
+    def reach(self) -> float:
+        return self.radius
+
+    @property
     def size_factor(self) -> float:
         return 4.0 * math.pi * self.radius**2
 

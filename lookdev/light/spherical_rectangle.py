@@ -92,7 +92,7 @@ def draw(seen: SphericalRectangle, u: Floats) -> Point:
         inside = np.clip(wanted, 0, (left + right) / 2 * part)
         # The root without cancellation of left t + (right - left) t^2 / 2 = inside.
         root = np.sqrt(np.maximum(left * left + 2 * (right - left) * inside, 0))
-        fraction += np.clip(2 * inside / np.maximum(left + root, _TINY), 0, part) / segments
+        fraction = fraction + np.clip(2 * inside / np.maximum(left + root, _TINY), 0, part) / segments
         wanted = wanted - inside
     s, x = _x(seen.x0, seen.width, seen.z, seen.angle, fraction)
     # Near the foot the difference of x0 and width s has no digits, the tangent has.

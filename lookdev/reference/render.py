@@ -105,7 +105,7 @@ def frame_pixels(
     """
     estimates = np.empty((len(pixels), scrambles, 3))
     on_lens = 2 * (camera.lens is not None)
-    turned = [_Lamp.turned(light, pose) for light in lights]
+    turned = [_Lamp.turned(light, pose, camera.pivot) for light in lights]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
         u = _points(numbers, on_lens + 2 + _dimensions(lights) * (bounces + 1), samples, scrambles, seed)
@@ -144,11 +144,11 @@ class _Lamp:
     shadow: Shadow
 
     @classmethod
-    def turned(cls, light: Light, pose: Pose) -> _Lamp:
+    def turned(cls, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
         if (light.emission.diffuse, light.emission.specular) != (1.0, 1.0):
             raise EnvironmentMapError("the reference renders no light whose diffuse or specular multiplier is not 1")
         turn = pose.lighting if light.emission.turns else 0.0
-        return cls(Turned(light, turn - pose.element), light.emission.shadow)
+        return cls(Turned(light, turn - pose.element, axis), light.emission.shadow)
 
     def passed(self, point: Floats, direction: Floats, occluder: Floats) -> Floats:
         """Return the share (N, 3) that reaches points (N, 3) which the scene occludes at distances (N,), or at inf."""

@@ -79,14 +79,13 @@ class Backend:
 def _exact(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.osl.surface import generate_surface
 
-    (light,) = setting.lights
     return generate_surface(
         look,
         setting.image_file,
         brdf_samples=setting.sampling.brdf_samples,
         ibl_samples=setting.sampling.ibl_samples,
         bounces=setting.sampling.bounces,
-        light=light,
+        lights=setting.lights,
         shadows=setting.shadows,
         resolution=setting.resolution,
     )

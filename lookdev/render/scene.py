@@ -11,7 +11,7 @@ from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Source
 from lookdev.errors import CodegenError
-from lookdev.light import world_image
+from lookdev.light import lights_code, world_image
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -46,10 +46,10 @@ def scene_task(
     known: Generated = {} if generated is None else generated
     # The files of a light are values that a source is given, so lights of one kind and size have one source.
     by_light = record.any_light and sampling.ibl_samples != 0
-    lit = [
-        (light.kind, light.constant, light.code(sampled=by_light and not light.constant).constants)
-        for light in scene.lights
-    ]
+    constant = all(light.constant for light in scene.lights)
+    sampled = by_light and not constant
+    kinds = [(light.kind, light.constant) for light in scene.lights]
+    lit = (*kinds, lights_code(scene.lights, sampled=sampled).constants if record.any_light else ())
 
     def generate(sampling: Sampling, shadows: bool) -> list[Source]:
         setting = Setting(scene.lights, scene.film.resolution, sampling, shadows)

@@ -17,15 +17,15 @@ void dome_place(vector w, float turn, output float x, output float y)
     y = atan2(hypot(w[0], w[1]), w[2]) / M_PI;
 }
 
-color dome_look_up(string file, float x, float y)
+color dome_look_up(string file, float x, float y, int width, int height)
 {
     float alpha;
-    float inset = 0.5 / DOME_HEIGHT;
+    float inset = 0.5 / height;
     float row = clamp(y, inset, 1 - inset);
 #if LOOKDEV_ROW_0_AT_T_1
     float place = x - floor(x);
     color radiance = lookdev_black(file, place, row, alpha);
-    if (min(place, 1 - place) * DOME_WIDTH < 0.5)
+    if (min(place, 1 - place) * width < 0.5)
         radiance += lookdev_black(file, place < 0.5 ? place + 1 : place - 1, row, alpha);
 #else
     color radiance = texture(file, x, IMAGE_T(row), 0, 0, 0, 0,
@@ -60,13 +60,17 @@ float dome_widened(float cosine)
     return cosine > DOME_COS_RADIUS ? 1 : max(turned, 0);
 }
 
-// Sample `number` of a bin: a direction and its radiance; `ratio` times the widened cosine is q / p, the pdf over the
-// probability (lookdev/light/dome/slots.py).
-color dome_sample(int slots[], float bins[], string points, int bin, int number, int seed, float turn,
-                   output vector wi, output float ratio)
+int dome_slot(float u)
 {
-    // Reversed bits: consecutive numbers are far apart on the curve of the points.
-    int slot = slots[bin * DOME_SLOTS + ((sobol_reverse(number) >> DOME_SLOTS_SHIFT) & (DOME_SLOTS - 1))];
+    return clamp(int(u * DOME_SLOTS), 0, DOME_SLOTS - 1);
+}
+
+// Slot `number` of a bin, and by u one of its points: a direction and its radiance; `ratio` times the widened cosine is
+// q / p, the pdf over the probability (lookdev/light/dome/slots.py).
+color dome_sample(int slots[], float bins[], string points, int bin, int number, float u, float turn,
+                  output vector wi, output float ratio)
+{
+    int slot = slots[bin * DOME_SLOTS + number];
     int code = slot & ((1 << DOME_CODE_BITS) - 1);
     if (code == 0) {
         ratio = 0;
@@ -76,7 +80,6 @@ color dome_sample(int slots[], float bins[], string points, int bin, int number,
     int count = code > DOME_MOST_POINTS ? 1 : code;
     int times = code > DOME_MOST_POINTS ? code - DOME_MOST_POINTS + 1 : 1;
     ratio = bins[2 * bin + 1] * count / times;
-    float u = sobol_unit(sobol_hash(seed ^ (number * 0x2c1b3c6d + 0x297a2d39)));
     int place = ((slot >> DOME_CODE_BITS) & 0xfffff) + min(int(count * u), count - 1);
     float color_code;
     color cell = texture(points, ((place & 1023) + 0.5) / 1024, IMAGE_T(((place >> 10) + 0.5) / 1024), 0, 0, 0, 0,
@@ -104,12 +107,15 @@ color dome_sample(int slots[], float bins[], string points, int bin, int number,
     float back_scale = dome_bins[2 * back_bin];
 #endif
 //@ section sample
+            // Reversed bits: consecutive numbers are far apart on the curve of the points.
+            number ^= start;
+            int slot = (sobol_reverse(number) >> DOME_SLOTS_SHIFT) & (DOME_SLOTS - 1);
+            float u = sobol_unit(sobol_hash((seed + back) ^ (number * 0x2c1b3c6d + 0x297a2d39)));
 #if TRANSMITS
-            radiance = dome_sample(dome_slots, dome_bins, dome_points, back ? back_bin : bin, start ^ number,
-                                   seed + back, turn, wi, ratio);
+            radiance = dome_sample(dome_slots, dome_bins, dome_points, back ? back_bin : bin, slot, u, turn, wi, ratio);
             ratio *= dome_widened(dot(wi, back ? back_axis : axis));
 #else
-            radiance = dome_sample(dome_slots, dome_bins, dome_points, bin, start ^ number, seed, turn, wi, ratio);
+            radiance = dome_sample(dome_slots, dome_bins, dome_points, bin, slot, u, turn, wi, ratio);
             ratio *= dome_widened(dot(wi, axis));
 #endif
 //@ section density
@@ -122,4 +128,4 @@ color dome_sample(int slots[], float bins[], string points, int bin, int number,
             float map_x;
             float map_y;
             dome_place(wi, turn, map_x, map_y);
-            radiance = dome_look_up(dome_radiance, map_x, map_y);
+            radiance = dome_look_up(dome_radiance, map_x, map_y, DOME_WIDTH, DOME_HEIGHT);

@@ -36,8 +36,14 @@ class Images:
 
     def surface(self, *layers: Layer) -> ShaderSource:
         return generate_surface(
-            Look("test", layers), self.resolve, brdf_samples=1, ibl_samples=1, bounces=0, light=DOME, resolution=(8, 8)
-        )  # fmt: skip
+            Look("test", layers),
+            self.resolve,
+            brdf_samples=1,
+            ibl_samples=1,
+            bounces=0,
+            lights=(DOME,),
+            resolution=(8, 8),
+        )
 
 
 @pytest.fixture

@@ -25,31 +25,32 @@ drawn from the BSDF alone: then no other macro or variable of sampling exists.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from lookdev.codegen.osl.rig import read_sections, rig_sections
 from lookdev.errors import CodegenError
-from lookdev.light import LIGHT_KINDS, Light
+from lookdev.light import LIGHT_KINDS, Light, coded
+from lookdev.light.lamps import Rig
 
 SECTIONS = ("parameters", "functions", "setup", "sample", "density", "lookup")
 
 
-def light_sections(light: Light) -> dict[str, list[str]]:
-    """Return the lines of each section of a light's kind, by its name in templates, ``light_NAME``.
+def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
+    """Return the lines of each section of the lights, by its name in templates, ``light_NAME`` and ``rig_NAME``.
 
     Raises
     ------
     CodegenError
-        The kind's file lacks a section, or has an unknown one; or the kind has no file.
+        The file of a kind lacks a section, or has an unknown one.
     """
-    osl = LIGHT_KINDS[light.kind].osl
-    if osl is None:
-        raise CodegenError(f"a light of kind '{light.kind}' has no OSL; backend 'exact' cannot render it")
-    sections: dict[str, list[str]] = {}
-    lines: list[str] = []
-    for line in osl.read_text(encoding="utf-8").splitlines():
-        if line.startswith("//@ section "):
-            lines = sections.setdefault(line.removeprefix("//@ section ").strip(), [])
-        else:
-            lines.append(line)
+    alone = coded(lights)
+    if alone is None:
+        return rig_sections(Rig.of(lights))
+    osl = LIGHT_KINDS[alone.kind].osl
+    assert osl is not None, "only such a light is coded"
+    sections = read_sections(osl)
     if different := sorted(sections.keys() ^ set(SECTIONS)):
         names = ", ".join(different)
         raise CodegenError(f"{osl.name}: a light has sections {', '.join(SECTIONS)}; unknown or missing: {names}")
-    return {f"light_{name}": lines for name, lines in sections.items()}
+    plain = {"constants": ["#define RIG 0"], "samples": ["    int samples = int(control[2]);"]}
+    return {**plain, "rig_setup": [], "rig_arrive": [], **{f"light_{name}": code for name, code in sections.items()}}

@@ -20,7 +20,7 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import CodegenError
-from lookdev.light import Light
+from lookdev.light import Light, lights_code
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import LIFT
@@ -58,7 +58,7 @@ def generate_surface(
     brdf_samples: int | None,
     ibl_samples: int | None,
     bounces: int,
-    light: Light,
+    lights: Sequence[Light],
     shadows: bool = True,
     resolution: tuple[int, int],
 ) -> ShaderSource:
@@ -74,8 +74,8 @@ def generate_surface(
         Directions drawn at a shading point from the BSDF and from the light; None: as many as suit the look.
     bounces
         Largest number of reflections on a path of light, besides the last, towards the camera.
-    light
-        The OSL of its kind and its `LightCode.constants` are part of the shader, its files are not.
+    lights
+        Their OSL and its `LightCode.constants` are part of the shader, their files and numbers are not.
     shadows
         Whether rays towards the light are traced; without, there are no `bounces` either.
     resolution
@@ -85,8 +85,9 @@ def generate_surface(
     inputs = Inputs(graph, resolve)
     bsdf = look_bsdf(look, inputs)
     lobes = present_lobes(graph, bsdf)
-    by_light = ibl_samples != 0 and not light.constant
-    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, light.constant)
+    constant = all(light.constant for light in lights)
+    by_light = ibl_samples != 0 and not constant
+    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant)
     # A path goes on as long as there is a direction of the BSDF.
     onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
     # Of a single direction none is for light from behind.
@@ -104,10 +105,13 @@ def generate_surface(
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
     emitted = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
     bound = tuple(binding for _, bindings in emitted for binding in bindings)
+    of_lights = light_sections(lights)
     osl = expand_template(
         "surface.osl",
         {
+            **of_lights,
             "constants": [
+                *of_lights["constants"],
                 f"#define IBL_SAMPLES {ibl_samples}",
                 *_counts("", brdf_samples, ibl_samples, code.transmits),
                 *_counts("_ONWARD", *onward, code.transmits),
@@ -119,7 +123,7 @@ def generate_surface(
                 f"#define IMAGE_HEIGHT {resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
-                *light.code(sampled=ibl_samples > 0).constants,
+                *lights_code(lights, sampled=ibl_samples > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
             ],
@@ -130,7 +134,6 @@ def generate_surface(
             "frame": emit_frame(directed=directed, leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **code.sections,
-            **light_sections(light),
         },
     )
     digest = hashlib.sha256(osl.encode())

@@ -35,7 +35,7 @@ from lookdev.light.protocol import LightCode
 
 Floats = NDArray[np.float64]
 
-TABLE_VERSION = 3
+TABLE_VERSION = 4
 """Part of the digest: raised with any change to the content of the tables."""
 
 
@@ -104,29 +104,38 @@ class Dome:
             raise EnvironmentMapError(f"{what} cannot show a dome light with axes or an emission of its own yet")
 
     def code(self, *, sampled: bool) -> LightCode:
-        self._check_plain("backend 'exact'")
+        constants = {"WIDTH": self.width, "HEIGHT": self.height}
+        lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
+        parameters, arrays = self.files("dome", sampled=sampled)
+        return LightCode((*lines, *self.table_constants()), parameters, arrays)
+
+    @staticmethod
+    def table_constants() -> tuple[str, ...]:
+        """Return the preprocessor lines of all domes, by which the tables are read."""
         constants = {
-            "WIDTH": self.width,
-            "HEIGHT": self.height,
             "SLOTS": slots.SLOTS,
             "SLOTS_SHIFT": 33 - slots.SLOTS.bit_length(),
             "CODE_BITS": slots.CODE_BITS,
             "MOST_POINTS": slots.MOST_POINTS,
-            "ALL_SLOTS": bins.COUNT * slots.SLOTS,
-            "BIN_NUMBERS": 2 * bins.COUNT,
+            "ALL": bins.COUNT,
+            "ALL_SLOTS": (bins.COUNT + 1) * slots.SLOTS,
+            "BIN_NUMBERS": 2 * (bins.COUNT + 1),
             "ROWS": bins.ROWS,
             "CELLS": f"{{{', '.join(map(str, bins.CELLS))}}}",
             "FIRST": f"{{{', '.join(map(str, bins.FIRST))}}}",
             "COS_RADIUS": repr(math.cos(bins.RADIUS)),
             "SIN_RADIUS": repr(math.sin(bins.RADIUS)),
         }
-        lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
-        textures, arrays = {"dome_radiance": self.radiance_file}, {}
+        return tuple(f"#define DOME_{name} {value}" for name, value in constants.items())
+
+    def files(self, name: str, *, sampled: bool) -> tuple[dict[str, Content], dict[str, Content]]:
+        """Return the files that a shader reads as textures and as arrays, by parameters that begin with `name`."""
+        textures, arrays = {f"{name}_radiance": self.radiance_file}, {}
         if sampled:
             assert self.points_file and self.slots_file and self.bins_file  # noqa: PT018
-            textures["dome_points"] = self.points_file
-            arrays = {"dome_slots": self.slots_file, "dome_bins": self.bins_file}
-        return LightCode(lines, textures, arrays)
+            textures[f"{name}_points"] = self.points_file
+            arrays = {f"{name}_slots": self.slots_file, f"{name}_bins": self.bins_file}
+        return textures, arrays
 
 
 def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:

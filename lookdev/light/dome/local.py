@@ -18,7 +18,6 @@ from lookdev.errors import EnvironmentMapError
 from lookdev.light.dome import Dome, example_dome
 from lookdev.light.emission import Emission, check_number, slope, smooth_step
 from lookdev.light.placement import Vector
-from lookdev.light.protocol import LightCode
 
 Floats = NDArray[np.float64]
 
@@ -86,9 +85,6 @@ class LocalDome:
 
     def distance(self, place: Floats, direction: Floats) -> Floats:
         return self._met(place - np.array(self.position), direction)[0]
-
-    def code(self, *, sampled: bool) -> LightCode:
-        raise EnvironmentMapError(f"backend 'exact' cannot render a light of kind '{self.kind}' yet")
 
     def _met(self, local: Floats, direction: Floats) -> tuple[Floats, Floats]:
         """Return the distance (...) to the sphere from inside, else inf, and R times the cosine at which it is met."""

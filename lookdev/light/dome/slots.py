@@ -9,6 +9,8 @@ several.
 That is nearly the pdf q = m g / integral, which needs no table, m being the mean of the channels of the radiance. q
 enters the weight of multiple importance sampling; the ratio q / p = g M c / sum(g), close to 1, corrects it to p.
 
+One more bin, the last, is of all directions: its g is 1.
+
 ``*.slots.npy``: slot n of bin b is integer b M + n, `packed`.
 ``*.bins.npy``: two numbers for each bin, 1 / integral, 0 where no light reaches it, and M / sum(g).
 """
@@ -40,7 +42,7 @@ _FEW_POINTS = 2300
 
 
 def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-    """Cut the curve of the points into the slots of each bin: the content (COUNT, M), (COUNT, 2) of the two files.
+    """Cut the curve of the points into the slots of each bin: the content of the files.
 
     Parameters
     ----------
@@ -51,13 +53,16 @@ def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDAr
     """
     from concurrent.futures import ThreadPoolExecutor  # not at the top: the render worker starts sooner
 
-    slots, numbers = np.zeros((bins.COUNT, SLOTS), np.int32), np.zeros((bins.COUNT, 2), np.float32)
+    slots, numbers = np.zeros((bins.COUNT + 1, SLOTS), np.int32), np.zeros((bins.COUNT + 1, 2), np.float32)
     # In float32, as in the shader: g is only a weight.
     x, y, z = (np.ascontiguousarray(column, np.float32) for column in towards.T)
 
     def fill(number: int) -> None:
-        a, b, c = bins.AXES[number].astype(np.float32)
-        seen = bins.widened(a * x + b * y + c * z)
+        if number == bins.COUNT:
+            seen = np.ones_like(x)
+        else:
+            a, b, c = bins.AXES[number].astype(np.float32)
+            seen = bins.widened(a * x + b * y + c * z)
         total = float(seen.sum(dtype=np.float64))
         if total > 0.0:
             slots[number] = packed(*cut(seen, SLOTS, least=total / (SLOTS * _FEW_POINTS)))
@@ -65,7 +70,7 @@ def cut_slots(towards: Floats, integral: float) -> tuple[NDArray[np.int32], NDAr
 
     # NumPy releases the interpreter's lock.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(fill, range(bins.COUNT)))
+        list(pool.map(fill, range(bins.COUNT + 1)))
     return slots, numbers
 
 

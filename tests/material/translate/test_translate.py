@@ -58,7 +58,7 @@ def no_textures(texture: Texture | Bump) -> Path:
 def surface(layers: tuple[Layer, ...]) -> Any:
     look = Look("look", layers)
     return generate_surface(
-        look, no_textures, brdf_samples=None, ibl_samples=None, bounces=0, light=LIGHT, resolution=(8, 8)
+        look, no_textures, brdf_samples=None, ibl_samples=None, bounces=0, lights=(LIGHT,), resolution=(8, 8)
     )
 
 

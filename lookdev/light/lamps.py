@@ -1,0 +1,256 @@
+"""Several lights as numbers: what a shader of a rig reads of each.
+
+Lamps are the lights that are not domes. Each is a row of `FIELDS` in one array, so that one loop of the shader serves
+all of a kind; the shader's code depends on which kinds and controls a rig has, not on its numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import Content
+from lookdev.light.cylinder import Cylinder, CylinderLight
+from lookdev.light.disk import DiskLight, Ellipse
+from lookdev.light.distant import Cone, DistantLight
+from lookdev.light.dome import Dome
+from lookdev.light.dome.local import LocalDome
+from lookdev.light.emission import Emission, Shadow, Shaping, beam_bound, falloff_factor
+from lookdev.light.placement import WORLD_AXES
+from lookdev.light.protocol import Light, LightCode
+from lookdev.light.rect import Rectangle, RectLight
+from lookdev.light.shape import greatest_cosine
+from lookdev.light.sphere import Sphere, SphereLight
+
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
+
+Lamp: TypeAlias = RectLight | DiskLight | SphereLight | CylinderLight | DistantLight
+AnyDome: TypeAlias = Dome | LocalDome
+
+SHAPES: dict[str, type[Any]] = {
+    "rect": Rectangle,
+    "disk": Ellipse,
+    "sphere": Sphere,
+    "cylinder": Cylinder,
+    "distant": Cone,
+}
+"""Shape of each kind of lamp; a kind's number in a row is its place here."""
+
+FIELDS = (
+    "kind",
+    *("x", "y", "z"),  # position, from the axis about which the rig turns
+    *(f"{axis}{i}" for axis in "xyz" for i in range(3)),  # axes
+    *("a", "b"),  # the fields of its shape
+    "reach",  # metres to its farthest point
+    *("red", "green", "blue"),  # radiance
+    "mean",  # of the radiance, of texture and profile the largest
+    "turns",
+    *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
+    *("profile", "profile_scale", "angle_scale"),  # place in the array of profiles, -1 without
+    *("virtual", "power", "fade", "fade_rise"),
+    *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
+    *("diffuse", "specular"),
+    "picture",  # number of its texture, -1 without
+)
+"""The numbers of a lamp, in the order of a row."""
+
+
+def weight(shape: Any, beam: Any, fall: Any, place: Floats, normal: Floats) -> Floats:
+    """Return an estimate (...) of the irradiance of places (..., 3) about normals, by radiance 1 of a shape.
+
+    It is positive wherever the shape sends light to the front of a plane about the normal. `beam` and `fall` are the
+    numbers of `beam_bound` and `falloff_factor`; None: the emission is the same in all directions, or has no falloff.
+    """
+    axis, squared_sine = shape.cone(place)
+    estimate = shape.solid_angle(place) * greatest_cosine(axis, squared_sine, normal)
+    if beam is not None:
+        estimate = estimate * beam_bound(axis[..., 2], squared_sine, *beam)
+    if fall is not None:
+        estimate = estimate * falloff_factor(np.sqrt((place * place).sum(axis=-1)), *fall)
+    return estimate
+
+
+@dataclass(frozen=True)
+class Stand:
+    """Where a shader's places are, in metres of the lights' world.
+
+    `origin` is the place that the shader has at 0, `axis` is x and y of the vertical about which a rig turns.
+    """
+
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axis: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def offset(self) -> tuple[float, float, float]:
+        """What to add to a place of the shader to have it from the axis."""
+        (x, y, z), (across, along) = self.origin, self.axis
+        return x - across, y - along, z
+
+
+@dataclass(frozen=True)
+class Rig:
+    """Lights by what a shader does with them, in the order of its numbers: lamps, then domes.
+
+    Whether some light is `shaped`, has a `falloff`, a shadow that is not plain (`shadowed`), stands `still`, is `split`
+    into diffuse and specular light, or has a profile (`profiled`).
+    """
+
+    lamps: tuple[Lamp, ...]
+    domes: tuple[AnyDome, ...]
+
+    @classmethod
+    def of(cls, lights: Sequence[Light]) -> Rig:
+        domes = tuple(each for each in lights if isinstance(each, AnyDome))
+        return cls(tuple(each for each in lights if isinstance(each, Lamp)), domes)
+
+    @property
+    def emissions(self) -> tuple[Emission, ...]:
+        """What each light sends out."""
+        return tuple(each.emission for each in (*self.lamps, *self.domes))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of its lamps, each once, in the order of `SHAPES`."""
+        return tuple(kind for kind in SHAPES if any(each.kind == kind for each in self.lamps))
+
+    @property
+    def shaped(self) -> bool:
+        return any(each.shaping for each in self.emissions)
+
+    @property
+    def profiled(self) -> bool:
+        return any(each.shaping and each.shaping.profile for each in self.emissions)
+
+    @property
+    def falling(self) -> bool:
+        return any(each.falloff for each in self.emissions)
+
+    @property
+    def shadowed(self) -> bool:
+        return any(each.shadow != Shadow() for each in self.emissions)
+
+    @property
+    def still(self) -> bool:
+        return any(not each.turns for each in self.emissions)
+
+    @property
+    def split(self) -> bool:
+        return any((each.diffuse, each.specular) != (1.0, 1.0) for each in self.emissions)
+
+    @property
+    def pictures(self) -> tuple[RectLight, ...]:
+        """The lamps with a texture."""
+        return tuple(each for each in self.lamps if isinstance(each, RectLight) and each.texture)
+
+    def rows(self, stand: Stand) -> NDArray[np.float32]:
+        """Return what to add to a place of the shader, then the row of each lamp and each dome."""
+        profiles = self._profile_places()
+        rows = [self._row(each, profiles, stand) for each in (*self.lamps, *self.domes)]
+        return np.array([*stand.offset, *(value for row in rows for value in row)], np.float32)
+
+    def profiles(self) -> NDArray[np.float32]:
+        """Return the tables of all profiles: for each the counts of its rows and columns, then its content."""
+        tables = [np.load(each.table.path) for each in self._profiles()]
+        flat = [np.concatenate([np.array(table.shape, np.float32), table.ravel()]) for table in tables]
+        return np.asarray(np.concatenate([*flat, np.zeros(1)]), np.float32)
+
+    def _profiles(self) -> list[Any]:
+        found = [each.shaping.profile for each in self.emissions if each.shaping and each.shaping.profile]
+        return list({each.table.digest: each for each in found}.values())
+
+    def _profile_places(self) -> dict[str, int]:
+        places, place = {}, 0
+        for each in self._profiles():
+            places[each.table.digest] = place
+            place += 2 + np.load(each.table.path, mmap_mode="r").size
+        return places
+
+    def _row(self, light: Lamp | AnyDome, profiles: dict[str, int], stand: Stand) -> list[float]:
+        emission, numbers = light.emission, [0.0, 0.0]
+        color, brightest, texture = emission.color, 1.0, -1
+        x, y, z = getattr(light, "position", (*stand.axis, 0.0))
+        axes = light.dome.axes if isinstance(light, LocalDome) else light.axes
+        kind, reach = -1, 0.0
+        if light.constant:
+            color = tuple(light.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist())
+        if isinstance(light, LocalDome):
+            numbers, reach = [light.radius * (1.0 - light.edge), light.radius], light.radius
+        elif not isinstance(light, Dome):
+            kind = list(SHAPES).index(light.kind)
+            sizes = [getattr(light.shape, each.name) for each in fields(light.shape)]
+            numbers[: len(sizes)] = sizes
+            reach = getattr(light, "reach", 0.0)
+        if isinstance(light, DistantLight):
+            color = light.sent
+        if isinstance(light, RectLight) and light.picture is not None:
+            texture, brightest = self.pictures.index(light), float(light.picture.mean())
+        shaping, falloff = emission.shaping or Shaping(), emission.falloff
+        profile = shaping.profile
+        if profile is not None:
+            brightest *= profile.largest
+        virtual, power, fade, fade_rise = falloff.numbers if falloff else (0.0, -2.0, 0.0, 0.0)
+        return [
+            kind,
+            *(x - stand.axis[0], y - stand.axis[1], z),
+            *(value for axis in axes for value in axis),
+            *numbers,
+            reach,
+            *color,
+            sum(color) / 3.0 * brightest,
+            emission.turns,
+            *shaping.cone,
+            max(shaping.focus, 0.0),
+            *shaping.focus_tint,
+            -1 if profile is None else profiles[profile.table.digest],
+            profile.scale if profile else 1.0,
+            profile.angle_scale if profile else 0.0,
+            *(virtual, power, fade, fade_rise),
+            *emission.shadow.numbers,
+            *emission.shadow.color,
+            *(emission.diffuse, emission.specular),
+            texture,
+        ]
+
+
+def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
+    """Return the values for the shader of a rig."""
+    profiles = rig.profiles()
+    counts = {
+        "RIG_LAMPS": len(rig.lamps),
+        "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),
+        "RIG_SIZE": 3 + len(FIELDS) * (len(rig.lamps) + len(rig.domes)),
+        "RIG_PROFILES": len(profiles),
+        "RIG_SHAPED": int(rig.shaped),
+        "RIG_PROFILED": int(rig.profiled),
+        "RIG_FALLING": int(rig.falling),
+        "RIG_SHADOWED": int(rig.shadowed),
+        "RIG_STILL": int(rig.still),
+        "RIG_SPLIT": int(rig.split),
+        "RIG_LOCAL_DOMES": int(any(isinstance(each, LocalDome) for each in rig.domes)),
+        "LAMP_FIELDS": len(FIELDS),
+        **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
+    }
+    parameters: dict[str, Content] = {}
+    arrays: dict[str, Content] = {}
+    for number, light in enumerate(rig.domes):
+        dome = light.dome if isinstance(light, LocalDome) else light
+        counts |= {f"DOME{number}_WIDTH": dome.width, f"DOME{number}_HEIGHT": dome.height}
+        if not light.constant:
+            files = dome.files(f"dome{number}", sampled=sampled)
+            parameters |= files[0]
+            arrays |= files[1]
+    lines = (*(f"#define {name} {value}" for name, value in counts.items()), *Dome.table_constants() * bool(rig.domes))
+    return LightCode(lines, parameters, arrays, {"lamps": rig.rows(stand), "profiles": profiles})
+
+
+def is_plain(light: Light) -> bool:
+    """Return whether a light is a dome as its map is: the OSL of its kind shows it."""
+    if not isinstance(light, Dome):
+        return True
+    emission = light.emission
+    return light.axes == WORLD_AXES and emission == Emission(camera=emission.camera, group=emission.group)
