@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,6 +21,7 @@ from lookdev.light.distant import Cone, DistantLight
 from lookdev.light.dome import Dome
 from lookdev.light.dome.local import LocalDome
 from lookdev.light.emission import Emission, Shadow, Shaping, beam_bound, falloff_factor
+from lookdev.light.picture import LEVELS
 from lookdev.light.placement import WORLD_AXES
 from lookdev.light.protocol import Light, LightCode
 from lookdev.light.rect import Rectangle, RectLight
@@ -34,12 +36,13 @@ AnyDome: TypeAlias = Dome | LocalDome
 
 SHAPES: dict[str, type[Any]] = {
     "rect": Rectangle,
+    "picture": Rectangle,
     "disk": Ellipse,
     "sphere": Sphere,
     "cylinder": Cylinder,
     "distant": Cone,
 }
-"""Shape of each kind of lamp; a kind's number in a row is its place here."""
+"""Shape of each kind of lamp, a textured rectangle being a ``picture``; a kind's number in a row is its place here."""
 
 FIELDS = (
     "kind",
@@ -51,11 +54,11 @@ FIELDS = (
     "mean",  # of the radiance, of texture and profile the largest
     "turns",
     *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
-    *("profile", "profile_scale", "angle_scale"),  # place in the array of profiles, -1 without
+    *("profile", "profile_scale", "angle_scale"),  # place in the array of tables, -1 without
     *("virtual", "power", "fade", "fade_rise"),
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
     *("diffuse", "specular"),
-    "picture",  # number of its texture, -1 without
+    *("picture", "tree"),  # number of its texture, and place of its `luminance_tree` in the array of tables
 )
 """The numbers of a lamp, in the order of a row."""
 
@@ -116,7 +119,7 @@ class Rig:
     @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of its lamps, each once, in the order of `SHAPES`."""
-        return tuple(kind for kind in SHAPES if any(each.kind == kind for each in self.lamps))
+        return tuple(kind for kind in SHAPES if any(_kind(each) == kind for each in self.lamps))
 
     @property
     def shaped(self) -> bool:
@@ -149,30 +152,30 @@ class Rig:
 
     def rows(self, stand: Stand) -> NDArray[np.float32]:
         """Return what to add to a place of the shader, then the row of each lamp and each dome."""
-        profiles = self._profile_places()
-        rows = [self._row(each, profiles, stand) for each in (*self.lamps, *self.domes)]
+        places = dict(zip(self._tables, np.cumsum([0, *map(len, self._tables.values())]).tolist(), strict=False))
+        rows = [self._row(each, places, stand) for each in (*self.lamps, *self.domes)]
         return np.array([*stand.offset, *(value for row in rows for value in row)], np.float32)
 
-    def profiles(self) -> NDArray[np.float32]:
-        """Return the tables of all profiles: for each the counts of its rows and columns, then its content."""
-        tables = [np.load(each.table.path) for each in self._profiles()]
-        flat = [np.concatenate([np.array(table.shape, np.float32), table.ravel()]) for table in tables]
-        return np.asarray(np.concatenate([*flat, np.zeros(1)]), np.float32)
+    def tables(self) -> NDArray[np.float32]:
+        """Return the tables of profiles, after the counts of their rows and columns, and the trees of textures."""
+        return np.asarray(np.concatenate([*self._tables.values(), np.zeros(1)]), np.float32)
 
-    def _profiles(self) -> list[Any]:
-        found = [each.shaping.profile for each in self.emissions if each.shaping and each.shaping.profile]
-        return list({each.table.digest: each for each in found}.values())
+    @cached_property
+    def _tables(self) -> dict[str, NDArray[np.float64]]:
+        """Tables by the digests of the files that they are of."""
+        tables = {}
+        for each in self.emissions:
+            if each.shaping and (profile := each.shaping.profile):
+                table = np.load(profile.table.path).astype(np.float64)
+                tables[profile.table.digest] = np.concatenate([np.array(table.shape), table.ravel()])
+        for light in self.pictures:
+            assert light.texture and light.tree, "it has a texture"  # noqa: PT018
+            tables[light.texture.digest] = np.concatenate([level.ravel() for level in light.tree[1:]])
+        return tables
 
-    def _profile_places(self) -> dict[str, int]:
-        places, place = {}, 0
-        for each in self._profiles():
-            places[each.table.digest] = place
-            place += 2 + np.load(each.table.path, mmap_mode="r").size
-        return places
-
-    def _row(self, light: Lamp | AnyDome, profiles: dict[str, int], stand: Stand) -> list[float]:
+    def _row(self, light: Lamp | AnyDome, places: dict[str, int], stand: Stand) -> list[float]:
         emission, numbers = light.emission, [0.0, 0.0]
-        color, brightest, texture = emission.color, 1.0, -1
+        color, brightest, texture, tree = emission.color, 1.0, -1, -1
         x, y, z = getattr(light, "position", (*stand.axis, 0.0))
         axes = light.dome.axes if isinstance(light, LocalDome) else light.axes
         kind, reach = -1, 0.0
@@ -181,14 +184,15 @@ class Rig:
         if isinstance(light, LocalDome):
             numbers, reach = [light.radius * (1.0 - light.edge), light.radius], light.radius
         elif not isinstance(light, Dome):
-            kind = list(SHAPES).index(light.kind)
+            kind = list(SHAPES).index(_kind(light))
             sizes = [getattr(light.shape, each.name) for each in fields(light.shape)]
             numbers[: len(sizes)] = sizes
             reach = getattr(light, "reach", 0.0)
         if isinstance(light, DistantLight):
             color = light.sent
-        if isinstance(light, RectLight) and light.picture is not None:
+        if isinstance(light, RectLight) and light.texture is not None and light.picture is not None:
             texture, brightest = self.pictures.index(light), float(light.picture.mean())
+            tree = places[light.texture.digest]
         shaping, falloff = emission.shaping or Shaping(), emission.falloff
         profile = shaping.profile
         if profile is not None:
@@ -206,25 +210,31 @@ class Rig:
             *shaping.cone,
             max(shaping.focus, 0.0),
             *shaping.focus_tint,
-            -1 if profile is None else profiles[profile.table.digest],
+            -1 if profile is None else places[profile.table.digest],
             profile.scale if profile else 1.0,
             profile.angle_scale if profile else 0.0,
             *(virtual, power, fade, fade_rise),
             *emission.shadow.numbers,
             *emission.shadow.color,
             *(emission.diffuse, emission.specular),
-            texture,
+            *(texture, tree),
         ]
+
+
+def _kind(light: Lamp) -> str:
+    return "picture" if isinstance(light, RectLight) and light.texture else light.kind
 
 
 def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
     """Return the values for the shader of a rig."""
-    profiles = rig.profiles()
+    tables = rig.tables()
     counts = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),
         "RIG_SIZE": 3 + len(FIELDS) * (len(rig.lamps) + len(rig.domes)),
-        "RIG_PROFILES": len(profiles),
+        "RIG_TABLES": len(tables),
+        "RIG_PICTURES": len(rig.pictures),
+        "PICTURE_LEVELS": LEVELS,
         "RIG_SHAPED": int(rig.shaped),
         "RIG_PROFILED": int(rig.profiled),
         "RIG_FALLING": int(rig.falling),
@@ -244,8 +254,9 @@ def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
             files = dome.files(f"dome{number}", sampled=sampled)
             parameters |= files[0]
             arrays |= files[1]
+    parameters |= {f"picture{number}": each.texture for number, each in enumerate(rig.pictures) if each.texture}
     lines = (*(f"#define {name} {value}" for name, value in counts.items()), *Dome.table_constants() * bool(rig.domes))
-    return LightCode(lines, parameters, arrays, {"lamps": rig.rows(stand), "profiles": profiles})
+    return LightCode(lines, parameters, arrays, {"lamps": rig.rows(stand), "tables": tables})
 
 
 def is_plain(light: Light) -> bool:

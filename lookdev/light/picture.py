@@ -23,7 +23,9 @@ Floats = NDArray[Any]
 LEVELS = 5
 """Times that a texture is divided, to 32 x 32 cells."""
 
-_SEGMENTS = 2  # of the solid angle of a quadrant
+CELL_SEGMENTS = 2
+"""Of the solid angle of a quadrant."""
+
 _TINY = 1e-30
 
 
@@ -116,7 +118,7 @@ def _weights(means: Floats, place: Floats, width: Any, height: Any, row: Any, co
     for i in (0, 1):
         for j in (0, 1):
             r, c = 2 * row + i, 2 * column + j
-            seen = seen_part(place, width, height, c * size, r * size, size, _SEGMENTS)
+            seen = seen_part(place, width, height, c * size, r * size, size, CELL_SEGMENTS)
             weight[:, i, j] = means[r, c] * seen.solid_angle
     return weight
 

@@ -39,40 +39,115 @@ vector lamp_outside(float lamps[], int at, vector v)
            + v[2] * vector(lamps[a + 6], lamps[a + 7], lamps[a + 8]);
 }
 
+//@ shape_functions
+
+#if RIG_PICTURES > 0
+// A textured rectangle by quadrants of quadrants (lookdev/light/picture.py); `tree` is the place of their means.
+float picture_weight(float lamps[], float tables[], int at, int tree, int side, int row, int column, vector p)
+{
+    // The levels before have 4 + 16 + ... cells.
+    int level = tree + (side * side - 4) / 3;
+    return tables[level + row * side + column]
+           * rect_part_angle(lamps, at, p, float(column) / side, float(row) / side, 1.0 / side);
+}
+
+void picture_draw(float lamps[], float tables[], int at, vector p, float u1, float u2,
+                  output vector w, output float distance, output float pdf)
+{
+    int tree = int(lamps[at + LAMP_tree]);
+    int row = 0;
+    int column = 0;
+    float s = u1;
+    float t = u2;
+    float share = 1;
+    int side = 1;
+    for (int level = 0; level < PICTURE_LEVELS; ++level) {
+        side *= 2;
+        row *= 2;
+        column *= 2;
+        float w00 = picture_weight(lamps, tables, at, tree, side, row, column, p);
+        float w01 = picture_weight(lamps, tables, at, tree, side, row, column + 1, p);
+        float w10 = picture_weight(lamps, tables, at, tree, side, row + 1, column, p);
+        float w11 = picture_weight(lamps, tables, at, tree, side, row + 1, column + 1, p);
+        float sum = w00 + w01 + w10 + w11;
+        float left = (w00 + w10) / sum;
+        int right = s >= left;
+        s = clamp(right ? (s - left) / (1 - left) : s / left, 0, 0.99999994);
+        float lower = (right ? w01 : w00) / (right ? w01 + w11 : w00 + w10);
+        int upper = t >= lower;
+        t = clamp(upper ? (t - lower) / (1 - lower) : t / lower, 0, 0.99999994);
+        column += right;
+        row += upper;
+        share *= (right ? (upper ? w11 : w01) : (upper ? w10 : w00)) / sum;
+    }
+    rect_part_draw(lamps, at, p, float(column) / side, float(row) / side, 1.0 / side, s, t, w, distance, pdf);
+    pdf *= share;
+}
+
+void picture_meet(float lamps[], float tables[], int at, vector p, vector w, output float distance, output float pdf)
+{
+    float s;
+    float t;
+    rect_place(lamps, at, p, w, distance, s, t);
+    pdf = 0;
+    if (distance < FAR) {
+        int tree = int(lamps[at + LAMP_tree]);
+        int cells = 1 << PICTURE_LEVELS;
+        int row = clamp(int(t * cells), 0, cells - 1);
+        int column = clamp(int(s * cells), 0, cells - 1);
+        float share = 1;
+        for (int level = 1; level <= PICTURE_LEVELS; ++level) {
+            int side = 1 << level;
+            int down = PICTURE_LEVELS - level;
+            int i = row >> down;
+            int j = column >> down;
+            int i0 = i & ~1;
+            int j0 = j & ~1;
+            float w00 = picture_weight(lamps, tables, at, tree, side, i0, j0, p);
+            float w01 = picture_weight(lamps, tables, at, tree, side, i0, j0 + 1, p);
+            float w10 = picture_weight(lamps, tables, at, tree, side, i0 + 1, j0, p);
+            float w11 = picture_weight(lamps, tables, at, tree, side, i0 + 1, j0 + 1, p);
+            share *= ((i & 1) ? ((j & 1) ? w11 : w10) : ((j & 1) ? w01 : w00)) / (w00 + w01 + w10 + w11);
+        }
+        pdf = share * rect_part_density(lamps, at, p, w, float(column) / cells, float(row) / cells, 1.0 / cells);
+    }
+}
+#endif
+
 //@ lamp_functions
 
 #if RIG_PROFILED
 // A profile of lookdev/light/ies.py in directions of two angles in degrees.
-float lamp_profile(float profiles[], int place, float scale, float angle_scale, float down, float around)
+float lamp_profile(float tables[], int place, float scale, float angle_scale, float down, float around)
 {
     float vertical = down;
     if (angle_scale > 0)
         vertical = down / angle_scale;
     else if (angle_scale < 0)
         vertical = (down - 180) / -angle_scale + 180;
-    int rows = int(profiles[place]);
-    int columns = int(profiles[place + 1]);
+    int rows = int(tables[place]);
+    int columns = int(tables[place + 1]);
     int table = place + 2;
-    if (vertical < profiles[table + 1] || vertical > profiles[table + columns - 1])
+    if (vertical < tables[table + 1] || vertical > tables[table + columns - 1])
         return 0;
     int v = 1;
     for (int step = columns; step > 0; step /= 2)
-        while (v + step <= columns - 2 && profiles[table + v + step] <= vertical)
+        while (v + step <= columns - 2 && tables[table + v + step] <= vertical)
             v += step;
     int h = 1;
     for (int step = rows; step > 0; step /= 2)
-        while (h + step <= rows - 2 && profiles[table + (h + step) * columns] <= around)
+        while (h + step <= rows - 2 && tables[table + (h + step) * columns] <= around)
             h += step;
     int cell = table + h * columns;
-    float s = (vertical - profiles[table + v]) / (profiles[table + v + 1] - profiles[table + v]);
-    float t = (around - profiles[cell]) / (profiles[cell + columns] - profiles[cell]);
-    return scale * ((1 - t) * ((1 - s) * profiles[cell + v] + s * profiles[cell + v + 1])
-                    + t * ((1 - s) * profiles[cell + columns + v] + s * profiles[cell + columns + v + 1]));
+    float s = (vertical - tables[table + v]) / (tables[table + v + 1] - tables[table + v]);
+    float t = (around - tables[cell]) / (tables[cell + columns] - tables[cell]);
+    return scale * ((1 - t) * ((1 - s) * tables[cell + v] + s * tables[cell + v + 1])
+                    + t * ((1 - s) * tables[cell + columns + v] + s * tables[cell + columns + v + 1]));
 }
 #endif
 
 // What a lamp sends to places p along -w, both in its own space, but for its texture.
-color lamp_sent(float lamps[], float profiles[], int at, vector p, vector w)
+color lamp_sent(float lamps[], float tables[], int at, vector p, vector w)
 {
     color sent = color(lamps[at + LAMP_red], lamps[at + LAMP_green], lamps[at + LAMP_blue]);
 #if RIG_SHAPED
@@ -81,7 +156,7 @@ color lamp_sent(float lamps[], float profiles[], int at, vector p, vector w)
 #if RIG_PROFILED
     if (lamps[at + LAMP_profile] >= 0) {
         float around = atan2(-w[1], -w[0]) / M_2PI;
-        sent *= lamp_profile(profiles, int(lamps[at + LAMP_profile]), lamps[at + LAMP_profile_scale],
+        sent *= lamp_profile(tables, int(lamps[at + LAMP_profile]), lamps[at + LAMP_profile_scale],
                              lamps[at + LAMP_angle_scale], degrees(atan2(hypot(w[0], w[1]), w[2])),
                              360 * (around - floor(around)));
     }

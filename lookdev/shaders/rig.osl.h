@@ -1,5 +1,5 @@
-// Several lights in the shader of a look, by sections (codegen/osl/rig.py). Those of domes are repeated for each, with
-// the number of the dome for `@`, and that of the light for `#`. `here` and `side` are P and the shading normal in the
+// Several lights in the shader of a look, by sections (codegen/osl/rig.py). Those of domes and pictures are repeated for
+// each, with its number for `@`, and that of a dome's light for `#`. `here` and `side` are P and the shading normal in the
 // frame of the lights that turn, `..._still` in that of the others.
 
 //@ section macros
@@ -37,7 +37,8 @@
 //@ section parameters
     // The worker writes the values of arrays.
     float lamps[RIG_SIZE] = {0},
-    float profiles[RIG_PROFILES] = {0},
+    float tables[RIG_TABLES] = {0},
+//@ pictures parameters
 //@ domes parameters
 //@ section setup
     float still = 0;
@@ -56,6 +57,7 @@
     float lit_back[RIG_LIGHTS];
     float back_sum = 0;
 #endif
+#if RIG_LAMPS > 0
     for (int j = 0; j < RIG_LAMPS; ++j) {
         int at = 3 + j * LAMP_FIELDS;
         int turns = lamps[at + LAMP_turns] > 0;
@@ -68,6 +70,7 @@
         lit_back[j] = back_sum;
 #endif
     }
+#endif
 //@ domes setup
 #endif
 //@ section sample
@@ -98,9 +101,18 @@
             vector p = lamp_inside(lamps, at, (turns ? here : here_still) - lamp_position(lamps, at));
 #if RIG_LAMPS > 0
             if (light < RIG_LAMPS) {
-                lamp_draw(lamps, at, p, u1, u2, drawn, light_distance, pdf_of_light);
+                lamp_draw(lamps, tables, at, p, u1, u2, drawn, light_distance, pdf_of_light);
                 if (light_distance < FAR)
-                    radiance = lamp_sent(lamps, profiles, at, p, drawn);
+                    radiance = lamp_sent(lamps, tables, at, p, drawn);
+#if RIG_PICTURES > 0
+                if (lamps[at + LAMP_picture] >= 0) {
+                    float picture_s = 0.5 - (p[0] + light_distance * drawn[0]) / lamps[at + LAMP_a];
+                    float picture_t = 0.5 + (p[1] + light_distance * drawn[1]) / lamps[at + LAMP_b];
+                    color picture = 0;
+//@ pictures look_up
+                    radiance *= picture;
+                }
+#endif
                 light_density = RIG_DRAWN(light) * pdf_of_light;
             }
 #endif
@@ -109,6 +121,7 @@
 //@ section arrive
             vector towards = rig_back(wi, turn);
             vector towards_still = rig_back(wi, still);
+#if RIG_LAMPS > 0
             for (int j = 0; j < RIG_LAMPS; ++j) {
                 int at = 3 + j * LAMP_FIELDS;
                 int turns = lamps[at + LAMP_turns] > 0;
@@ -122,14 +135,31 @@
                 w = lamp_inside(lamps, at, w);
                 float distance;
                 float pdf_of_light;
-                lamp_meet(lamps, at, p, w, distance, pdf_of_light);
+                lamp_meet(lamps, tables, at, p, w, distance, pdf_of_light);
                 if (distance >= FAR)
                     continue;
-                color arriving = lamp_sent(lamps, profiles, at, p, w);
+                color arriving = lamp_sent(lamps, tables, at, p, w);
+#if RIG_PICTURES > 0
+                if (lamps[at + LAMP_picture] >= 0) {
+                    float picture_s = 0.5 - (p[0] + distance * w[0]) / lamps[at + LAMP_a];
+                    float picture_t = 0.5 + (p[1] + distance * w[1]) / lamps[at + LAMP_b];
+                    color picture = 0;
+//@ pictures look_up
+                    arriving *= picture;
+                }
+#endif
                 float density = own_density + weighed * RIG_DRAWN(j) * pdf_of_light;
                 RIG_ADD(at, arriving / density, distance)
             }
+#endif
 //@ domes arrive
+//@ section picture_parameters
+    string picture@ = "",
+//@ section picture_look_up
+                    if (lamps[at + LAMP_picture] == @) {
+                        float alpha;
+                        picture = lookdev_texture(picture@, picture_s, picture_t, "clamp", "clamp", alpha);
+                    }
 //@ section dome_macros
 #define DOME@_DENSITY(w) RIG_BOTH(#, scale@ * dome_widened(dot(w, axis@)), back_scale@ * dome_widened(dot(w, back_axis@)))
 //@ section dome_parameters

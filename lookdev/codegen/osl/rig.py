@@ -21,6 +21,9 @@ from lookdev.light.dome import Dome
 from lookdev.light.dome.local import LocalDome
 from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
 from lookdev.light.lamps import SHAPES, Rig, weight
+from lookdev.light.picture import CELL_SEGMENTS
+from lookdev.light.plane import meet_plane, seen_part, towards_plane
+from lookdev.light.spherical_rectangle import Point, density, draw
 
 _BEAM = ("cone", "start", "rise", "focus")
 _FALL = ("virtual", "power", "fade", "fade_rise")
@@ -52,16 +55,16 @@ def rig_sections(rig: Rig) -> dict[str, list[str]]:
     sections = read_sections(shaders / "rig.osl.h")
     kinds = {_dome_kind(each) for each in rig.domes}
     filled = {
-        name: [
-            each
-            for line in sections[name]
-            for each in (_of_domes(rig, sections, line.split()[-1]) if line.startswith("//@ domes ") else [line])
-        ]
+        name: [each for line in sections[name] for each in _repeated(rig, sections, line)]
         for name in ("macros", "parameters", "setup", "sample", "arrive")
     }
     functions = read_sections(shaders / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
+    generated = {
+        "//@ shape_functions": lambda: _shapes(rig),
+        "//@ lamp_functions": lambda: _lamp_functions(rig),
+    }
     for line in (shaders / "rig.h").read_text(encoding="utf-8").splitlines():
-        functions += lamp_functions(rig) if line == "//@ lamp_functions" else [line]
+        functions += generated[line]() if line in generated else [line]
     return {
         "constants": ["#define RIG 1"],
         "samples": list(_SAMPLES_AND_TURN if rig.still else _SAMPLES),
@@ -80,6 +83,17 @@ def _dome_kind(light: Dome | LocalDome) -> str:
     return "local_dome" if isinstance(light, LocalDome) else "constant_dome" if light.constant else "dome"
 
 
+def _repeated(rig: Rig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
+    """Return the lines that stand for a line ``//@ domes NAME`` or ``//@ pictures NAME``, else the line."""
+    match line.split():
+        case ["//@", "domes", name]:
+            return _of_domes(rig, sections, name)
+        case ["//@", "pictures", name]:
+            lines = sections[f"picture_{name}"]
+            return (each.replace("@", str(number)) for number in range(len(rig.pictures)) for each in lines)
+    return (line,)
+
+
 def _of_domes(rig: Rig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
     for number, light in enumerate(rig.domes):
         for line in sections[f"{_dome_kind(light)}_{name}"]:
@@ -92,8 +106,8 @@ def _numbered(line: str, number: int, rig: Rig) -> str:
     return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
 
 
-def lamp_functions(rig: Rig) -> Iterator[str]:
-    """Yield the lines of the functions of a rig's lamps, of all kinds and of each."""
+def _shapes(rig: Rig) -> Iterator[str]:
+    """Yield the functions of what lamps of all kinds have, and of each shape."""
     inside = _Tracer()
     direction = inside.vector("w")
     if rig.shaped:
@@ -112,24 +126,32 @@ def lamp_functions(rig: Rig) -> Iterator[str]:
         passed = shadow_passed(distance, enable, limit, zone, gamma, colour)
         yield from inside.function("color lamp_passed(float lamps[], int at, float distance)", {}, passed)
     for kind in rig.kinds:
-        yield from _shape_functions(kind, rig)
-    for name, given in (("meet", _MEET), ("draw", _DRAW)):
-        yield from _dispatched("void", name, given, rig)
-    yield from _dispatched("float", "weight", "vector p, vector n", rig)
+        yield from _picture_functions() if kind == "picture" else _shape_functions(kind)
+        yield from _weight_function(kind, rig)
 
 
-def _shape_functions(kind: str, rig: Rig) -> Iterator[str]:
+def _lamp_functions(rig: Rig) -> Iterator[str]:
+    """Yield functions of all kinds of lamps, which call those of the lamp's kind."""
+    if rig.lamps:
+        yield from _dispatched(rig, "void lamp_meet", _MEET, tables=True)
+        yield from _dispatched(rig, "void lamp_draw", _DRAW, tables=True)
+        yield from _dispatched(rig, "float lamp_weight", "vector p, vector n")
+
+
+def _shape_functions(kind: str) -> Iterator[str]:
     trace = _Tracer()
-    sizes = trace.fields(*("a", "b")[: len(fields(SHAPES[kind]))])
-    shape = SHAPES[kind](*sizes)
+    shape = trace.shape(kind)
     p, w = trace.vector("p"), trace.vector("w")
     met = {"distance": shape.distance(p, w), "pdf": shape.pdf(p, w)}
-    yield from trace.function(f"void {kind}_meet(float lamps[], int at, {_MEET})", met)
-    u = trace.stacked("u1", "u2")
-    drawn = shape.sample(p, u)
+    yield from trace.function(f"void {kind}_meet(float lamps[], float tables[], int at, {_MEET})", met)
+    drawn = shape.sample(p, trace.numbers("u1", "u2"))
     outputs = {f"w[{i}]": drawn[..., i] for i in range(3)}
     outputs |= {"distance": shape.distance(p, drawn), "pdf": shape.pdf(p, drawn)}
-    yield from trace.function(f"void {kind}_draw(float lamps[], int at, {_DRAW})", outputs)
+    yield from trace.function(f"void {kind}_draw(float lamps[], float tables[], int at, {_DRAW})", outputs)
+
+
+def _weight_function(kind: str, rig: Rig) -> Iterator[str]:
+    trace = _Tracer()
     beam = fall = None
     if rig.shaped:
         tint = trace.fields("tint0", "tint1", "tint2")
@@ -137,23 +159,52 @@ def _shape_functions(kind: str, rig: Rig) -> Iterator[str]:
     if rig.falling and kind != "distant":
         fall = trace.fields(*_FALL)
     (bright,) = trace.fields("mean")
-    estimate = bright * weight(shape, beam, fall, p, trace.vector("n"))
+    estimate = bright * weight(trace.shape(kind), beam, fall, trace.vector("p"), trace.vector("n"))
     yield from trace.function(f"float {kind}_weight(float lamps[], int at, vector p, vector n)", {}, estimate)
 
 
-def _dispatched(returns: str, name: str, given: str, rig: Rig) -> Iterator[str]:
+def _picture_functions() -> Iterator[str]:
+    """Yield functions of parts of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`)."""
+    trace = _Tracer()
+    width, height = trace.fields("a", "b")
+    p, w = trace.vector("p"), trace.vector("w")
+    s, t, size = (symbol(trace.graph, name) for name in ("part_s", "part_t", "size"))
+    part = "float part_s, float part_t, float size"
+    angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
+    yield from trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {part})", {}, angle)
+    distance, point = meet_plane(p, w, width, height)
+    places = {"distance": distance, "s": point.s, "t": point.t}
+    head = "vector p, vector w, output float distance, output float s, output float t"
+    yield from trace.function(f"void rect_place(float lamps[], int at, {head})", places)
+    seen = seen_part(p, width, height, s, t, size)
+
+    def pdf(point: Point) -> Any:
+        within = [np.clip((each - start) / size, 0.0, 1.0) for each, start in ((point.s, s), (point.t, t))]
+        return density(seen, Point(within[0], within[1], point.x, point.y))
+
+    yield from trace.function(
+        f"float rect_part_density(float lamps[], int at, vector p, vector w, {part})", {}, pdf(point)
+    )
+    drawn = towards_plane(p, draw(seen, trace.numbers("u1", "u2")))
+    distance, point = meet_plane(p, drawn, width, height)
+    outputs = {**{f"w[{i}]": drawn[..., i] for i in range(3)}, "distance": distance, "pdf": pdf(point)}
+    head = f"vector p, {part}, float u1, float u2, output vector w, output float distance, output float pdf"
+    yield from trace.function(f"void rect_part_draw(float lamps[], int at, {head})", outputs)
+
+
+def _dispatched(rig: Rig, name: str, given: str, *, tables: bool = False) -> Iterator[str]:
     """Yield a function of all kinds of lamps that calls that of the lamp's kind."""
-    names = ", ".join(each.split()[-1] for each in given.split(", "))
-    yield f"{returns} lamp_{name}(float lamps[], int at, {given})"
+    called = name.split()[-1].removeprefix("lamp_")
+    first = "lamps, tables, at" if tables else "lamps, at"
+    names = ", ".join((first, *(each.split()[-1] for each in given.split(", "))))
+    yield f"{name}(float lamps[],{' float tables[],' * tables} int at, {given})"
     yield "{"
-    for number, kind in enumerate(rig.kinds):
-        call = f"{kind}_{name}(lamps, at, {names});"
-        last = number == len(rig.kinds) - 1
-        guard = "" if last else f"if (lamps[at] == {list(SHAPES).index(kind)}) "
-        if returns == "void":
-            yield f"    {'else ' * (number > 0)}{guard}{call}" if not last or number else f"    {call}"
-        else:
-            yield f"    {guard}return {call}"
+    *others, last = rig.kinds
+    for kind in others:
+        yield f"    if (lamps[at] == {list(SHAPES).index(kind)}) {{"
+        yield f"        {'return ' * name.startswith('float')}{kind}_{called}({names});"
+        yield "    } else"
+    yield f"    {'return ' * name.startswith('float')}{last}_{called}({names});"
     yield "}"
 
 
@@ -166,8 +217,11 @@ class _Tracer:
     def vector(self, name: str) -> Any:
         return symbols(self.graph, [f"{name}[{i}]" for i in range(3)])
 
-    def stacked(self, *names: str) -> Any:
+    def numbers(self, *names: str) -> Any:
         return symbols(self.graph, names)
+
+    def shape(self, kind: str) -> Any:
+        return SHAPES[kind](*self.fields(*("a", "b")[: len(fields(SHAPES[kind]))]))
 
     def fields(self, *names: str, stacked: bool = False) -> Any:
         codes = [f"lamps[at + LAMP_{name}]" for name in names]

@@ -20,7 +20,8 @@ from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import CodegenError
-from lookdev.light import Light, lights_code
+from lookdev.light import Light, coded, lights_code
+from lookdev.light.lamps import Rig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import LIFT
@@ -100,6 +101,11 @@ def generate_surface(
     )
     names = LookUpNames(inputs)
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell)
+    if code.see_through and coded(lights) is None and Rig.of(lights).shadowed:
+        raise CodegenError(
+            f"look '{look.name}': one that can be seen through cannot be lit by lights whose shadows have a colour or an "
+            "end, or that cast none; black shadows of all lights would be right"
+        )
     directed = reads_tangent(graph, lobes)
     attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
