@@ -4,10 +4,10 @@
 
 //@ section macros
 #if RIG_SPLIT
-#define RIG_REFLECTED(at) (straight ? color(1) : lamps[at + LAMP_specular] * f \
+#define RIG_REFLECTED(at) (straight ? f : lamps[at + LAMP_specular] * f \
                            + (lamps[at + LAMP_diffuse] - lamps[at + LAMP_specular]) * f_diffuse)
 #else
-#define RIG_REFLECTED(at) (straight ? color(1) : f)
+#define RIG_REFLECTED(at) f
 #endif
 #if RIG_SHADOWED
 #define RIG_PASSED(at, distance) (distance > occluder ? lamp_passed(lamps, at, occluder) : color(1))

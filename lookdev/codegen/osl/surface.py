@@ -103,8 +103,8 @@ def generate_surface(
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell)
     if code.see_through and coded(lights) is None and Rig.of(lights).shadowed:
         raise CodegenError(
-            f"look '{look.name}': one that can be seen through cannot be lit by lights whose shadows have a colour or an "
-            "end, or that cast none; black shadows of all lights would be right"
+            f"look '{look.name}': can be seen through, so lights whose shadows have a colour or an end, or that cast "
+            "none, cannot light it; black shadows of all lights would be right"
         )
     directed = reads_tangent(graph, lobes)
     attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
