@@ -54,4 +54,5 @@ def greatest_cosine(axis: Floats, squared_sine: Floats, normal: Floats) -> Float
     """Return the largest cosine (...) of a normal (..., 3) to the directions of a cone, at least 0."""
     cosine = dot(axis, normal)
     turned = cosine * np.sqrt(1 - squared_sine) + np.sqrt(squared_sine * np.maximum(1 - cosine * cosine, 0))
-    return np.where(cosine * cosine >= 1 - squared_sine, np.where(cosine > 0, 1, turned), np.maximum(turned, 0))
+    inside = (squared_sine >= 1) | ((cosine > 0) & (cosine * cosine >= 1 - squared_sine))
+    return np.where(inside, 1, np.maximum(turned, 0))
