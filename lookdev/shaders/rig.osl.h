@@ -61,14 +61,24 @@
     for (int j = 0; j < RIG_LAMPS; ++j) {
         int at = 3 + j * LAMP_FIELDS;
         int turns = lamps[at + LAMP_turns] > 0;
-        vector p = lamp_inside(lamps, at, (turns ? here : here_still) - lamp_position(lamps, at));
-        vector face = lamp_inside(lamps, at, turns ? side : side_still);
-        front_sum += lamp_weight(lamps, at, p, face);
-        lit_front[j] = front_sum;
+        vector from_lamp = (turns ? here : here_still) - lamp_position(lamps, at);
+        vector facing = turns ? side : side_still;
+        // Many lights are below the horizon.
+        float below = dot(from_lamp, facing);
+        float reach = lamps[at + LAMP_reach] > 0 ? lamps[at + LAMP_reach] : FAR;
 #if TRANSMITS
-        back_sum += lamp_weight(lamps, at, p, -face);
+        vector p = lamp_inside(lamps, at, from_lamp);
+        vector face = lamp_inside(lamps, at, facing);
+        if (below < reach)
+            front_sum += lamp_weight(lamps, at, p, face);
+        if (-below < reach)
+            back_sum += lamp_weight(lamps, at, p, -face);
         lit_back[j] = back_sum;
+#else
+        if (below < reach)
+            front_sum += lamp_weight(lamps, at, lamp_inside(lamps, at, from_lamp), lamp_inside(lamps, at, facing));
 #endif
+        lit_front[j] = front_sum;
     }
 #endif
 //@ domes setup
