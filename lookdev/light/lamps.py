@@ -52,7 +52,7 @@ FIELDS = (
     "reach",  # metres to its farthest point
     *("red", "green", "blue"),  # radiance
     "mean",  # of the radiance, of texture and profile the largest
-    "turns",
+    *("turns", "camera"),
     *("cone", "start", "rise", "focus", "tint0", "tint1", "tint2"),
     *("profile", "profile_scale", "angle_scale"),  # place in the array of tables, -1 without
     *("virtual", "power", "fade", "fade_rise"),
@@ -206,7 +206,7 @@ class Rig:
             reach,
             *color,
             sum(color) / 3.0 * brightest,
-            emission.turns,
+            *(emission.turns, emission.camera),
             *shaping.cone,
             max(shaping.focus, 0.0),
             *shaping.focus_tint,
@@ -241,6 +241,7 @@ def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
         "RIG_SHADOWED": int(rig.shadowed),
         "RIG_STILL": int(rig.still),
         "RIG_SPLIT": int(rig.split),
+        "RIG_SEEN": int(any(each.emission.camera for each in rig.lamps)),
         "RIG_LOCAL_DOMES": int(any(isinstance(each, LocalDome) for each in rig.domes)),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},

@@ -1,19 +1,22 @@
-"""The environment behind the asset."""
+"""What of the lights is seen behind the asset."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import oaconvolve
+from scipy.stats import qmc
 
-from lookdev.light import Turned
+from lookdev.light import Dome, Light, Turned
 from lookdev.render.task import FrameTask
 from lookdev.scene import Camera, camera_rays
 
 _GRID = 3  # subsamples of a pixel along each axis
+_LENS_GRID = 8  # of those through a lens
 _DISC_GRID = 16  # of a pixel of the disc of confusion
 
 Floats = NDArray[np.float64]
@@ -22,21 +25,40 @@ Floats = NDArray[np.float64]
 def environment_background(task: FrameTask) -> Floats:
     """Return the radiance behind the asset of a frame, (H, W, 3), exposure applied.
 
-    The environment is infinitely far: through a lens, each of its points is a disc of one size in the whole picture.
+    It is that of all domes, and of the other lights that the camera sees. What is infinitely far shows each of its
+    points through a lens as a disc of one size in the whole picture; what is not, as rays through the whole lens meet.
     """
-    light = Turned(task.scene.light, task.pose.lighting - task.pose.element)
-    width, height = task.scene.resolution
-    disc = _disc_of_confusion(task.scene.camera, width)
+    scene = task.scene
+    far = [light for light in scene.lights if isinstance(light, Dome)]
+    near = [light for light in scene.lights if light.emission.camera and not isinstance(light, Dome)]
+    disc = _disc_of_confusion(scene.camera, scene.resolution[0])
     edge = len(disc) // 2
-    total = np.zeros((height + 2 * edge, width + 2 * edge, 3))
-    rows, columns = np.mgrid[-edge : height + edge, -edge : width + edge]
-    for dy, dx in product((np.arange(_GRID) + 0.5) / _GRID, repeat=2):
-        origin, direction = camera_rays(task.scene.camera, task.pose, (width, height), columns + dx, rows + dy)
-        total += light.radiance(origin, direction)
+    total = _seen(task, far, edge=edge)
     if edge:
         # By Fourier transforms, whose rounding can be negative.
         total = np.maximum(oaconvolve(total, disc[..., None], mode="valid", axes=(0, 1)), 0.0)
-    return np.asarray(total * (math.pow(2.0, task.exposure) / _GRID**2))
+    if near:
+        total += _seen(task, near, lens=scene.camera.lens is not None)
+    return np.asarray(total * math.pow(2.0, task.exposure))
+
+
+def _seen(task: FrameTask, lights: Sequence[Light], *, edge: int = 0, lens: bool = False) -> Floats:
+    """Return the radiance of lights, (H + 2 edge, W + 2 edge, 3), as the mean of a grid of rays in each pixel.
+
+    With `lens`, each ray of the grid has a place on the lens of its own.
+    """
+    camera, pose, grid = task.scene.camera, task.pose, _LENS_GRID if lens else _GRID
+    width, height = task.scene.resolution
+    rows, columns = np.mgrid[-edge : height + edge, -edge : width + edge]
+    total = np.zeros((*rows.shape, 3))
+    turned = [each.emission.turns * pose.lighting - pose.element for each in lights]
+    on_lens = qmc.Sobol(2, scramble=False).random(1 << (grid * grid).bit_length())[1:]
+    for number, (dy, dx) in enumerate(product((np.arange(grid) + 0.5) / grid, repeat=2)):
+        u = np.broadcast_to(on_lens[number], (*rows.shape, 2)) if lens else None
+        origin, direction = camera_rays(camera, pose, (width, height), columns + dx, rows + dy, u)
+        for light, degrees in zip(lights, turned, strict=True):
+            total += Turned(light, degrees, camera.pivot).radiance(origin, direction)
+    return total / grid**2
 
 
 def _disc_of_confusion(camera: Camera, width: int) -> Floats:

@@ -134,7 +134,7 @@ def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
     poses = {pose for each in turns.turntables for pose in turntable_poses(each, setup.rotation, turns.azimuth)}
     left = turns.poses(setup)
     if len(left) < len(poses):
-        causes = ["same all around"] * setup.around + ["constant light"] * setup.task.light.constant
+        causes = ["same all around"] * setup.around + ["constant light"] * setup.task.light_stays
         yield f"{len(poses) - len(left)} of {len(poses)} frames", ", ".join(causes)
 
 

@@ -36,7 +36,7 @@ class Setup:
     def poses(self, turntable: JobTurntable, azimuth: float) -> tuple[Pose, ...]:
         """Return the pose that shows each frame of a turntable; equal ones show the same picture."""
         poses = turntable_poses(turntable, self.rotation, azimuth)
-        return tuple(unturned(pose, self.around, self.task.light.constant) for pose in poses)
+        return tuple(unturned(pose, self.around, self.task.light_stays) for pose in poses)
 
 
 def make_setup(

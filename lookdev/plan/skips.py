@@ -50,7 +50,7 @@ def scene_skips(scene: SceneTask, looks: Sequence[Look], requested: Sampling) ->
         yield "light from behind", "nothing transmits"
     if ours:
         brdf, light = (max(each) for each in zip(*(shader.directions for shader in ours), strict=True))
-        if not light and scene.light.constant and requested.ibl_samples != 0:
+        if not light and scene.constant_light and requested.ibl_samples != 0:
             yield "light samples", "constant light"
         if not brdf:
             yield "BRDF samples", "every lobe is broad"

@@ -106,6 +106,7 @@ def frame_pixels(
     estimates = np.empty((len(pixels), scrambles, 3))
     on_lens = 2 * (camera.lens is not None)
     turned = [_Lamp.turned(light, pose, camera.pivot) for light in lights]
+    before = [each for each, light in zip(turned, lights, strict=True) if light.emission.camera]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
         u = _points(numbers, on_lens + 2 + _dimensions(lights) * (bounces + 1), samples, scrambles, seed)
@@ -114,8 +115,15 @@ def frame_pixels(
         x, y = corner[:, 0] + u[:, 0], corner[:, 1] + u[:, 1]
         origin, ray = camera_rays(camera, pose, resolution, x, y, lens)
         hit, place = scene.hit(origin, ray)
-        radiance = np.zeros(ray.shape)
-        radiance[hit] = _scattered(scene, turned, place[hit], ray[hit], u[hit, 2:])
+        radiance, hidden = np.zeros(ray.shape), np.zeros(len(ray), np.bool_)
+        for lamp in before:
+            # What the camera sees of a light before the surface hides the surface.
+            start = np.broadcast_to(origin, ray.shape)
+            nearer = hit & (lamp.light.distance(start, ray) < np.linalg.norm(scene.points(place) - start, axis=-1))
+            radiance[nearer] += lamp.light.radiance(start[nearer], ray[nearer])
+            hidden |= nearer
+        hit &= ~hidden
+        radiance[hit] += _scattered(scene, turned, place[hit], ray[hit], u[hit, 2:])
         estimates[numbers] = radiance.reshape(len(numbers), scrambles, samples, 3).mean(axis=2)
     error = estimates.std(axis=1, ddof=1) / np.sqrt(scrambles)
     return Estimate(estimates.mean(axis=1), error, samples, scrambles)

@@ -68,6 +68,16 @@ class SceneTask:
             raise ValueError(f"every slot wears one of {len(self.shaders)} sources, found: {sorted(set(self.worn))}")
 
     @property
+    def constant_light(self) -> bool:
+        """Whether all lights are the same from every direction at every place."""
+        return all(light.constant for light in self.lights)
+
+    @property
+    def light_stays(self) -> bool:
+        """Whether no light changes in the lighting rotation."""
+        return all(light.constant or not light.emission.turns for light in self.lights)
+
+    @property
     def light(self) -> Light:
         """The only light."""
         (light,) = self.lights

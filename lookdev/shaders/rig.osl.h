@@ -83,6 +83,40 @@
 #endif
 //@ domes setup
 #endif
+//@ section seen
+    // Of the lamps that the camera sees, those before the surface are shown instead of it.
+    float start = 0;
+    getattribute("path:ray_length", start);
+    color before = 0;
+    int hidden = 0;
+    for (int j = 0; depth == 0 && j < RIG_LAMPS; ++j) {
+        int at = 3 + j * LAMP_FIELDS;
+        int turns = lamps[at + LAMP_turns] > 0;
+        vector from_lamp = (turns ? here : here_still) - lamp_position(lamps, at);
+        vector w = lamp_inside(lamps, at, rig_back(-I, turns ? turn : still));
+        vector p = lamp_inside(lamps, at, from_lamp) - start * w;
+        float distance;
+        float pdf_of_light;
+        lamp_meet(lamps, tables, at, p, w, distance, pdf_of_light);
+        if (lamps[at + LAMP_camera] > 0 && distance < start) {
+            color arriving = lamp_sent(lamps, tables, at, p, w);
+#if RIG_PICTURES > 0
+            if (lamps[at + LAMP_picture] >= 0) {
+                    float picture_s = 0.5 - (p[0] + distance * w[0]) / lamps[at + LAMP_a];
+                    float picture_t = 0.5 + (p[1] + distance * w[1]) / lamps[at + LAMP_b];
+                    color picture = 0;
+//@ pictures look_up
+                    arriving *= picture;
+                }
+#endif
+            before += arriving;
+            hidden = 1;
+        }
+    }
+    if (hidden) {
+        surface = before * emission();
+        return;
+    }
 //@ section sample
             float u1;
             float u2;

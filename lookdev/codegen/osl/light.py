@@ -53,4 +53,10 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
         names = ", ".join(different)
         raise CodegenError(f"{osl.name}: a light has sections {', '.join(SECTIONS)}; unknown or missing: {names}")
     plain = {"constants": ["#define RIG 0"], "samples": ["    int samples = int(control[2]);"]}
-    return {**plain, "rig_setup": [], "rig_arrive": [], **{f"light_{name}": code for name, code in sections.items()}}
+    return {
+        **plain,
+        "rig_setup": [],
+        "rig_seen": [],
+        "rig_arrive": [],
+        **{f"light_{name}": code for name, code in sections.items()},
+    }

@@ -56,7 +56,7 @@ def rig_sections(rig: Rig) -> dict[str, list[str]]:
     kinds = {_dome_kind(each) for each in rig.domes}
     filled = {
         name: [each for line in sections[name] for each in _repeated(rig, sections, line)]
-        for name in ("macros", "parameters", "setup", "sample", "arrive")
+        for name in ("macros", "parameters", "setup", "seen", "sample", "arrive")
     }
     functions = read_sections(shaders / "dome.osl.h")["functions"] if kinds - {"constant_dome"} else []
     generated = {
@@ -75,6 +75,7 @@ def rig_sections(rig: Rig) -> dict[str, list[str]]:
         "light_density": [],
         "light_lookup": [],
         "rig_setup": filled["setup"],
+        "rig_seen": filled["seen"],
         "rig_arrive": filled["arrive"],
     }
 
