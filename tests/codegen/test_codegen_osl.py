@@ -333,7 +333,7 @@ def test_broad_lobes_are_light_sampled() -> None:
     # The other lobes have a weight against the light's directions, all lobes against each other.
     assert code.count("bsdf_sampled_pdf += own_pdf;") == 2
     assert len(re.findall(r" pdf \+= ", code)) == 3
-    constant = surface(coated, lights=(replace(DOME, constant=True),))
+    constant = surface(coated, light=replace(DOME, constant=True))
     for without in (surface(coated, ibl_samples=0), constant, surface(base(metallic=1.0))):
         assert not light_sampled_in(without)
         assert "#define LIGHT_SAMPLED 0" in without.osl
