@@ -65,6 +65,14 @@ int dome_slot(float u)
     return clamp(int(u * DOME_SLOTS), 0, DOME_SLOTS - 1);
 }
 
+// The slot of sample `number`, and a number in [0, 1) for its point. Reversed bits: consecutive numbers are far apart on
+// the curve of the points.
+int dome_numbered(int number, int seed, output float u)
+{
+    u = sobol_unit(sobol_hash(seed ^ (number * 0x2c1b3c6d + 0x297a2d39)));
+    return (sobol_reverse(number) >> DOME_SLOTS_SHIFT) & (DOME_SLOTS - 1);
+}
+
 // Slot `number` of a bin, and by u one of its points: a direction and its radiance; `ratio` times the widened cosine is
 // q / p, the pdf over the probability (lookdev/light/dome/slots.py).
 color dome_sample(int slots[], float bins[], string points, int bin, int number, float u, float turn,
@@ -107,10 +115,8 @@ color dome_sample(int slots[], float bins[], string points, int bin, int number,
     float back_scale = dome_bins[2 * back_bin];
 #endif
 //@ section sample
-            // Reversed bits: consecutive numbers are far apart on the curve of the points.
-            number ^= start;
-            int slot = (sobol_reverse(number) >> DOME_SLOTS_SHIFT) & (DOME_SLOTS - 1);
-            float u = sobol_unit(sobol_hash((seed + back) ^ (number * 0x2c1b3c6d + 0x297a2d39)));
+            float u;
+            int slot = dome_numbered(start ^ number, seed + back, u);
 #if TRANSMITS
             radiance = dome_sample(dome_slots, dome_bins, dome_points, back ? back_bin : bin, slot, u, turn, wi, ratio);
             ratio *= dome_widened(dot(wi, back ? back_axis : axis));

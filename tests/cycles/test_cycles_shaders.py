@@ -101,7 +101,7 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
         # A light whose texels differ a thousandfold, so that a look-up in the wrong place is seen.
         radiance = (10.0 ** rng.uniform(-1.0, 2.0, (16, 32, 3))).astype(np.float32)
         light = prepare_light(make_environment("noise", radiance))
-        constants, functions = light.code(sampled=True).constants, light_sections(light)["light_functions"]
+        constants, functions = light.code(sampled=True).constants, light_sections([light])["light_functions"]
         headers = "".join(expand_template(f"{name}.h", {}) for name in ("texture", "sobol", "stratum"))
         headers = "\n".join(["#define IBL_SAMPLES 1", *constants, headers, *functions])
         net = np.array([(index, seed) for seed in _SEEDS for index in range(2**_NET)], dtype=np.float64)
@@ -118,9 +118,9 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
         drawn[4096:, :2] = drawn[0, :2]
         drawn = np.concatenate([drawn, rng.uniform(-7.0, 7.0, (8192, 1))], axis=-1)
         of_slot = (
-            "vector wi; float ratio; int hashed = sobol_hash(int(in[1])); int seed = sobol_hash(int(in[2])); color got"
-            f' = dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), hashed, seed, in[3], wi, '
-            "ratio);"
+            "vector wi; float ratio; float u;"
+            " int slot = dome_numbered(sobol_hash(int(in[1])), sobol_hash(int(in[2])), u); color got"
+            f' = dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), slot, u, in[3], wi, ratio);'
         )
         of_normal = "vector axis; int bin = dome_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
@@ -135,7 +135,10 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
                 directions,
                 f"float x; float y; dome_place(vector(in[0], in[1], in[2]), {_TURN}, x, y); value = color(x, y, 0);",
             ),
-            "radiance": (beyond, f'value = dome_look_up("{light.radiance_file.path}", in[0], in[1]);'),
+            "radiance": (
+                beyond,
+                f'value = dome_look_up("{light.radiance_file.path}", in[0], in[1], DOME_WIDTH, DOME_HEIGHT);',
+            ),
             "bin": (normals, f"{of_normal} value = color(bin);"),
             "axis": (normals, f"{of_normal} value = axis;"),
             "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(dome_bins[2 * int(in[0])]);"),
