@@ -5,7 +5,7 @@ Lobes are combined by `mixture`, layers by `stack`.
 """
 
 from lookdev.brdf.lobes import Bsdf, Lobe
-from lookdev.brdf.mixture import evaluate, evaluate_cosine, pdf, sample, seen_along
+from lookdev.brdf.mixture import evaluate, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
 from lookdev.brdf.model import Mode, Model, StackLayer
 from lookdev.brdf.models import MODELS, complete_parameters, layer_shaders, model_named
 from lookdev.brdf.parameters import MASK, Parameter, Value
@@ -27,6 +27,7 @@ __all__ = [
     "complete_parameters",
     "evaluate",
     "evaluate_cosine",
+    "evaluate_diffuse",
     "layer_shaders",
     "model_named",
     "pdf",

@@ -59,6 +59,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         evaluate,
         pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
         sample=mf.sample_cosine,
+        group="diffuse",
         frame=frame,
         broad=True,
         values={**p, "sheen_color": sheen_color, "dielectric": dielectric},
@@ -104,6 +105,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         evaluate=evaluate,
         pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
         sample=lambda u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
+        group="specular",
         frame=frame,
         values={**p, "f0": f0, "alpha_x": alpha_x, "alpha_y": alpha_y},
     )
@@ -130,6 +132,7 @@ def _clearcoat(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         # Burley 2012, appendix B.1.
         pdf=lambda d: mf.gtr1(d.wm, alpha) * d.wm[..., 2] / (4.0 * d.cos_theta_d),
         sample=lambda u1, u2: reflect(wo, mf.sample_gtr1(alpha, u1, u2)),
+        group="clearcoat",
         frame=frame,
         values={"weight": weight, "alpha": alpha},
     )

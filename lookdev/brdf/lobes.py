@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
 from lookdev.brdf.frames import Frame, Leaning, Upright, mirrored
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, scale, vector
+
+Group = Literal["diffuse", "specular", "clearcoat"]
+"""The kind of response; a lobe of any kind may transmit."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,9 @@ class Lobe:
         From `Directions` to the pdf (...) of `sample` over solid angle.
     sample
         From two uniform numbers (...) to unit directions (..., 3) of the frame, which may be below the horizon.
+    group
+        The kind of response, by which lights have multipliers: ``"diffuse"`` is body reflection, with what a model adds
+        to it in the same lobe (retro-reflection, a stand-in for subsurface scattering, sheen), and its transmission.
     frame
         About the lobe's normal, facing the viewer.
     transmits
@@ -73,6 +80,7 @@ class Lobe:
     evaluate: Callable[[Directions], Array]
     pdf: Callable[[Directions], Array]
     sample: Callable[[Array, Array], Array]
+    group: Group
     frame: Frame = field(default_factory=Upright)
     transmits: bool = False
     broad: bool = False

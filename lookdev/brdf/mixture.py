@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -156,10 +156,20 @@ def evaluate(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 
 def evaluate_cosine(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return the sum of f times the cosine of `wi` to each lobe's own normal, (..., 3): what a renderer integrates."""
+    return _sum_of_values(bsdf, wo, wi, lambda lobe: True)
+
+
+def evaluate_diffuse(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
+    """Return the part of `evaluate_cosine`, (..., 3), that lobes of group ``"diffuse"`` have in it."""
+    return _sum_of_values(bsdf, wo, wi, lambda lobe: lobe.group == "diffuse")
+
+
+def _sum_of_values(bsdf: Bsdf, wo: Floats, wi: Floats, counts: Callable[[Lobe], bool]) -> Floats:
     mixture, light, above = _seen(bsdf, wo, wi)
     total: Array = np.zeros(np.broadcast_shapes(wo.shape, wi.shape))
     for term in mixture.terms(light):
-        total = total + np.where(np.expand_dims(above, -1), term.value, 0.0)
+        if counts(term.lobe):
+            total = total + np.where(np.expand_dims(above, -1), term.value, 0.0)
     return np.asarray(total)
 
 

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample, seen_along
-from lookdev.errors import EnvironmentMapError
+from lookdev.brdf import Bsdf, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
 
@@ -100,8 +99,6 @@ def frame_pixels(
     ------
     ModelError, TextureError, AssetError
         As `Scene.bsdfs` of the scene.
-    EnvironmentMapError
-        A light has a diffuse or a specular multiplier other than 1.
     """
     estimates = np.empty((len(pixels), scrambles, 3))
     on_lens = 2 * (camera.lens is not None)
@@ -150,13 +147,24 @@ class _Lamp:
 
     light: Turned
     shadow: Shadow
+    diffuse: float
+    specular: float
 
     @classmethod
     def turned(cls, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
-        if (light.emission.diffuse, light.emission.specular) != (1.0, 1.0):
-            raise EnvironmentMapError("the reference renders no light whose diffuse or specular multiplier is not 1")
-        turn = pose.lighting if light.emission.turns else 0.0
-        return cls(Turned(light, turn - pose.element, axis), light.emission.shadow)
+        emission = light.emission
+        turn = pose.lighting if emission.turns else 0.0
+        turned = Turned(light, turn - pose.element, axis)
+        return cls(turned, emission.shadow, emission.diffuse, emission.specular)
+
+    @property
+    def scales(self) -> bool:
+        """Whether the diffuse and the specular response have factors other than 1."""
+        return (self.diffuse, self.specular) != (1.0, 1.0)
+
+    def response(self, value: Floats, diffuse: Floats) -> Floats:
+        """Return f times the cosine (N, 3), `diffuse` of which is diffuse, by the light's multipliers."""
+        return self.diffuse * diffuse + self.specular * (value - diffuse) if self.scales else value
 
     def passed(self, point: Floats, direction: Floats, occluder: Floats) -> Floats:
         """Return the share (N, 3) that reaches points (N, 3) which the scene occludes at distances (N,), or at inf."""
@@ -270,13 +278,18 @@ class _Surface:
         point, towards = self.point[followed], direction[followed]
         far = np.linalg.norm(self.scene.points(place[followed]) - point, axis=-1)
         occluder = np.where(blocked[followed], far, np.inf)
-        direct = np.zeros(direction.shape)
+        direct, diffuse = np.zeros(direction.shape), np.zeros(direction.shape)
+        if any(lamp.scales for lamp in lamps):
+            diffuse = self._each(lambda bsdf, part: evaluate_diffuse(bsdf, self.wo[part], wi[part]), (3,))
+            diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
             passed = lamp.passed(point, towards, occluder)
             lit = np.flatnonzero(passed.any(axis=-1))
             arriving = passed[lit] * lamp.light.radiance(point[lit], towards[lit])
             both = density[followed[lit]] + lamp.light.pdf(point[lit], towards[lit])
-            direct[followed[lit]] += _divide(value[followed[lit]] * arriving, both)
+            direct[followed[lit]] += _divide(
+                lamp.response(value[followed[lit]], diffuse[followed[lit]]) * arriving, both
+            )
         return _Meeting(direction, direct, blocked, place, _divide(value, density))
 
     def _each(self, compute: Callable[[Bsdf, Ints], Floats], shape: tuple[int, ...]) -> Floats:

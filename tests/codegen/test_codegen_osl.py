@@ -394,3 +394,14 @@ def test_names_that_have_a_meaning_in_cycles_or_here_are_not_kept():
     for name in ("generated", "tangent", "density", "color", "uv", "position", "lookdev_tangent", short_name("m" * 80)):
         assert short_name(name) != name
     assert short_name("st") == "st"
+
+
+def test_the_diffuse_part_is_summed_by_itself_on_request() -> None:
+    graph = Graph()
+    lobes = present_lobes(graph, MODELS["disney"].bsdf(complete_parameters("disney", {"clearcoat": 1.0})))
+    traced = trace_lobes(graph, lobes)
+    assert [lobe.name for lobe in traced.lobes if lobe.diffuse] == ["diffuse"]
+    assert "f_diffuse" not in "\n".join(emit_brdf(traced).evaluate)
+    split = emit_brdf(traced, by_group=True).evaluate
+    assert sum("f_diffuse += own_f;" in line for line in split) == 1
+    assert sum("f += own_f;" in line or "f += color(" in line for line in split) == len(lobes)

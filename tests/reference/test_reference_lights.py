@@ -10,7 +10,6 @@ import pytest
 from shapes import CAMERA, INSIDE, SIZE, Plane, Sphere
 
 from lookdev.brdf import Bsdf, Lobe
-from lookdev.errors import EnvironmentMapError
 from lookdev.light import (
     DistantLight,
     Emission,
@@ -44,6 +43,7 @@ def lambert(albedo: float, *, transmitted: float = 0.0, presence: float = 1.0) -
             lambda d: np.full(d.wi.shape, presence * part / np.pi),
             lambda d: d.cos_theta_i / np.pi,
             draw,
+            "diffuse",
             transmits=transmits,
         )
 
@@ -160,9 +160,13 @@ def test_the_rig_turns_but_for_what_stays(turns: bool) -> None:
     assert_agree(render(Sphere(), [light], pose=Pose(25.0, 0.0)), render(Sphere(), [light]))
 
 
-def test_a_multiplier_is_refused_not_left_out() -> None:
-    with pytest.raises(EnvironmentMapError, match="diffuse or specular multiplier is not 1"):
-        render(Plane(), [small_light(-2.0, specular=0.0)])
+def test_multipliers_scale_their_response_alone() -> None:
+    """The test surface is diffuse: one multiplier is a factor of the picture, the other changes nothing."""
+    plain = render(Plane(), [small_light(-2.0)])
+    assert (plain.value > 0.0).any()
+    for diffuse, specular in ((0.25, 1.0), (1.0, 0.0), (0.0, 3.0)):
+        got = render(Plane(), [small_light(-2.0, diffuse=diffuse, specular=specular)])
+        np.testing.assert_allclose(got.value, diffuse * plain.value, rtol=1e-12)
 
 
 def test_shadows_of_all_lights_are_independent() -> None:

@@ -39,7 +39,7 @@ def lambert(reflected, transmitted, presence=1.0):
 
         share = presence * albedo
         functions = lambda d: np.full(d.wi.shape, share / np.pi), lambda d: d.cos_theta_i / np.pi, draw
-        return Lobe("test", name, share, *functions, transmits=transmits)
+        return Lobe("test", name, share, *functions, "diffuse", transmits=transmits)
 
     lobes = lobe("reflected", reflected, False), lobe("transmitted", transmitted, True)
     return Bsdf(lambda wo: lobes, presence, two_sided=True)

@@ -8,7 +8,8 @@ The emitted fragments share names with the shaders that include them (`lookdev/s
 
 Unoccluded light on a light-sampled lobe is estimated by directions of the light alone. Where a mixture has such lobes,
 evaluate also sets ``float bsdf_sampled_pdf``, the part of the other lobes in ``pdf``, and sample sets ``int
-light_sampled`` where it draws from a light-sampled lobe.
+light_sampled`` where it draws from a light-sampled lobe. On request, evaluate also sets ``color f_diffuse``, the part
+of ``f`` that is of the group ``"diffuse"``.
 """
 
 from __future__ import annotations
@@ -42,6 +43,7 @@ class TracedLobe:
     below: Scalar
     wi: tuple[Scalar, ...]
     light_sampled: bool
+    diffuse: bool
 
     def evaluated(self) -> tuple[Scalar, ...]:
         """Return what is computed for each direction of the light."""
@@ -101,6 +103,7 @@ def trace_lobes(
             below=elements_of(choice.below)[0],
             wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
             light_sampled=light_sampled(lobe),
+            diffuse=lobe.group == "diffuse",
         )
         for lobe, term, choice in zip(lobes, terms, choices, strict=True)
     )
@@ -109,8 +112,17 @@ def trace_lobes(
     return TracedMixture(traced, elements_of(mixture.total)[0], densities)
 
 
-def emit_brdf(mixture: TracedMixture, presence: Scalar = 1.0, spell: Spell = lambda symbol: symbol) -> BrdfCode:
-    """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`."""
+def emit_brdf(
+    mixture: TracedMixture,
+    presence: Scalar = 1.0,
+    spell: Spell = lambda symbol: symbol,
+    *,
+    by_group: bool = False,
+) -> BrdfCode:
+    """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`.
+
+    `by_group`: evaluate sets ``f_diffuse``, too.
+    """
     lobes = mixture.lobes
     see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.evaluated(), *lobe.wi, lobe.below)]
@@ -131,7 +143,7 @@ def emit_brdf(mixture: TracedMixture, presence: Scalar = 1.0, spell: Spell = lam
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - set(WO)
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(mixture, setup, varying)),
+        evaluate=tuple(_evaluate(mixture, setup, varying, by_group)),
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
         transmits=any(lobe.transmits for lobe in lobes),
@@ -147,12 +159,14 @@ def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
-def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Iterable[str]:
+def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
     split = len(mixture.densities) > 1
     sides = {side: [lobe for lobe in mixture.lobes if lobe.transmits is side] for side in (False, True)}
     outer = setup.inner("", indent=2)
     outer.write("color f = 0;")
+    if by_group:
+        outer.write("color f_diffuse = 0;")
     for name in mixture.densities:
         outer.write(f"float {name} = 0;")
     both = all(sides.values())
@@ -160,7 +174,8 @@ def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Itera
         if members:
             if both or transmits:
                 outer.write("if (wi_z < 0) {" if transmits else "if (wi_z > 0) {")
-            outer.lines += _evaluate_side(members, setup, varying, "t" if transmits else "e", 2 + both, split)
+            prefix = "t" if transmits else "e"
+            outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + both, split, by_group)
             if both or transmits:
                 outer.write("}")
     for name, density in mixture.densities.items():
@@ -170,11 +185,18 @@ def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node]) -> Itera
 
 
 def _evaluate_side(
-    lobes: Sequence[TracedLobe], setup: Block, varying: set[Node], prefix: str, indent: int, split: bool
+    lobes: Sequence[TracedLobe],
+    setup: Block,
+    varying: set[Node],
+    prefix: str,
+    indent: int,
+    split: bool,
+    by_group: bool,
 ) -> Iterable[str]:
     """Sum lobes: common subexpressions first, then each lobe's own part under a guard on its share.
 
-    With `split` the densities of lobes that are not light-sampled are summed by themselves, too.
+    With `split` the densities of lobes that are not light-sampled are summed by themselves, too, and so are the values
+    of diffuse lobes `by_group`.
     """
     groups = [reachable(lobe.evaluated(), stop=setup.named) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
@@ -201,7 +223,12 @@ def _evaluate_side(
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
         outer.write(f"{guard}{{  // {lobe.name}")
         outer.lines += inner.lines
-        outer.write(f"    f += color({color});")
+        if by_group and lobe.diffuse:
+            outer.write(f"    color own_f = color({color});")
+            outer.write("    f += own_f;")
+            outer.write("    f_diffuse += own_f;")
+        else:
+            outer.write(f"    f += color({color});")
         if split and not lobe.light_sampled:
             outer.write(f"    float own_pdf = {density};")
             outer.write("    bsdf_sampled_pdf += own_pdf;")
