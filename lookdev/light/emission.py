@@ -17,6 +17,7 @@ import numpy as np
 
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.ies import Profile
+from lookdev.light.link import Link
 from lookdev.light.shape import FAR
 
 Floats: TypeAlias = Any
@@ -222,6 +223,8 @@ class Emission:
         Whether the camera sees it.
     group
         The name of its light group.
+    light_link, shadow_link
+        The parts of the asset that it shines on, and those that cast its shadow; None: everything.
     """
 
     color: Color = (1.0, 1.0, 1.0)
@@ -233,6 +236,8 @@ class Emission:
     turns: bool = True
     camera: bool = False
     group: str = ""
+    light_link: Link | None = None
+    shadow_link: Link | None = None
 
     def __post_init__(self) -> None:
         check_color("colour times intensity", self.color)
