@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom
 
-from lookdev.errors import EnvironmentMapError, RigError, nearest_hint
+from lookdev.errors import RigError
 from lookdev.light.distant import DistantLight
 from lookdev.light.dome.environment import LEAST, MOST
 from lookdev.light.dome.local import LocalDome
@@ -29,13 +29,9 @@ from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import find_lights
 from lookdev.light.rig.kinds import KINDS, Built, Placed
 from lookdev.light.rig.report import Report
-from lookdev.shipped import shipped_folder
 from lookdev.stage import Composed, Composition, compose, error_words, reading
 
 Floats = NDArray[np.float64]
-
-BUILTIN_RIGS: tuple[str, ...] = ("three_point", "softbox_product", "overcast_plus_sun")
-"""The rigs that ship with the program."""
 
 _Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _MOST_UNIT = 1e18  # metersPerUnit, as of assets
@@ -77,13 +73,6 @@ class Rig:
                 report.fault(each.path, what, f"from {LEAST:g} to {MOST:g} would be right")
         if report.faults:
             raise RigError(report.faults)
-
-
-def rig_file(name: str) -> Path:
-    """Return the file of one of `BUILTIN_RIGS`."""
-    if name not in BUILTIN_RIGS:
-        raise EnvironmentMapError(f"no built-in rig '{name}' ({nearest_hint(name, BUILTIN_RIGS)})")
-    return shipped_folder() / "rigs" / f"{name}.usda"
 
 
 def load_rig(file: Path, prim: str | None = None, *, sampled: bool = True) -> Rig:
@@ -228,4 +217,4 @@ def _size(built: Built | None, unit: float) -> float:
     return 1.0
 
 
-__all__ = ["BUILTIN_RIGS", "Rig", "RigLight", "load_rig", "read_rig", "rig_file"]
+__all__ = ["Rig", "RigLight", "load_rig", "read_rig"]
