@@ -26,7 +26,7 @@ from lookdev.light.placement import checked_axes, placement, vector
 from lookdev.light.protocol import Light
 from lookdev.light.rig.attributes import LightPrim, stated_time
 from lookdev.light.rig.emission import read_emission
-from lookdev.light.rig.find import find_lights
+from lookdev.light.rig.find import ALL_PRIMS, find_lights, is_light
 from lookdev.light.rig.kinds import KINDS, Built, Placed
 from lookdev.light.rig.report import Report
 from lookdev.stage import Composed, Composition, compose, error_words, reading
@@ -97,6 +97,14 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
     with reading(file) as warnings:
         rig = _Reader(composed, sampled).rig()
     return replace(rig, notes=(*composed.notes, *rig.notes, *(f"{file}: {each}" for each in warnings)))
+
+
+def holds_only_lights(composed: Composed) -> bool:
+    """Return whether there are lights at and below the prim of a composition, by default anywhere, and no geometry."""
+    with reading(composed.composition.file):
+        prims = Usd.PrimRange(composed.stage.GetPrimAtPath(composed.composition.prim or "/"), ALL_PRIMS)
+        found = [is_light(prim) for prim in prims if is_light(prim) or prim.IsA(UsdGeom.Gprim)]
+    return bool(found) and all(found)
 
 
 class _Reader:
@@ -217,4 +225,4 @@ def _size(built: Built | None, unit: float) -> float:
     return 1.0
 
 
-__all__ = ["Rig", "RigLight", "load_rig", "read_rig"]
+__all__ = ["Rig", "RigLight", "holds_only_lights", "load_rig", "read_rig"]

@@ -11,9 +11,14 @@ from lookdev.light.rig.kinds import KINDS, UNSUPPORTED
 from lookdev.light.rig.report import Report
 from lookdev.stage import relationship_targets
 
-_ALL = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
+ALL_PRIMS = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
 _SHOWN = (UsdGeom.Tokens.default_, UsdGeom.Tokens.render)
 _CONSULTED = ("consumeAndHalt", "consumeAndContinue")
+
+
+def is_light(prim: Usd.Prim) -> bool:
+    """Return whether a prim is a light, or seems to be one of a type that is not known."""
+    return prim.HasAPI(UsdLux.LightAPI) or _is_foreign(prim)
 
 
 def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: Report) -> list[Usd.Prim]:
@@ -24,7 +29,7 @@ def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: Report) -> list[Usd.
     """
     stage = root.GetStage()
     lights: list[Usd.Prim] = []
-    foreign = [prim for prim in Usd.PrimRange(root, _ALL) if _is_foreign(prim)]
+    foreign = [prim for prim in Usd.PrimRange(root, ALL_PRIMS) if _is_foreign(prim)]
     for path in sorted({*_listed(root, report), *(prim.GetPath() for prim in foreign)}):
         prim = stage.GetPrimAtPath(path)
         if not prim:
@@ -48,7 +53,7 @@ def _listed(root: Usd.Prim, report: Report) -> list[Sdf.Path]:
     """
     api = UsdLux.LightListAPI(root)
     every = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeIgnoreCache))
-    if not any(_is_cache(prim) for prim in Usd.PrimRange(root, _ALL)):
+    if not any(_is_cache(prim) for prim in Usd.PrimRange(root, ALL_PRIMS)):
         return every
     listed = list(api.ComputeLightList(UsdLux.LightListAPI.ComputeModeConsultModelHierarchyCache))
     for path in sorted(set(every) - set(listed)):
