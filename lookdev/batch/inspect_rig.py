@@ -10,7 +10,7 @@ import numpy as np
 
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Dome, Emission, Light, LocalDome, RectLight
 from lookdev.light.link import Link
-from lookdev.light.placement import Vector
+from lookdev.light.placement import Vector, vector
 from lookdev.light.rig import Rig, RigLight
 
 
@@ -18,7 +18,7 @@ from lookdev.light.rig import Rig, RigLight
 class InspectedLight:
     """A light: what it is, where, and what it sends.
 
-    `position` is None where it is infinitely far, `shines` the direction along its axis, None where it has none.
+    `position` is None where it is infinitely far, `shines` the direction along its axis, None where it sends to all sides.
     `sizes` are by the names of the lights' fields. `value` is its radiance in nits, or, if `unit` is ``"lux"``, its
     irradiance at right angles; linear Rec.709, with the mean of its image, without its shaping. Links are the rules of
     `lookdev.light.link.Link`.
@@ -87,12 +87,13 @@ def _light(given: RigLight) -> InspectedLight:
         half = np.radians(min(light.angle, 180.0)) / 2.0
         value = value * (np.pi * np.sin(half) ** 2 if light.angle else 1.0)
     r, g, b = value.tolist()
-    axes = None if isinstance(light, LocalDome | Dome) else light.axes  # type: ignore[attr-defined]
+    # What sends to all sides has an axis only by its shaping.
+    one_sided = isinstance(light, RectLight | DiskLight | DistantLight) or emission.shaping is not None
     return InspectedLight(
         path=given.path,
         kind=light.kind,
         position=None if far or isinstance(light, Dome) else light.position,  # type: ignore[attr-defined]
-        shines=None if axes is None else tuple(0.0 - x for x in axes[2]),
+        shines=vector(0.0 - np.array(light.axes[2])) if one_sided else None,  # type: ignore[attr-defined]
         sizes=_sizes(light),
         value=(r, g, b),
         unit="lux" if far else "nits",

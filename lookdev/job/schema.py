@@ -12,7 +12,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, create_model, field_validator
+from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, create_model, field_validator
 
 from lookdev.job.keys import (
     BackendName,
@@ -274,6 +274,8 @@ else:
 
 class Job(Table):
     """A look-dev job: every look under every light, through every turntable."""
+
+    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("ibl", "rig")]})
 
     output: Annotated[JobPath, AfterValidator(folder)] = Field(
         description="The output folder; frames are <look>/<ibl or rig>/<turntable>.####.exr in it."

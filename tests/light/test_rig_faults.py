@@ -59,19 +59,19 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("DistantLight", "float inputs:angle = -1"), "/Rig/Lamp.inputs:angle: is -1"),
         (
             light("DistantLight", "float lookdev:falloff:exponent = 1"),
-            "lookdev:falloff:exponent: a DistantLight has no",
+            "exponent: a DistantLight has no such attribute",
         ),
         (light("SphereLight", "float lookdev:falloff:start = 2; float lookdev:falloff:end = 1"), "falloff end 1: more"),
         (
             light("DomeLight_1", "float inputs:shaping:focus = 1", SHAPED),
-            "a dome light has neither falloff nor shaping",
+            "a dome light has neither falloff",
         ),
         (light("DomeLight_1", 'uniform token poleAxis = "X"'), "poleAxis: is 'X' (known: scene, Y, Z)"),
         (light("DomeLight_1", "float lookdev:local:edge = 0.5"), "lookdev:local:edge: has no effect without a radius"),
         (light("DomeLight_1", "float lookdev:local:radius = 1; float lookdev:local:edge = 2"), "edge 2: a part of"),
         (
             light("DomeLight_1", "asset inputs:texture:file = @no.exr@"),
-            "inputs:texture:file: there is no file 'no.exr'",
+            "texture:file: there is no file 'no.exr'",
         ),
         (light("DomeLight_1", "asset inputs:texture:file = @bad.exr@"), "/bad.exr: cannot be read as an image"),
         (light("RectLight", "asset inputs:texture:file = @bad.exr@"), "/bad.exr: cannot be read as an image"),
@@ -80,15 +80,15 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("SphereLight", "asset inputs:shaping:ies:file = @cut.ies@", SHAPED), "line 7: the file ends before"),
         (
             light("SphereLight", "asset inputs:shaping:ies:file = @order.ies@", SHAPED),
-            "vertical angles do not increase",
+            "angles do not increase",
         ),
         (
             light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", SHAPED),
-            "candela value -4: none is negative",
+            "candela value -4: none is",
         ),
         (
             light("SphereLight", "asset inputs:shaping:ies:file = @more.ies@", SHAPED),
-            "1 numbers more than it announces",
+            "1 numbers more than it",
         ),
         (light("PortalLight", ""), "/Rig/Lamp: a light of type PortalLight is not supported"),
         (light("GeometryLight", ""), "/Rig/Lamp: a light of type GeometryLight is not supported"),
@@ -104,7 +104,7 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         ("", "/Rig: has no light that shines (a light is one of RectLight"),
         (
             light("SphereLight", 'token visibility = "invisible"'),
-            "has no light that shines (/Rig/Lamp: is hidden, left",
+            "no light that shines (/Rig/Lamp: is hidden",
         ),
         (
             light("SphereLight", 'pathExpression collection:lightLink:membershipExpression = "/A//"'),
