@@ -18,7 +18,7 @@ from lookdev.light.rig import Rig, RigLight
 class InspectedLight:
     """A light: what it is, where, and what it sends.
 
-    `position` is None where it is infinitely far, `shines` the direction along its axis, None where it sends to all sides.
+    `position` is None where it is infinitely far; `shines` is along its axis, None where it sends to all sides.
     `sizes` are by the names of the lights' fields. `value` is its radiance in nits, or, if `unit` is ``"lux"``, its
     irradiance at right angles; linear Rec.709, with the mean of its image, without its shaping. Links are the rules of
     `lookdev.light.link.Link`.

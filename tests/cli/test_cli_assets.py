@@ -91,5 +91,5 @@ def test_a_rig_is_listed_by_its_name_or_file(run_cli: Command, tmp_path: Path) -
     lamp.write_text('#usda 1.0\ndef SphereLight "Lamp" {}\n', encoding="utf-8")
     assert "/Lamp  sphere  radius 0.005  at (0, 0, 0)" in run_cli("inspect", str(lamp))[1]
     code, shown, errors = run_cli("inspect", str(lamp), "--time", "3")
-    assert (code, shown) == (1, "")
+    assert (code, shown) == (2, "")
     assert "is a rig, for which --png, --time and --purpose have no meaning" in errors

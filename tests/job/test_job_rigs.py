@@ -160,9 +160,8 @@ def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
     (folder / "rig.usda").write_text(RIG.replace("lookdev:fit = false", "lookdev:fit = true"))
     look = '[[look]]\nname = "each"\nvariants = { size = "*" }\n'
     material = LOOK.partition("\n")[2].replace("/Paint", "/Car/Paint")
-    bound = ASSET.replace(
-        'def Mesh "Body"\n    {', 'def Mesh "Body" (prepend apiSchemas = ["MaterialBindingAPI"])\n    {'
-    )
+    body = 'def Mesh "Body"'
+    bound = ASSET.replace(body, f'{body} (prepend apiSchemas = ["MaterialBindingAPI"])')
     bound = bound.replace("uniform token sub", "rel material:binding = </Car/Paint>\n        uniform token sub")
     (folder / "car.usda").write_text(bound.replace(body, f"{material}\n    {body}"))
     head, _, tail = JOB.partition("[[look]]")
