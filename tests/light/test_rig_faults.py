@@ -56,6 +56,17 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("RectLight", UNEVEN.replace("2", "0")), "/Rig/Lamp: the placement of a light is flat"),
         (light("RectLight", UNEVEN.replace('["x', '["xformOp:spin", "x')), "xformOpOrder: names 'xformOp:spin'"),
         (light("SphereLight", "bool treatAsPoint = true; float inputs:radius = 0"), "inputs:radius: is 0"),
+        (light("SphereLight", "float inputs:radius = 1e20"), "a side or radius of it is 1e+20; 1e-09 to 1e+09 m"),
+        (light("SphereLight", "float inputs:radius = 1e-20"), "a side or radius of it is 1e-20"),
+        (
+            light(
+                "DiskLight",
+                UNEVEN.replace("scale = (1, 2, 1)", "translate = (0, 2e9, 0)").replace("scale", "translate"),
+            ),
+            "/Rig/Lamp: it is 2e+09 away; at most 1e+09 m",
+        ),
+        (light("SphereLight", "color3f visibility = (1, 0, 0)"), "/Rig/Lamp.visibility: has a value of type Vec3f"),
+        (light("DiskLight", "uniform int xformOpOrder = 5"), "/Rig/Lamp.xformOpOrder: has a value of type int"),
         (light("DistantLight", "float inputs:angle = -1"), "/Rig/Lamp.inputs:angle: is -1"),
         (
             light("DistantLight", "float lookdev:falloff:exponent = 1"),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Tf, Usd, UsdGeom
+from pxr import Tf, Usd, UsdGeom, Vt
 
 from lookdev.errors import RigError
 from lookdev.light.distant import DistantLight
@@ -29,12 +29,14 @@ from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import ALL_PRIMS, find_lights, is_light
 from lookdev.light.rig.kinds import KINDS, Built, Placed
 from lookdev.light.rig.report import Report
-from lookdev.stage import Composed, Composition, compose, error_words, reading
+from lookdev.stage import Composed, Composition, compose, error_words, reading, shown
 
 Floats = NDArray[np.float64]
 
 _Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _MOST_UNIT = 1e18  # metersPerUnit, as of assets
+_SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
+_FARTHEST = 1e15  # units of the stage
 
 
 @dataclass(frozen=True)
@@ -182,6 +184,9 @@ class _Reader:
             report.note(prim.GetPath(), "sends no light, left out")
             return None
         made = built.light
+        if problem := _out_of_range(made):
+            report.fault(prim.GetPath(), problem)
+            return None
         if isinstance(made, LocalDome):
             made = replace(made, dome=replace(made.dome, emission=emission))
         else:
@@ -196,23 +201,43 @@ class _Reader:
                 return None
             each = each.GetParent()
         try:
-            return np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
+            matrix = np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
         except Tf.ErrorException as error:
             self._report.fault(prim.GetPath(), f"USD cannot compute its transform: {error_words(error)}")
             return None
+        if not (np.abs(matrix) <= _FARTHEST).all() or not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), 0.0, 1e-9):
+            right = f"numbers within +-{_FARTHEST:g}, and a last column of 0 0 0 1, would be right"
+            self._report.fault(prim.GetPath(), "its transform does not place it", right)
+            return None
+        return matrix
 
     def _has_operations(self, prim: Usd.Prim) -> bool:
         """Return whether all operations of a prim's transform are there: USD leaves out those that are not."""
         xform, place = UsdGeom.Xformable(prim), prim.GetPath().AppendProperty("xformOpOrder")
         order = prim.GetAttribute("xformOpOrder").Get() if xform else None
+        if not isinstance(order, Vt.TokenArray | None):
+            self._report.fault(place, f"has a value of type {type(order).__name__}", "token[] would be right")
+            return False
         for name in order or ():
             operation = name.removeprefix("!invert!")
             if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
-                self._report.fault(place, f"names {name!r:.60}, which is not there")
+                self._report.fault(place, f"names {shown(name)}, which is not there")
                 return False
         if xform and xform.TransformMightBeTimeVarying():
             self._report.note(prim.GetPath(), f"its transform is animated, and taken at {stated_time(self._time)}")
         return True
+
+
+def _out_of_range(light: Light) -> str:
+    """Return what is wrong with the lengths of a light, in metres: shaders compute with float32."""
+    if not isinstance(light, PlacedLight | LocalDome):
+        return ""
+    lengths = [getattr(light, name) for name in ("width", "height", "length", "radius") if hasattr(light, name)]
+    for length in (*lengths, *getattr(light, "radii", ())):
+        if not _SMALLEST <= length <= _LARGEST:
+            return f"a side or radius of it is {length:.3g}; {_SMALLEST:g} to {_LARGEST:g} m would be right"
+    away = max(map(abs, light.position))
+    return f"it is {away:.3g} away; at most {_LARGEST:g} m would be right" if away > _LARGEST else ""
 
 
 def _size(built: Built | None, unit: float) -> float:

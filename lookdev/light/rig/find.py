@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from lookdev.errors import close_hint
+from lookdev.light.rig.attributes import LightPrim
 from lookdev.light.rig.kinds import KINDS, UNSUPPORTED
 from lookdev.light.rig.report import Report
 from lookdev.stage import relationship_targets
@@ -36,7 +37,7 @@ def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: Report) -> list[Usd.
             report.fault(path, "a light list names it, but there is no such prim")
         elif prim.IsA(UsdLux.LightFilter):
             continue  # it has an effect through a light that names it
-        elif left_out := _left_out(prim, root, time):
+        elif left_out := _left_out(prim, root, time, report):
             report.note(path, f"{left_out}, left out")
         elif fault := _refused(prim):
             report.fault(path, *fault)
@@ -73,18 +74,20 @@ def _is_foreign(prim: Usd.Prim) -> bool:
     return unknown and ("light" in name.lower() or bool(close_hint(name, list(KINDS))))
 
 
-def _left_out(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode) -> str:
+def _left_out(prim: Usd.Prim, root: Usd.Prim, time: Usd.TimeCode, report: Report) -> str:
+    """Return why a light does not shine; "" where it does."""
     each = prim
     while each and each != root.GetParent() and not each.IsPseudoRoot():
-        if each.IsA(UsdGeom.Imageable) and _hidden(each, time):
+        if each.IsA(UsdGeom.Imageable) and _is_hidden(LightPrim(each, time, report)):
             return "is hidden" if each == prim else f"is hidden by {each.GetPath()}"
         each = each.GetParent()
     purpose = UsdGeom.Imageable(prim).ComputePurpose() if prim.IsA(UsdGeom.Imageable) else _SHOWN[0]
     return "" if purpose in _SHOWN else f"is of purpose {purpose}"
 
 
-def _hidden(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
-    return bool(prim.GetAttribute("visibility").Get(time) == UsdGeom.Tokens.invisible)
+def _is_hidden(prim: LightPrim) -> bool:
+    inherited, invisible = UsdGeom.Tokens.inherited, UsdGeom.Tokens.invisible
+    return bool(prim.text("visibility", inherited, (inherited, invisible)) == invisible)
 
 
 def _refused(prim: Usd.Prim) -> tuple[str, str] | None:
