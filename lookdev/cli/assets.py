@@ -59,13 +59,15 @@ def inspect(
     Of a rig, list its lights.
     """
     from lookdev.batch.inspect import inspect_file
-    from lookdev.errors import LookdevError
+    from lookdev.errors import LookdevError, close_hint
     from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
     from lookdev.material.variants import parse_variants
     from lookdev.stage import Composition
 
-    if str(asset) in BUILTIN_RIGS and not asset.exists():
+    if not asset.exists() and str(asset) in BUILTIN_RIGS:
         asset = rig_file(str(asset))
+    elif not asset.exists() and (hint := close_hint(str(asset), BUILTIN_RIGS)):
+        raise LookdevError(f"{asset}: no such file or built-in rig ({hint})")
     # What is missing is listed beside the rest.
     composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()), missing="warn")
     with nothing_printed():

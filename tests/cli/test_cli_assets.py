@@ -93,3 +93,4 @@ def test_a_rig_is_listed_by_its_name_or_file(run_cli: Command, tmp_path: Path) -
     code, shown, errors = run_cli("inspect", str(lamp), "--time", "3")
     assert (code, shown) == (2, "")
     assert "is a rig, for which --png, --time and --purpose have no meaning" in errors
+    assert "no such file or built-in rig (did you mean 'three_point'?)" in run_cli("inspect", "tree_point")[2]
