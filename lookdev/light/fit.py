@@ -1,4 +1,4 @@
-"""A light made larger or smaller with everything around it, and moved."""
+"""Lights made of others: of another emission, or larger and moved with everything around them."""
 
 from __future__ import annotations
 
@@ -19,33 +19,36 @@ from lookdev.light.rect import RectLight
 from lookdev.light.sphere import SphereLight
 
 
+def with_emission(light: Light, emission: Emission) -> Light:
+    """Return a light that sends something else."""
+    if isinstance(light, LocalDome):
+        return replace(light, dome=replace(light.dome, emission=emission))
+    assert isinstance(light, Dome | DistantLight | PlacedLight), light.kind
+    return replace(light, emission=emission)
+
+
 def fitted(light: Light, scale: float, origin: Vector) -> Light:
     """Return a light whose lengths are `scale` times as long, moved from the world's origin to `origin`, in metres.
 
     What it lights is scaled and moved along: places at `scale` times their distance see the same radiance from it.
     """
-    emission = scaled_emission(light.emission, scale)
-    if isinstance(light, Dome | DistantLight):
-        return replace(light, emission=emission)
-    if isinstance(light, LocalDome):
-        dome = replace(light.dome, emission=emission)
-        return replace(light, dome=dome, radius=scale * light.radius, position=_placed(light.position, scale, origin))
-    assert isinstance(light, PlacedLight), light.kind
-    placed = replace(light, emission=emission, position=_placed(light.position, scale, origin))
-    match placed:
+    light = with_emission(light, scaled_emission(light.emission, scale))
+    if isinstance(light, PlacedLight | LocalDome):
+        light = replace(light, position=vector(scale * np.array(light.position) + np.array(origin)))
+    match light:
+        case Dome() | DistantLight():
+            return light
+        case LocalDome(radius=radius):
+            return replace(light, radius=scale * radius)
         case RectLight(width=width, height=height):
-            return replace(placed, width=scale * width, height=scale * height)
+            return replace(light, width=scale * width, height=scale * height)
         case DiskLight(radii=(x, y)):
-            return replace(placed, radii=(scale * x, scale * y))
+            return replace(light, radii=(scale * x, scale * y))
         case SphereLight(radius=radius):
-            return replace(placed, radius=scale * radius)
+            return replace(light, radius=scale * radius)
         case CylinderLight(radius=radius, length=length):
-            return replace(placed, radius=scale * radius, length=scale * length)
+            return replace(light, radius=scale * radius, length=scale * length)
     raise AssertionError(f"a light of kind '{light.kind}' has sizes that are not known here")
-
-
-def _placed(position: Vector, scale: float, origin: Vector) -> Vector:
-    return vector(scale * np.array(position) + np.array(origin))
 
 
 def scaled_emission(emission: Emission, scale: float) -> Emission:

@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
-from lookdev.light import LIGHT_KINDS, Emission, Falloff, Light, LocalDome, Shadow
-from lookdev.light.fit import fitted
+from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shadow
+from lookdev.light.fit import fitted, with_emission
 from lookdev.light.placed import PlacedLight
 
 SCALE, ORIGIN = 2.5, (3.0, -1.0, 0.5)
-
-
-def with_emission(light: Light, emission: Emission) -> Light:
-    if isinstance(light, LocalDome):
-        return replace(light, dome=replace(light.dome, emission=emission))
-    return replace(light, emission=emission)  # type: ignore[type-var]
 
 
 @pytest.mark.parametrize("kind", LIGHT_KINDS)

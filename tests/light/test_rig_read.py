@@ -174,7 +174,7 @@ def test_a_pole_that_is_stated_is_one_of_the_stage(tmp_path: Path) -> None:
     assert isinstance(found.lights[0], Dome)
     assert found.lights[0].axes[2] == (0.0, -1.0, 0.0)
     (note,) = rig(tmp_path, light("DomeLight", "")).notes
-    assert "its pole is horizontal" in note
+    assert "the pole of a DomeLight is +y, and horizontal here" in note
 
 
 def test_a_dome_with_a_radius_is_local(tmp_path: Path) -> None:

@@ -10,24 +10,25 @@ the asset's bounding sphere, about whose centre it stands. Its lights are read w
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Tf, Usd, UsdGeom, Vt
 
-from lookdev.errors import RigError
-from lookdev.light.distant import DistantLight
+from lookdev.errors import Fault, RigError
 from lookdev.light.dome.environment import LEAST, MOST
-from lookdev.light.dome.local import LocalDome
-from lookdev.light.placed import PlacedLight
+from lookdev.light.emission import Emission
+from lookdev.light.fit import with_emission
 from lookdev.light.placement import checked_axes, placement, vector
 from lookdev.light.protocol import Light
 from lookdev.light.rig.attributes import LightPrim, stated_time
 from lookdev.light.rig.emission import read_emission
-from lookdev.light.rig.find import ALL_PRIMS, find_lights, is_light
-from lookdev.light.rig.kinds import KINDS, Built, Placed
+from lookdev.light.rig.find import ALL_PRIMS, check_places, find_lights, is_light
+from lookdev.light.rig.images import LightImage, light_image
+from lookdev.light.rig.kinds import KINDS, Placed, Shape
 from lookdev.light.rig.report import Report
 from lookdev.stage import Composed, Composition, compose, error_words, reading, shown
 
@@ -95,10 +96,22 @@ def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
     OutputError
         The cache cannot be written.
     """
-    file = composed.composition.file
+    file, report = composed.composition.file, Report(str(composed.composition.file))
     with reading(file) as warnings:
-        rig = _Reader(composed, sampled).rig()
-    return replace(rig, notes=(*composed.notes, *rig.notes, *(f"{file}: {each}" for each in warnings)))
+        fit, pending = _Reader(composed, sampled, report).read()
+    # Images are checked as they are read; what is made of them takes longer than reading the stage may.
+    images: dict[tuple[object, ...], LightImage] = {}
+    for each in pending:
+        _read_image(each, images, report)
+    if report.faults:
+        raise RigError(report.faults)
+    given = tuple(light for each in pending if (light := _made(each, images, report)) is not None)
+    if not given:
+        raise RigError([_no_light(report, composed.composition.prim or "", "")])
+    notes = (*composed.notes, *report.notes, *(f"{file}: {each}" for each in warnings))
+    rig = Rig(report.file, given, fit, notes)
+    rig.check_exposed()
+    return rig
 
 
 def holds_only_lights(composed: Composed) -> bool:
@@ -109,18 +122,35 @@ def holds_only_lights(composed: Composed) -> bool:
     return bool(found) and all(found)
 
 
+@dataclass(frozen=True)
+class _Pending:
+    """A light that is made when all are read."""
+
+    path: str
+    shape: Shape
+    emission: Emission
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What its image is known by."""
+        return self.shape.image, self.shape.space, self.shape.format
+
+
 class _Reader:
-    def __init__(self, composed: Composed, sampled: bool) -> None:
+    """Reads the prims of a stage."""
+
+    def __init__(self, composed: Composed, sampled: bool, report: Report) -> None:
         stage, path = composed.stage, composed.composition.prim
         self._stage = stage
         self._sampled = sampled
-        self._report = Report(str(composed.composition.file))
+        self._report = report
         self._root = stage.GetPrimAtPath(path) if path else stage.GetDefaultPrim() or stage.GetPseudoRoot()
         authored = stage.HasAuthoredMetadata("startTimeCode")
         self._time = Usd.TimeCode(stage.GetStartTimeCode()) if authored else Usd.TimeCode.EarliestTime()
         self._transforms = UsdGeom.XformCache(self._time)
 
-    def rig(self) -> Rig:
+    def read(self) -> tuple[bool, list[_Pending]]:
+        """Return whether the rig fits its asset, and its lights; raises RigError where the stage has no unit."""
         report, stage = self._report, self._stage
         fit = self._fit()
         unit = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage)
@@ -131,18 +161,15 @@ class _Reader:
             report.fault("", f"upAxis is {axis!r:.60}", "'Y' or 'Z' would be right")
         if report.faults:
             raise RigError(report.faults)
-        given = []
+        check_places(self._root, report)
+        pending = []
         for prim in find_lights(self._root, self._time, report):
             with report.collected(prim.GetPath()):
                 if (light := self._read(prim, unit, axis == UsdGeom.Tokens.y)) is not None:
-                    given.append(light)
-        if not given and not report.faults:
-            report.fault(self._root.GetPath(), *self._empty())
-        if report.faults:
-            raise RigError(report.faults)
-        rig = Rig(report.file, tuple(given), fit, tuple(report.notes))
-        rig.check_exposed()
-        return rig
+                    pending.append(light)
+        if not pending and not report.faults:
+            raise RigError([_no_light(report, str(self._root.GetPath()), self._elsewhere())])
+        return fit, pending
 
     def _fit(self) -> bool:
         """Return ``lookdev:fit`` of the root, or of the nearest prim above it that has it."""
@@ -153,45 +180,35 @@ class _Reader:
             prim = prim.GetParent()
         return False
 
-    def _empty(self) -> tuple[str, str]:
-        """Return what is wrong with a rig without a light, and where there are lights."""
-        elsewhere = find_lights(self._stage.GetPseudoRoot(), self._time, Report(""))
-        paths = ", ".join(str(prim.GetPath()) for prim in elsewhere[:3])
-        left_out = "; ".join(note.partition(": ")[2] for note in self._report.notes)
-        hint = f"there are lights at {paths}" if paths else left_out or f"a light is one of {', '.join(KINDS)}"
-        return "has no light that shines", hint
+    def _elsewhere(self) -> str:
+        """Return where else in the stage there are lights."""
+        lights = find_lights(self._stage.GetPseudoRoot(), self._time, Report(""))
+        paths = ", ".join(str(prim.GetPath()) for prim in lights[:3])
+        return f"there are lights at {paths}" if paths else ""
 
-    def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> RigLight | None:
-        report, before = self._report, len(self._report.faults)
+    def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _Pending | None:
+        """Return a light; None, with a fault, where it has no place or shape."""
+        report, path = self._report, prim.GetPath()
         light, kind = LightPrim(prim, self._time, report), KINDS[str(prim.GetTypeName())]
-        light.check_names(kind.ours)
+        light.check_names((*kind.ours, "fit") if prim == self._root else kind.ours)
         matrix = self._matrix(prim)
         if matrix is None:
             return None
-        if y_up:
-            matrix = _Z_UP @ matrix
-        position, axes, scale = placement(matrix)
+        position, axes, scale = placement(_Z_UP @ matrix if y_up else matrix)
         # Rounded, so that a turn by a right angle is exact.
         axes = checked_axes(np.round(np.array(axes), 12) + 0.0)
-        metres = vector(unit * np.array(position)), vector(unit * np.array(scale))
-        built = None
-        with report.collected(prim.GetPath()):
-            built = kind.build(Placed(light, metres[0], axes, metres[1], y_up, self._sampled, report))
-        emission = read_emission(light, _size(built, unit), unit, report)
-        if built is None or len(report.faults) > before:
-            return None
-        if not any(emission.color) or built.largest == 0.0:
-            report.note(prim.GetPath(), "sends no light, left out")
-            return None
-        made = built.light
-        if problem := _out_of_range(made):
-            report.fault(prim.GetPath(), problem)
-            return None
-        if isinstance(made, LocalDome):
-            made = replace(made, dome=replace(made.dome, emission=emission))
-        else:
-            made = replace(made, emission=emission)  # type: ignore[type-var]
-        return RigLight(str(prim.GetPath()), made, built.largest * max(emission.color), built.mean, built.image)
+        metres, sizes = vector(unit * np.array(position)), vector(unit * np.array(scale))
+        if (away := max(map(abs, metres))) > _LARGEST:
+            report.fault(path, f"it is {away:.3g} m away", f"at most {_LARGEST:g} m would be right")
+        shape = None
+        with report.collected(path):
+            shape = kind.read(Placed(light, metres, axes, sizes, y_up, self._sampled))
+        for length in shape.lengths if shape else ():
+            if not _SMALLEST <= length <= _LARGEST:
+                right = f"{_SMALLEST:g} to {_LARGEST:g} m would be right"
+                report.fault(path, f"a side or radius of it is {length:.3g} m", right)
+        emission = read_emission(light, _size(shape, unit), unit, report)
+        return _Pending(str(path), shape, emission) if shape else None
 
     def _matrix(self, prim: Usd.Prim) -> Floats | None:
         """Return the matrix (4, 4), for column vectors, that places a light in the stage; None, with a fault."""
@@ -228,26 +245,48 @@ class _Reader:
         return True
 
 
-def _out_of_range(light: Light) -> str:
-    """Return what is wrong with the lengths of a light, in metres: shaders compute with float32."""
-    if not isinstance(light, PlacedLight | LocalDome):
-        return ""
-    lengths = [getattr(light, name) for name in ("width", "height", "length", "radius") if hasattr(light, name)]
-    for length in (*lengths, *getattr(light, "radii", ())):
-        if not _SMALLEST <= length <= _LARGEST:
-            return f"a side or radius of it is {length:.3g}; {_SMALLEST:g} to {_LARGEST:g} m would be right"
-    away = max(map(abs, light.position))
-    return f"it is {away:.3g} away; at most {_LARGEST:g} m would be right" if away > _LARGEST else ""
-
-
-def _size(built: Built | None, unit: float) -> float:
+def _size(shape: Shape | None, unit: float) -> float:
     """Return what radiance is divided by where the power is normalized: areas are those "in world space", in units."""
-    match built:
-        case Built(light=PlacedLight() as light):
-            return light.size_factor / (unit * unit)
-        case Built(light=DistantLight() as light):
-            return light.size_factor
-    return 1.0
+    if shape is None:
+        return 1.0
+    return shape.size if shape.area is None else shape.area / (unit * unit)
+
+
+def _read_image(pending: _Pending, images: dict[tuple[object, ...], LightImage], report: Report) -> None:
+    """Read the image of a light, unless another light has it too."""
+    shape, place = pending.shape, f"{pending.path}.inputs:texture:file"
+    if shape.image is None:
+        return
+    with report.collected(place):
+        if pending.key not in images:
+            images[pending.key] = light_image(shape.image, shape.space, shape.format)
+        image = images[pending.key]
+        if image.environment.repairs:
+            report.note(place, f"{shape.image}: {image.environment.repairs}")
+        if image.error is not None:
+            height, width = image.environment.radiance.shape[:2]
+            size, off = f"{width} x {height}", f"{100.0 * image.error:.2g} %"
+            report.note(
+                place, f"{shape.image}: turned from a ball into a lat-long map of {size}, its power off by {off}"
+            )
+
+
+def _made(pending: _Pending, images: Mapping[tuple[object, ...], LightImage], report: Report) -> RigLight | None:
+    """Return a light; None, with a note, where it sends none."""
+    image = images.get(pending.key)
+    largest, mean = (image.largest, image.mean) if image else (1.0, (1.0, 1.0, 1.0))
+    peak = largest * max(pending.emission.color)
+    if peak == 0.0:
+        report.note(pending.path, "sends no light, left out")
+        return None
+    made = with_emission(pending.shape.make(image.environment if image else None), pending.emission)
+    return RigLight(pending.path, made, peak, mean, str(pending.shape.image or ""))
+
+
+def _no_light(report: Report, place: str, elsewhere: str) -> Fault:
+    left_out = "; ".join(note.removeprefix(f"{report.file}: ") for note in report.notes)
+    hint = elsewhere or left_out or f"a light is one of {', '.join(KINDS)}"
+    return Fault(report.file, place, "has no light that shines", hint)
 
 
 __all__ = ["Rig", "RigLight", "holds_only_lights", "load_rig", "read_rig"]

@@ -69,8 +69,8 @@ class LightPrim:
         self._report.fault(self.path.AppendProperty(name), what, hint)
 
     def note(self, name: str, what: str) -> None:
-        """Add a note on an attribute."""
-        self._report.note(self.path.AppendProperty(name), what)
+        """Add a note on an attribute, or on the light if the name is empty."""
+        self._report.note(self.path.AppendProperty(name) if name else self.path, what)
 
     def number(self, name: str, *, least: float = -math.inf, above: float = -math.inf, default: float = 0.0) -> float:
         """Return a finite number, at least `least` and more than `above`; where it is not, a fault, and `default`."""

@@ -19,7 +19,7 @@ _FALLOFF = ("virtualDistance", "exponent", "start", "end")
 def read_emission(light: LightPrim, size: float, unit: float, report: Report) -> Emission:
     """Return what a light sends out.
 
-    `size` is what UsdLux divides by where the power is normalized, `unit` that of distances in metres. Raises
+    `size` is what UsdLux divides by where the power is normalized, `unit` is that of distances in metres. Raises
     EnvironmentMapError where values contradict each other.
     """
     color = light.color("inputs:color")
@@ -51,10 +51,13 @@ def _temperature(light: LightPrim) -> tuple[float, ...]:
 
 
 def _is_shaped(light: LightPrim) -> bool:
-    """Return whether a light has a beam; programs apply the schema to domes too, which have none, unused."""
+    """Return whether a light has a beam. Programs apply the schema to domes too, which have none, unused."""
     if not light.prim.HasAPI(UsdLux.ShapingAPI):
         return False
-    return not light.is_dome or any(light.prim.GetAttribute(name).HasAuthoredValue() for name in schema_names(SHAPING))
+    for name in schema_names(SHAPING) if light.is_dome else ():
+        if light.prim.GetAttribute(name).HasAuthoredValue():
+            light.fault(name, "has no effect: a dome light has no beam", "without it, it would be right")
+    return not light.is_dome
 
 
 def _shaping(light: LightPrim, report: Report) -> Shaping:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from lookdev.errors import close_hint
-from lookdev.light.rig.attributes import LightPrim
+from lookdev.light.rig.attributes import OURS, LightPrim
 from lookdev.light.rig.kinds import KINDS, UNSUPPORTED
 from lookdev.light.rig.report import Report
 from lookdev.stage import relationship_targets
@@ -20,6 +20,18 @@ _CONSULTED = ("consumeAndHalt", "consumeAndContinue")
 def is_light(prim: Usd.Prim) -> bool:
     """Return whether a prim is a light, or seems to be one of a type that is not known."""
     return prim.HasAPI(UsdLux.LightAPI) or _is_foreign(prim)
+
+
+def check_places(root: Usd.Prim, report: Report) -> None:
+    """Add a fault for each attribute of lights, or of a root, that another prim carries: it has no effect there."""
+    for prim in Usd.PrimRange(root, ALL_PRIMS):
+        for attribute in () if is_light(prim) else prim.GetAuthoredPropertiesInNamespace("lookdev"):
+            name = attribute.GetName().removeprefix("lookdev:")
+            hint = "it is for lights" if name in OURS else close_hint(name, ("fit", *OURS), 0.6)
+            if name == "fit":
+                hint = "" if prim == root else "it is for the root of a rig, its default prim"
+            if hint:
+                report.fault(attribute.GetPath(), "has no effect here", hint)
 
 
 def find_lights(root: Usd.Prim, time: Usd.TimeCode, report: Report) -> list[Usd.Prim]:

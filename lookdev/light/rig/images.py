@@ -9,7 +9,7 @@ of Blender's mirror ball and of the light probes of Debevec, "Rendering Syntheti
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -76,15 +76,45 @@ def stated_format(environment: EnvironmentMap) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Unrolled:
-    """A lat-long map made of a ball, and the relative error of its power."""
+class LightImage:
+    """The image of a light, a lat-long map if it is of a dome; `mean` is over its area, or the sphere.
+
+    `error` is the relative error of the power of a map that was made of a ball.
+    """
 
     environment: EnvironmentMap
-    error: float
+    mean: tuple[float, ...]
+    error: float | None = None
+
+    @property
+    def largest(self) -> float:
+        """The largest value of a channel."""
+        return float(self.environment.radiance.max())
 
 
-def unrolled(ball: EnvironmentMap, kind: str) -> Unrolled:
-    """Return the lat-long map that shows what a ball shows, of as many rows.
+def light_image(file: Path, space: str, kind: str) -> LightImage:
+    """Read the image of a light, `kind` being the format of a dome's, else "".
+
+    Raises EnvironmentMapError where it cannot be read, or is of no format that is supported.
+    """
+    image, error = read_light_image(file, space), None
+    if not kind:
+        return LightImage(image, tuple(image.radiance.mean(axis=(0, 1), dtype=np.float64).tolist()))
+    kind = stated_format(image) if kind == "automatic" else kind
+    if kind == "cubeMapVerticalCross":
+        raise EnvironmentMapError(
+            f"{file}: is a cube map, of format {kind}, which is not supported; a lat-long map would be right"
+        )
+    if kind in BALLS:
+        repairs, (image, error) = image.repairs, unrolled(image, kind)
+        image = replace(image, repairs=repairs)
+    edges = np.cos(np.pi * np.arange(len(image.radiance) + 1) / len(image.radiance))
+    mean = image.radiance.mean(axis=1, dtype=np.float64).T @ -np.diff(edges) / 2.0
+    return LightImage(image, tuple(mean.tolist()), error)
+
+
+def unrolled(ball: EnvironmentMap, kind: str) -> tuple[EnvironmentMap, float]:
+    """Return the lat-long map that shows what a ball shows, of as many rows, and the relative error of its power.
 
     Each texel is the mean of 2 x 2 bilinear look-ups. Raises EnvironmentMapError unless the image is a square.
     """
@@ -100,7 +130,7 @@ def unrolled(ball: EnvironmentMap, kind: str) -> Unrolled:
     (content,) = derived("balls", key, written)
     environment = make_environment(ball.name, read_exr(content.path, "RGB"), ball.where)
     before, after = ball_power(ball.radiance, kind), _power(environment.radiance)
-    return Unrolled(environment, abs(after - before) / before if before else 0.0)
+    return environment, abs(after - before) / before if before else 0.0
 
 
 def ball_point(direction: Floats, kind: str) -> Floats:

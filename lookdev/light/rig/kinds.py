@@ -1,4 +1,4 @@
-"""The lights of UsdLux, a builder a type: shape and image of a prim, its scale included.
+"""The lights of UsdLux, a reader a type: shape and image of a prim, its scale included.
 
 A light that is scaled by different factors is one of the same kind where its shape allows it.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +21,12 @@ from lookdev.light.dome import prepare_light
 from lookdev.light.dome.environment import EnvironmentMap, load_environment
 from lookdev.light.dome.local import LocalDome
 from lookdev.light.picture import prepare_texture
+from lookdev.light.placed import PlacedLight
 from lookdev.light.placement import Axes, Vector, checked_axes
 from lookdev.light.protocol import Light
 from lookdev.light.rect import RectLight
 from lookdev.light.rig.attributes import LightPrim
-from lookdev.light.rig.images import BALLS, FORMATS, read_light_image, stated_format, unrolled
-from lookdev.light.rig.report import Report
+from lookdev.light.rig.images import FORMATS
 from lookdev.light.sphere import SphereLight
 
 Floats = NDArray[np.float64]
@@ -54,24 +55,34 @@ class Placed:
     scale: Vector
     y_up: bool
     sampled: bool
-    report: Report
 
 
 @dataclass(frozen=True)
-class Built:
-    """A light of emission 1, the largest and the mean value of its image, and its file."""
+class Shape:
+    """What is read of a prim beside its emission.
 
-    light: Light
-    largest: float = 1.0
-    mean: tuple[float, ...] = (1.0, 1.0, 1.0)
-    image: str = ""
+    `make` makes the light, of emission 1, from its image if it has one. Where power is normalized, it is divided by
+    `area`, in square metres, or by `size`, of a light without an area. `lengths` are in metres. `image` is a file, of
+    the colour space `space` if one is stated, and of the format `format` if the light is a dome.
+    """
+
+    make: Callable[[EnvironmentMap | None], Light]
+    area: float | None = None
+    size: float = 1.0
+    lengths: tuple[float, ...] = ()
+    image: Path | None = None
+    space: str = ""
+    format: str = ""
 
 
 @dataclass(frozen=True)
 class Kind:
-    """What builds the lights of a type, and the attributes below ``lookdev:`` that they have."""
+    """What reads the lights of a type, and the attributes below ``lookdev:`` that they have.
 
-    build: Callable[[Placed], Built | None]
+    A value that is wrong is reported as a fault, and stood in for.
+    """
+
+    read: Callable[[Placed], Shape]
     ours: tuple[str, ...] = (*_ALL, *_FALLOFF)
 
 
@@ -87,50 +98,43 @@ def _alike(given: Placed, first: int, second: int) -> float:
     return a
 
 
-def _rect(given: Placed) -> Built | None:
-    sides = [given.light.number(f"inputs:{name}", above=0.0) for name in ("width", "height")]
-    image = _image(given)
-    if not all(sides) or isinstance(image, str):
-        return None
-    light = RectLight(
-        width=given.scale[0] * sides[0],
-        height=given.scale[1] * sides[1],
-        position=given.position,
-        axes=given.axes,
-        texture=prepare_texture(image) if image else None,
-    )
-    if image is None:
-        return Built(light)
-    mean = image.radiance.mean(axis=(0, 1), dtype=np.float64)
-    return Built(light, float(image.radiance.max()), tuple(mean.tolist()), image.where)
+def _length(given: Placed, name: str, scale: float) -> float:
+    """Return a length in metres."""
+    return scale * given.light.number(f"inputs:{name}", above=0.0, default=1.0)
 
 
-def _disk(given: Placed) -> Built | None:
-    radius = given.light.number("inputs:radius", above=0.0)
-    if not radius:
-        return None
-    radii = given.scale[0] * radius, given.scale[1] * radius
-    return Built(DiskLight(radii=radii, position=given.position, axes=given.axes))
+def _rect(given: Placed) -> Shape:
+    width, height = (_length(given, name, given.scale[i]) for i, name in enumerate(("width", "height")))
+    light = RectLight(width=width, height=height, position=given.position, axes=given.axes)
+    image, space = _image(given)
+
+    def make(picture: EnvironmentMap | None) -> Light:
+        return light if picture is None else replace(light, texture=prepare_texture(picture))
+
+    return Shape(make, light.size_factor, lengths=(width, height), image=image, space=space)
 
 
-def _sphere(given: Placed) -> Built | None:
-    radius = _radius(given, "treatAsPoint", "sphere")
-    if not radius:
-        return None
-    _alike(given, 0, 1)
-    return Built(SphereLight(radius=radius * _alike(given, 1, 2), position=given.position, axes=given.axes))
+def _disk(given: Placed) -> Shape:
+    radius = _length(given, "radius", 1.0)
+    x, y = given.scale[0] * radius, given.scale[1] * radius
+    return _shape(DiskLight(radii=(x, y), position=given.position, axes=given.axes), x, y)
 
 
-def _cylinder(given: Placed) -> Built | None:
-    radius = _radius(given, "treatAsLine", "cylinder")
-    length = given.light.number("inputs:length", above=0.0)
-    if not (radius and length):
-        return None
-    length, radius = given.scale[0] * length, radius * _alike(given, 1, 2)
-    return Built(CylinderLight(length=length, radius=radius, position=given.position, axes=given.axes))
+def _sphere(given: Placed) -> Shape:
+    radius = _radius(given, "treatAsPoint", "sphere", (0, 2))
+    return _shape(SphereLight(radius=radius, position=given.position, axes=given.axes), radius)
 
 
-def _radius(given: Placed, hint: str, shape: str) -> float:
+def _cylinder(given: Placed) -> Shape:
+    radius, length = _radius(given, "treatAsLine", "cylinder"), _length(given, "length", given.scale[0])
+    return _shape(CylinderLight(length=length, radius=radius, position=given.position, axes=given.axes), length, radius)
+
+
+def _shape(light: PlacedLight, *lengths: float) -> Shape:
+    return Shape(lambda _: light, light.size_factor, lengths=lengths)
+
+
+def _radius(given: Placed, hint: str, shape: str, others: tuple[int, ...] = (2,)) -> float:
     """Return the radius of a light that other renderers may take for a point or a line.
 
     "Renderers that only support area lights can disregard this": what sends light has a surface here, for it is seen in
@@ -138,94 +142,61 @@ def _radius(given: Placed, hint: str, shape: str) -> float:
     """
     if given.light.flag(hint):
         given.light.note(hint, f"is disregarded: the light is a {shape} of its radius; a small radius would be right")
-    return given.light.number("inputs:radius", above=0.0)
+    radius = _length(given, "radius", given.scale[1])
+    for other in others:
+        _alike(given, *sorted((1, other)))
+    return radius
 
 
-def _distant(given: Placed) -> Built | None:
-    return Built(DistantLight(angle=given.light.number("inputs:angle", least=0.0), axes=given.axes))
+def _distant(given: Placed) -> Shape:
+    light = DistantLight(angle=given.light.number("inputs:angle", least=0.0), axes=given.axes)
+    return Shape(lambda _: light, size=light.size_factor)
 
 
-def _dome(given: Placed) -> Built | None:
-    return _built_dome(given, DOME_Y)
+def _dome(given: Placed) -> Shape:
+    return _of_pole(given, DOME_Y)
 
 
-def _dome_1(given: Placed) -> Built | None:
+def _dome_1(given: Placed) -> Shape:
     axis = given.light.text("poleAxis", "scene", ("scene", "Y", "Z"))
     up = UsdGeom.Tokens.y if given.y_up else UsdGeom.Tokens.z
-    return _built_dome(given, DOME_Y if (up if axis == "scene" else axis) == UsdGeom.Tokens.y else DOME_Z)
+    return _of_pole(given, DOME_Y if (up if axis == "scene" else axis) == UsdGeom.Tokens.y else DOME_Z)
 
 
-def _built_dome(given: Placed, pole: Floats) -> Built | None:
+def _of_pole(given: Placed, pole: Floats) -> Shape:
+    prim, local = given.light, "lookdev:local:radius"
+    kind = prim.text("inputs:texture:format", "automatic", FORMATS)
+    image, space = _image(given)
+    radius = given.scale[0] * prim.number(local, above=0.0, default=1.0) if prim.has(local) else None
+    edge = prim.number("lookdev:local:edge", least=0.0)
+    axes = checked_axes(np.round(pole.T @ np.array(given.axes), 12) + 0.0)
+    if edge > 1.0:
+        prim.fault("lookdev:local:edge", f"is {edge:g}", "a part of the radius, from 0 to 1, would be right")
+    if radius is None and prim.has("lookdev:local:edge"):
+        prim.fault("lookdev:local:edge", "has no effect without a radius", f"'{local}' is missing")
+    if prim.prim.GetRelationship("portals").HasAuthoredTargets():
+        prim.note("portals", "has no effect: portals guide the sampling of other renderers")
+    if not given.y_up and abs(axes[2][2]) < 0.5 and prim.prim.GetTypeName() == "DomeLight":
+        what = "is +y, and horizontal here, though z is up in the stage; a DomeLight_1 has one that is up"
+        prim.note("", f"the pole of a DomeLight {what}")
     for number in (1, 2):
         _alike(given, 0, number)
-    light, report = given.light, given.report
-    if light.prim.GetRelationship("portals").HasAuthoredTargets():
-        light.note("portals", "has no effect: portals guide the sampling of other renderers")
-    image = _image(given)
-    if image is None:
-        return _as_dome(given, load_environment(builtin="white"), pole, "")
-    if not isinstance(image, str):
-        with report.collected(light.path.AppendProperty("inputs:texture:file")):
-            return _as_dome(given, _lat_long(given, image), pole, image.where)
-    return None
+
+    def make(picture: EnvironmentMap | None) -> Light:
+        environment = load_environment(builtin="white") if picture is None else picture
+        dome = replace(prepare_light(environment, sampled=given.sampled), axes=axes)
+        if radius is None:
+            return dome
+        return LocalDome(dome=dome, position=given.position, radius=radius, edge=edge)
+
+    lengths = () if radius is None else (radius,)
+    return Shape(make, lengths=lengths, image=image, space=space, format=kind)
 
 
-def _lat_long(given: Placed, image: EnvironmentMap) -> EnvironmentMap:
-    """Return the image of a dome as a lat-long map; raises EnvironmentMapError where it cannot be one."""
-    kind = given.light.text("inputs:texture:format", "automatic", FORMATS)
-    kind = stated_format(image) if kind == "automatic" else kind
-    if kind == "cubeMapVerticalCross":
-        raise EnvironmentMapError(
-            f"{image.where}: is a cube map, of format {kind}, which is not supported; a lat-long map would be right"
-        )
-    if kind not in BALLS:
-        return image
-    made = unrolled(image, kind)
-    height, width = made.environment.radiance.shape[:2]
-    what = f"of format {kind}, turned into a lat-long map of {width} x {height}; its power is off by {made.error:.2g}"
-    given.light.note("inputs:texture:file", f"{image.where}: {what}")
-    return made.environment
-
-
-def _as_dome(given: Placed, environment: EnvironmentMap, pole: Floats, image: str) -> Built:
-    axes = checked_axes(np.round(pole.T @ np.array(given.axes), 12) + 0.0)
-    dome = replace(prepare_light(environment, sampled=given.sampled), axes=axes)
-    if not given.y_up and abs(axes[2][2]) < 0.5 and given.light.prim.GetTypeName() == "DomeLight":
-        given.report.note(
-            given.light.path,
-            "its pole is horizontal: that of a DomeLight is +y, though z is up in the stage; for a pole that is up, a "
-            "DomeLight_1 would be right",
-        )
-    light: Light = dome
-    if given.light.has("lookdev:local:radius"):
-        radius = given.scale[0] * given.light.number("lookdev:local:radius", above=0.0, default=1.0)
-        edge = given.light.number("lookdev:local:edge", least=0.0)
-        light = LocalDome(dome=dome, position=given.position, radius=radius, edge=edge)
-    elif given.light.has("lookdev:local:edge"):
-        given.light.fault("lookdev:local:edge", "has no effect without a radius", "'lookdev:local:radius' is missing")
-    mean = lat_long_mean(environment.radiance)
-    return Built(light, float(environment.radiance.max()), mean, image)
-
-
-def lat_long_mean(radiance: NDArray[np.float32]) -> tuple[float, ...]:
-    """Return the mean over the sphere of a lat-long map (H, W, 3)."""
-    edges = np.cos(np.pi * np.arange(len(radiance) + 1) / len(radiance))
-    return tuple((radiance.mean(axis=1, dtype=np.float64).T @ -np.diff(edges) / 2.0).tolist())
-
-
-def _image(given: Placed) -> EnvironmentMap | str | None:
-    """Return the image of a light, None where it has none, and "" where it cannot be read."""
+def _image(given: Placed) -> tuple[Path | None, str]:
+    """Return the image file of a light, if it has one, and its colour space if one is stated."""
     name = "inputs:texture:file"
-    light, report = given.light, given.report
-    before = len(report.faults)
-    file, space = light.file(name), light.space(name)
-    if file is not None:
-        with report.collected(light.path.AppendProperty(name)):
-            environment = read_light_image(file, space)
-            if environment.repairs:
-                light.note(name, f"{file}: {environment.repairs}")
-            return environment
-    return "" if len(report.faults) > before else None
+    return given.light.file(name), given.light.space(name)
 
 
 KINDS: Mapping[str, Kind] = {
