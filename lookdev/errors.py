@@ -7,6 +7,7 @@
     │   └── StageError      a USD file, of a look or an asset, cannot be opened or composed
     ├── AssetError          an asset cannot be read or has no surface to render
     ├── EnvironmentMapError a light cannot be read, or shown by a backend
+    ├── RigError            a rig (USD lights) is wrong: carries every Fault found in it
     ├── ExpressionError     a mask expression is wrong (defined beside the parser, in lookdev.material)
     ├── TextureError        a texture cannot be read or has no such channel
     ├── ModelError          reflectance model parameters are unknown or outside their hard range
@@ -100,6 +101,10 @@ class AssetError(LookdevError):
 
 class EnvironmentMapError(LookdevError):
     """A light cannot be read, or shown by a backend."""
+
+
+class RigError(FaultsError):
+    """A rig is wrong."""
 
 
 class TextureError(LookdevError):

@@ -1,4 +1,4 @@
-"""The jobs, looks and presets that come with the program."""
+"""The jobs, looks, presets and rigs that come with the program."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ _PACKAGED = Path(__file__).with_name("data")
 
 
 def shipped_folder() -> Path:
-    """Return the folder that contains ``jobs`` and ``materials``.
+    """Return the folder that contains ``jobs``, ``materials`` and ``rigs``.
 
     That is ``lookdev/data`` in an installed wheel, and the checkout itself otherwise, for an editable install too.
     """

@@ -20,19 +20,23 @@ from lookdev.batch.doctor import SYSTEM_LIBRARIES
 from lookdev.brdf import MODELS, Parameter
 from lookdev.cli import app
 from lookdev.job import json_schema, load_job, parse_job
+from lookdev.light.rig import load_rig
+from lookdev.light.rig.attributes import OURS
+from lookdev.light.rig.kinds import KINDS
 from lookdev.material.library import read_library
 from lookdev.material.usd import read_look
 
 ROOT = Path(__file__).parents[1]
 README = ROOT / "README.md"
 PAGES = [README, *sorted((ROOT / "docs").glob("*.md"))]
+LIGHTS = ROOT / "docs" / "lights.md"
 JOBS = sorted((ROOT / "jobs").glob("*.toml"))
 
 _TABLE = re.compile(r"(?<=<!-- table: )(?P<name>\S+)(?P<open> -->\n)(?P<rows>.*?)(?=<!-- end -->)", re.DOTALL)
 _LINK = re.compile(r"\]\(([^)\s]+)\)")
 _CODE = re.compile(r"```\w*\n(.*?)```|`([^`\n]+)`", re.DOTALL)
 _COMMAND = re.compile(r"(?<![\w./-])(?:\.venv/bin/)?lookdev +(?P<verb>\w+)(?P<rest>[^\n|#]*)")
-_PATH = re.compile(r"(?:lookdev|jobs|materials|tests|docs|\.ci)/[\w./-]*")
+_PATH = re.compile(r"(?:lookdev|jobs|materials|rigs|tests|docs|\.ci)/[\w./-]*")
 
 # A whole job, piece by piece: an example that shows some tables stands for the pieces of the same name.
 _JOB = {
@@ -44,12 +48,12 @@ _JOB = {
 }
 
 
-def blocks(language: str) -> list[Any]:
+def blocks(language: str, pages: Sequence[Path] = PAGES) -> list[Any]:
     """Return every fenced block of a language, named by its page and line."""
     fence = re.compile(rf"^```{language}\n(.*?)^```", re.DOTALL | re.MULTILINE)
     return [
         pytest.param(match[1], id=f"{page.name}:{page.read_text()[: match.start()].count(chr(10)) + 1}")
-        for page in PAGES
+        for page in pages
         for match in fence.finditer(page.read_text())
     ]
 
@@ -172,12 +176,26 @@ def test_a_shipped_job_is_valid(file: Path) -> None:
     assert load_job(file).output == ROOT / "out" / file.stem
 
 
-@pytest.mark.parametrize("text", blocks("usda"))
+@pytest.mark.parametrize("text", blocks("usda", [page for page in PAGES if page != LIGHTS]))
 def test_an_example_look_is_valid(text: str, tmp_path: Path) -> None:
     for folder in ("presets", "textures"):
         (tmp_path / folder).symlink_to(ROOT / "materials" / folder)
     (tmp_path / "look.usda").write_text(text)
     assert read_look(tmp_path / "look.usda").layers
+
+
+@pytest.mark.parametrize("text", blocks("usda", [LIGHTS]))
+def test_an_example_rig_is_valid(text: str, tmp_path: Path) -> None:
+    (tmp_path / "rig.usda").write_text(text)
+    rig = load_rig(tmp_path / "rig.usda", sampled=False)
+    assert len(rig.lights) == 2
+    assert rig.notes == ()
+
+
+def test_every_attribute_of_ours_is_documented() -> None:
+    rows = re.findall(r"^\| `lookdev:([\w:]+)` \| (\w+) \|", LIGHTS.read_text(), re.MULTILINE)
+    assert dict(rows) == OURS
+    assert {name for kind in KINDS.values() for name in kind.ours} == set(OURS)
 
 
 def test_tables_are_what_the_code_says() -> None:

@@ -12,7 +12,12 @@ import pytest
 from hatchling.builders.wheel import WheelBuilder
 
 ROOT = Path(__file__).parents[1]
-FOLDERS = {"lookdev": "lookdev", "materials": "lookdev/data/materials", "jobs": "lookdev/data/jobs"}
+FOLDERS = {
+    "lookdev": "lookdev",
+    "materials": "lookdev/data/materials",
+    "jobs": "lookdev/data/jobs",
+    "rigs": "lookdev/data/rigs",
+}
 
 
 @pytest.fixture(scope="module")

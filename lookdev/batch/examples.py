@@ -101,7 +101,7 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
 def _needed(source: Path) -> list[Path]:
     """Return a job file, and its files and those of its looks."""
     job = load_job(source)
-    composed = [job.asset.usd]
+    composed = [job.asset.usd, *(rig.usd for rig in job.rig)]
     for look in job.look:
         composed += [look.material, look.layer, *(each.material for each in look.assign)]
     needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(dependencies(file) for file in composed if file))

@@ -100,7 +100,7 @@ def export_blend(
             temporary.replace(out)
     except OSError as error:
         raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    looks, worlds = (tuple(each.name for each in named) for named in (made.job.look, made.job.ibl))
+    looks, worlds = (tuple(each.name for each in named) for named in (made.job.look, made.job.rigs))
     return Exported(out, placed, looks, worlds, (*made.notes, *notes))
 
 
@@ -111,13 +111,13 @@ def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pac
     """
     job = made.job
     scenes = {(each.look, each.ibl): each.task for each in made.setups}
-    first, looks = job.ibl[0], [look.name for look in job.look]
+    first, looks = job.rigs[0], [look.name for look in job.look]
     return BlendTask(
         file=file,
         scenes={look: scenes[look, first.name] for look in looks},
         worlds=tuple(
             BlendWorld(each.name, scenes[looks[0], each.name].light, 2.0**each.exposure, each.rotation - first.rotation)
-            for each in job.ibl
+            for each in job.rigs
         ),
         turntables=tuple(
             BlendTurntable(each.name, turntable_poses(each, first.rotation, job.camera.azimuth))

@@ -1,4 +1,4 @@
-"""What an asset is made of, as it would be rendered: `lookdev inspect`."""
+"""What an asset, or a rig, is made of, as it would be rendered: `lookdev inspect`."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ import numpy as np
 from lookdev.asset import Asset, Mesh
 from lookdev.asset.silhouette import outline
 from lookdev.asset.usd import read_usd
+from lookdev.batch.inspect_rig import InspectedRig, inspect_rig
+from lookdev.light.rig import holds_only_lights, read_rig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaves
 from lookdev.material.usd.bound import BoundLook, read_bound
@@ -91,13 +93,20 @@ class Inspection:
 
 
 def inspect_file(
-    composition: Composition, time: float | None = None, purposes: tuple[str, ...] = ("default", "render")
-) -> tuple[Inspection, Asset]:
+    composition: Composition,
+    time: float | None = None,
+    purposes: tuple[str, ...] = ("default", "render"),
+    *,
+    rig: bool = False,
+) -> tuple[Inspection, Asset] | tuple[InspectedRig, None]:
     """Read an asset and all materials that it binds; return the list, and the asset itself.
 
-    Raises AssetError or FaultsError where it cannot be rendered.
+    With `rig`, or where there are lights and no geometry, the list is that of the lights. Raises AssetError or
+    FaultsError where it cannot be rendered.
     """
     composed = compose(composition)
+    if rig or holds_only_lights(composed):
+        return inspect_rig(read_rig(composed, sampled=False)), None
     asset = read_usd(composed, time, purposes)
     paths = dict.fromkeys(slot.material for slot in asset.slots if slot.material)
     bound = read_bound(composed, paths)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.cache import take_notes
-from lookdev.errors import Fault, LookdevError
+from lookdev.errors import EnvironmentMapError, Fault, LookdevError
 from lookdev.job import Job, load_job
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.scenes import JobScenes, job_scenes
@@ -56,10 +56,10 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     """
     generated: Generated = {}
 
-    def show(job: Job, look: Look, light: Light) -> None:
+    def show(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # the setups report it
-                scene = Scene.of_look(_card(), look, light, job.render.resolution)
+                scene = replace(Scene.of_look(_card(), look, lights[0], job.render.resolution), lights=lights)
                 ahead(scene_task(scene, job.render.sampling, job.render.backend, job.render.device, generated))
 
     made = make_setups(job_scenes(job, show), generated)
@@ -89,12 +89,16 @@ def _card() -> Asset:
 def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
     """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
     job, faults = shown.job, list[Fault]()
-    ibls = {ibl.name: ibl for ibl in job.ibl}
+    rigs = {rig.name: rig for rig in job.rigs}
     setups = []
     for (look, name), scene in shown.scenes.items():
         with collected(job, shown.places[look], faults):
-            ibl, render = ibls[name], job.render
-            setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
-            setups.append(replace(setup, exposure=ibl.exposure, rotation=ibl.rotation))
+            rig, render = rigs[name], job.render
+            try:
+                setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
+            except EnvironmentMapError as error:
+                faults.append(Fault(str(job.file), job.place_of(name), str(error)))
+                continue
+            setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation))
     raise_all(faults)
     return JobSetups(job, tuple(setups), (*shown.notes, *take_notes()))

@@ -134,9 +134,9 @@ def _lacks_frames(job: Job) -> bool:
         frames = [
             file
             for name in names
-            for ibl in job.ibl
+            for rig in job.rigs
             for each in turns.turntables
-            for file in turns.files(name, ibl.name, each)
+            for file in turns.files(name, rig.name, each)
         ]
         if not frames or not all(file.exists() for file in frames):
             return True

@@ -24,7 +24,12 @@ class Purpose(StrEnum):
 
 @app.command(rich_help_panel="Assets")
 def inspect(
-    asset: Annotated[Path, typer.Argument(metavar="ASSET", help="A USD file with geometry.", show_default=False)],
+    asset: Annotated[
+        Path,
+        typer.Argument(
+            metavar="ASSET", help="A USD file with geometry or lights, or a built-in rig.", show_default=False
+        ),
+    ],
     prim: Annotated[
         str | None, typer.Option("--prim", metavar="PATH", help="Only what is under this prim.", show_default=False)
     ] = None,
@@ -44,22 +49,37 @@ def inspect(
         Path | None,
         typer.Option("--png", metavar="FILE", help="Render a picture with a colour for each part.", show_default=False),
     ] = None,
+    rig: Annotated[
+        bool, typer.Option("--rig", help="List the lights; default: where there is no geometry beside them.")
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """List what would be rendered of an asset: parts, materials and their translation, and what is not supported."""
+    """List what would be rendered of an asset: parts, materials and their translation, and what is not supported.
+
+    Of a rig, list its lights.
+    """
     from lookdev.batch.inspect import inspect_file
+    from lookdev.errors import LookdevError, close_hint
+    from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
     from lookdev.material.variants import parse_variants
     from lookdev.stage import Composition
 
+    if not asset.exists() and str(asset) in BUILTIN_RIGS:
+        asset = rig_file(str(asset))
+    elif not asset.exists() and (hint := close_hint(str(asset), BUILTIN_RIGS)):
+        raise LookdevError(f"{asset}: no such file or built-in rig ({hint})")
     # What is missing is listed beside the rest.
     composition = Composition(asset, layer, prim, tuple(parse_variants(variants or ()).items()), missing="warn")
     with nothing_printed():
-        found, shown = inspect_file(composition, time, tuple(purposes or (Purpose.default, Purpose.render)))
+        shown_purposes = tuple(purposes or (Purpose.default, Purpose.render))
+        found, shown = inspect_file(composition, time, shown_purposes, rig=rig)
+    if shown is None and (png is not None or time is not None or purposes):
+        raise LookdevError(f"{asset}: is a rig, for which --png, --time and --purpose have no meaning")
     if as_json:
         say_json(found.data())
     else:
         say(found.text())
-    if png is not None:
+    if png is not None and shown is not None:
         from lookdev.batch.portrait import write_portrait
 
         result = write_portrait(shown, png)

@@ -25,6 +25,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
 from lookdev.light import BUILTIN_LIGHTS
+from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.display import VIEWS
 from lookdev.render.backends import job_backends
 
@@ -68,6 +69,7 @@ def _devices() -> dict[str, None]:
 
 BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
 BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
+BuiltinRig = Annotated[str, _OneOf(lambda: BUILTIN_RIGS)]
 BackendName = Annotated[str, _OneOf(job_backends)]
 Device = Annotated[str, _OneOf(_devices)]
 View = Annotated[str, _OneOf(lambda: VIEWS)]
@@ -111,6 +113,7 @@ PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]
 Degrees = Annotated[float, Field(ge=-36000.0, le=36000.0)]
+Exposure = Annotated[float, Field(ge=-30.0, le=30.0)]
 TimeCode = Annotated[float, Field(ge=-1e9, le=1e9)]
 Channel = Annotated[float, Field(ge=0.0, le=1e6)]
 Pixels = Annotated[int, Field(ge=4, le=16384)]  # Blender renders nothing smaller

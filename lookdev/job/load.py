@@ -73,18 +73,21 @@ def _frozen(value: Any) -> Any:
 
 
 def _duplicate_names(data: dict[str, Any], file: str) -> Iterator[Fault]:
-    for key in LISTS:
-        tables = data.get(key)
-        seen: dict[str, int] = {}
-        for index, table in enumerate(tables if isinstance(tables, tuple) else ()):
-            name = table.get("name", table.get("kind")) if isinstance(table, dict) else None
-            if not isinstance(name, str):
-                continue
-            # Names become files: "Gold" and "gold" are one folder on many file systems.
-            first = seen.setdefault(name.casefold(), index)
-            if first != index:
-                what = f"'{name}' is already the name of {key}[{first}]"
-                yield Fault(file, f"{key}[{index}].name", what, "give each its own name")
+    for keys in LISTS:
+        seen: dict[str, str] = {}
+        for key in keys:
+            tables = data.get(key)
+            for index, table in enumerate(tables if isinstance(tables, tuple) else ()):
+                name = table.get("name", table.get("kind")) if isinstance(table, dict) else None
+                if not isinstance(name, str):
+                    continue
+                place = f"{key}[{index}]"
+                # Names become files: "Gold" and "gold" are one folder on many file systems.
+                first = seen.setdefault(name.casefold(), place)
+                if first != place:
+                    yield Fault(
+                        file, f"{place}.name", f"'{name}' is already the name of {first}", "give each its own name"
+                    )
 
 
 def _bound_to_a_builtin(data: dict[str, Any], file: str) -> Iterator[Fault]:

@@ -9,12 +9,13 @@ from pathlib import Path
 from lookdev.asset.usd_camera import UsdCamera, read_camera
 from lookdev.errors import Fault, FaultsError, shortened
 from lookdev.job.faults import collected, raise_all
+from lookdev.job.lights import job_lights
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
 from lookdev.job.schema import SEVERAL_JOBS, Job, excess_frames
 from lookdev.job.turned import Assets, Turned
 from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as, lost_notes
-from lookdev.light import Light, load_environment, prepare_light
+from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.material.usd import expand_variants
 from lookdev.material.usd.bound import read_any_look
@@ -22,13 +23,13 @@ from lookdev.material.variants import MOST_COMBINATIONS
 from lookdev.scene import Film, Scene
 from lookdev.stage import open_stage
 
-Ahead = Callable[[Job, Look, Light], None]
-"""Is called with a job, and a look and a light of it that are likely to be shown."""
+Ahead = Callable[[Job, Look, tuple[Light, ...]], None]
+"""Is called with a job, and a look and the lights of a rig of it that are likely to be shown."""
 
 
 @dataclass(frozen=True)
 class JobScenes:
-    """The scenes of a job, by look and light, look by look."""
+    """The scenes of a job, by look and rig, look by look."""
 
     job: Job  # each variant is a separate look
     scenes: Mapping[tuple[str, str], Scene]
@@ -36,11 +37,11 @@ class JobScenes:
     notes: tuple[str, ...]  # for the user, each once
 
 
-def job_scenes(job: Job, ahead: Ahead = lambda job, look, light: None) -> JobScenes:
+def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobScenes:
     """Read the files of a job; raises FaultsError with all faults of all files.
 
-    Lights and materials are read first: `ahead` is called with a look and a light before the asset is, unless there are
-    faults, or no look has a material of its own.
+    Lights and materials are read first: `ahead` is called with a look and a rig before the asset is, unless there are
+    faults, no look has a material of its own, or every rig waits for the size of the asset.
     """
     notes: list[str] = []
     faults: list[Fault] = []
@@ -48,13 +49,14 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, light: None) -> JobSce
     job, places = _every_variant(job, assets, faults)
     of_shaders: list[Fault] = []
     on_shaders: list[str] = []
-    lights = _lights(job, on_shaders, of_shaders)
+    rigs = job_lights(job, on_shaders, of_shaders)
     materials = {}
     for look in job.look:
         with collected(job, places[look.name], of_shaders):
             materials[look.name] = _materials(job, look, places[look.name], on_shaders, of_shaders)
-    if not (faults or of_shaders) and (own := [each[-1] for each in materials.values() if each]):
-        ahead(job, own[0], next(iter(lights.values())))
+    own, standing = [each[-1] for each in materials.values() if each], [each.lights for each in rigs if not each.fit]
+    if not (faults or of_shaders) and own and standing:
+        ahead(job, own[0], standing[0])
     turned = {}
     for look in job.look:
         with collected(job, f"{places[look.name]}.layer" if look.layer else "asset", faults):
@@ -74,12 +76,15 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, light: None) -> JobSce
         shot = _shot(job, next(iter(turned.values())))
     raise_all(faults)
     shown, cameras = rendered(job, dressed, shot, places, notes)
+    largest = max(shown.values(), key=lambda asset: asset.radius)
+    parts = {path for each in turned.values() for path in each.paths}
     film = Film(job.render.resolution)
-    scenes = {
-        (name, ibl): Scene(shown[name], each.wears, (light,), cameras[name], film)
-        for name, each in dressed.items()
-        for ibl, light in lights.items()
-    }
+    scenes = {}
+    for rig in rigs:
+        notes += rig.unlinked(parts)
+    for name, each in dressed.items():
+        for rig in rigs:
+            scenes[name, rig.name] = Scene(shown[name], each.wears, rig.around(largest), cameras[name], film)
     return JobScenes(job, scenes, places, tuple(dict.fromkeys(map(shortened, notes))))
 
 
@@ -111,18 +116,6 @@ def _named(
         yield "_".join([name, *(chosen[each] for each in every)]), chosen
 
 
-def _lights(job: Job, notes: list[str], faults: list[Fault]) -> dict[str, Light]:
-    lights: dict[str, Light] = {}
-    for index, ibl in enumerate(job.ibl):
-        with collected(job, f"ibl[{index}]", faults):
-            environment = load_environment(ibl.file, ibl.builtin)
-            environment.check_exposed(ibl.exposure)
-            if environment.repairs:
-                notes.append(f"ibl '{ibl.name}': {environment.repairs}")
-            lights[ibl.name] = prepare_light(environment)
-    return lights
-
-
 def _every_variant(job: Job, assets: Assets, faults: list[Fault]) -> tuple[Job, dict[str, str]]:
     """Return the job with a look for each variant, and the key in the job file of each look."""
     looks: list[JobLook] = []
@@ -142,7 +135,7 @@ def _every_variant(job: Job, assets: Assets, faults: list[Fault]) -> tuple[Job, 
         what = f"'*' stands for variants that make {len(looks)} looks, at most {MOST_COMBINATIONS} would be right"
         faults.append(Fault(str(job.file), "look", what, "name a variant of some of the sets"))
         raise_all(faults)
-    if excess := excess_frames(len(looks), len(job.ibl), job.turntable):
+    if excess := excess_frames(len(looks), len(job.rigs), job.turntable):
         raise FaultsError([*faults, Fault(str(job.file), "turntable", excess, SEVERAL_JOBS)])
     return job.model_copy(update={"look": tuple(looks)}), places
 

@@ -12,14 +12,16 @@ from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, create_model, field_validator
+from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, create_model, field_validator
 
 from lookdev.job.keys import (
     BackendName,
     Background,
     BuiltinIbl,
+    BuiltinRig,
     Degrees,
     Device,
+    Exposure,
     IblFile,
     JobPath,
     Name,
@@ -45,6 +47,10 @@ MOST_FRAMES = 250_000
 """Files of frames of a job: planning so many takes 1.1 GB and half a minute, or 1.6 GB if all are of other scenes."""
 
 
+_EXPOSURE = "Exposure in stops: radiance is multiplied by 2^exposure."
+_ROTATION = "Degrees about the up axis, added to the lighting angle of every pose."
+
+
 class JobIbl(Table):
     """One image-based light: a lat-long file or a built-in environment."""
 
@@ -53,12 +59,24 @@ class JobIbl(Table):
     builtin: Annotated[BuiltinIbl | None, instead_of("file")] = Field(
         default=None, validate_default=True, description="A built-in environment, instead of a file."
     )
-    exposure: Annotated[float, Field(ge=-30.0, le=30.0)] = Field(
-        default=0.0, description="Exposure in stops: radiance is multiplied by 2^exposure."
+    exposure: Exposure = Field(default=0.0, description=_EXPOSURE)
+    rotation: Degrees = Field(default=0.0, description=_ROTATION)
+
+
+class JobRig(Table):
+    """One rig: the lights of a USD file, or a built-in rig."""
+
+    name: Name = Field(description="The rig's name, unique among rigs and lights; it becomes a folder of the output.")
+    usd: UsdFile | None = Field(default=None, description="A USD file (.usd, .usda, .usdc, .usdz) with lights.")
+    builtin: Annotated[BuiltinRig | None, instead_of("usd")] = Field(
+        default=None, validate_default=True, description="A built-in rig, instead of a file."
     )
-    rotation: Degrees = Field(
-        default=0.0, description="Degrees about the up axis, added to the lighting angle of every pose."
+    prim: PrimPath | None = Field(
+        default=None,
+        description="Only the lights at and below this prim; default: the file's default prim, else all.",
     )
+    exposure: Exposure = Field(default=0.0, description=_EXPOSURE)
+    rotation: Degrees = Field(default=0.0, description=_ROTATION)
 
 
 class JobTurntable(Table):
@@ -257,12 +275,17 @@ else:
 class Job(Table):
     """A look-dev job: every look under every light, through every turntable."""
 
+    model_config = ConfigDict(json_schema_extra={"anyOf": [{"required": [key]} for key in ("ibl", "rig")]})
+
     output: Annotated[JobPath, AfterValidator(folder)] = Field(
-        description="The output folder; frames are <look>/<ibl>/<turntable>.####.exr in it."
+        description="The output folder; frames are <look>/<ibl or rig>/<turntable>.####.exr in it."
     )
     asset: JobAsset = Field(description="What is turned.")
     look: tuple[JobLook, ...] = Field(min_length=1, description="The looks.")
-    ibl: tuple[JobIbl, ...] = Field(min_length=1, description="The image-based lights.")
+    ibl: tuple[JobIbl, ...] = Field(default=(), description="The image-based lights.")
+    rig: tuple[JobRig, ...] = Field(
+        default=(), validate_default=True, description="The rigs; a job has at least one of them, or of 'ibl'."
+    )
     turntable: tuple[JobTurntable, ...] = Field(min_length=1, description="The turntables.")
     camera: JobCamera = Field(default_factory=JobCamera, description="The camera.")
     render: JobRender = Field(default_factory=JobRender, description="Resolution, samples, device, background.")
@@ -270,11 +293,18 @@ class Job(Table):
 
     _file: Path = PrivateAttr()
 
+    @field_validator("rig")
+    @classmethod
+    def _lit(cls, value: tuple[JobRig, ...], info: ValidationInfo) -> tuple[JobRig, ...]:
+        if not value and not info.data.get("ibl", ...):
+            raise wrong("the job has no light", "write [[ibl]] or [[rig]]")
+        return value
+
     @field_validator("turntable")
     @classmethod
     def _number_of_frames(cls, value: tuple[JobTurntable, ...], info: ValidationInfo) -> tuple[JobTurntable, ...]:
-        looks, ibls = (len(info.data.get(key, ())) for key in ("look", "ibl"))
-        if excess := excess_frames(looks, ibls, value):
+        looks, ibls, rigs = (len(info.data.get(key, ())) for key in ("look", "ibl", "rig"))
+        if excess := excess_frames(looks, ibls + rigs, value):
             raise wrong(excess, SEVERAL_JOBS)
         return value
 
@@ -291,6 +321,16 @@ class Job(Table):
         self._file = context["file"]
 
     @property
+    def rigs(self) -> tuple[JobIbl | JobRig, ...]:
+        """All that lights the looks, image-based lights first."""
+        return (*self.ibl, *self.rig)
+
+    def place_of(self, rig: str) -> str:
+        """Return the key in the job file of one of `rigs`, by its name."""
+        keys = [f"ibl[{i}]" for i in range(len(self.ibl))] + [f"rig[{i}]" for i in range(len(self.rig))]
+        return keys[[each.name for each in self.rigs].index(rig)]
+
+    @property
     def file(self) -> Path:
         """The job file, absolute; every path in the job is resolved against its folder."""
         return self._file
@@ -299,15 +339,15 @@ class Job(Table):
 SEVERAL_JOBS = "write several jobs"
 
 
-def excess_frames(looks: int, ibls: int, turntables: Iterable[JobTurntable]) -> str:
+def excess_frames(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> str:
     """Return what is wrong with the number of frames of so many looks and lights; '' where it is at most the limit."""
     frames = sum(each.frames for each in turntables)
-    count = looks * ibls * frames
+    count = looks * rigs * frames
     if count <= MOST_FRAMES:
         return ""
-    made = f"{looks} looks under {ibls} lights in turntables of {frames} frames"
+    made = f"{looks} looks under {rigs} lights in turntables of {frames} frames"
     return f"{made} make {count} frames; at most {MOST_FRAMES} would be right"
 
 
-LISTS: tuple[str, ...] = ("look", "ibl", "turntable")
-"""The keys of `Job` that are lists of named tables."""
+LISTS: tuple[tuple[str, ...], ...] = (("look",), ("ibl", "rig"), ("turntable",))
+"""The keys of `Job` that are lists of named tables; names are unique among those of keys that stand together."""

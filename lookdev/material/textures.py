@@ -22,8 +22,8 @@ from lookdev.brdf import Array
 from lookdev.cache import Content, derived, file_digest
 from lookdev.errors import OutputError, TextureError
 from lookdev.images import check_file, open_image, strips, whole_image
-from lookdev.material.colorspaces import to_linear_rec709
 from lookdev.material.look import Bump, Texture, Wrap
+from lookdev.stage.colorspaces import to_linear_rec709
 
 UDIM = "<UDIM>"
 """The place of a tile's number in the name of a set."""

@@ -81,3 +81,16 @@ def test_a_file_that_is_not_there(run_cli: Command) -> None:
     code, _, errors = run_cli("inspect", "nowhere.usda")
     assert code == 2
     assert "nowhere.usda: no such file" in errors
+
+
+def test_a_rig_is_listed_by_its_name_or_file(run_cli: Command, tmp_path: Path) -> None:
+    code, shown, errors = run_cli("inspect", "three_point", "--json")
+    assert (code, errors) == (0, "")
+    assert [light["kind"] for light in json.loads(shown)["lights"]] == ["rect"] * 3
+    lamp = tmp_path / "lamp.usda"
+    lamp.write_text('#usda 1.0\ndef SphereLight "Lamp" {}\n', encoding="utf-8")
+    assert "/Lamp  sphere  radius 0.005  at (0, 0, 0)" in run_cli("inspect", str(lamp))[1]
+    code, shown, errors = run_cli("inspect", str(lamp), "--time", "3")
+    assert (code, shown) == (2, "")
+    assert "is a rig, for which --png, --time and --purpose have no meaning" in errors
+    assert "no such file or built-in rig (did you mean 'three_point'?)" in run_cli("inspect", "tree_point")[2]

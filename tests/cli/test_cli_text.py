@@ -46,7 +46,7 @@ def test_a_document_has_no_numbers_that_json_lacks(capsys: pytest.CaptureFixture
 
 
 def test_what_a_library_prints_is_not_in_the_document(provide: Provide, capfd: pytest.CaptureFixture[str]) -> None:
-    def inspect_file(*given: object) -> tuple[SimpleNamespace, None]:
+    def inspect_file(*given: object, **options: object) -> tuple[SimpleNamespace, None]:
         os.write(1, b"a warning of a library\n")
         return SimpleNamespace(data=lambda: {"parts": []}), None
 

@@ -48,7 +48,7 @@ def tiny(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
         (r"(?m)^resolution = .*$", "resolution = [24, 16]", 1),
         (r"(?m)^samples = .*$", "samples = 4", 1),
         (r"(?m)^frames = .*$", "frames = 1", 1),
-        (r"(?ms)^\[\[look\]\].*?(?=^\[\[ibl\]\])", lambda looks: some_looks(given, looks[0]), 1),
+        (r"(?ms)^\[\[look\]\].*?(?=^\[\[(?:ibl|rig)\]\])", lambda looks: some_looks(given, looks[0]), 1),
     ):
         text, count = re.subn(pattern, replacement, text)
         assert count >= least, f"{path}: {pattern}"

@@ -11,6 +11,7 @@ from pydantic import BaseModel
 from lookdev.asset import BUILTINS
 from lookdev.job import Job, json_schema
 from lookdev.light import BUILTIN_LIGHTS
+from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.display import VIEWS
 from lookdev.render.backends import job_backends
 
@@ -27,7 +28,8 @@ def test_every_table_and_key_is_described_and_closed(table: str) -> None:
 
 
 def test_required_keys_are_those_without_a_default() -> None:
-    assert set(SCHEMA["required"]) == {"output", "asset", "look", "ibl", "turntable"}
+    assert set(SCHEMA["required"]) == {"output", "asset", "look", "turntable"}
+    assert SCHEMA["anyOf"] == [{"required": ["ibl"]}, {"required": ["rig"]}]
     assert set(TABLES["JobTurntable"]["required"]) == {"kind", "frames"}
 
 
@@ -42,6 +44,7 @@ def test_constraints_are_exported() -> None:
     [
         ("JobAsset", "builtin", BUILTINS),
         ("JobIbl", "builtin", BUILTIN_LIGHTS),
+        ("JobRig", "builtin", BUILTIN_RIGS),
         ("JobRender", "backend", job_backends()),
         ("JobOutputs", "view", VIEWS),
     ],

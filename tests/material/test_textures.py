@@ -11,7 +11,6 @@ import OpenImageIO as oiio
 import pytest
 
 from lookdev.errors import TextureError
-from lookdev.material.colorspaces import srgb_to_linear
 from lookdev.material.look import Texture
 from lookdev.material.textures import (
     image_header,
@@ -20,6 +19,7 @@ from lookdev.material.textures import (
     sample_texture,
     slope_texture,
 )
+from lookdev.stage.colorspaces import srgb_to_linear
 
 
 @pytest.fixture(autouse=True)

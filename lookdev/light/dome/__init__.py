@@ -16,7 +16,7 @@ from __future__ import annotations
 import hashlib
 import io
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar
 
@@ -100,7 +100,7 @@ class Dome:
         return self.radiance_file
 
     def _check_plain(self, what: str) -> None:
-        if self.axes != WORLD_AXES or self.emission != WHITE:
+        if self.axes != WORLD_AXES or replace(self.emission, group="") != WHITE:
             raise EnvironmentMapError(f"{what} cannot show a dome light with axes or an emission of its own yet")
 
     def code(self, *, sampled: bool) -> LightCode:

@@ -93,10 +93,10 @@ def load_environment(file: Path | None = None, builtin: str | None = None) -> En
         The file is missing, no EXR or HDR image, or has no finite value; the name is unknown; bpy is not installed.
     """
     if file is not None and builtin is None:
-        return make_environment(file.stem, _read(file), str(file))
+        return make_environment(file.stem, read_pixels(file), str(file))
     if file is None and builtin is not None:
         white = builtin == "white"
-        pixels = np.ones((32, 64, 3), np.float32) if white else _read(_builtin_file(builtin))
+        pixels = np.ones((32, 64, 3), np.float32) if white else read_pixels(_builtin_file(builtin))
         return make_environment(builtin, pixels)
     raise EnvironmentMapError("an environment map is given either by file or by built-in name, not both or none")
 
@@ -113,7 +113,7 @@ def _builtin_file(name: str) -> Path:
     raise EnvironmentMapError(f"built-in light '{name}' comes with Blender's bpy wheel: {where}")
 
 
-def _read(file: Path) -> Floats:
+def read_pixels(file: Path) -> Floats:
     """Read R, G, B (or Y alone, a grey map) from the first part that has them."""
     kinds = {".exr": "openexr", ".hdr": "hdr"}
     if file.suffix.lower() not in kinds:

@@ -10,9 +10,9 @@ from typing import Any, Literal
 import MaterialX as mx
 
 from lookdev.brdf import Parameter
-from lookdev.material.colorspaces import srgb_to_linear
 from lookdev.material.look import Channel, Color, Primvar, Wrap
 from lookdev.material.materialx.network import Network, Source
+from lookdev.stage.colorspaces import srgb_to_linear
 
 Colorspace = Literal["sRGB", "raw"]
 Pair = tuple[float, float]

@@ -13,10 +13,10 @@ from typing import TypeAlias
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.errors import Fault, nearest_hint
-from lookdev.material.colorspaces import colorspace_named, to_linear_rec709
 from lookdev.material.look import Color
 from lookdev.material.usd.network import Network, Source, shader_id
 from lookdev.material.usd.terms import Term, Terms, Unread, constant, passed
+from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
 
 Plain: TypeAlias = "tuple[float, ...] | str | Sdf.AssetPath"
 """The value of an attribute: numbers, text or a file."""
@@ -248,15 +248,3 @@ def category(shader: UsdShade.Shader) -> str:
     while len(words) > 1 and (words[-1].isdigit() or words[-1].startswith(_TYPES)):
         words.pop()
     return "_".join(words)
-
-
-def colorspace_of(attribute: Usd.Attribute) -> str:
-    """Return the name of the colour space of an attribute: its own, else that of the nearest prim that has one."""
-    if attribute.HasColorSpace():
-        return str(attribute.GetColorSpace())
-    prim = attribute.GetPrim()
-    while prim and not prim.IsPseudoRoot():
-        if prim.HasAPI(Usd.ColorSpaceAPI) and (name := Usd.ColorSpaceAPI(prim).GetColorSpaceNameAttr().Get()):
-            return str(name)
-        prim = prim.GetParent()
-    return ""

@@ -19,8 +19,9 @@ from lookdev.errors import Fault, TextureError
 from lookdev.material.look import Channel, Coordinates, Primvar, Texture, Transform, Wrap
 from lookdev.material.textures import image_header, resolved, udim_tiles
 from lookdev.material.usd.images import image_path
-from lookdev.material.usd.reader import Node, colorspace_of
+from lookdev.material.usd.reader import Node
 from lookdev.material.usd.terms import Term, Unread, constant, passed
+from lookdev.stage.colorspaces import colorspace_of
 
 _Wrap = Wrap | Literal["useMetadata"]
 

@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pxr import Gf
+from pxr import Gf, Usd
 
 _LINEAR = "lin_rec709_scene"
 # MaterialX's names, and those of no colour space; the values are names of ours or of USD's (Gf.ColorSpaceNames).
@@ -40,6 +40,18 @@ def colorspace_named(name: str) -> str | None:
     """Return the name for `Texture.colorspace`: ``"raw"``, ``"sRGB"`` or one of USD's; None for an unknown space."""
     known = _NAMES.get(name, name)
     return known if known in ("raw", "sRGB") or Gf.ColorSpace.IsValid(known) else None
+
+
+def colorspace_of(attribute: Usd.Attribute) -> str:
+    """Return the name of the colour space of an attribute: its own, else that of the nearest prim that has one."""
+    if attribute.HasColorSpace():
+        return str(attribute.GetColorSpace())
+    prim = attribute.GetPrim()
+    while prim and not prim.IsPseudoRoot():
+        if prim.HasAPI(Usd.ColorSpaceAPI) and (name := Usd.ColorSpaceAPI(prim).GetColorSpaceNameAttr().Get()):
+            return str(name)
+        prim = prim.GetParent()
+    return ""
 
 
 def to_linear_rec709(color: ArrayLike, space: str) -> NDArray[np.float64]:

@@ -9,9 +9,9 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from lookdev.material.colorspaces import colorspace_named, to_linear_rec709
 from lookdev.material.look import Texture
 from lookdev.material.textures import image_header, sample_texture
+from lookdev.stage.colorspaces import colorspace_named, to_linear_rec709
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,206 @@
+"""What a rig is made of: the part of `lookdev inspect` that lists lights."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Dome, Emission, Light, LocalDome, RectLight
+from lookdev.light.link import Link
+from lookdev.light.placement import Vector, vector
+from lookdev.light.rig import Rig, RigLight
+
+
+@dataclass(frozen=True)
+class InspectedLight:
+    """A light: what it is, where, and what it sends.
+
+    `position` is None where it is infinitely far; `shines` is along its axis, None where it sends to all sides.
+    `sizes` are by the names of the lights' fields. `value` is its radiance in nits, or, if `unit` is ``"lux"``, its
+    irradiance at right angles; linear Rec.709, with the mean of its image, without its shaping. Links are the rules of
+    `lookdev.light.link.Link`.
+    """
+
+    path: str
+    kind: str
+    position: Vector | None
+    shines: Vector | None
+    sizes: dict[str, float]
+    value: Vector
+    unit: str
+    image: str
+    group: str
+    turns: bool
+    camera: bool
+    diffuse: float
+    specular: float
+    shaping: tuple[str, ...]
+    shadow: tuple[str, ...]
+    falloff: tuple[str, ...]
+    light_link: tuple[tuple[str, str], ...]
+    shadow_link: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class InspectedRig:
+    """A rig and its lights; lengths in metres, or of a rig that fits its asset in radii of its bounding sphere."""
+
+    file: str
+    fit: bool
+    lights: tuple[InspectedLight, ...]
+    notes: tuple[str, ...]
+
+    def data(self) -> dict[str, Any]:
+        """Return all of it for JSON."""
+        return asdict(self)
+
+    def text(self) -> str:
+        """Return a line a light, with what is not the default below it, then the notes."""
+        unit = "in radii of the asset's bounding sphere, about its centre" if self.fit else "in metres, z up"
+        count = f"{len(self.lights)} light{'s' * (len(self.lights) != 1)}"
+        lines = [f"{self.file}: a rig of {count}, {unit}", ""]
+        rows = [_row(light) for light in self.lights]
+        widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+        for light, row in zip(self.lights, rows, strict=True):
+            cells = (f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True) if width)
+            lines.append("  ".join(cells).rstrip())
+            lines += (f"    {line}" for line in _more(light))
+        if self.notes:
+            lines += ["", "notes", *(f"  {note}" for note in self.notes)]
+        return "\n".join(lines)
+
+
+def inspect_rig(rig: Rig) -> InspectedRig:
+    """List the lights of a rig."""
+    return InspectedRig(rig.file, rig.fit, tuple(map(_light, rig.given)), rig.notes)
+
+
+def _light(given: RigLight) -> InspectedLight:
+    light, emission = given.light, given.light.emission
+    value = np.array(emission.color) * np.array(given.mean)
+    far = isinstance(light, DistantLight)
+    if isinstance(light, DistantLight):
+        # The irradiance of a cone, pi sin^2 of half its angle, or of parallel light.
+        half = np.radians(min(light.angle, 180.0)) / 2.0
+        value = value * (np.pi * np.sin(half) ** 2 if light.angle else 1.0)
+    r, g, b = value.tolist()
+    # What sends to all sides has an axis only by its shaping.
+    one_sided = isinstance(light, RectLight | DiskLight | DistantLight) or emission.shaping is not None
+    return InspectedLight(
+        path=given.path,
+        kind=light.kind,
+        position=None if far or isinstance(light, Dome) else light.position,  # type: ignore[attr-defined]
+        shines=vector(0.0 - np.array(light.axes[2])) if one_sided else None,  # type: ignore[attr-defined]
+        sizes=_sizes(light),
+        value=(r, g, b),
+        unit="lux" if far else "nits",
+        image=given.image,
+        group=emission.group,
+        turns=emission.turns,
+        camera=emission.camera,
+        diffuse=emission.diffuse,
+        specular=emission.specular,
+        shaping=_shaping(emission),
+        shadow=_shadow(emission),
+        falloff=_falloff(emission),
+        light_link=_rules(emission.light_link),
+        shadow_link=_rules(emission.shadow_link),
+    )
+
+
+def _sizes(light: Light) -> dict[str, float]:
+    match light:
+        case RectLight(width=width, height=height):
+            return {"width": width, "height": height}
+        case DiskLight(radii=(x, y)):
+            return {"radius x": x, "radius y": y} if x != y else {"radius": x}
+        case CylinderLight(length=length, radius=radius):
+            return {"length": length, "radius": radius}
+        case LocalDome(radius=radius, edge=edge):
+            return {"radius": radius, "edge": edge}
+        case DistantLight(angle=angle):
+            return {"angle": angle}
+        case Dome():
+            return {}
+    return {"radius": light.radius}  # type: ignore[attr-defined]
+
+
+def _shaping(emission: Emission) -> tuple[str, ...]:
+    shaping = emission.shaping
+    if shaping is None:
+        return ()
+    said = [f"cone {shaping.cone_angle:g} degrees, softness {shaping.cone_softness:g}"]
+    if shaping.focus > 0.0:
+        said.append(f"focus {shaping.focus:g}, tint {_triple(shaping.focus_tint)}")
+    if shaping.profile:
+        said.append(f"IES profile, angle scale {shaping.profile.angle_scale:g}")
+    return tuple(said)
+
+
+def _shadow(emission: Emission) -> tuple[str, ...]:
+    shadow = emission.shadow
+    said = [] if shadow.enable else ["none"]
+    if any(shadow.color):
+        said.append(f"colour {_triple(shadow.color)}")
+    if shadow.distance >= 0.0:
+        falloff = f", falloff {shadow.falloff:.4g}, gamma {shadow.falloff_gamma:g}" if shadow.falloff > 0.0 else ""
+        said.append(f"up to {shadow.distance:.4g}{falloff}")
+    return tuple(said)
+
+
+def _falloff(emission: Emission) -> tuple[str, ...]:
+    falloff = emission.falloff
+    if falloff is None:
+        return ()
+    said = [f"exponent {falloff.exponent:g}"]
+    if falloff.virtual_distance:
+        said.append(f"virtual distance {falloff.virtual_distance:.4g}")
+    if falloff.end is not None:
+        said.append(f"fades from {falloff.start:.4g} to {falloff.end:.4g}")
+    return tuple(said)
+
+
+def _rules(link: Link | None) -> tuple[tuple[str, str], ...]:
+    return link.rules if link else ()
+
+
+def _row(light: InspectedLight) -> tuple[str, ...]:
+    sizes = " x ".join(f"{light.sizes[name]:.4g}" for name in ("width", "height") if name in light.sizes)
+    sizes = sizes or ", ".join(f"{name} {size:.4g}" for name, size in light.sizes.items())
+    place = "" if light.position is None else f"at {_triple(light.position)}"
+    shines = "" if light.shines is None else f"towards {_triple(light.shines)}"
+    return (
+        light.path,
+        light.kind.replace("_", " "),
+        sizes,
+        place,
+        shines,
+        f"{_triple(light.value)} {light.unit}",
+        f"group {light.group}" if light.group != light.path.rpartition("/")[2] else "",
+        "" if light.turns else "does not turn",
+    )
+
+
+def _more(light: InspectedLight) -> Iterator[str]:
+    if light.image:
+        yield f"image {light.image}"
+    for name in ("shaping", "shadow", "falloff"):
+        if said := getattr(light, name):
+            yield f"{name}: {'; '.join(said)}"
+    for name in ("diffuse", "specular"):
+        if (factor := getattr(light, name)) != 1.0:
+            yield f"{name} times {factor:g}"
+    for name, rules in (("shines on", light.light_link), ("shadows of", light.shadow_link)):
+        if rules:
+            yield f"{name}: {', '.join(f'{path} ({rule})' for path, rule in rules)}"
+    if light.camera:
+        yield "seen by the camera"
+
+
+def _triple(values: Vector) -> str:
+    # What is left of a sum that is 0 is shown as 0.
+    least = 1e-9 * max(map(abs, values))
+    return f"({', '.join(f'{value if abs(value) > least else 0.0:.4g}' for value in values)})"

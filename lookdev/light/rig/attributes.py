@@ -1,0 +1,190 @@
+"""Values of the attributes of a light: of the type and the range that is asked for, else a fault names the attribute.
+
+Values are those at the time of the rig, an animated one is noted. Names that are not known are faults, because a
+misspelt attribute has no effect that a picture would show as wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from pxr import Ar, Gf, Sdf, Usd, UsdLux
+
+from lookdev.errors import close_hint, nearest_hint
+from lookdev.light.emission import Color
+from lookdev.light.rig.report import Report
+from lookdev.stage import shown
+from lookdev.stage.colorspaces import colorspace_named, colorspace_of, to_linear_rec709
+from lookdev.stage.packages import unpacked
+
+SHAPING, SHADOW = "ShapingAPI", "ShadowAPI"
+
+OURS: Mapping[str, str] = {
+    "turns": "bool",
+    "camera": "bool",
+    "lightGroup": "token",
+    "falloff:virtualDistance": "float",
+    "falloff:exponent": "float",
+    "falloff:start": "float",
+    "falloff:end": "float",
+    "local:radius": "float",
+    "local:edge": "float",
+}
+"""The attributes of lights that are not UsdLux's, below ``lookdev:``, and their types."""
+
+_VECTORS = (Gf.Vec3f, Gf.Vec3d, Gf.Vec3h)
+
+
+@cache
+def schema_names(schema: str) -> tuple[str, ...]:
+    """Return the attributes of an applied schema."""
+    return tuple(Usd.SchemaRegistry().FindAppliedAPIPrimDefinition(schema).GetPropertyNames())
+
+
+class LightPrim:
+    """Reads the attributes of a light at a time."""
+
+    def __init__(self, prim: Usd.Prim, time: Usd.TimeCode, report: Report) -> None:
+        self.prim = prim
+        self.path = prim.GetPath()
+        self._time = time
+        self._report = report
+
+    @property
+    def is_dome(self) -> bool:
+        """Whether it is a dome light of either version."""
+        return bool(self.prim.IsA(UsdLux.DomeLight) or self.prim.IsA(UsdLux.DomeLight_1))
+
+    def has(self, name: str) -> bool:
+        """Return whether an attribute has a value, be it the default of its schema."""
+        attribute = self.prim.GetAttribute(name)
+        return bool(attribute) and attribute.HasValue()
+
+    def fault(self, name: str, what: str, hint: str = "") -> None:
+        """Add a fault of an attribute."""
+        self._report.fault(self.path.AppendProperty(name), what, hint)
+
+    def note(self, name: str, what: str) -> None:
+        """Add a note on an attribute, or on the light if the name is empty."""
+        self._report.note(self.path.AppendProperty(name) if name else self.path, what)
+
+    def number(self, name: str, *, least: float = -math.inf, above: float = -math.inf, default: float = 0.0) -> float:
+        """Return a finite number, at least `least` and more than `above`; where it is not, a fault, and `default`."""
+        value = self._value(name, (float, int), "float")
+        if value is None:
+            return default
+        if math.isfinite(value) and value >= least and value > above:
+            return float(value)
+        right = f"above {above:g}" if above > -math.inf else f"of at least {least:g}" if least > -math.inf else ""
+        self.fault(name, f"is {value:g}", f"a finite number{' ' * bool(right)}{right} would be right")
+        return default
+
+    def flag(self, name: str, default: bool = False) -> bool:
+        """Return a bool."""
+        value = self._value(name, (bool,), "bool")
+        return default if value is None else bool(value)
+
+    def text(self, name: str, default: str = "", known: Sequence[str] = ()) -> str:
+        """Return a token or a string, one of `known` if there are any."""
+        value = self._value(name, (str,), "token")
+        if value is None:
+            return default
+        if known and value not in known:
+            self.fault(name, f"is {shown(value)}", nearest_hint(value, known))
+            return default
+        return str(value)
+
+    def color(self, name: str) -> Color:
+        """Return a colour in linear Rec.709, from the colour space of the attribute."""
+        value = self._value(name, _VECTORS, "color3f")
+        if value is None:
+            return 1.0, 1.0, 1.0
+        given = [float(channel) for channel in value]
+        if not all(math.isfinite(channel) and channel >= 0.0 for channel in given):
+            stated = ", ".join(f"{channel:g}" for channel in given)
+            self.fault(name, f"is ({stated})", "finite channels, none negative, would be right")
+            return 1.0, 1.0, 1.0
+        space = self.space(name)
+        r, g, b = to_linear_rec709(given, space or "raw").tolist()
+        if min(r, g, b) < 0.0:
+            self.note(name, f"lies outside of Rec.709 by {-min(r, g, b):.2g}, which is left out")
+        return max(r, 0.0), max(g, 0.0), max(b, 0.0)
+
+    def space(self, name: str) -> str:
+        """Return the colour space of an attribute as `to_linear_rec709` has it; "" where none is stated."""
+        given = colorspace_of(self.prim.GetAttribute(name))
+        if not given:
+            return ""
+        known = colorspace_named(given)
+        if known is None:
+            self.fault(
+                name, f"is of the colour space {shown(given)}, which is not known", "'lin_rec709' would be right"
+            )
+        return known or ""
+
+    def file(self, name: str) -> Path | None:
+        """Return the file that an attribute names; None where it names none, or, with a fault, none that is there."""
+        asset = self._value(name, (Sdf.AssetPath,), "asset")
+        if asset is None or not asset.path:
+            return None
+        if not asset.resolvedPath:
+            self.fault(name, f"there is no file {shown(asset.path)}", "paths are relative to the layer that names them")
+            return None
+        with self._report.collected(self.path.AppendProperty(name)):
+            if Ar.IsPackageRelativePath(asset.resolvedPath):
+                return unpacked([asset.resolvedPath])
+        return Path(asset.resolvedPath)
+
+    def check_names(self, ours: Sequence[str]) -> None:
+        """Add a fault for each attribute that a light does not have; `ours` are its own below ``lookdev:``."""
+        own = set(self.prim.GetPrimDefinition().GetPropertyNames())
+        applied = {name: schema for schema in (SHAPING, SHADOW) for name in schema_names(schema)}
+        inputs = [name.removeprefix("inputs:") for name in (*own, *applied) if name.startswith("inputs:")]
+        for attribute in self.prim.GetAuthoredAttributes():
+            name = attribute.GetName()
+            space, _, rest = name.partition(":")
+            if name in own:
+                continue
+            if space == "lookdev":
+                if rest not in ours:
+                    self.fault(name, f"a {self.prim.GetTypeName()} has no such attribute", nearest_hint(rest, ours))
+            elif name in applied:
+                schema = applied[name]
+                hint = f'prepend apiSchemas = ["{schema}"] would be right'
+                self.fault(name, f"has no effect: {schema} is not applied to the light", hint)
+            elif space == "inputs":
+                known = {each.partition(":")[0] for each in inputs}
+                first, nested, _ = rest.partition(":")
+                if nested and not close_hint(first, sorted(known)):
+                    self.note(name, "is of another renderer, and has no effect")
+                else:
+                    what = f"a {self.prim.GetTypeName()} has no such input"
+                    self.fault(name, what, nearest_hint(rest, sorted(inputs)))
+            elif name in inputs and not self.prim.GetAttribute(f"inputs:{name}").HasAuthoredValue():
+                self.fault(name, "is of UsdLux before 21.02, and has no effect", f"'inputs:{name}' would be right")
+
+    def _value(self, name: str, types: tuple[type, ...], needed: str) -> Any:
+        """Return the value of an attribute; None where it has none, or, with a fault, none of these types."""
+        attribute = self.prim.GetAttribute(name)
+        if not attribute:
+            return None
+        if attribute.HasAuthoredConnections():
+            source = attribute.GetConnections()
+            self.fault(name, f"is connected to {', '.join(map(str, source))}", "a value of its own would be right")
+            return None
+        if attribute.ValueMightBeTimeVarying():
+            self.note(name, f"is animated, and taken at {stated_time(self._time)}")
+        value = attribute.Get(self._time)
+        if value is None or (isinstance(value, types) and isinstance(value, bool) == (bool in types)):
+            return value
+        self.fault(name, f"has a value of type {type(value).__name__}", f"{needed} would be right")
+        return None
+
+
+def stated_time(time: Usd.TimeCode) -> str:
+    """Return a time for a note."""
+    return "its first sample" if time.IsEarliestTime() else f"time {time.GetValue():g}"

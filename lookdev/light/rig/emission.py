@@ -1,0 +1,122 @@
+"""The emission of a light: `UsdLuxLightAPI`, `UsdLuxShapingAPI`, `UsdLuxShadowAPI`, links, and ``lookdev:falloff``."""
+
+from __future__ import annotations
+
+from pxr import Usd, UsdLux
+
+from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
+from lookdev.light.ies import load_profile
+from lookdev.light.link import Link
+from lookdev.light.rig.attributes import SHAPING, LightPrim, schema_names
+from lookdev.light.rig.report import Report
+from lookdev.stage import usd_words
+
+# inputs:colorTemperature: "The valid range is from 1000 to 10000", to which UsdLux's function clamps.
+_COLDEST, _HOTTEST = 1000.0, 10000.0
+_FALLOFF = ("virtualDistance", "exponent", "start", "end")
+
+
+def read_emission(light: LightPrim, size: float, unit: float, report: Report) -> Emission:
+    """Return what a light sends out.
+
+    `size` is what UsdLux divides by where the power is normalized, `unit` is that of distances in metres. Raises
+    EnvironmentMapError where values contradict each other.
+    """
+    color = light.color("inputs:color")
+    scale = {"intensity": light.number("inputs:intensity", least=0.0), "exposure": light.number("inputs:exposure")}
+    temperature = _temperature(light) if light.flag("inputs:enableColorTemperature") else (1.0, 1.0, 1.0)
+    normalized = size if light.flag("inputs:normalize") else 1.0
+    return Emission(
+        emitted_color(color, **scale, temperature=temperature, size=normalized),
+        diffuse=light.number("inputs:diffuse", least=0.0),
+        specular=light.number("inputs:specular", least=0.0),
+        shaping=_shaping(light, report) if _is_shaped(light) else None,
+        shadow=_shadow(light, unit) if light.prim.HasAPI(UsdLux.ShadowAPI) else Shadow(),
+        falloff=_falloff(light, unit) if any(light.has(f"lookdev:falloff:{each}") for each in _FALLOFF) else None,
+        turns=light.flag("lookdev:turns", default=True),
+        camera=light.flag("lookdev:camera"),
+        group=light.text("lookdev:lightGroup", default=light.prim.GetName()),
+        light_link=_link(light, "lightLink"),
+        shadow_link=_link(light, "shadowLink"),
+    )
+
+
+def _temperature(light: LightPrim) -> tuple[float, ...]:
+    """Return the colour of a black body, as UsdLux computes it; its function crashes on NaN."""
+    kelvin = light.number("inputs:colorTemperature", above=0.0, default=_COLDEST)
+    taken = min(max(kelvin, _COLDEST), _HOTTEST)
+    if taken != kelvin:
+        light.note("inputs:colorTemperature", f"is {kelvin:g}, taken as {taken:g}, the nearest that UsdLux defines")
+    return tuple(UsdLux.BlackbodyTemperatureAsRgb(taken))
+
+
+def _is_shaped(light: LightPrim) -> bool:
+    """Return whether a light has a beam. Programs apply the schema to domes too, which have none, unused."""
+    if not light.prim.HasAPI(UsdLux.ShapingAPI):
+        return False
+    for name in schema_names(SHAPING) if light.is_dome else ():
+        if light.prim.GetAttribute(name).HasAuthoredValue():
+            light.fault(name, "has no effect: a dome light has no beam", "without it, it would be right")
+    return not light.is_dome
+
+
+def _shaping(light: LightPrim, report: Report) -> Shaping:
+    space, profile = "inputs:shaping:", None
+    name, scale = f"{space}ies:file", light.number(f"{space}ies:angleScale")
+    normalize = light.flag(f"{space}ies:normalize")
+    if (file := light.file(name)) is not None:
+        with report.collected(light.path.AppendProperty(name)):
+            profile = load_profile(file, angle_scale=scale, normalize=normalize)
+    return Shaping(
+        cone_angle=light.number(f"{space}cone:angle", least=0.0),
+        cone_softness=light.number(f"{space}cone:softness"),
+        focus=light.number(f"{space}focus"),
+        focus_tint=light.color(f"{space}focusTint"),
+        profile=profile,
+    )
+
+
+def _shadow(light: LightPrim, unit: float) -> Shadow:
+    space = "inputs:shadow:"
+    return Shadow(
+        enable=light.flag(f"{space}enable"),
+        color=light.color(f"{space}color"),
+        distance=unit * light.number(f"{space}distance"),
+        falloff=unit * light.number(f"{space}falloff"),
+        falloff_gamma=light.number(f"{space}falloffGamma", least=0.0),
+    )
+
+
+def _falloff(light: LightPrim, unit: float) -> Falloff:
+    space, plain = "lookdev:falloff:", Falloff()
+    return Falloff(
+        virtual_distance=unit * light.number(f"{space}virtualDistance", least=0.0),
+        exponent=light.number(f"{space}exponent", least=0.0, default=plain.exponent),
+        start=unit * light.number(f"{space}start", least=0.0),
+        end=unit * light.number(f"{space}end", above=0.0) if light.has(f"{space}end") else None,
+    )
+
+
+def _link(light: LightPrim, name: str) -> Link | None:
+    """Return the rules of a collection of a light by USD's own query; None where it includes everything."""
+    place = f"collection:{name}"
+    collection = Usd.CollectionAPI(light.prim, name)
+    if (expression := light.prim.GetAttribute(f"{place}:membershipExpression")) and expression.HasAuthoredValue():
+        light.fault(f"{place}:membershipExpression", "is not supported", f"'{place}:includes' would be right")
+        return None
+    valid, reason = collection.Validate()
+    if not valid:
+        light.fault(place, f"is not a valid collection: {usd_words(reason)}")
+        return None
+    found = collection.ComputeMembershipQuery().GetAsPathExpansionRuleMap()
+    # Properties are no parts of an asset; with them or without, prims are included alike.
+    rules = {
+        str(path): "expandPrims" if rule == Usd.Tokens.expandPrimsAndProperties else str(rule)
+        for path, rule in found.items()
+        if path.IsAbsoluteRootOrPrimPath()
+    }
+    if rules == {"/": "expandPrims"}:
+        return None
+    if "expandPrims" not in rules.values() and "explicitOnly" not in rules.values():
+        light.note(place, "includes nothing")
+    return Link(tuple(sorted(rules.items())))

@@ -1,0 +1,281 @@
+"""From a composed stage to the lights of a rig: prims first, then their images, then what shaders need of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Tf, Usd, UsdGeom, Vt
+
+from lookdev.errors import Fault, RigError
+from lookdev.light.dome.environment import LEAST, MOST
+from lookdev.light.emission import Emission
+from lookdev.light.fit import with_emission
+from lookdev.light.placement import checked_axes, placement, vector
+from lookdev.light.protocol import Light
+from lookdev.light.rig.attributes import LightPrim, stated_time
+from lookdev.light.rig.emission import read_emission
+from lookdev.light.rig.find import ALL_PRIMS, check_places, find_lights, is_light
+from lookdev.light.rig.images import LightImage, light_image
+from lookdev.light.rig.kinds import KINDS, Placed, Shape
+from lookdev.light.rig.report import Report
+from lookdev.stage import Composed, Composition, compose, error_words, reading, shown
+
+Floats = NDArray[np.float64]
+
+_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+_MOST_UNIT = 1e18  # metersPerUnit, as of assets
+_SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
+_FARTHEST = 1e15  # units of the stage
+
+
+@dataclass(frozen=True)
+class RigLight:
+    """A light of a rig: the path of its prim, its largest radiance, and its image's mean and file."""
+
+    path: str
+    light: Light
+    peak: float
+    mean: tuple[float, ...]
+    image: str
+
+
+@dataclass(frozen=True)
+class Rig:
+    """The lights of a rig, in metres and with z up, or of unit 1 if `fit`; notes are for the user."""
+
+    file: str
+    given: tuple[RigLight, ...]
+    fit: bool
+    notes: tuple[str, ...]
+
+    @property
+    def lights(self) -> tuple[Light, ...]:
+        """The lights, in the order of their paths."""
+        return tuple(each.light for each in self.given)
+
+    def check_exposed(self, exposure: float = 0.0) -> None:
+        """Raise RigError where shaders, in float32, cannot compute with the radiance of a light times 2^exposure."""
+        report = Report(self.file)
+        for each in self.given:
+            peak = each.peak * 2.0**exposure
+            if peak and not LEAST <= peak <= MOST:
+                exposed = f" times 2^{exposure:g}" if exposure else ""
+                what = f"its largest radiance{exposed} is {peak:g}"
+                report.fault(each.path, what, f"from {LEAST:g} to {MOST:g} would be right")
+        if report.faults:
+            raise RigError(report.faults)
+
+
+def load_rig(file: Path, prim: str | None = None, *, sampled: bool = True) -> Rig:
+    """Compose a USD file and read its lights, as `read_rig`; raises StageError where it cannot be composed."""
+    return read_rig(compose(Composition(file, prim=prim)), sampled=sampled)
+
+
+def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:
+    """Read the lights at and below a prim of a stage: its composition's, else the default prim, else all.
+
+    Values are taken at the stage's startTimeCode, else at the earliest time. The ancestors of the prim place it.
+    Without `sampled`, domes have no tables by which shaders draw directions.
+
+    Raises
+    ------
+    RigError
+        Every fault: what is no light that can be rendered, values and files that are not right, or no light at all.
+    OutputError
+        The cache cannot be written.
+    """
+    file, report = composed.composition.file, Report(str(composed.composition.file))
+    with reading(file) as warnings:
+        fit, pending = _Reader(composed, sampled, report).read()
+    # Images are checked as they are read; what is made of them takes longer than reading the stage may.
+    images: dict[tuple[object, ...], LightImage] = {}
+    for each in pending:
+        _read_image(each, images, report)
+    if report.faults:
+        raise RigError(report.faults)
+    given = tuple(light for each in pending if (light := _made(each, images, report)) is not None)
+    if not given:
+        raise RigError([_no_light(report, composed.composition.prim or "", "")])
+    notes = (*composed.notes, *report.notes, *(f"{file}: {each}" for each in warnings))
+    rig = Rig(report.file, given, fit, notes)
+    rig.check_exposed()
+    return rig
+
+
+def holds_only_lights(composed: Composed) -> bool:
+    """Return whether there are lights at and below the prim of a composition, by default anywhere, and no geometry."""
+    with reading(composed.composition.file):
+        prims = Usd.PrimRange(composed.stage.GetPrimAtPath(composed.composition.prim or "/"), ALL_PRIMS)
+        found = [is_light(prim) for prim in prims if is_light(prim) or prim.IsA(UsdGeom.Gprim)]
+    return bool(found) and all(found)
+
+
+@dataclass(frozen=True)
+class _Pending:
+    """A light that is made when all are read."""
+
+    path: str
+    shape: Shape
+    emission: Emission
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """What its image is known by."""
+        return self.shape.image, self.shape.space, self.shape.format
+
+
+class _Reader:
+    """Reads the prims of a stage."""
+
+    def __init__(self, composed: Composed, sampled: bool, report: Report) -> None:
+        stage, path = composed.stage, composed.composition.prim
+        self._stage = stage
+        self._sampled = sampled
+        self._report = report
+        self._root = stage.GetPrimAtPath(path) if path else stage.GetDefaultPrim() or stage.GetPseudoRoot()
+        authored = stage.HasAuthoredMetadata("startTimeCode")
+        self._time = Usd.TimeCode(stage.GetStartTimeCode()) if authored else Usd.TimeCode.EarliestTime()
+        self._transforms = UsdGeom.XformCache(self._time)
+
+    def read(self) -> tuple[bool, list[_Pending]]:
+        """Return whether the rig fits its asset, and its lights; raises RigError where the stage has no unit."""
+        report, stage = self._report, self._stage
+        fit = self._fit()
+        unit = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage)
+        if not 1.0 / _MOST_UNIT <= unit <= _MOST_UNIT:
+            report.fault("", f"metersPerUnit is {unit:g}", "a positive number would be right")
+        axis = UsdGeom.GetStageUpAxis(stage)
+        if axis not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
+            report.fault("", f"upAxis is {axis!r:.60}", "'Y' or 'Z' would be right")
+        if report.faults:
+            raise RigError(report.faults)
+        check_places(self._root, report)
+        pending = []
+        for prim in find_lights(self._root, self._time, report):
+            with report.collected(prim.GetPath()):
+                if (light := self._read(prim, unit, axis == UsdGeom.Tokens.y)) is not None:
+                    pending.append(light)
+        if not pending and not report.faults:
+            raise RigError([_no_light(report, str(self._root.GetPath()), self._elsewhere())])
+        return fit, pending
+
+    def _fit(self) -> bool:
+        """Return ``lookdev:fit`` of the root, or of the nearest prim above it that has it."""
+        prim = self._root
+        while prim and not prim.IsPseudoRoot():
+            if prim.HasAttribute("lookdev:fit"):
+                return LightPrim(prim, self._time, self._report).flag("lookdev:fit")
+            prim = prim.GetParent()
+        return False
+
+    def _elsewhere(self) -> str:
+        """Return where else in the stage there are lights."""
+        lights = find_lights(self._stage.GetPseudoRoot(), self._time, Report(""))
+        paths = ", ".join(str(prim.GetPath()) for prim in lights[:3])
+        return f"there are lights at {paths}" if paths else ""
+
+    def _read(self, prim: Usd.Prim, unit: float, y_up: bool) -> _Pending | None:
+        """Return a light; None, with a fault, where it has no place or shape."""
+        report, path = self._report, prim.GetPath()
+        light, kind = LightPrim(prim, self._time, report), KINDS[str(prim.GetTypeName())]
+        light.check_names((*kind.ours, "fit") if prim == self._root else kind.ours)
+        matrix = self._matrix(prim)
+        if matrix is None:
+            return None
+        position, axes, scale = placement(_Z_UP @ matrix if y_up else matrix)
+        # Rounded, so that a turn by a right angle is exact.
+        axes = checked_axes(np.round(np.array(axes), 12) + 0.0)
+        metres, sizes = vector(unit * np.array(position)), vector(unit * np.array(scale))
+        if (away := max(map(abs, metres))) > _LARGEST:
+            report.fault(path, f"it is {away:.3g} m away", f"at most {_LARGEST:g} m would be right")
+        shape = None
+        with report.collected(path):
+            shape = kind.read(Placed(light, metres, axes, sizes, y_up, self._sampled))
+        for length in shape.lengths if shape else ():
+            if not _SMALLEST <= length <= _LARGEST:
+                right = f"{_SMALLEST:g} to {_LARGEST:g} m would be right"
+                report.fault(path, f"a side or radius of it is {length:.3g} m", right)
+        emission = read_emission(light, _size(shape, unit), unit, report)
+        return _Pending(str(path), shape, emission) if shape else None
+
+    def _matrix(self, prim: Usd.Prim) -> Floats | None:
+        """Return the matrix (4, 4), for column vectors, that places a light in the stage; None, with a fault."""
+        each = prim
+        while each and not each.IsPseudoRoot():
+            if not self._has_operations(each):
+                return None
+            each = each.GetParent()
+        try:
+            matrix = np.array(self._transforms.GetLocalToWorldTransform(prim), np.float64).T
+        except Tf.ErrorException as error:
+            self._report.fault(prim.GetPath(), f"USD cannot compute its transform: {error_words(error)}")
+            return None
+        if not (np.abs(matrix) <= _FARTHEST).all() or not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), 0.0, 1e-9):
+            right = f"numbers within +-{_FARTHEST:g}, and a last column of 0 0 0 1, would be right"
+            self._report.fault(prim.GetPath(), "its transform does not place it", right)
+            return None
+        return matrix
+
+    def _has_operations(self, prim: Usd.Prim) -> bool:
+        """Return whether all operations of a prim's transform are there: USD leaves out those that are not."""
+        xform, place = UsdGeom.Xformable(prim), prim.GetPath().AppendProperty("xformOpOrder")
+        order = prim.GetAttribute("xformOpOrder").Get() if xform else None
+        if not isinstance(order, Vt.TokenArray | None):
+            self._report.fault(place, f"has a value of type {type(order).__name__}", "token[] would be right")
+            return False
+        for name in order or ():
+            operation = name.removeprefix("!invert!")
+            if name != "!resetXformStack!" and not (operation and prim.HasAttribute(operation)):
+                self._report.fault(place, f"names {shown(name)}, which is not there")
+                return False
+        if xform and xform.TransformMightBeTimeVarying():
+            self._report.note(prim.GetPath(), f"its transform is animated, and taken at {stated_time(self._time)}")
+        return True
+
+
+def _size(shape: Shape | None, unit: float) -> float:
+    """Return what radiance is divided by where the power is normalized: areas are those "in world space", in units."""
+    if shape is None:
+        return 1.0
+    return shape.size if shape.area is None else shape.area / (unit * unit)
+
+
+def _read_image(pending: _Pending, images: dict[tuple[object, ...], LightImage], report: Report) -> None:
+    """Read the image of a light, unless another light has it too."""
+    shape, place = pending.shape, f"{pending.path}.inputs:texture:file"
+    if shape.image is None:
+        return
+    with report.collected(place):
+        if pending.key not in images:
+            images[pending.key] = light_image(shape.image, shape.space, shape.format)
+        image = images[pending.key]
+        if image.environment.repairs:
+            report.note(place, f"{shape.image}: {image.environment.repairs}")
+        if image.error is not None:
+            height, width = image.environment.radiance.shape[:2]
+            size, off = f"{width} x {height}", f"{100.0 * image.error:.2g} %"
+            report.note(
+                place, f"{shape.image}: turned from a ball into a lat-long map of {size}, its power off by {off}"
+            )
+
+
+def _made(pending: _Pending, images: Mapping[tuple[object, ...], LightImage], report: Report) -> RigLight | None:
+    """Return a light; None, with a note, where it sends none."""
+    image = images.get(pending.key)
+    largest, mean = (image.largest, image.mean) if image else (1.0, (1.0, 1.0, 1.0))
+    peak = largest * max(pending.emission.color)
+    if peak == 0.0:
+        report.note(pending.path, "sends no light, left out")
+        return None
+    made = with_emission(pending.shape.make(image.environment if image else None), pending.emission)
+    return RigLight(pending.path, made, peak, mean, str(pending.shape.image or ""))
+
+
+def _no_light(report: Report, place: str, elsewhere: str) -> Fault:
+    left_out = "; ".join(note.removeprefix(f"{report.file}: ") for note in report.notes)
+    hint = elsewhere or left_out or f"a light is one of {', '.join(KINDS)}"
+    return Fault(report.file, place, "has no light that shines", hint)

@@ -1,0 +1,224 @@
+"""Rigs of a job: their keys, their lights in scenes, and one fit for all looks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.batch.prepare import prepare_job
+from lookdev.errors import FaultsError, JobError
+from lookdev.job import Job, parse_job
+from lookdev.job.scenes import job_scenes
+from lookdev.light import Dome, RectLight, load_environment, prepare_light
+from lookdev.light.builtin_rigs import BUILTIN_RIGS
+from lookdev.light.placed import PlacedLight
+
+LOOK = """#usda 1.0
+def Material "Paint"
+{
+    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        token outputs:layer
+    }
+}
+"""
+ASSET = (
+    """#usda 1.0
+( upAxis = "Z"
+  metersPerUnit = 1 )
+def Xform "Car" ( prepend variantSets = "size"
+                  variants = { string size = "small" } )
+{
+    def Mesh "Body"
+    {
+        uniform token subdivisionScheme = "none"
+        int[] faceVertexCounts = [4]
+        int[] faceVertexIndices = [0, 1, 2, 3]
+        point3f[] points = [(-3, 0, -4), (3, 0, -4), (3, 0, 4), (-3, 0, 4)]
+        float3 xformOp:translate = (10, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:scale"]
+    }
+    variantSet "size" = {
+        "small" {
+            over "Body" { float3 xformOp:scale = (1, 1, 1) }
+        }
+        "large" {
+            over "Body" { float3 xformOp:scale = (2, 2, 2) }
+        }
+    }
+}
+""".replace("(1, 1, 1) }", "(1, 1, 1)\n}")
+    .replace("(2, 2, 2) }", "(2, 2, 2)\n}")
+    .replace('"Body" { ', '"Body" {\n')
+)
+RIG = """#usda 1.0
+( defaultPrim = "Rig"
+  upAxis = "Z"
+  metersPerUnit = 1 )
+def Xform "Rig"
+{
+    custom bool lookdev:fit = false
+    def RectLight "Key"
+    {
+        float inputs:width = 2
+        double3 xformOp:translate = (0, 0, 5)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        rel collection:lightLink:excludes = [</Car/Body>, </Car/Bdoy>]
+    }
+    def DomeLight_1 "Sky"
+    {
+        float inputs:intensity = 0.5
+    }
+}
+"""
+JOB = """
+output = "out"
+asset = { usd = "car.usda" }
+turntable = [{ kind = "lighting", frames = 2 }]
+render = { resolution = [16, 16] }
+[[look]]
+name = "paint"
+material = "paint.usda"
+[[ibl]]
+name = "white"
+builtin = "white"
+[[rig]]
+name = "studio"
+usd = "rig.usda"
+exposure = 1
+rotation = 30
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name, text in (("paint", LOOK), ("car", ASSET), ("rig", RIG)):
+        (tmp_path / f"{name}.usda").write_text(text)
+    return tmp_path
+
+
+def parse(text: str, folder: Path) -> Job:
+    return parse_job(text, folder / "job.toml")
+
+
+def test_a_job_has_its_rigs_after_its_ibls(folder: Path) -> None:
+    job = parse(JOB, folder)
+    assert [each.name for each in job.rigs] == ["white", "studio"]
+    assert [job.place_of(each.name) for each in job.rigs] == ["ibl[0]", "rig[0]"]
+    rig = job.rig[0]
+    assert (rig.usd, rig.builtin, rig.prim, rig.exposure, rig.rotation) == (folder / "rig.usda", None, None, 1.0, 30.0)
+    built_in = parse(JOB.replace('usd = "rig.usda"', 'builtin = "three_point"'), folder).rig[0]
+    assert (built_in.usd, built_in.builtin) == (None, "three_point")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ('usd = "rig.usda"', "", "rig[0].builtin: give exactly one of 'usd' and 'builtin'"),
+        ('usd = "rig.usda"', 'builtin = "tree_point"', "rig[0].builtin: unknown value 'tree_point' (did you mean 'th"),
+        ('usd = "rig.usda"', 'usd = "rgi.usda"', "rig[0].usd: no readable file"),
+        ('usd = "rig.usda"', 'usd = "sky.exr"', "rig[0].usd: 'sky.exr' is of no known kind (known: .usd, "),
+        ('usd = "rig.usda"', 'file = "rig.usda"\nbuiltin = "three_point"', "rig[0].file: unknown key"),
+        ('"rig.usda"', '"rig.usda"\nprim = "Rig"', "rig[0].prim: 'Rig' is not allowed here (an absolute prim path"),
+        ("exposure = 1", "exposure = 99", "rig[0].exposure: should be less than or equal to 30, not 99"),
+        ('"studio"', '"White"', "rig[0].name: 'White' is already the name of ibl[0] (give each its own name)"),
+        (JOB[JOB.index("[[ibl]]") :], "", "rig: the job has no light (write [[ibl]] or [[rig]])"),
+    ],
+)
+def test_what_is_wrong_with_a_key_is_said(folder: Path, old: str, new: str, fault: str) -> None:
+    assert old in JOB
+    with pytest.raises(JobError) as raised:
+        parse(JOB.replace(old, new, 1), folder)
+    assert fault in str(raised.value)
+    assert len(raised.value.faults) == 1
+
+
+def test_rigs_count_in_the_number_of_frames(folder: Path) -> None:
+    rigs = "".join(f'[[rig]]\nname = "r{i}"\nbuiltin = "three_point"\n' for i in range(30))
+    with pytest.raises(JobError, match="1 looks under 32 lights in turntables of 9999 frames make 319968 frames"):
+        parse(JOB.replace("frames = 2", "frames = 9999") + rigs, folder)
+
+
+def test_scenes_have_the_lights_of_their_rig(folder: Path) -> None:
+    shown = job_scenes(parse(JOB, folder))
+    assert list(shown.scenes) == [("paint", "white"), ("paint", "studio")]
+    assert shown.scenes["paint", "white"].lights == (prepare_light(load_environment(builtin="white")),)
+    key, sky = shown.scenes["paint", "studio"].lights
+    assert isinstance(key, RectLight)
+    assert (key.width, key.position) == (2.0, (0.0, 0.0, 5.0))
+    assert sky.emission.color == (0.5, 0.5, 0.5)
+    (note,) = shown.notes
+    assert note == "rig 'studio': /Rig/Key is linked to /Car/Bdoy, but the asset has no such part"
+
+
+def test_a_fitted_rig_stands_around_the_largest_look(folder: Path) -> None:
+    (folder / "rig.usda").write_text(RIG.replace("lookdev:fit = false", "lookdev:fit = true"))
+    look = '[[look]]\nname = "each"\nvariants = { size = "*" }\n'
+    material = LOOK.partition("\n")[2].replace("/Paint", "/Car/Paint")
+    body = 'def Mesh "Body"'
+    bound = ASSET.replace(body, f'{body} (prepend apiSchemas = ["MaterialBindingAPI"])')
+    bound = bound.replace("uniform token sub", "rel material:binding = </Car/Paint>\n        uniform token sub")
+    (folder / "car.usda").write_text(bound.replace(body, f"{material}\n    {body}"))
+    head, _, tail = JOB.partition("[[look]]")
+    shown = job_scenes(parse(head + look + tail[tail.index("[[ibl]]") :], folder))
+    small, large = (shown.scenes[f"each_{size}", "studio"] for size in ("small", "large"))
+    assert (small.asset.radius, large.asset.radius) == pytest.approx((5.0, 10.0))
+    assert small.lights == large.lights
+    key = small.lights[0]
+    assert isinstance(key, RectLight)
+    assert key.width == pytest.approx(20.0)
+    assert key.position == pytest.approx((10.0, 0.0, 50.0), abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ("RectLight", "RectLigth", "{rig}: /Rig/Key: RectLigth is no type of USD's lights"),
+        ("width = 2", "width = -2", "{rig}: /Rig/Key.inputs:width: is -2"),
+        ("intensity = 0.5", "intensity = 9e17", "{rig}: /Rig/Sky: its largest radiance times 2^1 is 1.8e+18"),
+        ("#usda 1.0", "#usda", "{rig}: USD cannot open it"),
+    ],
+)
+def test_faults_of_a_rig_are_those_of_its_file(folder: Path, old: str, new: str, fault: str) -> None:
+    assert old in RIG
+    (folder / "rig.usda").write_text(RIG.replace(old, new))
+    with pytest.raises(FaultsError) as raised:
+        job_scenes(parse(JOB, folder))
+    assert str(raised.value).startswith(fault.format(rig=folder / "rig.usda"))
+
+
+def test_a_prim_that_is_not_there_is_a_fault_with_what_there_is(folder: Path) -> None:
+    with pytest.raises(FaultsError, match=r"/Rig/Kye: there is no such prim \(below /Rig there are: /Rig/Key"):
+        job_scenes(parse(JOB.replace('"rig.usda"', '"rig.usda"\nprim = "/Rig/Kye"'), folder))
+    only = job_scenes(parse(JOB.replace('"rig.usda"', '"rig.usda"\nprim = "/Rig/Sky"'), folder))
+    assert len(only.scenes["paint", "studio"].lights) == 1
+
+
+@pytest.mark.parametrize("name", BUILTIN_RIGS)
+def test_a_built_in_rig_stands_around_any_asset(folder: Path, name: str) -> None:
+    text = JOB.replace('usd = "rig.usda"', f'builtin = "{name}"').replace('usd = "car.usda"', 'builtin = "sphere"')
+    scene = job_scenes(parse(text, folder)).scenes["paint", "studio"]
+    places = [light.position for light in scene.lights if isinstance(light, PlacedLight)]
+    away = np.linalg.norm(np.array(places).reshape(-1, 3) - np.array(scene.asset.center), axis=1)
+    assert (away > 3.0 * scene.asset.radius).all()
+
+
+def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
+    (folder / "sky.usda").write_text(
+        '#usda 1.0\n( defaultPrim = "Rig"\n upAxis = "Z" )\ndef DomeLight_1 "Rig"\n{\n    float xformOp:rotateZ = 90\n'
+        '    uniform token[] xformOpOrder = ["xformOp:rotateZ"]\n}\n'
+    )
+    (folder / "job.toml").write_text(JOB.replace('"rig.usda"', '"sky.usda"').replace("rotation = 30", "rotation = 0"))
+    prepared = prepare_job(folder / "job.toml")
+    files = [reel.files[0].relative_to(folder / "out") for reel in prepared.plan.reels]
+    assert files == [Path("paint/white/lighting.0001.exr"), Path("paint/studio/lighting.0001.exr")]
+    assert [(setup.ibl, setup.exposure) for setup in prepared.setups] == [("white", 0.0), ("studio", 1.0)]
+    (of_ibl,), (of_rig,) = (setup.scene.lights for setup in prepared.setups)
+    assert isinstance(of_rig, Dome)
+    assert of_rig.emission.group == "Rig"
+    assert replace(of_rig, emission=replace(of_rig.emission, group="")) == of_ibl

@@ -1,0 +1,33 @@
+"""A light that is scaled and moved lights what is scaled and moved along as before."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shadow
+from lookdev.light.fit import fitted, with_emission
+from lookdev.light.placed import PlacedLight
+
+SCALE, ORIGIN = 2.5, (3.0, -1.0, 0.5)
+
+
+@pytest.mark.parametrize("kind", LIGHT_KINDS)
+def test_places_scaled_along_see_the_same(kind: str) -> None:
+    rng = np.random.default_rng(5)
+    light = LIGHT_KINDS[kind].example()
+    falloff = Falloff(0.7, 1.3, 0.5, 9.0) if isinstance(light, PlacedLight) else None
+    emission = Emission((3.0, 2.0, 1.0), falloff=falloff, shadow=Shadow(distance=2.0, falloff=0.5))
+    light = with_emission(light, emission)
+    there = fitted(light, SCALE, ORIGIN)
+    place = rng.uniform(-1.5, 1.5, (200, 3))
+    towards = light.sample(place, rng.random((200, 2)))
+    moved = SCALE * place + np.array(ORIGIN)
+    here = light.radiance(place, towards)
+    assert (here > 0.0).mean() > 0.3
+    # Directions on the outline may miss by rounding.
+    same = np.isclose(there.radiance(moved, towards), here, rtol=1e-9).all(axis=-1)
+    assert same.mean() > 0.99
+    distance = light.distance(place, towards)
+    assert np.isclose(there.distance(moved, towards), SCALE * distance, rtol=1e-9).mean() > 0.99
+    assert (there.emission.shadow.distance, there.emission.shadow.falloff) == (2.0 * SCALE, 0.5 * SCALE)

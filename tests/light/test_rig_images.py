@@ -1,0 +1,116 @@
+"""Images of domes: mirrored balls and angular maps as lat-long maps, formats by file and aspect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from light_cases import cells
+from numpy.typing import NDArray
+from rig_files import light, rig, write_image
+
+from lookdev.errors import RigError
+from lookdev.light import make_environment
+from lookdev.light.rig.images import BALLS, ball_point, ball_power, unrolled
+
+Floats = NDArray[np.float64]
+
+SIDE = 128
+TO_DOME = (1, 2, 0)
+"""The x, y and z of a dome among those of its map."""
+
+
+def sky(direction: Floats) -> Floats:
+    """Return a smooth radiance (..., 3) towards directions of a dome whose pole is +y."""
+    x, y, z = np.moveaxis(direction, -1, 0)
+    return np.stack([1.5 + x, 1.5 + y, 1.5 + z * z], axis=-1)
+
+
+def ball(kind: str) -> NDArray[np.float32]:
+    """Return an image of the sky as a ball shows it, black beyond the rim."""
+    middle = (np.arange(SIDE) + 0.5) * 2.0 / SIDE - 1.0
+    x, y = np.meshgrid(middle, -middle)
+    radius = np.minimum(np.hypot(x, y), 1.0)
+    angle = np.pi * radius if kind == "angular" else 2.0 * np.arcsin(radius)
+    scale = np.sin(angle) / np.where(radius > 0.0, radius, 1.0)
+    shown = sky(np.stack([scale * x, scale * y, np.cos(angle)], axis=-1))
+    return np.where((np.hypot(x, y) <= 1.0)[..., None], shown, 0.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("kind", BALLS)
+def test_a_ball_shows_the_same_as_a_lat_long_map(kind: str) -> None:
+    made, power_error = unrolled(make_environment("ball", ball(kind)), kind)
+    towards, solid = cells(SIDE)
+    expected = sky(towards[..., TO_DOME])
+    error = np.abs(made.radiance - expected).max(axis=-1) / expected.max(axis=-1)
+    # Within 3 texels of the ball's rim, texels beyond it would be met: what lies there is taken from farther inside.
+    rim = 1.0 - 3.0 * 2.0 / SIDE
+    shown = np.cos(np.pi * rim if kind == "angular" else 2.0 * np.arcsin(rim))
+    assert error[towards[..., 0] > shown].max() < 0.01
+    # The sky changes by at most the distance of two directions, and its largest channel is at least 2.
+    assert error.max() < np.sqrt(2.0 + 2.0 * shown) / 2.0
+    power = (expected.mean(axis=-1) * solid).sum()
+    assert ball_power(ball(kind), kind) == pytest.approx(power, rel=2e-3)
+    assert power_error < 5e-3
+
+
+@pytest.mark.parametrize("kind", BALLS)
+def test_a_ball_is_the_inverse_of_its_formula(kind: str) -> None:
+    axes = np.array([(0, 0, 1), (1, 0, 0), (0, 1, 0), (-1, 0, 0), (1e-9, 0, -1)], np.float64)
+    side = 0.5 if kind == "angular" else np.sqrt(0.5)
+    expected = np.array([(0, 0), (side, 0), (0, side), (-side, 0), (1, 0)])
+    assert ball_point(axes, kind) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", BALLS)
+def test_a_dome_with_a_ball_is_seen_as_with_its_map(tmp_path: Path, kind: str) -> None:
+    write_image(tmp_path / "ball.exr", ball(kind))
+    image = f'asset inputs:texture:file = @ball.exr@; token inputs:texture:format = "{kind}"'
+    found = rig(tmp_path, light("DomeLight", image), 'upAxis = "Y"')
+    # With z up: the pole, +y of the stage, is +z.
+    towards = np.array([(1, 0, 0), (-0.6, 0.8, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], np.float64)
+    stage = np.stack([towards[:, 0], towards[:, 2], -towards[:, 1]], axis=-1)
+    assert found.lights[0].radiance(np.zeros(3), towards) == pytest.approx(sky(stage), rel=0.02)
+    assert "turned from a ball into a lat-long map of 256 x 128, its power off by 0." in found.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("size", "stated", "fault"),
+    [
+        ((8, 16), "automatic", None),
+        ((8, 9), "latlong", None),
+        ((8, 8), "automatic", "is 8 x 8 pixels large, and states no format"),
+        ((8, 6), "automatic", "is a cube map, of format cubeMapVerticalCross"),
+        ((8, 16), "cubeMapVerticalCross", "is a cube map, of format cubeMapVerticalCross"),
+        ((8, 16), "angular", "is 16 x 8 pixels large; of format angular, it is a square"),
+        ((8, 16), "latlon", "is 'latlon' (did you mean 'latlong'?)"),
+    ],
+)
+def test_a_format_is_stated_or_seen_by_the_aspect(
+    tmp_path: Path, size: tuple[int, int], stated: str, fault: str | None
+) -> None:
+    write_image(tmp_path / "sky.exr", np.random.default_rng(1).random((*size, 3)).astype(np.float32))
+    text = light("DomeLight_1", f'asset inputs:texture:file = @sky.exr@; token inputs:texture:format = "{stated}"')
+    if fault is None:
+        assert rig(tmp_path, text).lights[0].width == size[1]  # type: ignore[attr-defined]
+    else:
+        with pytest.raises(RigError) as raised:
+            rig(tmp_path, text)
+        assert fault in str(raised.value)
+
+
+@pytest.mark.parametrize(("number", "fits"), [(0, True), (1, False)])
+def test_an_exr_that_states_its_format_is_believed(tmp_path: Path, number: int, fits: bool) -> None:
+    import OpenEXR
+
+    pixels = np.random.default_rng(2).random((8, 8, 3)).astype(np.float32)
+    header = {"type": OpenEXR.scanlineimage, "envmap": OpenEXR.Envmap(number)}
+    with OpenEXR.File(header, {"RGB": pixels}) as exr:
+        exr.write(str(tmp_path / "sky.exr"))
+    text = light("DomeLight_1", "asset inputs:texture:file = @sky.exr@")
+    if fits:
+        assert rig(tmp_path, text).lights[0].width == 8  # type: ignore[attr-defined]
+    else:
+        with pytest.raises(RigError, match="is a cube map"):
+            rig(tmp_path, text)

@@ -1,0 +1,325 @@
+"""Lights of UsdLux prims: units, placement, emission, and which prims are lights."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pxr import UsdLux, UsdUtils
+from rig_files import DIM, Y_UP_CM, Z_UP, light, rig, write_image, write_rig
+
+from lookdev.light import (
+    CylinderLight,
+    DiskLight,
+    DistantLight,
+    Dome,
+    Emission,
+    Falloff,
+    LocalDome,
+    RectLight,
+    Shadow,
+    SphereLight,
+)
+from lookdev.light.rig import load_rig
+from lookdev.stage import Composition, StageError, compose
+
+TURNED = "float xformOp:rotateX = -90; double3 xformOp:translate = (100, 300, 50); double3 xformOp:scale = (2, 3, 4)"
+ORDER = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX", "xformOp:scale"]'
+EVEN = TURNED.replace("(2, 3, 4)", "(2, 2, 2)") + ";" + ORDER
+UNEVEN = f"{TURNED}; {ORDER}"
+
+
+def only(folder: Path, text: str, stage: str = Z_UP) -> Any:
+    (found,) = rig(folder, text, stage).lights
+    return found
+
+
+@pytest.mark.parametrize(
+    ("text", "kind", "sizes"),
+    [
+        (light("RectLight", f"float inputs:width = 10; {UNEVEN}"), RectLight, {"width": 0.2, "height": 0.03}),
+        (light("DiskLight", f"float inputs:radius = 10; {UNEVEN}"), DiskLight, {"radii": (0.2, 0.3)}),
+        (light("SphereLight", f"float inputs:radius = 10; {EVEN}"), SphereLight, {"radius": 0.2}),
+        (light("CylinderLight", f"float inputs:radius = 10; {EVEN}"), CylinderLight, {"length": 0.02, "radius": 0.2}),
+    ],
+)
+def test_sizes_and_places_are_in_metres_with_z_up(tmp_path: Path, text: str, kind: type, sizes: dict[str, Any]) -> None:
+    found = only(tmp_path, text, Y_UP_CM)
+    assert type(found) is kind
+    for name, size in sizes.items():
+        assert getattr(found, name) == pytest.approx(size, rel=1e-6)
+    # (x, y, z) of a stage with y up is (x, -z, y) with z up.
+    assert found.position == pytest.approx((1.0, -0.5, 3.0))
+    # Turned by -90 degrees about x, -z points to -y, which is down.
+    assert found.axes == ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+def test_a_cylinder_may_be_longer_than_its_radius_is_scaled(tmp_path: Path) -> None:
+    scale = 'double3 xformOp:scale = (3, 2, 2); uniform token[] xformOpOrder = ["xformOp:scale"]'
+    found = only(tmp_path, light("CylinderLight", scale))
+    assert (found.length, found.radius) == (3.0, 1.0)
+
+
+def test_a_mirrored_light_has_axes_of_the_other_hand(tmp_path: Path) -> None:
+    scale = 'double3 xformOp:scale = (-2, 1, 1); uniform token[] xformOpOrder = ["xformOp:scale"]'
+    found = only(tmp_path, light("RectLight", scale))
+    assert (found.width, found.axes[0]) == (2.0, (-1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("attributes", "color"),
+    [
+        ("float inputs:intensity = 3; float inputs:exposure = 2", (12.0, 12.0, 12.0)),
+        ("color3f inputs:color = (0.5, 0.25, 0)", (0.5, 0.25, 0.0)),
+        ("float inputs:colorTemperature = 3000", (1.0, 1.0, 1.0)),
+        (
+            "float inputs:colorTemperature = 3000; bool inputs:enableColorTemperature = true",
+            tuple(UsdLux.BlackbodyTemperatureAsRgb(3000.0)),
+        ),
+        ("color3f inputs:color = (0.214041, 1, 0.5) (colorSpace = 'raw')", (0.214041, 1.0, 0.5)),
+        ("color3f inputs:color = (0.5, 1, 0.5) (colorSpace = 'srgb_texture')", (0.214041, 1.0, 0.214041)),
+        ("double inputs:intensity = 2", (2.0, 2.0, 2.0)),
+        ("float inputs:intensity.timeSamples = { 3: 5, 7: 9 }", (5.0, 5.0, 5.0)),
+    ],
+)
+def test_colour_is_that_of_the_light_api(tmp_path: Path, attributes: str, color: tuple[float, ...]) -> None:
+    assert only(tmp_path, light("SphereLight", attributes)).emission.color == pytest.approx(color, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("kind", "attributes", "size"),
+    [
+        ("RectLight", "float inputs:width = 4; float inputs:height = 2", 8.0),
+        ("DiskLight", "float inputs:radius = 2", 4.0 * math.pi),
+        ("SphereLight", "float inputs:radius = 2", 16.0 * math.pi),
+        ("CylinderLight", "float inputs:radius = 2; float inputs:length = 3", 12.0 * math.pi),
+        ("DistantLight", "float inputs:angle = 60; float inputs:intensity = 1", math.pi / 4.0),
+        ("DistantLight", "float inputs:angle = 0; float inputs:intensity = 1", 1.0),
+        ("DomeLight_1", "", 1.0),
+    ],
+)
+@pytest.mark.parametrize("stage", [Z_UP, Y_UP_CM])
+def test_normalized_power_is_divided_by_the_area_in_units_of_the_stage(
+    tmp_path: Path, kind: str, attributes: str, size: float, stage: str
+) -> None:
+    found = only(tmp_path, light(kind, f"{attributes}; bool inputs:normalize = true"), stage)
+    assert found.emission.color == pytest.approx((1.0 / size,) * 3, rel=1e-6)
+
+
+def test_what_is_not_said_is_the_default_of_usdlux(tmp_path: Path) -> None:
+    assert only(tmp_path, DIM).emission == Emission(group="Dim")
+    assert max(only(tmp_path, light("DistantLight", "")).emission.color) == 50000.0
+
+
+def test_every_control_of_a_light_is_read(tmp_path: Path) -> None:
+    attributes = """float inputs:diffuse = 0.5; float inputs:specular = 2; bool lookdev:turns = false
+        bool lookdev:camera = true; token lookdev:lightGroup = "keys"
+        float inputs:shaping:cone:angle = 30; float inputs:shaping:cone:softness = 0.2; float inputs:shaping:focus = 3
+        color3f inputs:shaping:focusTint = (1, 0, 0)
+        bool inputs:shadow:enable = true; color3f inputs:shadow:color = (0, 0, 1); float inputs:shadow:distance = 200
+        float inputs:shadow:falloff = 50; float inputs:shadow:falloffGamma = 2
+        float lookdev:falloff:virtualDistance = 100; float lookdev:falloff:exponent = 1
+        double lookdev:falloff:start = 200; float lookdev:falloff:end = 300
+        rel collection:shadowLink:excludes = </Car>"""
+    emission = only(tmp_path, light("SphereLight", attributes, '"ShapingAPI", "ShadowAPI"'), Y_UP_CM).emission
+    assert (emission.diffuse, emission.specular, emission.group) == (0.5, 2.0, "keys")
+    assert (emission.turns, emission.camera) == (False, True)
+    shaping = emission.shaping
+    assert (shaping.cone_angle, shaping.focus, shaping.focus_tint) == (30.0, 3.0, (1.0, 0.0, 0.0))
+    assert shaping.cone_softness == pytest.approx(0.2)
+    assert emission.shadow == Shadow(True, (0.0, 0.0, 1.0), 2.0, 0.5, 2.0)
+    assert emission.falloff == Falloff(1.0, 1.0, 2.0, 3.0)
+    assert emission.light_link is None
+    assert not emission.shadow_link.includes("/Car/Body")
+    assert emission.shadow_link.includes("/Stand")
+
+
+def test_a_schema_that_is_applied_has_its_defaults(tmp_path: Path) -> None:
+    shaped = light("SphereLight", "float inputs:shaping:focus = 0", '"ShapingAPI"')
+    assert only(tmp_path, shaped).emission.shaping.cone_angle == 90.0
+    unused = light("DomeLight", "", '"ShapingAPI"')
+    assert only(tmp_path, unused, Y_UP_CM).emission.shaping is None
+
+
+@pytest.mark.parametrize(
+    ("kind", "stage", "middle", "left", "top"),
+    [
+        # UsdLuxDomeLight: longitude 0 is +z, pi / 2 is +x, the pole +y, of the stage: (x, y, z) is (x, -z, y) here.
+        ("DomeLight", Y_UP_CM, (0, -1, 0), (1, 0, 0), (0, 0, 1)),
+        ("DomeLight", Z_UP, (0, 0, 1), (1, 0, 0), (0, 1, 0)),
+        ("DomeLight_1", Y_UP_CM, (0, -1, 0), (1, 0, 0), (0, 0, 1)),
+        # UsdLuxDomeLight_1: with the pole +z, longitude 0 is -y.
+        ("DomeLight_1", Z_UP, (0, -1, 0), (1, 0, 0), (0, 0, 1)),
+    ],
+)
+def test_a_dome_is_oriented_as_usdlux_says(
+    tmp_path: Path, kind: str, stage: str, middle: tuple[int, ...], left: tuple[int, ...], top: tuple[int, ...]
+) -> None:
+    pixels = np.full((16, 32, 3), 0.01, np.float32)
+    pixels[7:9, 15:17] = (1, 0, 0)
+    pixels[7:9, 7:9] = (0, 1, 0)
+    pixels[0] = (0, 0, 1)
+    write_image(tmp_path / "sky.exr", pixels)
+    found = only(tmp_path, light(kind, "asset inputs:texture:file = @./sky.exr@"), stage)
+    seen = found.radiance(np.zeros(3), np.array([middle, left, top], np.float64))
+    assert seen == pytest.approx(np.eye(3), abs=0.02)
+
+
+def test_a_pole_that_is_stated_is_one_of_the_stage(tmp_path: Path) -> None:
+    found = rig(tmp_path, light("DomeLight_1", 'uniform token poleAxis = "Z"'), Y_UP_CM)
+    assert isinstance(found.lights[0], Dome)
+    assert found.lights[0].axes[2] == (0.0, -1.0, 0.0)
+    (note,) = rig(tmp_path, light("DomeLight", "")).notes
+    assert "the pole of a DomeLight is +y, and horizontal here" in note
+
+
+def test_a_dome_with_a_radius_is_local(tmp_path: Path) -> None:
+    attributes = f"float lookdev:local:radius = 300; float lookdev:local:edge = 0.5; {EVEN}"
+    found = only(tmp_path, light("DomeLight", attributes), Y_UP_CM)
+    assert isinstance(found, LocalDome)
+    assert (found.radius, found.edge) == (6.0, 0.5)
+    assert found.position == pytest.approx((1.0, -0.5, 3.0))
+
+
+def test_a_picture_on_a_rectangle_is_srgb_unless_it_says_otherwise(tmp_path: Path) -> None:
+    import OpenImageIO as oiio
+
+    image = oiio.ImageBuf(oiio.ImageSpec(4, 4, 3, oiio.UINT8))
+    oiio.ImageBufAlgo.fill(image, (0.5, 0.5, 0.5))
+    image.write(str(tmp_path / "box.png"))
+    for space, value in (("", 0.2140), (" (colorSpace = 'raw')", 0.5)):
+        text = light("RectLight", f"asset inputs:texture:file = @box.png@{space}")
+        assert only(tmp_path, text).picture == pytest.approx(value, abs=0.003)
+
+
+def test_texture_and_profile_come_from_a_package(tmp_path: Path) -> None:
+    write_image(tmp_path / "box.exr", np.full((4, 4, 3), 0.5, np.float32))
+    (tmp_path / "lamp.ies").write_text("IESNA91\nTILT=NONE\n1 -1 1 2 1 1 2 0 0 0\n1 1 0\n0 90\n0\n4 4\n")
+    shaped = "asset inputs:texture:file = @box.exr@; asset inputs:shaping:ies:file = @lamp.ies@"
+    file = write_rig(tmp_path / "rig.usda", light("RectLight", shaped, '"ShapingAPI"'))
+    assert UsdUtils.CreateNewUsdzPackage(str(file), str(tmp_path / "rig.usdz"))
+    assert {"box.exr", "lamp.ies"} <= {Path(name).name for name in zipfile.ZipFile(tmp_path / "rig.usdz").namelist()}
+    packed, plain = load_rig(tmp_path / "rig.usdz").lights, load_rig(file).lights
+    assert packed == plain
+    assert packed[0].emission.shaping.profile.factor(np.array(30.0), np.array(0.0)) == pytest.approx(4.0)
+
+
+def test_lights_are_those_below_the_prim_that_shine(tmp_path: Path) -> None:
+    text = """
+def SphereLight "On" {}
+def SphereLight "Off" (active = false) {}
+def Scope "Hidden"
+{
+    token visibility = "invisible"
+    def SphereLight "In" {}
+}
+def SphereLight "Guide"
+{
+    uniform token purpose = "guide"
+}
+def SphereLight "Dark"
+{
+    float inputs:intensity = 0
+}
+class SphereLight "Class" {}
+def Xform "Copy" (
+    instanceable = true
+    references = </Lamp>
+)
+{
+    double3 xformOp:translate = (1, 0, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+def LightFilter "Unused" {}
+"""
+    file = write_rig(tmp_path / "rig.usda", text)
+    more = 'def Xform "Lamp"\n{\n    def SphereLight "Bulb" {}\n}\ndef SphereLight "Outside" {}\n'
+    file.write_text(file.read_text() + more)
+    found = load_rig(file)
+    assert [each.path for each in found.given] == ["/Rig/Copy/Bulb", "/Rig/On"]
+    assert found.lights[0].position == (1.0, 0.0, 0.0)
+    assert [note.removeprefix(f"{file}: ") for note in found.notes] == [
+        "/Rig/Guide: is of purpose guide, left out",
+        "/Rig/Hidden/In: is hidden by /Rig/Hidden, left out",
+        "/Rig/Dark: sends no light, left out",
+    ]
+    assert [each.path for each in load_rig(file, "/Rig/On").given] == ["/Rig/On"]
+    assert [each.path for each in load_rig(file, "/Rig/Hidden/In").given] == ["/Rig/Hidden/In"]
+    with pytest.raises(StageError, match="there is no such prim"):
+        compose(Composition(file, prim="/Rig/Onn"))
+
+
+def test_without_a_default_prim_all_lights_are_the_rig(tmp_path: Path) -> None:
+    file = tmp_path / "rig.usda"
+    file.write_text('#usda 1.0\ndef SphereLight "A" {}\ndef Scope "More"\n{\n    def DiskLight "B" {}\n}\n')
+    assert [each.path for each in load_rig(file).given] == ["/A", "/More/B"]
+
+
+def test_a_light_list_that_a_model_has_is_obeyed(tmp_path: Path) -> None:
+    text = """
+def SphereLight "Listed" {}
+def SphereLight "Missed" {}
+def Xform "Set" (kind = "component")
+{
+    rel lightList = </Rig/Listed>
+    token lightList:cacheBehavior = "consumeAndHalt"
+}
+"""
+    found = rig(tmp_path, text.replace("consumeAndHalt", "ignore"))
+    assert [each.path for each in found.given] == ["/Rig/Listed", "/Rig/Missed"]
+    file = write_rig(tmp_path / "rig.usda", text)
+    file.write_text(file.read_text().replace('def Xform "Rig"', 'def Xform "Rig" (kind = "group")'))
+    found = load_rig(file)
+    assert [each.path for each in found.given] == ["/Rig/Listed"]
+    assert [note.partition(": ")[2] for note in found.notes] == [
+        "/Rig/Missed: is in no light list of its models, left out"
+    ]
+
+
+def test_what_is_animated_is_taken_at_the_start(tmp_path: Path) -> None:
+    moves = """double3 xformOp:translate.timeSamples = { 1: (0, 0, 1), 10: (0, 0, 4) }
+        uniform token[] xformOpOrder = ["xformOp:translate"]"""
+    first = rig(tmp_path, light("SphereLight", moves))
+    assert first.lights[0].position == (0.0, 0.0, 1.0)  # type: ignore[attr-defined]
+    assert first.notes[0].endswith("/Rig/Lamp: its transform is animated, and taken at its first sample")
+    start = rig(tmp_path, light("SphereLight", moves), f"{Z_UP}\nstartTimeCode = 4")
+    assert start.lights[0].position == pytest.approx((0.0, 0.0, 2.0))  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("text", "note"),
+    [
+        ("float inputs:ri:light:bounces = 3", "inputs:ri:light:bounces: is of another renderer, and has no effect"),
+        ("bool treatAsPoint = true", "treatAsPoint: is disregarded"),
+        (
+            "bool inputs:enableColorTemperature = true; float inputs:colorTemperature = 20000",
+            "inputs:colorTemperature: is 20000, taken as 10000",
+        ),
+        ("color3f inputs:color = (0, 1, 0) (colorSpace = 'acescg')", "lies outside of Rec.709 by 0.62"),
+        ("float inputs:intensity.timeSamples = { 1: 1, 2: 3 }", "inputs:intensity: is animated"),
+    ],
+)
+def test_what_is_done_about_it_is_noted(tmp_path: Path, text: str, note: str) -> None:
+    (found,) = rig(tmp_path, light("SphereLight", text)).notes
+    assert note in found
+
+
+def test_a_rig_that_fits_has_no_metres(tmp_path: Path) -> None:
+    place = 'double3 xformOp:translate = (0, 3, 0); uniform token[] xformOpOrder = ["xformOp:translate"]'
+    text = f"custom bool lookdev:fit = true\n{light('SphereLight', place)}"
+    found = rig(tmp_path, text, Y_UP_CM)
+    assert found.fit
+    assert found.lights[0].position == (0.0, 0.0, 3.0)  # type: ignore[attr-defined]
+    assert load_rig(tmp_path / "rig.usda", "/Rig/Lamp").fit
+    assert not rig(tmp_path, text.replace("true", "false", 1), Y_UP_CM).fit
+
+
+def test_a_light_of_a_rig_is_a_distant_light(tmp_path: Path) -> None:
+    turned = 'float xformOp:rotateX = 90; uniform token[] xformOpOrder = ["xformOp:rotateX"]'
+    found = only(tmp_path, light("DistantLight", f"float inputs:angle = 2; {turned}"))
+    assert isinstance(found, DistantLight)
+    assert (found.angle, found.axes[2]) == (2.0, (0.0, -1.0, 0.0))

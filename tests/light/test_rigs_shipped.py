@@ -1,0 +1,56 @@
+"""The rigs that ship: they fit any asset, expose a grey sphere well, and their images are what they say."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lookdev.light.builtin_rigs import BUILTIN_RIGS, rig_file
+from lookdev.light.dome.files import read_exr
+from lookdev.light.rig import load_rig
+from lookdev.shipped import shipped_folder
+
+DIRECTIONS = 200  # for each place and light: the mean over 500 places has an error of some percent
+
+
+def test_every_shipped_file_is_a_built_in_rig() -> None:
+    assert {file.stem for file in shipped_folder().joinpath("rigs").glob("*.usda")} == set(BUILTIN_RIGS)
+
+
+@pytest.mark.parametrize("name", BUILTIN_RIGS)
+def test_a_grey_sphere_is_well_exposed(name: str) -> None:
+    rig = load_rig(rig_file(name), sampled=False)
+    assert rig.fit
+    assert rig.notes == ()
+    rng = np.random.default_rng(6)
+    place = rng.normal(size=(1000, 3))
+    place /= np.linalg.norm(place, axis=-1, keepdims=True)
+    place = place[place[:, 1] < 0.0]  # of the unit sphere, what the camera sees
+    irradiance = np.zeros(len(place))
+    for light in rig.lights:
+        for _ in range(DIRECTIONS):
+            towards = light.sample(place, rng.random((len(place), 2)))
+            pdf, cosine = light.pdf(place, towards), np.maximum((towards * place).sum(axis=-1), 0.0)
+            radiance = light.radiance(place, towards).mean(axis=-1)
+            irradiance += np.where(pdf > 0.0, radiance * cosine / np.where(pdf > 0.0, pdf, 1.0), 0.0) / DIRECTIONS
+    # Of 18 % grey the mean over its picture is within a stop of 18 %, and of white paint little is above 2.
+    seen = irradiance / np.pi
+    assert 0.09 < 0.18 * np.average(seen, weights=-place[:, 1]) < 0.36
+    assert 0.9 * np.quantile(seen, 0.98) < 2.0
+
+
+def test_the_sky_is_the_overcast_sky_of_the_cie() -> None:
+    """CIE S 011: L = Lz (1 + 2 sin elevation) / 3; below it a ground of a tenth."""
+    elevation = np.pi * (0.5 - (np.arange(32) + 0.5) / 32)
+    expected = np.where(elevation > 0.0, (1.0 + 2.0 * np.sin(elevation)) / 3.0, 0.1)
+    sky = read_exr(shipped_folder() / "rigs" / "textures" / "overcast.exr", "RGB")
+    assert sky == pytest.approx(np.broadcast_to(expected[:, None, None], (32, 64, 3)), rel=1e-6)
+
+
+def test_the_softbox_is_brightest_amid_and_falls_to_its_seam() -> None:
+    box = read_exr(shipped_folder() / "rigs" / "textures" / "softbox.exr", "RGB")
+    amid, seam = box[31:33, 31:33].mean(), box[[0, -1]].mean()
+    assert amid == pytest.approx(box.max(), rel=1e-6)
+    assert amid == pytest.approx(1.0, abs=0.01)
+    assert 0.2 < seam < 0.4 * amid
+    assert box == pytest.approx(box[::-1, ::-1])
