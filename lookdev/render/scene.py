@@ -10,7 +10,7 @@ import numpy as np
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Source
-from lookdev.errors import CodegenError
+from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import lights_code, world_image
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
@@ -42,6 +42,11 @@ def scene_task(
     for light in scene.lights:
         if not record.any_light:
             world_image(light)
+        if (light.emission.light_link, light.emission.shadow_link) != (None, None):
+            raise EnvironmentMapError(
+                f"light '{light.emission.group}' is linked to parts of the asset, which no backend renders yet; "
+                "collections light-link and shadow-link that include everything would be right"
+            )
 
     known: Generated = {} if generated is None else generated
     # The files of a light are values that a source is given, so lights of one kind and size have one source.

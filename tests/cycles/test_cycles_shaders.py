@@ -118,10 +118,12 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
         drawn[4096:, :2] = drawn[0, :2]
         drawn = np.concatenate([drawn, rng.uniform(-7.0, 7.0, (8192, 1))], axis=-1)
         of_slot = (
-            "vector wi; float ratio; float u;"
-            " int slot = dome_numbered(sobol_hash(int(in[1])), sobol_hash(int(in[2])), u); color got"
-            f' = dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), slot, u, in[3], wi, ratio);'
+            "vector wi; float ratio; float within;"
+            " int slot = dome_numbered(sobol_hash(int(in[1])), sobol_hash(int(in[2])), within); color got"
+            f' = dome_sample(dome_slots, dome_bins, "{light.points_file.path}", int(in[0]), slot, within, in[3], wi, '
+            "ratio);"
         )
+        looked_up = f'dome_look_up("{light.radiance_file.path}", in[0], in[1], DOME_WIDTH, DOME_HEIGHT)'
         of_normal = "vector axis; int bin = dome_bin(vector(in[0], in[1], in[2]), in[3], axis);"
         texels = np.array([(i, j) for j in range(4) for i in range(8)], dtype=np.float64)
         places = _texture_places()
@@ -135,13 +137,10 @@ def probes(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Probes]:
                 directions,
                 f"float x; float y; dome_place(vector(in[0], in[1], in[2]), {_TURN}, x, y); value = color(x, y, 0);",
             ),
-            "radiance": (
-                beyond,
-                f'value = dome_look_up("{light.radiance_file.path}", in[0], in[1], DOME_WIDTH, DOME_HEIGHT);',
-            ),
+            "radiance": (beyond, f"value = {looked_up};"),
             "bin": (normals, f"{of_normal} value = color(bin);"),
             "axis": (normals, f"{of_normal} value = axis;"),
-            "scale": (np.arange(float(bins.COUNT))[:, None], "value = color(dome_bins[2 * int(in[0])]);"),
+            "scale": (np.arange(float(bins.COUNT + 1))[:, None], "value = color(dome_bins[2 * int(in[0])]);"),
             "widened": (np.linspace(-1.0, 1.0, 4096)[:, None], "value = color(dome_widened(in[0]));"),
             "sample": (drawn, f"{of_slot} value = wi;"),
             "sample_radiance": (drawn, f"{of_slot} value = got;"),

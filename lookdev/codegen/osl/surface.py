@@ -100,8 +100,10 @@ def generate_surface(
         graph, lobes, lambda lobe: ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)
     )
     names = LookUpNames(inputs)
-    code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell)
-    if code.see_through and coded(lights) is None and Rig.of(lights).shadowed:
+    rig = None if coded(lights) else Rig.of(lights)
+    split = rig is not None and rig.split
+    code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split)
+    if code.see_through and rig is not None and rig.shadowed:
         raise CodegenError(
             f"look '{look.name}': can be seen through, so lights whose shadows have a colour or an end, or that cast "
             "none, cannot light it; black shadows of all lights would be right"
