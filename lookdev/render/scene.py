@@ -10,8 +10,8 @@ import numpy as np
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Source
-from lookdev.errors import CodegenError
-from lookdev.light import lights_code, world_image
+from lookdev.errors import CodegenError, EnvironmentMapError
+from lookdev.light import lights_code
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -39,9 +39,8 @@ def scene_task(
     for look in different.values():
         if reason := record.cannot_show(look):
             raise CodegenError(reason)
-    for light in scene.lights:
-        if not record.any_light:
-            world_image(light)
+    if not record.any_light and (gaps := record.cannot_light(scene.lights)):
+        raise EnvironmentMapError("; ".join(gaps) + f": backend 'exact' renders it, '{backend}' does not")
 
     known: Generated = {} if generated is None else generated
     # The files of a light are values that a source is given, so lights of one kind and size have one source.
