@@ -6,6 +6,7 @@ meshes of its own: with materials of objects, Cycles would keep no mesh as an in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -54,18 +55,20 @@ def write_blend(task: BlendTask) -> list[str]:
         # The file may be rendered on another machine, with the job's device.
         scenes[look] = Scene(replace(scene, device="cpu"), into, groups, apart=True)
     animated: list[Scene] = []
+    rigs: dict[int, list[Any]] = {}
     for each in scenes.values():
         like = next((other for other in animated if other.task.camera == each.task.camera), None)
+        _remove_lamps(each)
         if like is None:
-            _add_rigs(task, each)
+            rigs[id(each)] = _add_rigs(task, each)
             moved = {"asset": each.root, "camera": each.camera} | {_key(lamp.item): lamp.item for lamp in each.lamps}
             animate(moved, task.turntables, partial(each.pose, each.task.camera))
             animated.append(each)
         else:
             _share_camera(like, each)
-            _share_rigs(task, like, each)
             each.pose(each.task.camera, task.turntables[-1].poses[-1])  # channels that do not move have no keys
             follow(each.root, like.root)
+        _show_first(rigs[id(like or each)], each.scene)
     world = _add_worlds(task)
     views = set()
     for look, each in scenes.items():
@@ -96,28 +99,6 @@ def _key(item: Any) -> str:
     return f"light {item.name}"
 
 
-def _add_rigs(task: BlendTask, shown: Scene) -> None:
-    """Put the lamps of each rig into a collection of its own, of which the first is shown."""
-    _remove_lamps(shown)
-    for rig in task.rigs:
-        collection = bpy.data.collections.new(f"rig {rig.name}")
-        lamps = add_lights(collection, rig.lights, shown.origin, rig.strength)
-        for lamp in lamps:
-            lamp.item.visible_camera = lamp.camera
-        shown.lamps += [replace(lamp, offset=rig.turn) for lamp in lamps]
-        if lamps:
-            shown.scene.collection.children.link(collection)
-    _exclude_rigs(task, shown)
-
-
-def _share_rigs(task: BlendTask, first: Scene, other: Scene) -> None:
-    _remove_lamps(other)
-    for collection in first.scene.collection.children:
-        if collection.name.startswith("rig "):
-            other.scene.collection.children.link(collection)
-    _exclude_rigs(task, other)
-
-
 def _remove_lamps(shown: Scene) -> None:
     """Remove the lamps of a scene, with their data."""
     for lamp in shown.lamps:
@@ -127,10 +108,24 @@ def _remove_lamps(shown: Scene) -> None:
     shown.lamps = []
 
 
-def _exclude_rigs(task: BlendTask, shown: Scene) -> None:
-    for child in shown.scene.view_layers[0].layer_collection.children:
-        if child.name.startswith("rig "):
-            child.exclude = child.name != f"rig {task.rigs[0].name}"
+def _add_rigs(task: BlendTask, shown: Scene) -> list[Any]:
+    """Make a collection of the lamps of each rig; those of a rig without lamps are empty."""
+    collections = []
+    for rig in task.rigs:
+        collections.append(bpy.data.collections.new(f"rig {rig.name}"))
+        lamps = add_lights(collections[-1], rig.lights, shown.origin, rig.strength)
+        for lamp in lamps:
+            lamp.item.visible_camera = lamp.camera
+        shown.lamps += [replace(lamp, offset=rig.turn) for lamp in lamps]
+    return collections
+
+
+def _show_first(rigs: Sequence[Any], scene: Any) -> None:
+    """Put rigs that have lamps into a scene, of which the view layer has the first rig's alone."""
+    for number, rig in enumerate(rigs):
+        if rig.objects:
+            scene.collection.children.link(rig)
+            scene.view_layers[0].layer_collection.children[rig.name].exclude = number > 0
 
 
 def _add_worlds(task: BlendTask) -> Any:

@@ -68,7 +68,8 @@ def main(request: str, out: str) -> None:
     asked = json.loads(Path(request).read_text())
     adapter: TypeAdapter[Light] = TypeAdapter(AnyLight)
     place, normal = Vector(asked["place"]), Vector(asked["normal"])
-    for_each = [(adapter.validate_python(light), Vector(to)) for light, to in zip(asked["lights"], asked["towards"])]
+    lights, towards = map(adapter.validate_python, asked["lights"]), map(Vector, asked["towards"])
+    for_each = list(zip(lights, towards, strict=True))
     found = {key: [measure(light, place, normal, to, key) for light, to in for_each] for key in SHOWN}
     np.savez(out, **{key: np.array(values) for key, values in found.items()})
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from lookdev.light import (
     RectLight,
     Shaping,
     make_environment,
-    native_gaps,
     prepare_texture,
 )  # fmt: skip
 
