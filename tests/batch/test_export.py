@@ -130,9 +130,7 @@ def test_scenes_are_of_nodes_with_any_backend_of_the_job(task: BlendTask) -> Non
     assert (task.view, task.show_light, task.pack) == ("Raw", True, False)
 
 
-def test_domes_that_turn_and_domes_that_stand_still_have_no_common_timeline(
-    prepared: JobSetups, tmp_path: Path
-) -> None:
+def test_domes_that_turn_and_others_that_do_not_have_no_common_timeline(prepared: JobSetups, tmp_path: Path) -> None:
     varied = replace(prepared.setups[0].task.lights[0], constant=False)
     lights = [(replace(varied, emission=Emission(turns=turns)),) for turns in (True, False)]
     setups = [

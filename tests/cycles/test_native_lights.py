@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pydantic import TypeAdapter
 from scripts import run_script
 
+from lookdev.asset import load_asset
 from lookdev.light import (
     LIGHT_KINDS,
     AnyLight,
@@ -24,6 +25,13 @@ from lookdev.light import (
     make_environment,
     prepare_texture,
 )  # fmt: skip
+from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
+from lookdev.reference.render import frame_pixels
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Worker
+from lookdev.scene import Camera, Film, Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles
 
@@ -99,3 +107,45 @@ def test_a_mirror_shows_the_light(
     name: str, measured: Mapping[str, dict[str, Floats]], towards: Mapping[str, Floats]
 ) -> None:
     np.testing.assert_allclose(measured["mirror"][name], CASES[name].radiance(PLACE, towards[name]), rtol=5e-3)
+
+
+LOOK = (Layer("White", "disney", {"baseColor": (0.8, 0.8, 0.8), "roughness": 1.0, "specular": 0.0}),)
+STILL = Emission((4.0, 6.0, 9.0), turns=False, group="still")
+RIGS: dict[str, tuple[Light, ...]] = {
+    "lamps": (
+        replace(RectLight.example(), emission=replace(STILL, turns=True)),
+        replace(LIGHT_KINDS["sphere"].example(), position=(2.0, 1.0, 0.5), emission=STILL),
+        replace(LIGHT_KINDS["cylinder"].example(), position=(-2.0, 1.0, 0.5), emission=Emission((2.0, 2.0, 6.0))),
+    ),
+    "two domes": (
+        LIGHT_KINDS["dome"].example(),
+        replace(LIGHT_KINDS["dome"].example(), axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
+        replace(LIGHT_KINDS["disk"].example(), emission=STILL),
+    ),
+    "still dome": (
+        replace(LIGHT_KINDS["dome"].example(), emission=replace(STILL, color=(1.0, 1.0, 1.0))),
+        replace(RectLight.example(), emission=Emission((9.0, 6.0, 3.0))),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_frames_of_rigs_agree_with_the_reference(name: str, worker: Worker) -> None:
+    asset, look, size, pose = load_asset(builtin="sphere"), Look("white", LOOK), (24, 24), Pose(30.0, 75.0)
+    # Off the axis of the world, about which nothing turns.
+    camera = Camera(30.0, 20.0, (0.2, 0.1, 0.0), 4.5 * asset.radius)
+    wears = {slot.path: look for slot in asset.slots}
+    scene = scene_task(Scene(asset, wears, RIGS[name], camera, Film(size)), Sampling(samples=256, bounces=0), "nodes")
+    worker.start()
+    frame = worker.render(one_frame(scene, pose, name), lambda progress: None)
+    chosen = np.argwhere(frame.alpha == 1.0)[::3]
+    picture = ((frame.a.astype(np.float64) + frame.b) / 2.0)[tuple(chosen.T)]
+
+    def off(pose: Pose) -> float:
+        found = frame_pixels(MeshScene(asset, [look]), RIGS[name], camera, pose, size, chosen[:, ::-1], samples=64)
+        return float(np.abs(picture - found.value).mean() / found.value.mean())
+
+    # Noise, and what the closures' fit of the diffuse lobe leaves.
+    assert off(pose) < 0.02
+    assert off(Pose(30.0, 45.0)) > 0.08
+    assert off(Pose(10.0, 75.0)) > 0.08
