@@ -156,8 +156,9 @@ def _sphere(name: str, light: SphereLight, strength: float) -> Any:
     data = _data(name, "POINT", light.emission.color, math.pi * light.size_factor * strength)
     data.shadow_soft_size = light.radius
     data.use_soft_falloff = False
-    if light.emission.shaping:
-        _Nodes(data).emit(None, light.emission.shaping)
+    # Cycles' own lights places inside it, too.
+    nodes = _Nodes(data)
+    nodes.emit(nodes.scaled((1.0, 1.0, 1.0), nodes.outwards()), light.emission.shaping)
     return data
 
 
@@ -250,6 +251,21 @@ class _Nodes:
         self.link(vector, node.inputs[0])
         return list(node.outputs)
 
+    def incoming(self) -> Any:
+        """Return the direction, in the light's own space, from what emits to what is lit."""
+        turned = self.add("VectorTransform")
+        turned.vector_type, turned.convert_from, turned.convert_to = "VECTOR", "WORLD", "OBJECT"
+        self.link(self.add("NewGeometry").outputs["Incoming"], turned.inputs[0])
+        return turned.outputs[0]
+
+    def outwards(self) -> Any:
+        """Return 1 where a sphere emits away from its middle, else 0."""
+        node = self.add("VectorMath")
+        node.operation = "DOT_PRODUCT"
+        self.link(self.add("TexCoord").outputs["Object"], node.inputs[0])
+        self.link(self.incoming(), node.inputs[1])
+        return self.math("GREATER_THAN", node.outputs["Value"], 0.0)
+
     def texture(self, light: RectLight) -> Any:
         """Return the texel of a rectangle that emits: its first column is at +x, its top row at +y."""
         assert light.texture
@@ -283,10 +299,7 @@ class _Nodes:
 
     def beam(self, shaping: Shaping) -> Any:
         """Return the factors of `Shaping.factor` without its profile."""
-        turned = self.add("VectorTransform")
-        turned.vector_type, turned.convert_from, turned.convert_to = "VECTOR", "WORLD", "OBJECT"
-        self.link(self.add("NewGeometry").outputs["Incoming"], turned.inputs[0])
-        x, y, z = self.apart(self.vector("NORMALIZE", turned.outputs[0]))
+        x, y, z = self.apart(self.vector("NORMALIZE", self.incoming()))
         down = self.math("MULTIPLY", z, -1.0)
         across = self.math("SQRT", self.math("ADD", self.math("MULTIPLY", x, x), self.math("MULTIPLY", y, y)))
         angle = self.math("ARCTAN2", across, down)

@@ -54,6 +54,7 @@ CASES: dict[str, Light] = {
     "texture": pictured(),
     "mirrored texture": replace(pictured(), axes=LEFT_HANDED),
     "mirrored dome": replace(LIGHT_KINDS["dome"].example(), axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
+    "sphere from inside": replace(LIGHT_KINDS["sphere"].example(), position=(0.3, -0.2, 0.6)),
     "sun": replace(DistantLight.example(), angle=0.53),
     "parallel": replace(DistantLight.example(), angle=0.0),
     **{
