@@ -19,12 +19,13 @@ from pydantic import BaseModel, ValidationError
 from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content, atomic_path
 from lookdev.errors import LookdevError, OutputError, RenderError, TextureError, WorkerError
-from lookdev.light import world_image
+from lookdev.light import native_images
+from lookdev.light.native import still_domes
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaves
 from lookdev.material.textures import image_file, udim_tiles
 from lookdev.plan import turntable_poses
-from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask, BlendTurntable, BlendWorld
+from lookdev.render.blend import BLEND_TASK, BlendImage, BlendRig, BlendTask, BlendTurntable
 from lookdev.render.worker import PATIENCE, last_line
 
 EXPORT_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles", "--export-blend")
@@ -39,18 +40,18 @@ class Answer(BaseModel):
 
 @dataclass(frozen=True)
 class Exported:
-    """The written .blend, its images (none if they are packed), scenes, worlds, and notes for the user."""
+    """The written .blend, its images (none if they are packed), scenes, rigs, and notes for the user."""
 
     file: Path
     images: tuple[Path, ...]
     scenes: tuple[str, ...]
-    worlds: tuple[str, ...]
+    rigs: tuple[str, ...]
     notes: tuple[str, ...]
 
     def summary(self) -> str:
         """Return the files and their sizes as text."""
         text = (
-            f"{self.file}: {_size([self.file])}, scenes {', '.join(self.scenes)}, worlds {', '.join(self.worlds)}; "
+            f"{self.file}: {_size([self.file])}, scenes {', '.join(self.scenes)}, rigs {', '.join(self.rigs)}; "
             "looks are Cycles' own closures, as backend 'nodes' renders them"
         )
         if self.images:
@@ -100,25 +101,33 @@ def export_blend(
             temporary.replace(out)
     except OSError as error:
         raise OutputError(f"{error.filename or out}: cannot be written: {error.strerror or error}") from error
-    looks, worlds = (tuple(each.name for each in named) for named in (made.job.look, made.job.rigs))
-    return Exported(out, placed, looks, worlds, (*made.notes, *notes))
+    looks, rigs = (tuple(each.name for each in named) for named in (made.job.look, made.job.rigs))
+    return Exported(out, placed, looks, rigs, (*made.notes, *notes))
 
 
 def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pack: bool) -> BlendTask:
     """Return the task of a job with backend ``"nodes"``.
 
-    Its poses are those under the job's first light; worlds of other lights are turned by their difference in rotation.
+    Its poses are those under the job's first rig; other rigs are turned by their difference in rotation. Raises
+    RenderError where the domes of one rig turn and those of another do not: they have one timeline.
     """
     job = made.job
     scenes = {(each.look, each.ibl): each.task for each in made.setups}
     first, looks = job.rigs[0], [look.name for look in job.look]
+    rigs = tuple(
+        BlendRig(each.name, scenes[looks[0], each.name].lights, 2.0**each.exposure, each.rotation - first.rotation)
+        for each in job.rigs
+    )
+    for other in rigs:
+        if still_domes(other.lights) != still_domes(rigs[0].lights):
+            raise RenderError(
+                f"the domes of one of the rigs '{rigs[0].name}' and '{other.name}' turn and those of the other stand "
+                "still; a job for each would be right"
+            )
     return BlendTask(
         file=file,
         scenes={look: scenes[look, first.name] for look in looks},
-        worlds=tuple(
-            BlendWorld(each.name, scenes[looks[0], each.name].light, 2.0**each.exposure, each.rotation - first.rotation)
-            for each in job.rigs
-        ),
+        rigs=rigs,
         turntables=tuple(
             BlendTurntable(each.name, turntable_poses(each, first.rotation, job.camera.azimuth))
             for each in job.turntable
@@ -137,7 +146,8 @@ def image_names(made: JobSetups) -> dict[Content, str]:
     """
     called: dict[Content, str] = {}
     for setup in made.setups:
-        called.setdefault(world_image(setup.task.light), setup.ibl)
+        for image in native_images(setup.task.lights):
+            called.setdefault(image, setup.ibl)
     originals: dict[Content, str] = {}
     for texture in {each: None for setup in made.setups for each in _textures(setup.scene.looks)}:
         with suppress(TextureError):  # of an image that reaches no pixel: others are faults of `read_setups`

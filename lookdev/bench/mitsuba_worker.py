@@ -27,9 +27,10 @@ from lookdev.asset.normals import face_starts
 from lookdev.codegen import PrincipledSource
 from lookdev.errors import LookdevError, RenderError
 from lookdev.lifetime import end_with_parent
-from lookdev.light import world_image
+from lookdev.light import native_images
 from lookdev.render import wire
 from lookdev.render.answers import Answers, save_arrays
+from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask, SceneTask
 
 VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
@@ -110,10 +111,11 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     asset = read_asset(scene.asset.path)
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
+    if unknown := BACKENDS["mitsuba"].cannot_light(scene.lights):
+        raise RenderError(unknown[0])
+    (image,) = native_images(scene.lights)
     # Only the radiance: the file has other channels.
-    radiance = mi.Bitmap(str(world_image(scene.light).path)).convert(
-        mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False
-    )
+    radiance = mi.Bitmap(str(image.path)).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False)
     camera = scene.camera.orbited(-pose.element)
     if camera.lens is not None or any(camera.shift):
         raise RenderError("the bench renders with Mitsuba through pinholes without lens shift only")

@@ -1,4 +1,4 @@
-"""A job as a .blend: each look a scene, each light a world, each turntable a range of the timeline.
+"""A job as a .blend: each look a scene, each rig a world and a collection, each turntable a range of the timeline.
 
 Scenes are built as for rendering; then names, keys and settings become those that an artist expects. Each scene has
 meshes of its own: with materials of objects, Cycles would keep no mesh as an instance, and round differently.
@@ -6,6 +6,7 @@ meshes of its own: with materials of objects, Cycles would keep no mesh as an in
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -15,11 +16,13 @@ from typing import Any
 import bpy
 
 from lookdev.cycles import version
+from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups
 from lookdev.cycles.scene import Scene
 from lookdev.cycles.timeline import animate, follow, mark
 from lookdev.cycles.world import build_world
 from lookdev.errors import LookdevError, RenderError
+from lookdev.light.native import varied_domes
 from lookdev.render.blend import BLEND_TASK, BlendTask
 from lookdev.render.task import SceneTask
 
@@ -52,16 +55,20 @@ def write_blend(task: BlendTask) -> list[str]:
         # The file may be rendered on another machine, with the job's device.
         scenes[look] = Scene(replace(scene, device="cpu"), into, groups, apart=True)
     animated: list[Scene] = []
+    rigs: dict[int, list[Any]] = {}
     for each in scenes.values():
         like = next((other for other in animated if other.task.camera == each.task.camera), None)
+        _remove_lamps(each)
         if like is None:
-            moved = {"asset": each.root, "camera": each.camera}
+            rigs[id(each)] = _add_rigs(task, each)
+            moved = {"asset": each.root, "camera": each.camera} | {_key(lamp.item): lamp.item for lamp in each.lamps}
             animate(moved, task.turntables, partial(each.pose, each.task.camera))
             animated.append(each)
         else:
             _share_camera(like, each)
             each.pose(each.task.camera, task.turntables[-1].poses[-1])  # channels that do not move have no keys
             follow(each.root, like.root)
+        _show_first(rigs[id(like or each)], each.scene)
     world = _add_worlds(task)
     views = set()
     for look, each in scenes.items():
@@ -87,12 +94,46 @@ def _share_camera(first: Scene, other: Scene) -> None:
     other.scene.collection.objects.link(first.camera)
 
 
+def _key(item: Any) -> str:
+    """Return the name of an object's curves: names of objects are unique."""
+    return f"light {item.name}"
+
+
+def _remove_lamps(shown: Scene) -> None:
+    """Remove the lamps of a scene, with their data."""
+    for lamp in shown.lamps:
+        data = lamp.item.data
+        bpy.data.objects.remove(lamp.item)
+        bpy.data.batch_remove([data])
+    shown.lamps = []
+
+
+def _add_rigs(task: BlendTask, shown: Scene) -> list[Any]:
+    """Make a collection of the lamps of each rig; those of a rig without lamps are empty."""
+    collections = []
+    for rig in task.rigs:
+        collections.append(bpy.data.collections.new(f"rig {rig.name}"))
+        lamps = add_lights(collections[-1], rig.lights, shown.origin, rig.strength)
+        for lamp in lamps:
+            lamp.item.visible_camera = lamp.camera
+        shown.lamps += [replace(lamp, offset=rig.turn) for lamp in lamps]
+    return collections
+
+
+def _show_first(rigs: Sequence[Any], scene: Any) -> None:
+    """Put rigs that have lamps into a scene, of which the view layer has the first rig's alone."""
+    for number, rig in enumerate(rigs):
+        if rig.objects:
+            scene.collection.children.link(rig)
+            scene.view_layers[0].layer_collection.children[rig.name].exclude = number > 0
+
+
 def _add_worlds(task: BlendTask) -> Any:
-    """Add the world of every light; return the first."""
+    """Add the world of every rig; return the first."""
     worlds = []
-    for each in task.worlds:
-        sampled = not each.light.constant
-        worlds.append(build_world(each.name, each.light, sampled=sampled, strength=each.strength, turn=each.turn))
+    for each in task.rigs:
+        sampled = varied_domes(each.lights)
+        worlds.append(build_world(each.name, each.lights, sampled=sampled, strength=each.strength, turn=each.turn))
         worlds[-1].use_fake_user = True
     return worlds[0]
 

@@ -13,13 +13,15 @@ from lookdev.asset.store import read_asset
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.cycles import engine
 from lookdev.cycles.geometry import add_asset
+from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.principled import configure_as_users_do, principled_material, shade_by_normals
 from lookdev.cycles.shaders import surface_material
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
-from lookdev.light import Stand, coded
+from lookdev.light import Dome, Stand, coded
+from lookdev.light.native import still_domes, varied_domes
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Pose
 
@@ -33,6 +35,10 @@ class Scene:
         Blender's scene, the empty that is the parent of the whole asset, and the camera.
     objects
         The objects that show the asset.
+    lamps
+        The lights that are objects: none where OSL shaders integrate the light.
+    origin
+        The place of the asset's world that is at 0.
     """
 
     def __init__(self, task: SceneTask, into: Any = None, groups: Groups | None = None, *, apart: bool = False) -> None:
@@ -64,6 +70,8 @@ class Scene:
         self.camera.cycles.use_motion_blur = False
         self.scene.collection.objects.link(self.camera)
         self._add_asset()
+        # Those that have no dome's image stand about the asset: a task with another asset is another scene.
+        self.lamps = [] if self.by_shaders else add_lights(self.scene.collection, task.lights, self.origin)
         if isinstance(task.shaders[0], NodeSource):
             check_stack(self.scene)
 
@@ -90,14 +98,18 @@ class Scene:
             engine.configure(self.scene, task.resolution, bounces)
         elif self.by_portals:
             engine.configure_portals(self.scene, task.resolution, bounces, task.device)
-            self.scene.world = build_world("light", task.light, sampled=False, after_portals=True)
+            self.scene.world = build_world("light", task.lights, sampled=False, after_portals=True)
         else:
             see_through = any(each.see_through for each in task.shaders)
             engine.configure_closures(self.scene, task.resolution, bounces, task.device, see_through=see_through)
             # Sampling a constant light reduces no variance.
-            self.scene.world = build_world("light", task.light, sampled=self.by_user or not task.light.constant)
+            sampled = self.by_user or varied_domes(task.lights)
+            self.scene.world = build_world("light", task.lights, sampled=sampled)
         if self.by_user:
             configure_as_users_do(self.scene)
+        if not self.by_shaders:
+            # A lamp that a ray passes counts as one of them, seen from either side where it is a mesh.
+            self.scene.cycles.transparent_max_bounces += 2 * sum(not isinstance(each, Dome) for each in task.lights)
 
     def _material(self, source: Source) -> Any:
         match source:
@@ -116,7 +128,7 @@ class Scene:
         task = self.task
         asset = self._asset
         # Cycles computes in float32, which is too coarse far from the origin.
-        self._origin = np.array(asset.center)
+        self.origin = np.array(asset.center)
         dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
         shown = add_asset(*dressed, apart=self._apart, covered=self.by_portals)
         self.root, self.objects = shown.root, shown.objects
@@ -149,16 +161,21 @@ class Scene:
         """Place asset and camera to show a pose, by location and Euler angles.
 
         OSL shaders rotate the light, and the asset never moves. A world is never rotated, as Cycles would build its
-        importance map again: the asset is rotated by ``element - lighting`` about the camera's axis, and the camera
-        orbits by ``-lighting``.
+        importance map again: what is shown is rotated instead, by ``-lighting`` about the camera's axis. The asset is
+        rotated by ``element - lighting``, the camera orbits by ``-lighting``, lamps that do not turn with the rig are
+        rotated by ``-lighting``. Where the domes stand still, nothing is, and lamps that turn are rotated by
+        ``lighting``.
         """
-        camera = camera.moved(tuple(-self._origin))
-        orbit, turn = (pose.element, 0.0) if self.by_shaders else (pose.lighting, pose.element - pose.lighting)
+        camera = camera.moved(tuple(-self.origin))
+        frame = 0.0 if still_domes(self.task.lights) else pose.lighting
+        orbit, turn = (pose.element, 0.0) if self.by_shaders else (frame, pose.element - frame)
         _place_camera(self.camera, camera.orbited(-orbit))
         (x, y), angle = camera.pivot, math.radians(turn)
         sine, cosine = math.sin(angle), math.cos(angle)
         self.root.rotation_euler = (0.0, 0.0, angle)
         self.root.location = (x - cosine * x + sine * y, y - sine * x - cosine * y, 0.0)
+        for lamp in self.lamps:
+            lamp.stand(pose.lighting, frame, camera.pivot)
 
     def control(self, pose: Pose, seed: int, samples: int) -> None:
         """Pass the values that change from render to render to OSL shaders, by the colour of the objects.

@@ -15,7 +15,7 @@ OSL_DEFINES: tuple[str, ...] = (f"#define LOOKDEV_ROW_0_AT_T_1 {int(BLENDER_5)}"
 
 
 def empty_node_tree(datablock: Any) -> Any:
-    """Return the shader node tree of a material or world, without nodes."""
+    """Return the shader node tree of a material, world or light, without nodes."""
     if not BLENDER_5:  # 5.x always has one, and warns if this is set
         datablock.use_nodes = True
     datablock.node_tree.nodes.clear()

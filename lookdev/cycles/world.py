@@ -1,21 +1,32 @@
-"""Worlds by which Cycles lights a scene, for kinds of light that have a lat-long image."""
+"""Worlds by which Cycles lights a scene: the sum of its dome lights."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
+import numpy as np
+from mathutils import Matrix
 
 from lookdev.cycles import version
 from lookdev.cycles.nodes import load_image
-from lookdev.light import Light, world_image
+from lookdev.light import Dome, Light
+
+_ROW = 400.0  # between the nodes of two domes
 
 
 def build_world(
-    name: str, light: Light, *, sampled: bool, after_portals: bool = False, strength: float = 1.0, turn: float = 0.0
+    name: str,
+    lights: Sequence[Light],
+    *,
+    sampled: bool,
+    after_portals: bool = False,
+    strength: float = 1.0,
+    turn: float = 0.0,
 ) -> Any:
-    """Build a world that shows a light by its lat-long image.
+    """Build a world that shows the domes of a scene by their lat-long images; without one it is black.
 
     Parameters
     ----------
@@ -29,43 +40,83 @@ def build_world(
 
     Raises
     ------
-    EnvironmentMapError
-        Cycles' world cannot show lights of its kind.
     RenderError
-        The map cannot be read.
+        A map cannot be read.
     """
     world = bpy.data.worlds.new(name)
     tree = version.empty_node_tree(world)
+    domes = [light for light in lights if isinstance(light, Dome)]
+    shown = _passed_portals(tree, strength) if after_portals and domes else None
+    surface = None
+    for number, dome in enumerate(domes):
+        background = _add_dome(tree, dome, turn, -_ROW * number)
+        background.inputs["Strength"].default_value = strength
+        if shown is not None:
+            tree.links.new(shown, background.inputs["Strength"])
+        if surface is None:
+            surface = background.outputs[0]
+        else:
+            both = tree.nodes.new("ShaderNodeAddShader")
+            both.location = (1200.0 + 200.0 * number, -_ROW * number)
+            tree.links.new(surface, both.inputs[0])
+            tree.links.new(background.outputs[0], both.inputs[1])
+            surface = both.outputs[0]
+    output = tree.nodes.new("ShaderNodeOutputWorld")
+    output.location = (1200.0 + 200.0 * len(domes), 0.0)
+    if surface is not None:
+        tree.links.new(surface, output.inputs["Surface"])
+    # The automatic map has 4096 x 2048 texels: less noise in the same time than a map of the light's size.
+    world.cycles.sampling_method = "AUTOMATIC" if sampled and domes else "NONE"
+    return world
+
+
+def _add_dome(tree: Any, dome: Dome, turn: float, height: float) -> Any:
+    """Add the nodes of one dome; return its background."""
     coordinates = tree.nodes.new("ShaderNodeTexCoord")
     mapping = tree.nodes.new("ShaderNodeMapping")
-    # The node rotates the direction that is looked up, not the map.
+    # The node transforms the direction that is looked up, not the map: first the scale, then the rotation.
     mapping.vector_type = "POINT"
-    mapping.inputs["Rotation"].default_value = (0.0, 0.0, -math.radians(turn))
+    axes = np.array(dome.axes)
+    mirror = np.diag([np.sign(np.linalg.det(axes)), 1.0, 1.0])
+    angle = math.radians(turn)
+    # Rows of `axes` express a direction that is turned back; a mirror leaves a rotation.
+    back = np.array(Matrix.Rotation(-angle, 3, "Z"))
+    rotation = Matrix((axes @ back @ mirror).tolist()).to_euler("XYZ")
+    plain = np.array_equal(axes, np.eye(3))
+    mapping.inputs["Rotation"].default_value = (0.0, 0.0, -angle) if plain else tuple(rotation)
+    mapping.inputs["Scale"].default_value = tuple(np.diag(mirror))
     texture = tree.nodes.new("ShaderNodeTexEnvironment")
-    texture.image = load_image(world_image(light).path)
+    texture.image = load_image(dome.radiance_file.path)
     texture.interpolation = "Linear"
     background = tree.nodes.new("ShaderNodeBackground")
-    background.inputs["Strength"].default_value = strength
-    output = tree.nodes.new("ShaderNodeOutputWorld")
     tree.links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
     tree.links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
-    tree.links.new(texture.outputs["Color"], background.inputs["Color"])
-    tree.links.new(background.outputs["Background"], output.inputs["Surface"])
-    for place, node in enumerate((coordinates, mapping, texture, background, output)):
-        node.location = (300.0 * place, 0.0)
-    if after_portals:
-        path = tree.nodes.new("ShaderNodeLightPath")
-        passed = tree.nodes.new("ShaderNodeMath")
-        passed.operation = "GREATER_THAN"
-        passed.inputs[1].default_value = 0.5
-        shown = tree.nodes.new("ShaderNodeMath")
-        shown.operation = "MULTIPLY"
-        shown.inputs[1].default_value = strength
-        tree.links.new(path.outputs["Transparent Depth"], passed.inputs[0])
-        tree.links.new(passed.outputs[0], shown.inputs[0])
-        tree.links.new(shown.outputs[0], background.inputs["Strength"])
-        for place, node in enumerate((path, passed, shown)):
-            node.location = (300.0 * place, -300.0)
-    # The automatic map has 4096 x 2048 texels: less noise in the same time than a map of the light's size.
-    world.cycles.sampling_method = "AUTOMATIC" if sampled else "NONE"
-    return world
+    color = texture.outputs["Color"]
+    nodes = [coordinates, mapping, texture, background]
+    if dome.emission.color != (1.0, 1.0, 1.0):
+        tinted = tree.nodes.new("ShaderNodeVectorMath")
+        tinted.operation = "MULTIPLY"
+        tinted.inputs[1].default_value = dome.emission.color
+        tree.links.new(color, tinted.inputs[0])
+        color = tinted.outputs[0]
+        nodes.insert(3, tinted)
+    tree.links.new(color, background.inputs["Color"])
+    for place, node in enumerate(nodes):
+        node.location = (300.0 * place, height)
+    return background
+
+
+def _passed_portals(tree: Any, strength: float) -> Any:
+    """Return the strength for rays that passed a portal, 0 for others."""
+    path = tree.nodes.new("ShaderNodeLightPath")
+    passed = tree.nodes.new("ShaderNodeMath")
+    passed.operation = "GREATER_THAN"
+    passed.inputs[1].default_value = 0.5
+    shown = tree.nodes.new("ShaderNodeMath")
+    shown.operation = "MULTIPLY"
+    shown.inputs[1].default_value = strength
+    tree.links.new(path.outputs["Transparent Depth"], passed.inputs[0])
+    tree.links.new(passed.outputs[0], shown.inputs[0])
+    for place, node in enumerate((path, passed, shown)):
+        node.location = (300.0 * place, 300.0)
+    return shown.outputs[0]

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from importlib.resources import files
-from operator import methodcaller
 from typing import Annotated, Any, cast
 
 from pydantic import PlainSerializer, PlainValidator, TypeAdapter
 
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
+from lookdev.light import native
 from lookdev.light.cylinder import CylinderLight
 from lookdev.light.disk import DiskLight
 from lookdev.light.distant import DistantLight
@@ -29,12 +29,14 @@ from lookdev.light.sphere import SphereLight
 
 LIGHT_KINDS: dict[str, LightKind] = {
     "dome": LightKind(
-        Dome, files("lookdev") / "shaders" / "dome.osl.h", example_dome, world=methodcaller("world_file")
+        Dome, files("lookdev") / "shaders" / "dome.osl.h", example_dome, native.gap_of_dome, native.dome_images
     ),
-    "local_dome": LightKind(LocalDome, None, example_local_dome),
+    "local_dome": LightKind(LocalDome, None, example_local_dome, native.gap_of_local_dome),
+    "distant": LightKind(DistantLight, None, DistantLight.example, native.gap_of_distant),
+    "rect": LightKind(RectLight, None, RectLight.example, native.gap_of_placed, native.texture_images),
     **{
-        kind.kind: LightKind(kind, None, kind.example)
-        for kind in (CylinderLight, DiskLight, DistantLight, RectLight, SphereLight)
+        kind.kind: LightKind(kind, None, kind.example, native.gap_of_placed)
+        for kind in (CylinderLight, DiskLight, SphereLight)
     },
 }
 
@@ -62,12 +64,21 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand(
     return rig_code(rig, sampled=sampled, stand=stand)
 
 
-def world_image(light: Light) -> Content:
-    """Return the lat-long EXR file by which Cycles' world shows a light; an EnvironmentMapError if it cannot."""
-    world = LIGHT_KINDS[light.kind].world
-    if world is None:
-        raise EnvironmentMapError(f"Cycles' world cannot show a light of kind '{light.kind}'; use backend 'exact'")
-    return world(light)
+def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
+    """Return what of a scene's lights Cycles' own lights cannot show, a sentence for each light; none: they show it."""
+    gaps = []
+    for number, light in enumerate(lights, start=1):
+        if gap := LIGHT_KINDS[light.kind].native_gap(light):
+            name = f"'{light.emission.group}'" if light.emission.group else str(number)
+            gaps.append(f"light {name} ({light.kind}): it has {gap}, which Cycles' own lights lack")
+    if native.still_domes(lights) is None:
+        gaps.append("some domes stand still while others turn with the rig: Cycles has one world for all of them")
+    return tuple(gaps)
+
+
+def native_images(lights: Sequence[Light]) -> tuple[Content, ...]:
+    """Return the images that Cycles' own lights read to show lights."""
+    return tuple(image for light in lights for image in LIGHT_KINDS[light.kind].native_images(light))
 
 
 @cache
@@ -118,8 +129,9 @@ __all__ = [
     "load_environment",
     "load_profile",
     "make_environment",
+    "native_gaps",
+    "native_images",
     "placement",
     "prepare_light",
     "prepare_texture",
-    "world_image",
 ]

@@ -94,14 +94,17 @@ class LightKind:
         `CodedLight`. None: they are lights of a rig (`lookdev.light.lamps`).
     example
         Returns a small light of the kind that is not `constant`, for tests and documentation.
-    world
-        Returns the lat-long EXR file by which Cycles' world shows a light; None: it cannot.
+    native_gap
+        Returns what of a light Cycles' own lights cannot show (`lookdev.light.native`); None: they show it.
+    native_images
+        Returns the linear EXR files that they read.
     """
 
     type: type[Light]
     osl: Traversable | None
     example: Callable[[], Light]
-    world: Callable[[Any], Content] | None = None
+    native_gap: Callable[[Any], str | None] = lambda light: "a kind that Blender does not have"
+    native_images: Callable[[Any], tuple[Content, ...]] = lambda light: ()
 
 
 @dataclass(frozen=True)

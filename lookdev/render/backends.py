@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.errors import CodegenError
-from lookdev.light import Light
+from lookdev.light import Light, native_gaps
+from lookdev.light.lamps import is_plain
 from lookdev.scene import Sampling
 
 if TYPE_CHECKING:
@@ -69,7 +70,8 @@ class Backend:
     cannot_show: Callable[[Look], str | None] = lambda look: None  # the reason, known before a source is generated
     exact: bool = False  # pictures agree with the published models; otherwise they approximate them
     in_jobs: bool = False  # a job may name it
-    any_light: bool = False  # renders lights of every kind; otherwise only those that Cycles' world can show
+    any_light: bool = False  # renders lights of every kind, by OSL
+    cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
@@ -107,6 +109,22 @@ def _principled(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.principled import generate_principled
 
     return generate_principled(look)
+
+
+def _only_domes(lights: Sequence[Light]) -> Sequence[str]:
+    """Directions drawn from the model pass lamps, and what they pass counts as a portal."""
+    found = native_gaps(lights)
+    return found or [
+        f"light '{each.emission.group or number}' ({each.kind}): the rays of this backend find no lamps, only domes"
+        for number, each in enumerate(lights, start=1)
+        if each.kind != "dome"
+    ]
+
+
+def _one_dome(lights: Sequence[Light]) -> Sequence[str]:
+    if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
+        return ()
+    return ["the bench lights Mitsuba by one dome alone, in its own axes"]
 
 
 def _unlike_principled(look: Look) -> str | None:
@@ -152,6 +170,7 @@ BACKENDS: dict[str, Backend] = {
             devices=_ANY_DEVICE,
             exact=True,
             in_jobs=True,
+            cannot_light=_only_domes,
         ),
         Backend(
             name="principled",
@@ -168,6 +187,7 @@ BACKENDS: dict[str, Backend] = {
             source=PrincipledSource,
             generate=_principled,
             cannot_show=_unlike_principled,
+            cannot_light=_one_dome,
             version=lambda: version("mitsuba"),
         ),
     )

@@ -15,11 +15,11 @@ from lookdev.scene import Pose
 
 
 @dataclass(frozen=True)
-class BlendWorld:
-    """A light of a job: `strength` multiplies its radiance, `turn` degrees about z are beyond those of the poses."""
+class BlendRig:
+    """Lights of a job: `strength` multiplies their radiance, `turn` degrees about z are beyond those of the poses."""
 
     name: str
-    light: AnyLight
+    lights: tuple[AnyLight, ...]
     strength: float
     turn: float
 
@@ -34,7 +34,7 @@ class BlendTurntable:
 
 @dataclass(frozen=True)
 class BlendImage:
-    """An image that looks or worlds read, and its path relative to the .blend."""
+    """An image that looks or lights read, and its path relative to the .blend."""
 
     content: Content
     path: str
@@ -42,11 +42,11 @@ class BlendImage:
 
 @dataclass(frozen=True)
 class BlendTask:
-    """A .blend to be written. Worlds and turntables are in the order of the job, at least one of each."""
+    """A .blend to be written. Rigs and turntables are in the order of the job, at least one of each."""
 
     file: Path
-    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, the light is that of the first world
-    worlds: tuple[BlendWorld, ...]
+    scenes: Mapping[str, SceneTask]  # by the name of the look; sources are nodes, the lights those of the first rig
+    rigs: tuple[BlendRig, ...]
     turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]
     pack: bool  # images into the .blend; otherwise they lie at their relative paths

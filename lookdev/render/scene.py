@@ -11,7 +11,7 @@ from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
-from lookdev.light import lights_code, world_image
+from lookdev.light import lights_code
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -39,9 +39,9 @@ def scene_task(
     for look in different.values():
         if reason := record.cannot_show(look):
             raise CodegenError(reason)
+    if not record.any_light and (gaps := record.cannot_light(scene.lights)):
+        raise EnvironmentMapError("; ".join(gaps) + f": backend 'exact' renders it, '{backend}' does not")
     for light in scene.lights:
-        if not record.any_light:
-            world_image(light)
         if (light.emission.light_link, light.emission.shadow_link) != (None, None):
             raise EnvironmentMapError(
                 f"light '{light.emission.group}' is linked to parts of the asset, which no backend renders yet; "

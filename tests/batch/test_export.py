@@ -17,6 +17,7 @@ from lookdev.batch.export import Exported, blend_task, export_blend, image_names
 from lookdev.batch.prepare import JobSetups, read_setups
 from lookdev.cache import Content
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
+from lookdev.light import Emission
 from lookdev.render.blend import BLEND_TASK, BlendImage, BlendTask
 from lookdev.scene import Pose
 
@@ -117,9 +118,9 @@ def test_the_task_has_every_pose_of_the_first_light(task: BlendTask) -> None:
     ]
 
 
-def test_other_lights_are_worlds_turned_beyond_the_first(task: BlendTask) -> None:
-    worlds = [(world.name, world.strength, world.turn) for world in task.worlds]
-    assert worlds == [("tent", 2.0, 0.0), ("bright", 0.25, 45.0)]
+def test_other_rigs_are_turned_beyond_the_first(task: BlendTask) -> None:
+    rigs = [(rig.name, rig.strength, rig.turn) for rig in task.rigs]
+    assert rigs == [("tent", 2.0, 0.0), ("bright", 0.25, 45.0)]
 
 
 def test_scenes_are_of_nodes_with_any_backend_of_the_job(task: BlendTask) -> None:
@@ -127,6 +128,17 @@ def test_scenes_are_of_nodes_with_any_backend_of_the_job(task: BlendTask) -> Non
     (source,) = task.scenes["chips"].shaders
     assert type(source).__name__ == "NodeSource"
     assert (task.view, task.show_light, task.pack) == ("Raw", True, False)
+
+
+def test_domes_that_turn_and_others_that_do_not_have_no_common_timeline(prepared: JobSetups, tmp_path: Path) -> None:
+    varied = replace(prepared.setups[0].task.lights[0], constant=False)
+    lights = [(replace(varied, emission=Emission(turns=turns)),) for turns in (True, False)]
+    setups = [
+        replace(each, task=replace(each.task, lights=those))
+        for each, those in zip(prepared.setups, lights, strict=True)
+    ]
+    with pytest.raises(RenderError, match="one of the rigs 'tent' and 'bright' turn"):
+        blend_task(replace(prepared, setups=setups), tmp_path / "look.blend", [], pack=False)
 
 
 def test_a_task_travels_as_json(task: BlendTask) -> None:

@@ -39,8 +39,13 @@ def scene_facts(scene: Any) -> dict[str, Any]:
     for frame in [step / 2 for step in range(2 * scene.frame_start, 2 * scene.frame_end + 1)]:
         scene.frame_set(int(frame), subframe=frame % 1.0)
         root, camera = (item.evaluated_get(scene.view_layers[0].depsgraph) for item in (asset, scene.camera))
-        frames.append({"camera": [*camera.location], "turn": root.rotation_euler.z, "asset": [*root.location]})
+        shown = scene.view_layers[0].depsgraph
+        lights = {item.name: [*item.evaluated_get(shown).location] for item in scene.objects if item.type == "LIGHT"}
+        stands = {"turn": root.rotation_euler.z, "asset": [*root.location], "lights": lights}
+        frames.append({"camera": [*camera.location]} | stands)
+    rigs = [each for each in scene.view_layers[0].layer_collection.children if each.name.startswith("rig ")]
     return {
+        "rigs": {each.name: [not each.exclude, sorted(item.name for item in each.collection.objects)] for each in rigs},
         "engine": scene.render.engine,
         "world": scene.world.name,
         "view": scene.view_settings.view_transform,

@@ -154,7 +154,7 @@ def test_a_file_without_a_section_is_reported(tmp_path: Path, monkeypatch: pytes
 
 @pytest.mark.parametrize("backend", ["nodes", "nodes-exact"])
 def test_a_light_without_a_world_is_refused_by_nodes(backend: str) -> None:
-    with pytest.raises(EnvironmentMapError, match="cannot show a light of kind 'cone'; use backend 'exact'"):
+    with pytest.raises(EnvironmentMapError, match=r"light 1 \(cone\): .*backend 'exact' renders it"):
         scene_task(Scene.of_look(load_asset(builtin="sphere"), WHITE, cone.CONE.example(), (8, 8)), SAMPLING, backend)
 
 

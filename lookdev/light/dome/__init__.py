@@ -94,15 +94,6 @@ class Dome:
     def distance(self, place: Floats, direction: Floats) -> Floats:
         return np.full(np.broadcast_shapes(place.shape, direction.shape)[:-1], np.inf)
 
-    def world_file(self) -> Content:
-        """Return `radiance_file`; an EnvironmentMapError where Cycles' world cannot show it as the light."""
-        self._check_plain("Cycles' world")
-        return self.radiance_file
-
-    def _check_plain(self, what: str) -> None:
-        if self.axes != WORLD_AXES or replace(self.emission, group="") != WHITE:
-            raise EnvironmentMapError(f"{what} cannot show a dome light with axes or an emission of its own yet")
-
     def code(self, *, sampled: bool) -> LightCode:
         constants = {"WIDTH": self.width, "HEIGHT": self.height}
         lines = tuple(f"#define DOME_{name} {value}" for name, value in constants.items())

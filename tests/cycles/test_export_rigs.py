@@ -1,0 +1,101 @@
+"""Rigs in an exported .blend: opened where lookdev is not loaded, they light as lookdev's frames."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from scripts import run_script
+
+from lookdev.asset import load_asset
+from lookdev.batch.export import EXPORT_COMMAND, _run
+from lookdev.light import LIGHT_KINDS, Emission, Light, native_images
+from lookdev.light.mapping import rotate_z
+from lookdev.material import Layer, Look
+from lookdev.render.blend import BlendImage, BlendRig, BlendTask, BlendTurntable
+from lookdev.render.scene import scene_task
+from lookdev.render.task import SceneTask, one_frame
+from lookdev.render.worker import Worker
+from lookdev.scene import Camera, Film, Pose, Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+SIZE, SAMPLES, SEED = 24, 32, 3
+PIVOT = 0.2, 0.1
+POSES = (Pose(0.0, 20.0), Pose(0.0, 110.0))
+LOOKS = {name: Look(name, (Layer("Layer", "disney", {"baseColor": color}),)) for name, color in
+         {"red": (0.8, 0.1, 0.1), "green": (0.1, 0.8, 0.1)}.items()}  # fmt: skip
+LAMPS: tuple[Light, ...] = (
+    replace(LIGHT_KINDS["rect"].example(), emission=Emission((6.0, 5.0, 4.0), group="key")),
+    replace(LIGHT_KINDS["sphere"].example(), position=(1.4, -1.4, 0.7), emission=Emission((4.0,) * 3, turns=False)),
+)
+RIGS = {
+    "studio": LAMPS,
+    "sky": (LIGHT_KINDS["dome"].example(), replace(LIGHT_KINDS["disk"].example(), emission=Emission(group="fill"))),
+}
+
+
+def task_of(look: str, rig: str) -> SceneTask:
+    asset = load_asset(builtin="suzanne")
+    camera = Camera(30.0, 20.0, (*PIVOT, 0.0), 4.5 * asset.radius)
+    wears = {slot.path: LOOKS[look] for slot in asset.slots}
+    scene = Scene(asset, wears, RIGS[rig], camera, Film((SIZE, SIZE)))
+    return scene_task(scene, Sampling(samples=SAMPLES, seed=SEED, bounces=1), "nodes")
+
+
+@pytest.fixture(scope="module")
+def reopened(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Any]:
+    """Return facts of an exported file, and the second frame of its second scene."""
+    folder = tmp_path_factory.mktemp("rigs")
+    images = tuple(BlendImage(each, "maps/sky.exr") for each in native_images(RIGS["sky"]))
+    rigs = tuple(BlendRig(name, lights, 2.0, 0.0) for name, lights in RIGS.items())
+    task = BlendTask(
+        file=folder / "look.blend",
+        scenes={look: task_of(look, "studio") for look in LOOKS},
+        rigs=rigs,
+        turntables=(BlendTurntable("sun", POSES),),
+        images=images,
+        pack=True,
+        view="Un-tone-mapped",
+        show_light=False,
+    )
+    _run(task, EXPORT_COMMAND, 300.0)
+    picture, facts = folder / "out.exr", folder / "facts.json"
+    run_script("reopen_blend.py", task.file, facts, "green", "studio", 2, 64 * SEED, SAMPLES // 2, picture)
+    return json.loads(facts.read_text()), np.asarray(oiio.ImageBuf(str(picture)).get_pixels(oiio.FLOAT))
+
+
+def test_each_rig_is_a_collection_and_a_world(reopened: tuple[dict[str, Any], Any]) -> None:
+    facts, _ = reopened
+    assert set(facts["worlds"]) == set(RIGS)
+    for scene in facts["scenes"].values():
+        assert scene["world"] == "studio"
+        assert scene["rigs"] == {
+            "rig studio": [True, ["key", "sphere 2"]],
+            "rig sky": [False, ["fill"]],
+        }
+
+
+def test_a_light_that_does_not_turn_has_keys(reopened: tuple[dict[str, Any], Any]) -> None:
+    facts, _ = reopened
+    center, axis = np.array(load_asset(builtin="suzanne").center), np.array((*PIVOT, 0.0))
+    for scene in facts["scenes"].values():
+        # Frames 1 and 2, of steps of a half.
+        for stands, pose in zip(scene["half_frames"][::2], POSES, strict=False):
+            key, still = (np.array(light.position) for light in LAMPS)
+            # What is shown is turned against the rig: so the rig stands still, and this light does not.
+            turned = rotate_z(still - axis, -pose.lighting) + axis
+            np.testing.assert_allclose(stands["lights"]["key"], key - center, atol=1e-6)
+            np.testing.assert_allclose(stands["lights"]["sphere 2"], turned - center, atol=1e-6)
+
+
+def test_the_reopened_rig_renders_the_same_picture(reopened: tuple[dict[str, Any], Any], worker: Worker) -> None:
+    _, theirs = reopened
+    worker.start()
+    ours = worker.render(one_frame(task_of("green", "studio"), POSES[1], "green"), lambda progress: None)
+    assert ours.a[ours.alpha == 1.0].mean() > 0.02
+    np.testing.assert_allclose(theirs[..., :3], 2.0 * ours.a, rtol=1e-5, atol=1e-6)

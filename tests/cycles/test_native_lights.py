@@ -1,0 +1,153 @@
+"""Lights as Cycles' own: what they send is what they send in NumPy, and frames of rigs agree with the reference."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+from scripts import run_script
+
+from lookdev.asset import load_asset
+from lookdev.light import (
+    LIGHT_KINDS,
+    AnyLight,
+    DistantLight,
+    Emission,
+    Light,
+    RectLight,
+    Shaping,
+    make_environment,
+    prepare_texture,
+)  # fmt: skip
+from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
+from lookdev.reference.render import frame_pixels
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Worker
+from lookdev.scene import Camera, Film, Pose, Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+Floats = NDArray[np.float64]
+
+PLACE, NORMAL = np.array([0.3, -0.2, 0.5]), np.array([0.0, -0.6, 0.8])
+LEFT_HANDED = ((-1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
+BEAM = Emission((3.0, 2.0, 1.0), shaping=Shaping(70.0, 0.6, 2.0, (0.1, 0.2, 0.3)))
+
+
+def pictured() -> RectLight:
+    """Return a rectangle whose texture is unlike itself mirrored and turned."""
+    texels = np.random.default_rng(2).uniform(0.2, 1.0, (6, 4, 3))
+    texels[:2, :2] *= 6.0
+    return replace(RectLight.example(), texture=prepare_texture(make_environment("picture", texels)))
+
+
+CASES: dict[str, Light] = {
+    **{name: kind.example() for name, kind in LIGHT_KINDS.items() if not kind.native_gap(kind.example())},
+    "texture": pictured(),
+    "mirrored texture": replace(pictured(), axes=LEFT_HANDED),
+    "mirrored dome": replace(LIGHT_KINDS["dome"].example(), axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
+    "sphere from inside": replace(LIGHT_KINDS["sphere"].example(), position=(0.3, -0.2, 0.6)),
+    "sun": replace(DistantLight.example(), angle=0.53),
+    "parallel": replace(DistantLight.example(), angle=0.0),
+    **{
+        f"shaped {name}": replace(LIGHT_KINDS[name].example(), emission=BEAM) for name in ("rect", "sphere", "cylinder")
+    },
+}
+
+
+@pytest.fixture(scope="module")
+def towards() -> Mapping[str, Floats]:
+    """Return a direction to each light, well above the surface."""
+    u = 0.05 + 0.9 * np.random.default_rng(3).random((64, 2))
+    drawn = {name: light.sample(np.broadcast_to(PLACE, (64, 3)), u) for name, light in CASES.items()}
+    return {name: wi[np.argmax(wi @ NORMAL > 0.4)] for name, wi in drawn.items()}
+
+
+@pytest.fixture(scope="module")
+def measured(towards: Mapping[str, Floats], tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, dict[str, Any]]:
+    """Return what a diffuse square and a mirror show of each light."""
+    folder = tmp_path_factory.mktemp("lamps")
+    adapter: TypeAdapter[Light] = TypeAdapter(AnyLight)
+    request = {
+        "lights": [json.loads(adapter.dump_json(light)) for light in CASES.values()],
+        "towards": [towards[name].tolist() for name in CASES],
+        "place": PLACE.tolist(),
+        "normal": NORMAL.tolist(),
+    }
+    (folder / "request.json").write_text(json.dumps(request))
+    run_script("lamp_probe.py", folder / "request.json", folder / "out.npz")
+    with np.load(folder / "out.npz") as stored:
+        return {key: dict(zip(CASES, stored[key], strict=True)) for key in stored}
+
+
+def irradiance(light: Light, cells: int = 1000) -> Floats:
+    """Return the irradiance at the place by the light's directions, by the midpoint rule."""
+    step = (np.arange(cells) + 0.5) / cells
+    u = np.stack(np.meshgrid(step, step), axis=-1).reshape(-1, 2)
+    places = np.broadcast_to(PLACE, (len(u), 3))
+    wi = light.sample(places, u)
+    value, pdf = light.radiance(places, wi) * np.maximum(wi @ NORMAL, 0.0)[:, None], light.pdf(places, wi)
+    return np.asarray(np.divide(value, pdf[:, None], out=np.zeros_like(value), where=pdf[:, None] > 0.0).mean(axis=0))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_diffuse_surface_is_lit_alike(name: str, measured: Mapping[str, dict[str, Floats]]) -> None:
+    np.testing.assert_allclose(measured["diffuse"][name], irradiance(CASES[name]), rtol=5e-3)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_mirror_shows_the_light(
+    name: str, measured: Mapping[str, dict[str, Floats]], towards: Mapping[str, Floats]
+) -> None:
+    np.testing.assert_allclose(measured["mirror"][name], CASES[name].radiance(PLACE, towards[name]), rtol=5e-3)
+
+
+LOOK = (Layer("White", "disney", {"baseColor": (0.8, 0.8, 0.8), "roughness": 1.0, "specular": 0.0}),)
+STILL = Emission((4.0, 6.0, 9.0), turns=False, group="still")
+RIGS: dict[str, tuple[Light, ...]] = {
+    "lamps": (
+        replace(RectLight.example(), emission=replace(STILL, turns=True)),
+        replace(LIGHT_KINDS["sphere"].example(), position=(1.4, -1.4, 0.7), emission=STILL),
+        replace(LIGHT_KINDS["cylinder"].example(), position=(-1.9, 0.6, 0.5), emission=Emission((2.0, 2.0, 6.0))),
+    ),
+    "two domes": (
+        LIGHT_KINDS["dome"].example(),
+        replace(LIGHT_KINDS["dome"].example(), axes=LEFT_HANDED, emission=Emission((1.0, 2.0, 0.5))),
+        replace(LIGHT_KINDS["disk"].example(), emission=STILL),
+    ),
+    "still dome": (
+        replace(LIGHT_KINDS["dome"].example(), emission=replace(STILL, color=(1.0, 1.0, 1.0))),
+        replace(RectLight.example(), emission=Emission((9.0, 6.0, 3.0))),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", RIGS)
+def test_frames_of_rigs_agree_with_the_reference(name: str, worker: Worker) -> None:
+    asset, look, size, pose = load_asset(builtin="sphere"), Look("white", LOOK), (24, 24), Pose(30.0, 75.0)
+    # Off the axis of the world, about which nothing turns.
+    camera = Camera(30.0, 20.0, (0.2, 0.1, 0.0), 4.5 * asset.radius)
+    wears = {slot.path: look for slot in asset.slots}
+    scene = scene_task(Scene(asset, wears, RIGS[name], camera, Film(size)), Sampling(samples=1024, bounces=0), "nodes")
+    worker.start()
+    frame = worker.render(one_frame(scene, pose, name), lambda progress: None)
+    chosen = np.argwhere(frame.alpha == 1.0)[::3]
+    picture = ((frame.a.astype(np.float64) + frame.b) / 2.0)[tuple(chosen.T)]
+
+    def off(pose: Pose) -> float:
+        found = frame_pixels(MeshScene(asset, [look]), RIGS[name], camera, pose, size, chosen[:, ::-1], samples=64)
+        return float(np.abs(picture - found.value).mean() / found.value.mean())
+
+    # Noise, and what the closures' fit leaves: 2.4 % under the dome of `RIGS` alone, with 1024 samples.
+    assert off(pose) < 0.035
+    # Another turn of the rig, or of all.
+    assert off(Pose(30.0, 45.0)) > 0.07
+    assert off(Pose(0.0, 45.0)) > 0.07

@@ -1,0 +1,99 @@
+"""What Cycles' own lights cannot show is refused before rendering, by a message that names the light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from light_cases import dome, sunny
+
+from lookdev.asset import load_asset
+from lookdev.cache import Content
+from lookdev.errors import EnvironmentMapError
+from lookdev.light import (
+    LIGHT_KINDS,
+    DiskLight,
+    DistantLight,
+    Emission,
+    Falloff,
+    Light,
+    Profile,
+    RectLight,
+    Shadow,
+    Shaping,
+    native_gaps,
+    native_images,
+    prepare_texture,
+)  # fmt: skip
+from lookdev.light.dome.environment import make_environment
+from lookdev.light.native import still_domes
+from lookdev.material import Layer, Look
+from lookdev.render.scene import scene_task
+from lookdev.scene import Camera, Film, Sampling, Scene
+
+LOOK = Look("white", (Layer("White", "disney", {"baseColor": (1.0,) * 3}),))
+KEY = Emission(group="key")
+STILL = Emission(turns=False)
+
+
+def task(backend: str, *lights: Light) -> Any:
+    asset = load_asset(builtin="sphere")
+    camera = Camera(30.0, 20.0, asset.center, 4.2 * asset.radius)
+    return scene_task(Scene(asset, {"": LOOK} | {s.path: LOOK for s in asset.slots}, lights, camera, Film((8, 8))),
+                      Sampling(), backend)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "lacking"),
+    [
+        ({"diffuse": 0.5}, "a diffuse multiplier"),
+        ({"specular": 0.0}, "a specular multiplier"),
+        ({"shadow": Shadow(color=(0.1, 0.0, 0.0))}, "a shadow control"),
+        ({"shadow": Shadow(enable=False)}, "a shadow control"),
+        ({"falloff": Falloff(exponent=1.0)}, "a falloff"),
+        ({"shaping": Shaping(profile=Profile(Content("a", ".npy"), 1.0, 1.0))}, "an IES profile"),
+    ],
+)
+def test_what_blender_lacks_is_refused(changed: dict[str, Any], lacking: str) -> None:
+    lights = sunny(), replace(DiskLight.example(), emission=replace(KEY, **changed))
+    with pytest.raises(EnvironmentMapError, match=rf"light 'key' \(disk\): it has {lacking}.*'exact' renders it"):
+        task("nodes", *lights)
+
+
+def test_every_light_that_is_refused_is_named() -> None:
+    local, wide = LIGHT_KINDS["local_dome"].example(), DistantLight(angle=270.0)
+    first, second = native_gaps([local, sunny(), wide])
+    assert first.startswith("light 1 (local_dome)")
+    assert second.startswith("light 3 (distant)")
+
+
+@pytest.mark.parametrize("backend", ["nodes", "principled"])
+def test_all_else_is_shown(backend: str) -> None:
+    shown = [kind.example() for kind in LIGHT_KINDS.values() if not kind.native_gap(kind.example())]
+    assert {light.kind for light in shown} == {*LIGHT_KINDS} - {"local_dome"}
+    assert task(backend, *shown).lights == tuple(shown)
+
+
+@pytest.mark.parametrize(("backend", "why"), [("nodes-exact", "only domes"), ("mitsuba", "one dome alone")])
+def test_backends_that_know_domes_alone_refuse_lamps(backend: str, why: str) -> None:
+    with pytest.raises(EnvironmentMapError, match=why):
+        task(backend, sunny(), DiskLight.example())
+
+
+def test_domes_that_turn_and_domes_that_do_not_have_no_common_world() -> None:
+    white = dome(np.ones((8, 16, 3)))
+    still = replace(sunny(), emission=STILL)
+    assert [still_domes(each) for each in ([sunny(), white], [still, white], [sunny(), still])] == [False, True, None]
+    with pytest.raises(EnvironmentMapError, match="some domes stand still while others turn"):
+        task("nodes", sunny(), still)
+
+
+def test_images_are_those_of_domes_and_textures() -> None:
+    texture = prepare_texture(make_environment("picture", np.ones((2, 2, 3))))
+    light = sunny()
+    assert native_images([light, replace(RectLight.example(), texture=texture), RectLight.example()]) == (
+        light.radiance_file,
+        texture,
+    )
