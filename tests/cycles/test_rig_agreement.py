@@ -1,0 +1,224 @@
+"""Frames under rigs of all kinds of lights against the float64 reference, and faults planted in their shaders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames import orbit_camera
+
+from lookdev.asset import load_asset
+from lookdev.checks.finding import Finding
+from lookdev.checks.images import check_frame, choose_pixels
+from lookdev.codegen import ShaderSource
+from lookdev.light import (
+    LIGHT_KINDS,
+    CylinderLight,
+    DiskLight,
+    DistantLight,
+    Emission,
+    Falloff,
+    Light,
+    RectLight,
+    Shadow,
+    Shaping,
+    SphereLight,
+    load_profile,
+    make_environment,
+    prepare_light,
+    prepare_texture,
+)
+from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
+from lookdev.reference.render import frame_pixels
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Worker
+from lookdev.scene import Film, Pose, Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+SIZE, SAMPLES, SEEDS = 32, 64, 4
+POSE = Pose(20.0, 70.0)
+FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
+"""Axes of a light that shines along +y."""
+
+LOOKS = {
+    "diffuse": Layer("l", "disney", {"baseColor": (0.8, 0.5, 0.3), "roughness": 0.6, "specular": 0.0}),
+    "plastic": Layer("l", "disney", {"baseColor": (0.2, 0.5, 0.9), "roughness": 0.35, "clearcoat": 0.5}),
+    "metal": Layer("l", "disney", {"baseColor": (0.9, 0.7, 0.4), "metallic": 1.0, "roughness": 0.25}),
+    "wall-e": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4}),
+    "leaf": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4, "back": 0.5}),
+}
+PROFILE = """IESNA:LM-63-2002
+TILT=NONE
+1 1000 1 5 4 1 2 0 0 0
+1 1 100
+0 22.5 45 67.5 90
+0 30 90 180
+1 .9 .5 .2 0
+1 .5 .8 .1 0
+1 .2 .2 .9 0
+1 .9 .1 .1 .4
+"""
+
+
+def sent(**given: object) -> Emission:
+    return Emission((6.0, 4.0, 2.0), **given)  # type: ignore[arg-type]
+
+
+def textured() -> RectLight:
+    """Return a rectangle of a few bright spots, seen by the front of the asset."""
+    radiance = np.zeros((24, 40, 3), np.float32)
+    radiance[3:8, 5:9], radiance[12:20, 20:38], radiance[20:, :3] = (9.0, 3.0, 1.0), (0.2, 0.6, 2.0), (4.0, 8.0, 4.0)
+    texture = prepare_texture(make_environment("spots", radiance))
+    return RectLight(width=2.0, height=1.5, position=(0.0, -2.0, 0.5), axes=FACING, texture=texture)
+
+
+def profiled(folder: Path) -> tuple[Light, ...]:
+    file = folder / "lamp.ies"
+    file.write_text(PROFILE)
+    plain, squeezed = load_profile(file), load_profile(file, angle_scale=0.5)
+    return (
+        SphereLight(radius=0.3, position=(-1.0, -1.6, 0.5), axes=FACING, emission=sent(shaping=Shaping(profile=plain))),
+        replace(near("rect"), emission=sent(shaping=Shaping(profile=squeezed))),
+    )
+
+
+def near(kind: str) -> Light:
+    """Return a light of a kind in front of the asset."""
+    at = (0.6, -1.8, 0.8)
+    match kind:
+        case "rect":
+            return RectLight(width=1.2, height=0.8, position=at, axes=FACING, emission=sent())
+        case "disk":
+            return DiskLight(radii=(0.7, 0.4), position=at, axes=FACING, emission=sent())
+        case "sphere":
+            return SphereLight(radius=0.4, position=at, emission=sent())
+        case "cylinder":
+            return CylinderLight(length=1.5, radius=0.2, position=at, emission=sent())
+        case "distant":
+            return DistantLight(angle=20.0, axes=((1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.0, -0.8, 0.6)), emission=sent())
+    return LIGHT_KINDS[kind].example()
+
+
+def constant_dome() -> Light:
+    return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)))
+
+
+KINDS = ("rect", "disk", "sphere", "cylinder", "distant", "local_dome")
+RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
+    **{kind: lambda folder, kind=kind: (near(kind),) for kind in KINDS},
+    "texture": lambda folder: (textured(), near("dome")),
+    "profile": profiled,
+    "beam": lambda folder: (
+        replace(near("rect"), emission=sent(shaping=Shaping(35.0, 0.5, 4.0, (0.1, 0.5, 0.0)))),
+        SphereLight(radius=0.2, position=(-1.0, -1.6, 0.2), axes=FACING, emission=sent(shaping=Shaping(25.0))),
+    ),
+    "falloff": lambda folder: (
+        replace(near("rect"), emission=sent(falloff=Falloff(1.5, 3.0, 1.0, 3.0))),
+        replace(near("sphere"), position=(-1.0, -1.6, 0.2), emission=sent(falloff=Falloff(0.0, 1.0))),
+    ),
+    "shadow": lambda folder: (
+        replace(near("rect"), emission=sent(shadow=Shadow(True, (0.5, 0.1, 0.0), 0.6, 0.4, 0.7))),
+        replace(near("sphere"), position=(0.2, 0.5, 2.0), emission=sent(shadow=Shadow(enable=False))),
+        replace(near("distant"), emission=sent(shadow=Shadow(distance=0.3))),
+    ),
+    "response": lambda folder: (
+        replace(near("rect"), emission=sent(diffuse=0.3, specular=2.0)),
+        replace(near("sphere"), position=(-1.0, -1.6, 0.2), emission=sent(diffuse=2.0, specular=0.0)),
+    ),
+    "still": lambda folder: (
+        replace(near("rect"), emission=sent(turns=False)),
+        near("disk"),
+        replace(LIGHT_KINDS["dome"].example(), emission=sent(turns=False), axes=FACING),  # type: ignore[type-var]
+    ),
+    "seen": lambda folder: (
+        SphereLight(radius=0.3, position=(-0.4, -1.8, 0.4), emission=sent(camera=True, turns=False)),
+        constant_dome(),
+    ),
+    "everything": lambda folder: (*map(near, (*KINDS, "dome")), constant_dome()),
+}
+QUICK = [
+    *(("sphere", rig, "plastic") for rig in ("rect", "cylinder", "local_dome", "texture", "beam", "falloff")),
+    *(("suzanne", rig, "plastic") for rig in ("everything", "shadow", "response", "still", "seen", "profile")),
+    ("plane", "everything", "diffuse"),
+    ("suzanne", "everything", "leaf"),
+]
+CELLS = [(asset, rig, look) for asset in ("sphere", "plane", "suzanne") for rig in RIGS for look in LOOKS]
+# A leaf is seen through: it takes plain shadows alone, and is refused by name otherwise.
+CELLS = [cell for cell in CELLS if cell not in QUICK]
+
+
+def agreement(
+    worker: Worker, asset: str, lights: tuple[Light, ...], look: str, alter: Callable[[str], str] = lambda osl: osl
+) -> Finding:
+    shape = load_asset(builtin=asset)
+    camera, film = orbit_camera(shape.center, shape.radius), Film((SIZE, SIZE))
+    worn = Look("look", (LOOKS[look],))
+    scene = Scene(shape, {slot.path: worn for slot in shape.slots}, lights, camera, film)
+    task = scene_task(scene, Sampling(bounces=1, samples=SAMPLES, error=None))
+    (source,) = task.shaders
+    assert isinstance(source, ShaderSource)
+    altered = replace(source, osl=alter(source.osl))
+    task = replace(task, shaders=(altered,))
+    worker.start()
+    frames = [
+        worker.render(one_frame(task, POSE, f"{asset} {look} {seed}", seed=seed), lambda progress: None)
+        for seed in range(SEEDS)
+    ]
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
+    pixels = choose_pixels(frames[0].alpha, 100, seed=1)
+    bounces = task.sampling.bounces
+    size = (SIZE, SIZE)
+    reference = frame_pixels(
+        MeshScene(shape, scene.looks), lights, camera, POSE, size, pixels, bounces=bounces, samples=256
+    )
+    return check_frame(asset, halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
+
+
+@pytest.mark.parametrize(
+    ("asset", "rig", "look"), [*QUICK, *(pytest.param(*cell, marks=pytest.mark.slow) for cell in CELLS)]
+)
+def test_frames_under_rigs_agree_with_the_reference(
+    worker: Worker, tmp_path: Path, asset: str, rig: str, look: str
+) -> None:
+    found = agreement(worker, asset, RIGS[rig](tmp_path), look)
+    assert found.passed, "\n".join((found.summary, *found.details))
+
+
+FAULTS = {
+    "a wrong Jacobian": ("    pdf = v", "    pdf = 1.2 * v"),
+    "a missing weight of the BSDF": ("float own_density = brdf_samples", "float own_density = 0 * brdf_samples"),
+    "a missing weight of the light": ("own_density + weighed * RIG_DRAWN(j)", "own_density + 0 * RIG_DRAWN(j)"),
+    "light from behind": ("p[2] < 0.0", "p[2] != 0.0"),
+    "a light that is drawn too often": ("float wanted = u1 * front_sum", "float wanted = u1 * u1 * front_sum"),
+    "a lamp that nothing hides": ("(distance > occluder ? 0 : 1)", "1"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_planted_faults_are_found(worker: Worker, fault: str) -> None:
+    """Under a rectangle that some of the asset sees from behind, and a sphere."""
+    behind = RectLight(width=1.0, height=1.0, position=(0.5, 0.0, 0.3), axes=FACING, emission=sent())
+    given, planted = FAULTS[fault]
+
+    def alter(osl: str) -> str:
+        assert given in osl
+        return osl.replace(given, planted)
+
+    assert not agreement(worker, "suzanne", (behind, near("sphere")), "metal", alter).passed
+
+
+def test_the_shader_of_a_rig_does_not_depend_on_its_numbers() -> None:
+    """So rigs of the same kinds share a compiled shader."""
+    moved = replace(near("rect"), position=(1.0, 2.0, 3.0), width=2.0)  # type: ignore[type-var]
+    asset = load_asset(builtin="sphere")
+    one, other = (
+        scene_task(Scene.of_look(asset, Look("look", (LOOKS["plastic"],)), light, (8, 8)), Sampling())
+        for light in (near("rect"), moved)
+    )
+    assert one.shaders[0].digest == other.shaders[0].digest
