@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from lookdev.light import load_environment
+from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.light.dome.files import write_exr
 from lookdev.output.exr import read_frame, read_header
 
@@ -53,3 +54,20 @@ def test_a_dome_of_a_rig_is_rendered_as_the_ibl_of_its_image(tmp_path: Path) -> 
         assert read_frame(file)[0].max() > 0.01
     first, second = (read_frame(tmp_path / "out" / "red" / "dome" / f"lighting.000{i}.exr")[0] for i in (1, 2))
     assert np.abs(first - second).max() > 0.01  # the rig has turned
+
+
+@pytest.mark.parametrize("name", BUILTIN_RIGS)
+def test_a_shipped_rig_lights_a_grey_sphere_well(tmp_path: Path, name: str) -> None:
+    """Grey of 0.5, as the rig stands: neither black nor much above 1; and the rig turns."""
+    job = batches.write_job(tmp_path, frames=1, samples=32)
+    text = job.read_text().replace('builtin = "suzanne"', 'builtin = "sphere"')
+    rig = f'rig = [{{ name = "rig", builtin = "{name}" }}]'
+    job.write_text(re.sub(r"(?m)^ibl = .*$", rig, text))
+    batches.write_look(tmp_path, "red", "0.5, 0.5, 0.5")
+    batches.render(job)
+    files = [tmp_path / "out" / "red" / "rig" / f"lighting.000{number}.exr" for number in (1, 2)]
+    (picture, alpha), (turned, _) = map(read_frame, files)
+    seen = picture[alpha == 1.0].mean(axis=-1)
+    assert 0.15 < seen.mean() < 0.8
+    assert np.quantile(seen, 0.95) < 1.5
+    assert np.abs(picture - turned).max() > 0.05
