@@ -114,8 +114,6 @@ def _add_rigs(task: BlendTask, shown: Scene) -> list[Any]:
     for rig in task.rigs:
         collections.append(bpy.data.collections.new(f"rig {rig.name}"))
         lamps = add_lights(collections[-1], rig.lights, shown.origin, rig.strength)
-        for lamp in lamps:
-            lamp.item.visible_camera = lamp.camera
         shown.lamps += [replace(lamp, offset=rig.turn) for lamp in lamps]
     return collections
 

@@ -31,13 +31,11 @@ _SIDES = 256  # of a cylinder
 class Placed:
     """An object of Blender that shows a light, and where it is at pose 0: location and XYZ Euler angles.
 
-    Whether it turns with the rig, and whether the camera shall see it; `offset` are degrees that a rig is turned beyond
-    its poses.
+    Whether it turns with the rig; `offset` are degrees that a rig is turned beyond its poses.
     """
 
     item: Any
     turns: bool
-    camera: bool
     location: Floats
     angles: tuple[float, float, float]
     offset: float = 0.0
@@ -80,7 +78,7 @@ def add_lights(into: Any, lights: Sequence[Light], origin: Floats, strength: flo
         _configure(item)
         into.objects.link(item)
         location = np.array(getattr(light, "position", origin)) - origin
-        made = Placed(item, light.emission.turns, light.emission.camera, location, _angles(light.axes))
+        made = Placed(item, light.emission.turns, location, _angles(light.axes))
         made.turn(0.0, (0.0, 0.0))
         placed.append(made)
     return placed

@@ -18,15 +18,16 @@ _CALLED = {
     "shaping": "a cone, a focus or a profile",
     "shadow": "a shadow control",
     "falloff": "a falloff of its own",
+    "camera": "a light that the camera sees",
     "light_link": "light links",
     "shadow_link": "shadow links",
 }
-_ANYWHERE = ("color", "turns", "camera", "group")
+_ANYWHERE = ("color", "turns", "group")
 
 
 def gap_of_dome(light: Dome) -> str | None:
     """Return what of a dome light a world of Blender does not have; None: it shows the light."""
-    return _first(_beyond(light.emission, _ANYWHERE))
+    return _first(_beyond(light.emission, (*_ANYWHERE, "camera")))
 
 
 def gap_of_local_dome(light: object) -> str | None:
