@@ -1,0 +1,143 @@
+"""Irradiance of a Lambert plane in Cycles, against closed forms; a model of the test's own reflects exactly 1 / pi."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from closed_forms import by_sampling, of_cone, of_polygon
+from numpy.typing import NDArray
+from test_light_irradiance import AXES, FACING, NORMALS, PLACES, POSITION
+
+from lookdev.asset import load_asset
+from lookdev.brdf.lobes import Bsdf, Lobe
+from lookdev.brdf.microfacet import sample_cosine
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.models import MODELS
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import Array, Parameters, mean, scale
+from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, Falloff, Light, RectLight, SphereLight
+from lookdev.light.placement import checked_axes, to_world, vector
+from lookdev.material import Layer, Look
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.render.worker import Rendered, renderer
+from lookdev.scene import Pose, Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+Floats = NDArray[np.float64]
+Render = Callable[[FrameTask], Rendered]
+
+FAR = 1000.0  # of the plane's size: the light is the same all over it
+
+
+def _lambert(p: Parameters) -> Bsdf:
+    def lobes(wo: Array) -> tuple[Lobe, ...]:
+        return (
+            Lobe(
+                "lambert",
+                "diffuse",
+                group="diffuse",
+                share=mean(p["albedo"]),
+                evaluate=lambda d: scale(p["albedo"], 1.0 / np.pi),
+                pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
+                sample=sample_cosine,
+                broad=True,
+                values={"albedo": p["albedo"]},
+            ),
+        )
+
+    return Bsdf(lobes)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _lambert_is_a_model() -> Iterator[None]:
+    parameters = {"albedo": Parameter("albedo", "color", (1.0, 1.0, 1.0), help="The reflected part of light.")}
+    model = Model("lambert", "Lambert", "Lambert 1760.", parameters, _lambert, "Lambert", Preview({}))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(MODELS, "lambert", model)
+        yield
+
+
+@pytest.fixture(scope="module")
+def render() -> Iterator[Render]:
+    with renderer() as rendering:
+        yield rendering
+
+
+def irradiance(render: Render, light: Light, place: Floats, normal: Floats, samples: int) -> float:
+    """Render a small plane about a place, in a frame whose -y is the normal, scaled to a size of 1."""
+    away = np.linalg.norm(np.array(getattr(light, "position", (0.0, 0.0, 1.0))) - place)
+    reach = getattr(light, "reach", 0.0)
+    larger = FAR / max(away - reach, 1e-3 * away)
+    x = np.cross(normal, (0.36, 0.48, 0.8) if abs(normal[2]) > 0.9 else (0.0, 0.0, 1.0))
+    x /= np.linalg.norm(x)
+    frame = np.stack([x, -normal, np.cross(normal, x)])  # the plane faces -y
+    axes = checked_axes(np.array(light.axes) @ frame.T)  # type: ignore[attr-defined]
+    moved = replace(light, axes=axes)  # type: ignore[type-var]
+    if hasattr(light, "position"):
+        moved = replace(moved, position=vector(larger * frame @ (np.array(light.position) - place)))
+    given = (name for name in ("width", "height", "radius", "length") if hasattr(light, name))
+    sizes = {name: larger * getattr(light, name) for name in given}
+    if isinstance(light, DiskLight):
+        sizes["radii"] = (larger * light.radii[0], larger * light.radii[1])
+    return reflected(render, replace(moved, **sizes), samples)
+
+
+def reflected(render: Render, light: Light, samples: int = 1024) -> float:
+    """Return pi times the radiance that a plane of size 1 at the origin reflects."""
+    asset, look = load_asset(builtin="plane"), Look("look", (Layer("l", "lambert", {}),))
+    task = scene_task(Scene.of_look(asset, look, light, (8, 8)), Sampling(bounces=0, samples=samples, error=None))
+    rendered = render(one_frame(task, Pose(0.0, 0.0), "plane"))
+    return float(np.pi * ((rendered.a + rendered.b) / 2.0)[rendered.alpha == 1.0].astype(np.float64).mean())
+
+
+def lights() -> Iterator[tuple[str, int, Light, float]]:
+    """Yield kind, number of the place, light, and its irradiance there in closed form."""
+    square = np.array([(-0.8, -0.35, 0.0), (0.8, -0.35, 0.0), (0.8, 0.35, 0.0), (-0.8, 0.35, 0.0)])
+    angle = 2.0 * np.pi * np.arange(2048) / 2048
+    ellipse = np.stack([0.8 * np.cos(angle), 0.35 * np.sin(angle), 0.0 * angle], axis=-1)
+    rim = np.sqrt(angle[1] / np.sin(angle[1])) * ellipse
+    for number, (place, normal) in enumerate(zip(PLACES, NORMALS, strict=True)):
+        stands = {"position": POSITION, "axes": AXES}
+        rect, disk = RectLight(width=1.6, height=0.7, **stands), DiskLight(radii=(0.8, 0.35), **stands)
+        for kind, light, corners in (("rect", rect, square), ("disk", disk, rim)):
+            yield kind, number, light, of_polygon(np.array(POSITION) + to_world(AXES, corners), place, normal)
+        radius = (1.9, 0.2, 0.7, 0.3, 0.01, 1.0, 30.0, 1.5, 0.1, 1e-3)[number]
+        towards = np.array(POSITION) - place
+        away = float(np.linalg.norm(towards))
+        if away > radius:
+            value = of_cone(radius / away, float(towards @ FACING[number]) / away)
+            yield "sphere", number, SphereLight(radius=radius, position=POSITION), value
+        # No closed form: by quadrature of the float64 light, which test_light_irradiance compares with its surface.
+        tube = CylinderLight(
+            length=1.5, radius=(0.2, 0.1, 0.15, 0.05, 0.02, 0.8, 10.0, 1.0, 0.3, 50.0)[number], **stands
+        )
+        yield "cylinder", number, tube, by_sampling(tube, place, FACING[number])
+        wide = (0.01, 0.53, 3.0, 20.0, 60.0, 90.0, 120.0, 150.0, 170.0, 179.0)[number]
+        value = of_cone(np.sin(np.radians(wide / 2.0)), float(normal[2]))
+        if value > 0.0:
+            yield "distant", number, DistantLight(angle=wide, axes=AXES), value
+
+
+CASES = list(lights())
+
+
+@pytest.mark.parametrize(("kind", "number", "light", "wanted"), CASES, ids=[f"{case[0]}-{case[1]}" for case in CASES])
+def test_irradiance_is_that_of_the_closed_form(
+    render: Render, kind: str, number: int, light: Light, wanted: float
+) -> None:
+    normal = FACING[number] if kind in ("sphere", "cylinder") else NORMALS[number]
+    # The horizon leaves little of that disk: few directions find it.
+    samples = 1 << 16 if (kind, number) == ("disk", 8) else 4096
+    assert irradiance(render, light, PLACES[number], normal, samples) == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize("exponent", [0.0, 1.0, 2.0, 3.0])
+def test_falloff_has_its_exponent(render: Render, exponent: float) -> None:
+    lights = (SphereLight(radius=1.0, position=(0.0, -away, 0.0)) for away in (FAR, 2.0 * FAR))
+    near, far = (reflected(render, replace(each, emission=Emission(falloff=Falloff(0.0, exponent)))) for each in lights)
+    assert np.log2(near / far) == pytest.approx(exponent, abs=1e-3)
