@@ -39,7 +39,7 @@ def test_options_reach_the_export(
     code, output, errors = run_cli("export", "blend", "job.toml", "-o", out, *options)
     assert (code, errors) == (0, "note: no view like that\n")
     assert exported == {"job": Path("job.toml"), "out": out, "pack": pack}
-    assert output.startswith(f"{out}: 0.0 MB, scenes gold, worlds city")
+    assert output.startswith(f"{out}: 0.0 MB, scenes gold, rigs city")
 
 
 def test_a_failure_of_blender_leaves_with_1(run_cli: Command, exported: dict[str, Any], tmp_path: Path) -> None:

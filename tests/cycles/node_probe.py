@@ -46,7 +46,7 @@ def main(light_file: Path, out: Path) -> None:
     turned = shoot()
     # The asset at rest, the camera where the asset's angle has it, and the world turned about both.
     scene.pose(camera, Pose(POSE.element, POSE.element))
-    scene.scene.world = build_world("turned", light, sampled=True, turn=POSE.lighting - POSE.element)
+    scene.scene.world = build_world("turned", [light], sampled=True, turn=POSE.lighting - POSE.element)
     world_turned = shoot()
 
     groups: Groups = {}
