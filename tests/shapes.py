@@ -32,6 +32,9 @@ class Shape:
     def points(self, place: Floats) -> Floats:
         return place
 
+    def lit(self, place: Floats, light: int) -> None:
+        """All lights light all of it."""
+
     def bsdfs(self, place: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
         assert self.bsdf is not None
         yield np.arange(len(place)), self.bsdf

@@ -63,7 +63,7 @@ class Scene:
         self._groups: Groups = {} if groups is None else groups
         self._configure()
         self._asset = read_asset(task.asset.path)
-        self._materials = [self._material(source) for source in task.shaders]
+        self._materials = [self._material(number, source) for number, source in enumerate(task.shaders)]
         # Blender's own BSDF reads no attribute by name, but the first UV set.
         self._apart = apart or self.by_user
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
@@ -111,12 +111,12 @@ class Scene:
             # A lamp that a ray passes counts as one of them, seen from either side where it is a mesh.
             self.scene.cycles.transparent_max_bounces += 2 * sum(not isinstance(each, Dome) for each in task.lights)
 
-    def _material(self, source: Source) -> Any:
+    def _material(self, number: int, source: Source) -> Any:
         match source:
             case ShaderSource():
                 x, y, z = self._asset.center
                 stand = Stand((x, y, z), self.task.camera.pivot)
-                return surface_material(source, self.task.lights, stand)
+                return surface_material(source, self.task.lights_of(number), stand)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
@@ -193,7 +193,7 @@ class Scene:
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    built = (task.shaders, task.lights, task.resolution, task.sampling.bounces, task.device)
+    built = (task.shaders, task.lights, task.lit, task.resolution, task.sampling.bounces, task.device)
     # The shaders of a rig contain where its lights stand about the asset.
     return built if coded(task.lights) else (*built, task.asset, task.camera)
 

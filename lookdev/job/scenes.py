@@ -21,6 +21,7 @@ from lookdev.material.usd import expand_variants
 from lookdev.material.usd.bound import read_any_look
 from lookdev.material.variants import MOST_COMBINATIONS
 from lookdev.scene import Film, Scene
+from lookdev.scene.linking import link_lights
 from lookdev.stage import open_stage
 
 Ahead = Callable[[Job, Look, tuple[Light, ...]], None]
@@ -84,7 +85,9 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
         notes += rig.unlinked(parts)
     for name, each in dressed.items():
         for rig in rigs:
-            scenes[name, rig.name] = Scene(shown[name], each.wears, rig.around(largest), cameras[name], film)
+            lights = rig.around(largest)
+            asset, wears, lit = link_lights(shown[name], each.wears, lights)
+            scenes[name, rig.name] = Scene(asset, wears, lights, cameras[name], film, lit)
     return JobScenes(job, scenes, places, tuple(dict.fromkeys(map(shortened, notes))))
 
 

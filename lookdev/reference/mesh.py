@@ -41,14 +41,16 @@ class MeshScene:
     A place is a triangle and the weights of its corners.
     """
 
-    def __init__(self, asset: Asset, looks: Sequence[Look]) -> None:
+    def __init__(self, asset: Asset, looks: Sequence[Look], lit_by: Sequence[Sequence[int]] | None = None) -> None:
+        """`looks`, and the numbers of the lights that light them, are of the slots; None: all lights light all."""
         self._asset = asset
+        self._lit_by = lit_by
         self._looks = list({id(look): look for look in looks}.values())
         numbers = {id(look): number for number, look in enumerate(self._looks)}
         worn = np.array([numbers[id(look)] for look in looks])
         self._first_corner = np.cumsum([0, *(len(mesh.corner_points) for mesh in asset.meshes)])
         split = [corner_triangles(mesh) for mesh in asset.meshes]
-        positions, corners, wearing, owners = [], [], [], []
+        positions, corners, wearing, owners, slots = [], [], [], [], []
         for number, instance in enumerate(asset.instances):
             mesh, (triangles, faces) = asset.meshes[instance.mesh], split[instance.mesh]
             points = mesh.points.astype(np.float64) @ instance.matrix[:3, :3].T + instance.matrix[:3, 3]
@@ -56,14 +58,15 @@ class MeshScene:
             corners.append(triangles + self._first_corner[instance.mesh])
             wearing.append(worn[mesh.face_slots[faces]])
             owners.append(np.full(len(faces), number))
+            slots.append(mesh.face_slots[faces])
         self._positions = np.concatenate(positions)
         edges = self._positions[:, 1:] - self._positions[:, :1]
         normals = np.cross(edges[:, 0], edges[:, 1])
         area = np.linalg.norm(normals, axis=-1, keepdims=True)
         met = area[:, 0] > 0.0
         self._positions, self._facets = self._positions[met], normals[met] / area[met]
-        self._corners, self._worn, self._owners = (
-            np.concatenate(arrays)[met].astype(np.int64) for arrays in (corners, wearing, owners)
+        self._corners, self._worn, self._owners, self._slots = (
+            np.concatenate(arrays)[met].astype(np.int64) for arrays in (corners, wearing, owners, slots)
         )
         self._linear = np.stack([instance.matrix[:3, :3] for instance in asset.instances])
         self._inverse = np.linalg.inv(self._linear)
@@ -88,6 +91,13 @@ class MeshScene:
 
     def points(self, place: Places) -> Floats:
         return self._mean(self._positions[place["triangle"]], place)
+
+    def lit(self, place: Places, light: int) -> Mask | None:
+        """Return which places a light lights, by its number; None: all."""
+        if self._lit_by is None:
+            return None
+        lit: Mask = np.array([light in each for each in self._lit_by])
+        return np.asarray(lit[self._slots[place["triangle"]]])
 
     def frame(self, place: Places, wo: Floats) -> tuple[Floats, Floats]:
         triangle = place["triangle"]

@@ -65,6 +65,9 @@ class Scene(Protocol):
         The rows of a frame are tangent, bitangent and normal; `wo` is the direction to the viewer.
         """
 
+    def lit(self, place: Places, light: int) -> Mask | None:
+        """Return which places a light lights, by its number, (N,); None: all."""
+
     def bsdfs(self, place: Places) -> Iterator[tuple[Ints, Bsdf]]:
         """Yield a partition of the places, by index, and the BSDF of each part."""
 
@@ -102,7 +105,7 @@ def frame_pixels(
     """
     estimates = np.empty((len(pixels), scrambles, 3))
     on_lens = 2 * (camera.lens is not None)
-    turned = [_Lamp.turned(light, pose, camera.pivot) for light in lights]
+    turned = [_Lamp.turned(number, light, pose, camera.pivot) for number, light in enumerate(lights)]
     before = [each for each, light in zip(turned, lights, strict=True) if light.emission.camera]
     blocks = np.clip(len(pixels) * scrambles * samples // _BLOCK, 1, len(pixels))
     for numbers in np.array_split(np.arange(len(pixels)), blocks):
@@ -145,17 +148,18 @@ def _dimensions(lights: Sequence[object]) -> int:
 class _Lamp:
     """A light in the pose of a frame."""
 
+    number: int
     light: Turned
     shadow: Shadow
     diffuse: float
     specular: float
 
     @classmethod
-    def turned(cls, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
+    def turned(cls, number: int, light: Light, pose: Pose, axis: tuple[float, float]) -> _Lamp:
         emission = light.emission
         turn = pose.lighting if emission.turns else 0.0
         turned = Turned(light, turn - pose.element, axis)
-        return cls(turned, emission.shadow, emission.diffuse, emission.specular)
+        return cls(number, turned, emission.shadow, emission.diffuse, emission.specular)
 
     @property
     def scales(self) -> bool:
@@ -284,6 +288,8 @@ class _Surface:
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
             passed = lamp.passed(point, towards, occluder)
+            if (linked := self.scene.lit(self.place[followed], lamp.number)) is not None:
+                passed[~linked] = 0.0
             lit = np.flatnonzero(passed.any(axis=-1))
             arriving = passed[lit] * lamp.light.radiance(point[lit], towards[lit])
             both = density[followed[lit]] + lamp.light.pdf(point[lit], towards[lit])

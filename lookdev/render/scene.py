@@ -11,7 +11,7 @@ from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
-from lookdev.light import lights_code
+from lookdev.light import Light, lights_code
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -34,33 +34,38 @@ def scene_task(
     light.
     """
     record, asset = BACKENDS[backend], scene.asset
-    # Slots that share a look share its source.
-    different = {id(look): look for look in scene.looks}
+    # Slots that share a look, and are lit by the same lights, share its source.
+    worn_by = [(id(look), lit) for look, lit in zip(scene.looks, scene.lit_by, strict=True)]
+    different = dict(zip(worn_by, scene.looks, strict=True))
     for look in different.values():
         if reason := record.cannot_show(look):
             raise CodegenError(reason)
     if not record.any_light and (gaps := record.cannot_light(scene.lights)):
         raise EnvironmentMapError("; ".join(gaps) + f": backend 'exact' renders it, '{backend}' does not")
     for light in scene.lights:
-        if (light.emission.light_link, light.emission.shadow_link) != (None, None):
+        if light.emission.shadow_link is not None:
             raise EnvironmentMapError(
-                f"light '{light.emission.group}' is linked to parts of the asset, which no backend renders yet; "
-                "collections light-link and shadow-link that include everything would be right"
+                f"light '{light.emission.group}': parts of the asset cast no shadow of it, which no backend renders yet; "
+                "a shadowLink that includes everything would be right"
             )
 
     known: Generated = {} if generated is None else generated
     # The files of a light are values that a source is given, so lights of one kind and size have one source.
     by_light = record.any_light and sampling.ibl_samples != 0
-    constant = all(light.constant for light in scene.lights)
-    sampled = by_light and not constant
-    kinds = [(light.kind, light.constant) for light in scene.lights]
-    lit = (*kinds, lights_code(scene.lights, sampled=sampled).constants if record.any_light else ())
+
+    def lit_as(lights: Sequence[Light]) -> tuple[object, ...]:
+        sampled = by_light and not all(light.constant for light in lights)
+        kinds = tuple((light.kind, light.constant) for light in lights)
+        return kinds, lights_code(lights, sampled=sampled).constants if record.any_light else ()
+
+    lit_by = {lit: tuple(scene.lights[number] for number in lit) for _, lit in different}
+    like = {lit: lit_as(lights) for lit, lights in lit_by.items()}
 
     def generate(sampling: Sampling, shadows: bool) -> list[Source]:
-        setting = Setting(scene.lights, scene.film.resolution, sampling, shadows)
         sources = []
-        for number, look in different.items():
-            key = (number, backend, *lit, setting.resolution, sampling, shadows)
+        for (number, lit), look in different.items():
+            setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows)
+            key = (number, backend, *like[lit], setting.resolution, sampling, shadows)
             if key not in known:
                 known[key] = record.generate(look, setting)
             sources.append(known[key])
@@ -72,16 +77,17 @@ def scene_task(
         chosen = sampling
         sources = generate(sampling, shadows=True)
     # Equal looks of two materials have one source, unless messages name them differently.
-    kept = {(source.name, source.digest): source for source in sources}
+    kept = {(source.name, source.digest, lit): source for (_, lit), source in zip(different, sources, strict=True)}
     numbers = {key: number for number, key in enumerate(kept)}
-    worn = {key: numbers[source.name, source.digest] for key, source in zip(different, sources, strict=True)}
-    shaders, slots = tuple(kept.values()), tuple(worn[id(look)] for look in scene.looks)
+    worn = {key: numbers[source.name, source.digest, key[1]] for key, source in zip(different, sources, strict=True)}
+    shaders, slots = tuple(kept.values()), tuple(worn[key] for key in worn_by)
     return SceneTask(
         asset=Content.of(save_asset(asset, _directed(asset, [shaders[number] for number in slots]))),
         backend=backend,
         shaders=shaders,
         worn=slots,
         lights=scene.lights,
+        lit=tuple(lit for _, _, lit in kept) if scene.lit else (),
         resolution=scene.film.resolution,
         sampling=chosen,
         camera=scene.camera,

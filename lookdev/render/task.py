@@ -51,6 +51,7 @@ class SceneTask:
     sampling: Sampling
     camera: Camera
     device: str = "cpu"
+    lit: tuple[tuple[int, ...], ...] = ()  # the numbers of the lights of each source; (): of each all
 
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]
@@ -66,6 +67,10 @@ class SceneTask:
             )
         if not self.worn or min(self.worn) < 0 or max(self.worn) >= len(self.shaders):
             raise ValueError(f"every slot wears one of {len(self.shaders)} sources, found: {sorted(set(self.worn))}")
+
+    def lights_of(self, shader: int) -> tuple[Light, ...]:
+        """Return the lights that light what wears a source, by its number."""
+        return tuple(self.lights[number] for number in self.lit[shader]) if self.lit else self.lights
 
     @property
     def constant_light(self) -> bool:

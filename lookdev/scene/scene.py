@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 from lookdev.asset import Asset
@@ -22,13 +22,17 @@ class Film:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What is shown. `wears` maps the path of each slot of the asset to a look; ValueError where a slot has none."""
+    """What is shown. `wears` maps the path of each slot of the asset to a look; ValueError where a slot has none.
+
+    `lit` maps the paths of slots to the numbers of the lights that light them; all light a slot that it lacks.
+    """
 
     asset: Asset
     wears: Mapping[str, Look]
     lights: tuple[Light, ...]
     camera: Camera
     film: Film
+    lit: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         bare = [slot.path for slot in self.asset.slots if slot.path not in self.wears]
@@ -47,3 +51,9 @@ class Scene:
     def looks(self) -> tuple[Look, ...]:
         """The look of each slot of the asset, in the order of the slots."""
         return tuple(self.wears[slot.path] for slot in self.asset.slots)
+
+    @property
+    def lit_by(self) -> tuple[tuple[int, ...], ...]:
+        """The numbers of the lights of each slot of the asset, in the order of the slots."""
+        every = tuple(range(len(self.lights)))
+        return tuple(self.lit.get(slot.path, every) for slot in self.asset.slots)

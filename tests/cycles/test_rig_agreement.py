@@ -11,6 +11,8 @@ import pytest
 from frames import orbit_camera
 
 from lookdev.asset import load_asset
+from lookdev.asset.mesh import Instance
+from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.codegen import ShaderSource
@@ -31,6 +33,7 @@ from lookdev.light import (
     prepare_light,
     prepare_texture,
 )
+from lookdev.light.link import Link
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -38,6 +41,7 @@ from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
+from lookdev.scene.linking import link_lights
 
 pytestmark = pytest.mark.cycles
 
@@ -211,6 +215,61 @@ def test_planted_faults_are_found(worker: Worker, fault: str) -> None:
         return osl.replace(given, planted)
 
     assert not agreement(worker, "suzanne", (behind, near("sphere")), "metal", alter).passed
+
+
+def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
+    """Two instances of a sphere: one is lit by a rectangle, the other by a sphere, both by a dome."""
+    ball = load_asset(builtin="suzanne")
+    instances = []
+    for name, x in (("/Left/ball", -1.3), ("/Right/ball", 1.3)):
+        matrix = np.eye(4)
+        matrix[0, 3] = x
+        instances.append(Instance(0, matrix, name))
+    slots = tuple(replace(slot, path="/Left/ball") for slot in ball.slots)
+    mesh = replace(ball.meshes[0], name="/Left/ball")
+    pair = make_asset("pair", (mesh,), tuple(instances), slots)
+    left, right = (Link(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
+    lights = (
+        replace(near("rect"), emission=sent(light_link=left)),
+        replace(near("sphere"), emission=sent(light_link=right)),
+        constant_dome(),
+    )
+    worn = Look("look", (LOOKS["plastic"],))
+    asset, wears, lit = link_lights(pair, {"/Left/ball": worn}, lights)
+    assert lit == {"/Left/ball": (0, 2), "/Right/ball": (1, 2)}
+    camera, size = orbit_camera(asset.center, asset.radius), (SIZE, SIZE)
+    scene = Scene(asset, wears, lights, camera, Film(size), lit)
+    task = scene_task(scene, Sampling(bounces=1, samples=SAMPLES, error=None))
+    assert task.lit == ((0, 2), (1, 2))
+    worker.start()
+    frames = [worker.render(one_frame(task, POSE, f"linked {n}", seed=n), lambda progress: None) for n in range(SEEDS)]
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
+    pixels = choose_pixels(frames[0].alpha, 100, seed=1)
+
+    def found(lit_by: tuple[tuple[int, ...], ...]) -> Finding:
+        reference = frame_pixels(
+            MeshScene(asset, scene.looks, lit_by), lights, camera, POSE, size, pixels, bounces=1, samples=256
+        )
+        return check_frame("pair", halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
+
+    agreed = found(scene.lit_by)
+    assert agreed.passed, "\n".join((agreed.summary, *agreed.details))
+    assert not found(((0, 1, 2), (0, 1, 2))).passed
+    assert not found(tuple(reversed(scene.lit_by))).passed
+
+
+def test_a_part_without_light_reflects_that_of_others_alone(worker: Worker) -> None:
+    nothing = replace(near("rect"), emission=sent(light_link=Link(())))
+    asset, worn = load_asset(builtin="sphere"), Look("look", (LOOKS["plastic"],))
+    wears: dict[str, Look] = {slot.path: worn for slot in asset.slots}
+    linked = link_lights(asset, wears, (nothing,))
+    camera = orbit_camera(asset.center, asset.radius)
+    scene = Scene(linked[0], linked[1], (nothing,), camera, Film((8, 8)), linked[2])
+    worker.start()
+    task = scene_task(scene, Sampling(samples=4, error=None))
+    frame = worker.render(one_frame(task, POSE, "unlit"), lambda progress: None)
+    assert frame.alpha.any()
+    assert not frame.a.any()
 
 
 def test_the_shader_of_a_rig_does_not_depend_on_its_numbers() -> None:
