@@ -45,8 +45,8 @@ def scene_task(
     for light in scene.lights:
         if light.emission.shadow_link is not None:
             raise EnvironmentMapError(
-                f"light '{light.emission.group}': parts of the asset cast no shadow of it, which no backend renders yet; "
-                "a shadowLink that includes everything would be right"
+                f"light '{light.emission.group}': no backend renders a shadowLink that leaves out parts of an asset; "
+                "one that includes everything would be right"
             )
 
     known: Generated = {} if generated is None else generated

@@ -1,0 +1,71 @@
+"""Light links: which lights light which part, and where a mesh is split for it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lookdev.asset import Asset, load_asset
+from lookdev.asset.mesh import Instance
+from lookdev.asset.store import make_asset
+from lookdev.light import LIGHT_KINDS, Emission, Light
+from lookdev.light.link import Link
+from lookdev.material import Layer, Look
+from lookdev.plan.digest import part_digests
+from lookdev.render.scene import scene_task
+from lookdev.scene import Film, Pose, Sampling, Scene
+from lookdev.scene.framing import frame_camera
+from lookdev.scene.linking import link_lights
+
+GREY = Look("grey", (Layer("l", "disney"),))
+
+
+def three() -> Asset:
+    """Return three instances of a plane, at /a/one, /a/two and /b."""
+    plane = load_asset(builtin="plane")
+    mesh = replace(plane.meshes[0], name="/a/one")
+    instances = tuple(Instance(0, np.eye(4), path) for path in ("/a/one", "/a/two", "/b"))
+    return make_asset("three", (mesh,), instances, tuple(replace(slot, path="/a/one") for slot in plane.slots))
+
+
+def light(*rules: tuple[str, str], linked: bool = True) -> Light:
+    emission = Emission(light_link=Link(rules) if linked else None)
+    return replace(LIGHT_KINDS["rect"].example(), emission=emission)  # type: ignore[type-var]
+
+
+@pytest.mark.parametrize(
+    ("rules", "meshes", "wanted"),
+    [
+        ((("/", "expandPrims"),), 1, {"/a/one": (0, 1)}),
+        ((("/a", "expandPrims"),), 2, {"/a/one": (0, 1), "/b": (1,)}),
+        ((("/", "expandPrims"), ("/a/two", "exclude")), 2, {"/a/one": (0, 1), "/a/two": (1,)}),
+        ((), 1, {"/a/one": (1,)}),
+    ],
+)
+def test_meshes_are_split_where_instances_are_lit_differently(
+    rules: tuple[tuple[str, str], ...], meshes: int, wanted: dict[str, tuple[int, ...]]
+) -> None:
+    asset, wears, lit = link_lights(three(), {"/a/one": GREY}, (light(*rules), light(linked=False)))
+    assert len(asset.meshes) == meshes
+    assert lit == wanted
+    assert wears == dict.fromkeys(wanted, GREY)
+
+
+def test_without_links_all_is_as_given() -> None:
+    asset, wears = three(), {"/a/one": GREY}
+    assert link_lights(asset, wears, (light(linked=False),)) == (asset, wears, {})
+
+
+def test_a_source_is_made_for_each_set_of_lights() -> None:
+    lights = (light(("/a", "expandPrims")), light(linked=False))
+    asset, wears, lit = link_lights(three(), {"/a/one": GREY}, lights)
+    camera = frame_camera(asset.center, asset.radius, (8, 8))
+    scene = Scene(asset, wears, lights, camera, Film((8, 8)), lit)
+    task = scene_task(scene, Sampling())
+    assert task.lit == ((0, 1), (1,))
+    assert [task.lights_of(number) for number in task.worn] == [lights, lights[1:]]
+    other = replace(task, lit=((0, 1), (0,)))
+    one, two = (part_digests(each, Pose(0.0, 0.0), 0.0) for each in (task, other))
+    assert [part for part in one if one[part] != two[part]] == ["ibl"]
