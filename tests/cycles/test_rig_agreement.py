@@ -230,8 +230,8 @@ def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
     pair = make_asset("pair", (mesh,), tuple(instances), slots)
     left, right = (Link(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
     lights = (
-        replace(near("rect"), emission=sent(light_link=left)),
-        replace(near("sphere"), emission=sent(light_link=right)),
+        replace(near("rect"), emission=Emission((60.0, 40.0, 20.0), light_link=left)),
+        replace(near("sphere"), emission=Emission((60.0, 40.0, 20.0), light_link=right)),
         constant_dome(),
     )
     worn = Look("look", (LOOKS["plastic"],))
