@@ -21,9 +21,11 @@ from lookdev.light import (
     CylinderLight,
     DiskLight,
     DistantLight,
+    Dome,
     Emission,
     Falloff,
     Light,
+    LocalDome,
     RectLight,
     Shadow,
     Shaping,
@@ -109,13 +111,14 @@ def near(kind: str) -> Light:
     return LIGHT_KINDS[kind].example()
 
 
-def constant_dome() -> Light:
-    return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)))
+def grey(*, local: bool = False) -> Dome:
+    return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)), local=local)
 
 
 KINDS = ("rect", "disk", "sphere", "cylinder", "distant", "local_dome")
 RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
     **{kind: lambda folder, kind=kind: (near(kind),) for kind in KINDS},
+    "local grey": lambda folder: (LocalDome(dome=grey(local=True), position=(0.3, 0.0, 0.5), radius=2.0, edge=0.5),),
     "texture": lambda folder: (textured(), near("dome")),
     "profile": profiled,
     "beam": lambda folder: (
@@ -142,12 +145,15 @@ RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
     ),
     "seen": lambda folder: (
         SphereLight(radius=0.3, position=(-0.4, -1.8, 0.4), emission=sent(camera=True, turns=False)),
-        constant_dome(),
+        grey(),
     ),
-    "everything": lambda folder: (*map(near, (*KINDS, "dome")), constant_dome()),
+    "everything": lambda folder: (*map(near, (*KINDS, "dome")), grey()),
 }
 QUICK = [
-    *(("sphere", rig, "plastic") for rig in ("rect", "cylinder", "local_dome", "texture", "beam", "falloff")),
+    *(
+        ("sphere", rig, "plastic")
+        for rig in ("rect", "cylinder", "local_dome", "local grey", "texture", "beam", "falloff")
+    ),
     *(("suzanne", rig, "plastic") for rig in ("everything", "shadow", "response", "still", "seen", "profile")),
     ("plane", "everything", "diffuse"),
     ("suzanne", "everything", "leaf"),
@@ -232,7 +238,7 @@ def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
     lights = (
         replace(near("rect"), emission=Emission((60.0, 40.0, 20.0), light_link=left)),
         replace(near("sphere"), emission=Emission((60.0, 40.0, 20.0), light_link=right)),
-        constant_dome(),
+        grey(),
     )
     worn = Look("look", (LOOKS["plastic"],))
     asset, wears, lit = link_lights(pair, {"/Left/ball": worn}, lights)

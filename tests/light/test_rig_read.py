@@ -23,6 +23,7 @@ from lookdev.light import (
     RectLight,
     Shadow,
     SphereLight,
+    lights_code,
 )
 from lookdev.light.rig import load_rig
 from lookdev.stage import Composition, StageError, compose
@@ -183,6 +184,12 @@ def test_a_dome_with_a_radius_is_local(tmp_path: Path) -> None:
     assert isinstance(found, LocalDome)
     assert (found.radius, found.edge) == (6.0, 0.5)
     assert found.position == pytest.approx((1.0, -0.5, 3.0))
+
+
+def test_a_local_dome_without_a_picture_is_sampled_too(tmp_path: Path) -> None:
+    file = write_rig(tmp_path / "rig.usda", light("DomeLight_1", "float lookdev:local:radius = 3"))
+    code = lights_code(load_rig(file).lights, sampled=True)
+    assert {"dome0_slots", "dome0_bins"} <= code.arrays.keys()
 
 
 def test_a_picture_on_a_rectangle_is_srgb_unless_it_says_otherwise(tmp_path: Path) -> None:

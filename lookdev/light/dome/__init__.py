@@ -129,10 +129,11 @@ class Dome:
         return textures, arrays
 
 
-def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:
+def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = False) -> Dome:
     """Write the files of a map's dome light to the cache, unless they are there.
 
-    Without `sampled` the tables by which a shader draws directions are not made: NumPy and Cycles' world need none.
+    Without `sampled` the tables by which a shader draws directions are not made: NumPy and Cycles' world need none, nor
+    does a constant map, unless its dome is `local`: that is not the same all around where it is seen from.
 
     Raises
     ------
@@ -165,7 +166,7 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True) -> Dome:
 
     (radiance_file,) = derived("ibl", f"{digest}.radiance", written_radiance)
     drawn_from = cut = weights = None
-    if sampled and not env.is_constant:
+    if sampled and (local or not env.is_constant):
         drawn_from, cut, weights = derived("ibl", f"{digest}.tables", written_tables)
     return Dome(radiance_file, drawn_from, cut, weights, width, height, digest, env.is_constant)
 

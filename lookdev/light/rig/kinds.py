@@ -184,7 +184,8 @@ def _of_pole(given: Placed, pole: Floats) -> Shape:
 
     def make(picture: EnvironmentMap | None) -> Light:
         environment = load_environment(builtin="white") if picture is None else picture
-        dome = replace(prepare_light(environment, sampled=given.sampled), axes=axes)
+        local = radius is not None
+        dome = replace(prepare_light(environment, sampled=given.sampled, local=local), axes=axes)
         if radius is None:
             return dome
         return LocalDome(dome=dome, position=given.position, radius=radius, edge=edge)
