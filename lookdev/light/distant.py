@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -75,7 +75,9 @@ class DistantLight:
 
     @property
     def digest(self) -> str:
-        return hashlib.sha256(f"{self.kind} {VERSION} {self!r}".encode()).hexdigest()
+        return hashlib.sha256(
+            f"{self.kind} {VERSION} {replace(self, emission=self.emission.unnamed)!r}".encode()
+        ).hexdigest()
 
     @property
     def size_factor(self) -> float:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -243,6 +243,11 @@ class Emission:
         check_color("colour times intensity", self.color)
         check_number("diffuse multiplier", self.diffuse, least=0.0)
         check_number("specular multiplier", self.specular, least=0.0)
+
+    @property
+    def unnamed(self) -> Emission:
+        """The emission as far as pixels depend on it: the group is a name, and links count by the parts they fit."""
+        return replace(self, group="", light_link=None, shadow_link=None)
 
     def towards(self, direction: Floats) -> Floats:
         """Return the radiance (..., 3) that is sent to where the light lies in directions (..., 3) of its own space."""

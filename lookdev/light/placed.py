@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -48,7 +48,9 @@ class PlacedLight(ABC):
 
     @property
     def digest(self) -> str:
-        return hashlib.sha256(f"{self.kind} {VERSION} {self!r}".encode()).hexdigest()
+        return hashlib.sha256(
+            f"{self.kind} {VERSION} {replace(self, emission=self.emission.unnamed)!r}".encode()
+        ).hexdigest()
 
     @property
     @abstractmethod

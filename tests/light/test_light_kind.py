@@ -36,6 +36,8 @@ from lookdev.light import (
     make_environment,
     prepare_texture,
 )  # fmt: skip
+from lookdev.light.fit import with_emission
+from lookdev.light.link import Link
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -156,6 +158,14 @@ def test_a_file_without_a_section_is_reported(tmp_path: Path, monkeypatch: pytes
 def test_a_light_without_a_world_is_refused_by_nodes(backend: str) -> None:
     with pytest.raises(EnvironmentMapError, match=r"light 1 \(cone\): .*backend 'exact' renders it"):
         scene_task(Scene.of_look(load_asset(builtin="sphere"), WHITE, cone.CONE.example(), (8, 8)), SAMPLING, backend)
+
+
+@pytest.mark.parametrize("kind", [name for name in KINDS if name != "cone"])
+def test_the_name_of_a_group_changes_no_digest(kind: str) -> None:
+    light = KINDS[kind].example()
+    named = with_emission(light, replace(light.emission, group="rim", light_link=Link(())))
+    brighter = with_emission(light, replace(light.emission, color=(9.0, 9.0, 9.0)))
+    assert light.digest == named.digest != brighter.digest
 
 
 def test_a_kind_with_osl_of_its_own_stands_alone() -> None:

@@ -68,7 +68,7 @@ class Dome:
 
     @property
     def digest(self) -> str:
-        as_it_is = (self.axes, self.emission)
+        as_it_is = (self.axes, self.emission.unnamed)
         if as_it_is == (WORLD_AXES, WHITE):
             return self.map_digest
         return hashlib.sha256(f"{self.map_digest} {as_it_is!r}".encode()).hexdigest()
