@@ -63,6 +63,7 @@ DEPTHS: dict[DepthName, Depth] = {
 }
 
 _RENDERS = 4  # of a frame, two halves each
+_POSES = 8  # that are tried until light arrives at one
 # For a look without a job.
 _ASSET, _LIGHT, _RESOLUTION = "shaderball", "city", (512, 512)
 _TURNTABLE = JobTurntable(kind="element", frames=8)
@@ -191,14 +192,19 @@ def _check_albedo(subject: _Subject) -> Iterator[Finding]:
 
 
 def _check_images(subject: _Subject) -> Iterator[Finding]:
-    """Check one frame, at a random pose, of each look under each light."""
+    """Check one frame, at a random pose in which light arrives, of each look under each light."""
     rng = np.random.default_rng(subject.seed)
     for setup in subject.setups:
         poses = subject.turns.poses(setup)
-        yield _check_image(subject, setup, poses[int(rng.integers(len(poses)))])
+        first = int(rng.integers(len(poses)))
+        tried = (_check_image(subject, setup, poses[(first + n) % len(poses)]) for n in range(min(len(poses), _POSES)))
+        why = "no light arrives at the poses that were tried: nothing is compared"
+        dark = Finding("image", f"{setup.look}, {setup.ibl}", True, "", skipped=why)
+        yield next((found for found in tried if found is not None), dark)
 
 
-def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
+def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
+    """Check a frame; None where it is black."""
     depth, task, name = DEPTHS[subject.depth], setup.task, f"{setup.look}, {setup.ibl}"
     shrink = min(1.0, depth.side / max(task.resolution))
     width, height = (max(1, round(shrink * pixels)) for pixels in task.resolution)
@@ -210,6 +216,8 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding:
         return subject.render(one_frame(small, pose, f"{name} {number}", samples=samples, error=None, seed=seed))
 
     frames = [render(number, depth.samples) for number in range(_RENDERS)]
+    if not any(half.any() for frame in frames for half in (frame.a, frame.b)):
+        return None
     alpha = np.mean([frame.alpha for frame in frames], axis=0)
     if not subject.backend.exact:
         exact = scene_task(replace(setup.scene, film=Film((width, height))), task.sampling)

@@ -46,14 +46,20 @@ def job(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def rendered(monkeypatch: pytest.MonkeyPatch) -> list[FrameTask]:
+def dark() -> set[float]:
+    """Return the angles of the asset at which pictures are black."""
+    return set()
+
+
+@pytest.fixture
+def rendered(monkeypatch: pytest.MonkeyPatch, dark: set[float]) -> list[FrameTask]:
     """Replace renderer and checks by fakes that agree; return the rendered tasks."""
     tasks: list[FrameTask] = []
 
     def render(task: FrameTask) -> SimpleNamespace:
         tasks.append(task)
         width, height = task.scene.resolution
-        image = np.ones((height, width, 3), np.float32)
+        image = np.full((height, width, 3), task.pose.element not in dark, np.float32)
         return SimpleNamespace(a=image, b=image, alpha=image[..., 0])
 
     def agree(name: str) -> Callable[..., Finding]:
@@ -91,6 +97,16 @@ def test_frames_are_the_jobs_own_but_small_and_of_other_seeds(job: Path, rendere
     assert len({task.scene.sampling.seed for task in first}) == 4
     assert len({task.digest for task in rendered}) == len(rendered)
     assert len({(task.scene.asset, task.pose, task.scene.camera) for task in first}) == 1
+
+
+def test_a_pose_without_light_is_passed_over(job: Path, rendered: list[FrameTask], dark: set[float]) -> None:
+    dark |= {0.0, 72.0, 144.0, 216.0}
+    assert all(not finding.skipped for finding in check_file(job, only=["image"]))
+    assert {task.pose.element for task in rendered} > {288.0}
+    dark.add(288.0)
+    skipped = [finding.skipped for finding in check_file(job, only=["image"])]
+    assert all("no light arrives" in why for why in skipped)
+    assert len(skipped) == 4
 
 
 def test_stability_is_of_the_models_or_of_the_looks(
