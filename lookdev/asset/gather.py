@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -51,6 +51,25 @@ def gathered(asset: Asset) -> Asset:
     return replace(asset, meshes=tuple(meshes), instances=tuple(instances))
 
 
+def unstretched(asset: Asset, meshes: Container[int]) -> Asset:
+    """Return an asset whose instances keep the angles of some of its meshes: other matrices deform the mesh instead."""
+    made, instances = list(asset.meshes), list[Instance]()
+    stretched: dict[tuple[int, bytes], int] = {}
+    for instance in asset.instances:
+        u, scales, v = np.linalg.svd(instance.matrix[:3, :3])
+        if instance.mesh in meshes and np.ptp(scales) > 1e-6 * scales.max():
+            # The polar decomposition: a rotation, or a reflection, after a symmetric stretch.
+            stretch, matrix = np.eye(4), instance.matrix.copy()
+            stretch[:3, :3], matrix[:3, :3] = v.T @ np.diag(scales) @ v, u @ v
+            key = instance.mesh, stretch.astype(np.float32).tobytes()
+            if key not in stretched:
+                stretched[key] = len(made)
+                made.append(_joined([asset.meshes[instance.mesh]], stretch[None]))
+            instance = replace(instance, mesh=stretched[key], matrix=matrix)
+        instances.append(instance)
+    return replace(asset, meshes=tuple(made), instances=tuple(instances))
+
+
 def _groups(asset: Asset, instances: Sequence[int]) -> Iterator[list[int]]:
     """Yield the instances whose meshes are joined."""
     groups: dict[object, list[int]] = {}
@@ -85,7 +104,7 @@ def _joined(meshes: Sequence[Mesh], matrices: Doubles) -> Mesh:
     first_points = (np.cumsum(points) - points).astype(np.int32)
     first = meshes[0]
     return Mesh(
-        name=f"{first.name} and {len(meshes) - 1} others",
+        name=first.name if len(meshes) == 1 else f"{first.name} and {len(meshes) - 1} others",
         points=(placed + np.repeat(offsets, points, axis=0)).astype(np.float32),
         corner_points=join("corner_points") + np.repeat(first_points, corners),
         face_sizes=join("face_sizes"),

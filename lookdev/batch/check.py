@@ -225,7 +225,7 @@ def _check_image(subject: _Subject, setup: Setup, pose: Pose) -> Finding | None:
         return check_gap(name, _halves(expected), _halves(frames), alpha)
     pixels = choose_pixels(alpha, depth.pixels, subject.seed)
     reference = frame_pixels(
-        MeshScene(setup.scene.asset, setup.scene.looks, setup.scene.lit_by),
+        MeshScene(setup.scene.asset, setup.scene.looks, setup.scene.lit_by, setup.scene.grouped),
         task.lights,
         task.camera,
         pose,

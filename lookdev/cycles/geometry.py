@@ -8,7 +8,7 @@ nodes replace by the mesh.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import bpy
@@ -16,10 +16,11 @@ import numpy as np
 from mathutils import Matrix
 from numpy.typing import NDArray
 
-from lookdev.asset.gather import gathered
+from lookdev.asset.gather import gathered, unstretched
 from lookdev.asset.mesh import Asset, Floats, Mesh
 from lookdev.asset.normals import blocks, face_starts
 from lookdev.asset.tangents import handedness
+from lookdev.asset.triangles import triangulated
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding, Source, short_name
 
 
@@ -43,6 +44,7 @@ def add_asset(
     worn: Sequence[int],
     materials: Sequence[Any],
     *,
+    groups: Sequence[int] = (),
     apart: bool = False,
     covered: bool = False,
 ) -> Shown:
@@ -54,6 +56,8 @@ def add_asset(
         Geometry about the origin.
     sources, worn, materials
         The sources, the number of each slot's, and the material of each source.
+    groups
+        The group of each slot, which `rig_group` of the shaders finds at what a ray has hit; (): all are of group 0.
     apart
         Make an object of every instance, and meshes with edges and all of their UV sets, as users of Blender expect
         them. The picture is the same.
@@ -64,9 +68,13 @@ def add_asset(
     scene.collection.objects.link(root)
     if not apart:
         asset = gathered(asset)
+    if any(groups):
+        asset = _grouped(asset, np.array(groups))
     numbers = np.array(worn)
     meshes = [_build_mesh(mesh, sources, numbers, materials, whole=apart) for mesh in asset.meshes]
-    for data in meshes:
+    for data, mesh in zip(meshes, asset.meshes, strict=True):
+        if any(groups):
+            _mark_groups(data, mesh, np.array(groups))
         if covered and not data.uv_layers:
             data.uv_layers.new(name="lookdev_covered", do_init=False)
     shown = np.array([instance.mesh for instance in asset.instances])
@@ -88,6 +96,33 @@ def add_asset(
         objects.append(_add_instances(scene, asset.name, [meshes[number] for number in used], prototypes, matrices))
         objects[-1].parent = root
     return Shown(root, objects, list(zip(meshes, asset.meshes, strict=True)))
+
+
+def _grouped(asset: Asset, groups: NDArray[Any]) -> Asset:
+    """Return an asset in which the angles that `_mark_groups` makes stay: of triangles, and not stretched."""
+    marked = {number for number, mesh in enumerate(asset.meshes) if groups[mesh.face_slots].any()}
+    meshes = (triangulated(mesh) if number in marked else mesh for number, mesh in enumerate(asset.meshes))
+    return unstretched(replace(asset, meshes=tuple(meshes)), marked)
+
+
+def _mark_groups(data: Any, mesh: Mesh, groups: NDArray[Any]) -> None:
+    """Mark faces by their groups: the mesh's own normals are as many degrees off the facets.
+
+    Of what a ray has hit, Cycles gives a shader the normals alone, on Blender 4.5.
+    """
+    group = groups[mesh.face_slots]
+    if not group.any():
+        return
+    a, b, c = (mesh.points[mesh.corner_points[i::3]].astype(np.float64) for i in range(3))
+    facet = np.cross(b - a, c - a)
+    angle = np.radians(group)[:, None]
+    with np.errstate(invalid="ignore"):
+        # Along an edge, which is in the plane.
+        along, across = ((each / np.linalg.norm(each, axis=-1, keepdims=True)) for each in (b - a, facet))
+    marked = np.nan_to_num(np.cos(angle) * across + np.sin(angle) * along)
+    # Without edges Blender passes other normals to Cycles.
+    data.update(calc_edges=True)
+    _add_attribute(data, "custom_normal", np.repeat(marked, 3, axis=0).astype(np.float32))
 
 
 def _add_object(collection: Any, name: str, data: Any) -> Any:

@@ -130,7 +130,7 @@ class Scene:
         # Cycles computes in float32, which is too coarse far from the origin.
         self.origin = np.array(asset.center)
         dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
-        shown = add_asset(*dressed, apart=self._apart, covered=self.by_portals)
+        shown = add_asset(*dressed, groups=task.groups, apart=self._apart, covered=self.by_portals)
         self.root, self.objects = shown.root, shown.objects
         if self.by_user:
             shade_by_normals(shown)
@@ -142,7 +142,7 @@ class Scene:
     def show(self, task: SceneTask) -> None:
         """Show another task that fits, and delete the asset shown before where it is another one, in all scenes."""
         before, self.task = self.task, task
-        if (task.asset, task.worn) != (before.asset, before.worn):
+        if (task.asset, task.worn, task.groups) != (before.asset, before.worn, before.groups):
             data = bpy.data
             trees = [tree for tree in data.node_groups if tree.type == "GEOMETRY"]
             objects = [item for item in data.objects if item != self.camera]

@@ -86,8 +86,10 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
     for name, each in dressed.items():
         for rig in rigs:
             lights = rig.around(largest)
-            asset, wears, lit = link_lights(shown[name], each.wears, lights)
-            scenes[name, rig.name] = Scene(asset, wears, lights, cameras[name], film, lit)
+            linked = link_lights(shown[name], each.wears, lights)
+            scenes[name, rig.name] = Scene(
+                linked.asset, linked.wears, linked.lights, cameras[name], film, linked.lit, linked.groups
+            )
     return JobScenes(job, scenes, places, tuple(dict.fromkeys(map(shortened, notes))))
 
 

@@ -225,6 +225,9 @@ class Emission:
         The name of its light group.
     light_link, shadow_link
         The parts of the asset that it shines on, and those that cast its shadow; None: everything.
+    spared
+        The numbers of the groups of parts that cast no shadow of it, by which `shadow_link` is rendered
+        (`lookdev.scene.linking`).
     """
 
     color: Color = (1.0, 1.0, 1.0)
@@ -238,6 +241,7 @@ class Emission:
     group: str = ""
     light_link: Link | None = None
     shadow_link: Link | None = None
+    spared: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         check_color("colour times intensity", self.color)

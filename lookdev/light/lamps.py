@@ -59,6 +59,7 @@ FIELDS = (
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
     *("diffuse", "specular"),
     *("picture", "tree"),  # number of its texture, and place of its `luminance_tree` in the array of tables
+    "spares",  # number of what it spares among `Rig.spared`
 )
 """The numbers of a lamp, in the order of a row."""
 
@@ -146,6 +147,12 @@ class Rig:
         return any((each.diffuse, each.specular) != (1.0, 1.0) for each in self.emissions)
 
     @property
+    def spared(self) -> tuple[tuple[int, ...], ...]:
+        """The groups of parts that cast no shadow of some light, each set once; (): all cast those of all."""
+        found = tuple(dict.fromkeys(each.spared for each in self.emissions))
+        return found if any(found) else ()
+
+    @property
     def pictures(self) -> tuple[RectLight, ...]:
         """The lamps with a texture."""
         return tuple(each for each in self.lamps if isinstance(each, RectLight) and each.texture)
@@ -218,6 +225,7 @@ class Rig:
             *emission.shadow.color,
             *(emission.diffuse, emission.specular),
             *(texture, tree),
+            self.spared.index(emission.spared) if self.spared else 0,
         ]
 
 
@@ -227,7 +235,8 @@ def _kind(light: Lamp) -> str:
 
 def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
     """Return the values for the shader of a rig."""
-    tables = rig.tables()
+    tables, spared = rig.tables(), rig.spared
+    groups = 1 + max((group for each in spared for group in each), default=-1)
     counts = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_LIGHTS": len(rig.lamps) + len(rig.domes),
@@ -242,6 +251,9 @@ def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
         "RIG_STILL": int(rig.still),
         "RIG_SPLIT": int(rig.split),
         "RIG_SEEN": int(any(each.emission.camera for each in rig.lamps)),
+        "RIG_SPARED": len(spared),
+        "RIG_GROUPS": groups,
+        "RIG_MARKS": groups * len(spared),
         "RIG_LOCAL_DOMES": int(any(isinstance(each, LocalDome) for each in rig.domes)),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
@@ -257,7 +269,10 @@ def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
             arrays |= files[1]
     parameters |= {f"picture{number}": each.texture for number, each in enumerate(rig.pictures) if each.texture}
     lines = (*(f"#define {name} {value}" for name, value in counts.items()), *Dome.table_constants() * bool(rig.domes))
-    return LightCode(lines, parameters, arrays, {"lamps": rig.rows(stand), "tables": tables})
+    numbers = {"lamps": rig.rows(stand), "tables": tables}
+    if spared:
+        numbers["spared"] = np.array([group in each for each in spared for group in range(groups)], np.float32)
+    return LightCode(lines, parameters, arrays, numbers)
 
 
 def is_plain(light: Light) -> bool:

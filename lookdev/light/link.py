@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+MOST_GROUPS = 80
+"""How many groups of parts shadow links can tell apart, besides those that cast all shadows."""
+
 
 @dataclass(frozen=True)
 class Link:

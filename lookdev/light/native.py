@@ -21,6 +21,7 @@ _CALLED = {
     "camera": "a light that the camera sees",
     "light_link": "light links",
     "shadow_link": "shadow links",
+    "spared": "shadow links",
 }
 _ANYWHERE = ("color", "turns", "group")
 

@@ -27,7 +27,7 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
     return {
         "asset": scene.asset.digest,
         "look": _digest([[source.digest for source in scene.shaders], scene.worn]),
-        "ibl": _digest([*(light.digest for light in scene.lights), *scene.lit, exposure]),
+        "ibl": _digest([*(light.digest for light in scene.lights), *scene.lit, *scene.groups, exposure]),
         "camera": _digest(asdict(scene.camera)),
         "pose": _digest(asdict(pose)),
         "render": _digest(render),

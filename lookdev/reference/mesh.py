@@ -17,8 +17,8 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, Mesh
-from lookdev.asset.normals import area_vectors, face_starts
 from lookdev.asset.tangents import handedness, tangents_of
+from lookdev.asset.triangles import corner_triangles
 from lookdev.brdf import Bsdf
 from lookdev.errors import AssetError
 from lookdev.material import Look, Primvar
@@ -41,10 +41,20 @@ class MeshScene:
     A place is a triangle and the weights of its corners.
     """
 
-    def __init__(self, asset: Asset, looks: Sequence[Look], lit_by: Sequence[Sequence[int]] | None = None) -> None:
-        """`looks`, and the numbers of the lights that light them, are of the slots; None: all lights light all."""
+    def __init__(
+        self,
+        asset: Asset,
+        looks: Sequence[Look],
+        lit_by: Sequence[Sequence[int]] | None = None,
+        groups: Sequence[int] = (),
+    ) -> None:
+        """`looks`, the numbers of the lights that light them, and `groups` are of the slots.
+
+        None: all lights light all; (): all slots are of group 0.
+        """
         self._asset = asset
         self._lit_by = lit_by
+        self._groups = np.array(groups or [0] * len(looks))
         self._looks = list({id(look): look for look in looks}.values())
         numbers = {id(look): number for number, look in enumerate(self._looks)}
         worn = np.array([numbers[id(look)] for look in looks])
@@ -76,18 +86,22 @@ class MeshScene:
         self._tangents = np.concatenate(tangents_of(asset.meshes)).astype(np.float64)
         self._carried: dict[object, Floats] = {}
         # Embree computes in float32: the asset is moved to the origin and scaled to unit size.
-        self._embree = EmbreeScene(robust=True)
-        TriangleMesh(self._embree, self._local(self._positions))
+        self._occluding: dict[tuple[int, ...], _Occluder] = {
+            (): _Occluder.of(self._local(self._positions), np.arange(len(self._positions)))
+        }
 
     def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
         origins = np.broadcast_to(origin, ray.shape)
-        return self._meet(origins, self._local(origins), ray, np.full(len(ray), -1))
+        return self._meet(self._occluding[()], origins, self._local(origins), ray, np.full(len(ray), -1))
 
-    def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
+    def onward(self, place: Places, direction: Floats, spared: tuple[int, ...] = ()) -> tuple[Mask, Places]:
         origin, facet = self.points(place), self._facets[place["triangle"]]
         # Rounded, a place can lie behind the plane of its triangle, which neighbours may continue: it is lifted off.
         lifted = self._local(origin) + np.copysign(_LIFT, _dot(facet, direction)) * facet
-        return self._meet(origin, lifted.astype(np.float32), direction, place["triangle"])
+        if spared not in self._occluding:
+            kept = np.flatnonzero(~np.isin(self._groups[self._slots], spared))
+            self._occluding[spared] = _Occluder.of(self._local(self._positions[kept]), kept)
+        return self._meet(self._occluding[spared], origin, lifted.astype(np.float32), direction, place["triangle"])
 
     def points(self, place: Places) -> Floats:
         return self._mean(self._positions[place["triangle"]], place)
@@ -153,17 +167,15 @@ class MeshScene:
         return np.asarray(local, np.float32)
 
     def _meet(
-        self, origin: Floats, start: NDArray[np.float32], direction: Floats, leaving: Ints
+        self, occluder: _Occluder, origin: Floats, start: NDArray[np.float32], direction: Floats, leaving: Ints
     ) -> tuple[Mask, Places]:
         """Trace rays to the first triangle but `leaving`, -1 for none; `start` is their origin in float32."""
-        along = direction.astype(np.float32)
-        found = self._embree.run(start, along, output=True)
-        triangle, distance, step = found["primID"].astype(np.int64), found["tfar"], _LIFT
+        along, step = direction.astype(np.float32), _LIFT
+        triangle, distance = occluder.met(start, along)
         # A triangle is flat: any other hit is beyond an apparent hit on the triangle that a ray leaves.
         while len(again := np.flatnonzero((triangle >= 0) & (triangle == leaving))):
             start[again] += (distance[again, None] + np.float32(step)) * along[again]
-            found = self._embree.run(start[again], along[again], output=True)
-            triangle[again], distance[again] = found["primID"], found["tfar"]
+            triangle[again], distance[again] = occluder.met(start[again], along[again])
             step *= 2.0
         hit = triangle >= 0
         place = np.zeros(len(along), _PLACE)
@@ -182,6 +194,26 @@ class MeshScene:
         w1 = np.clip(_dot(start, p) * inverse, 0.0, 1.0)
         w2 = np.clip(_dot(direction, q) * inverse, 0.0, 1.0 - w1)
         return np.concatenate([1.0 - w1 - w2, w1, w2], axis=-1)
+
+
+@dataclass(frozen=True)
+class _Occluder:
+    """Some triangles in Embree, and their numbers among all."""
+
+    embree: EmbreeScene
+    numbers: Ints
+
+    @classmethod
+    def of(cls, positions: NDArray[np.float32], numbers: Ints) -> _Occluder:
+        embree = EmbreeScene(robust=True)
+        if len(positions):
+            TriangleMesh(embree, positions)
+        return cls(embree, np.append(numbers, -1))
+
+    def met(self, start: NDArray[np.float32], along: NDArray[np.float32]) -> tuple[Ints, NDArray[np.float32]]:
+        """Return the number of the first triangle on rays (N, 3), -1 for none, and its distance (N,)."""
+        found = self.embree.run(start, along, output=True)
+        return self.numbers[found["primID"].astype(np.int64)], found["tfar"]
 
 
 @dataclass(frozen=True)
@@ -205,67 +237,6 @@ class MeshPoints(ImagePoints):
 
     def handedness(self) -> Floats:
         return self.scene.interpolated(self.place, handedness, "handedness", handedness, 1)[:, 0]
-
-
-def corner_triangles(mesh: Mesh) -> tuple[Ints, Ints]:
-    """Return the corners (T, 3) and the face (T,) of each triangle of a mesh.
-
-    A polygon is a fan about its first corner where that stays inside it; else a quad is split along its other diagonal,
-    and a larger polygon by ear clipping.
-    """
-    sizes, starts = mesh.face_sizes.astype(np.int64), face_starts(mesh.face_sizes)
-    positions = mesh.points[mesh.corner_points].astype(np.float64)
-    counts = sizes - 2
-    faces = np.repeat(np.arange(len(sizes)), counts)
-    ends = np.cumsum(counts)
-    number = np.arange(len(faces)) - np.repeat(ends - counts, counts)
-    first = starts[faces]
-    triangles = np.stack([first, first + number + 1, first + number + 2], axis=-1)
-    corners = positions[triangles]
-    areas = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    # Of a quad, Blender compares the two halves with each other.
-    whole = area_vectors(positions, mesh.face_sizes)[faces]
-    other = np.roll(areas, 1, axis=0)
-    outside = np.where(
-        sizes[faces] == 4, (number == 1) & (_dot(areas, other)[:, 0] < 0.0), _dot(areas, whole)[:, 0] < 0
-    )
-    for face in np.unique(faces[outside & (sizes[faces] > 3)]):
-        mine = starts[face] + np.arange(sizes[face])
-        if sizes[face] == 4:
-            split = mine[[[0, 1, 3], [1, 2, 3]]]
-        else:
-            normal = area_vectors(positions[mine], np.array([sizes[face]], np.int32))[0]
-            split = mine[_ears(positions[mine], normal)]
-        triangles[ends[face] - counts[face] : ends[face]] = split
-    return triangles, faces
-
-
-def _ears(polygon: Floats, normal: Floats) -> Ints:
-    """Cut a polygon (n, 3) into n - 2 triangles: at each step the empty triangle of the best shape."""
-    # Projected along the axis nearest to the normal, counter-clockwise.
-    axis = int(np.abs(normal).argmax())
-    kept = [(axis + 1) % 3, (axis + 2) % 3]
-    flat = polygon[:, kept if normal[axis] > 0.0 else kept[::-1]]
-    left = np.arange(len(polygon))
-    ears = []
-    while len(left) > 3:
-        before, after = np.roll(left, 1), np.roll(left, -1)
-        a, b, c, p = flat[before, None], flat[left, None], flat[after, None], flat[None, left]
-        inside = (_turn(a, b, p) >= 0.0) & (_turn(b, c, p) >= 0.0) & (_turn(c, a, p) >= 0.0)
-        inside &= (left != before[:, None]) & (left != left[:, None]) & (left != after[:, None])
-        longest = np.max([((x - y) ** 2).sum(axis=-1)[:, 0] for x, y in ((a, b), (b, c), (c, a))], axis=0)
-        # A polygon that crosses itself may have no ear: then the best shape is cut all the same.
-        shape = _turn(a, b, c)[:, 0] / np.where(longest > 0.0, longest, 1.0) - 2.0 * inside.any(axis=1)
-        best = int(shape.argmax())
-        ears.append([before[best], left[best], after[best]])
-        left = np.delete(left, best)
-    return np.array([*ears, left], np.int64)
-
-
-def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return twice the area of plane triangles, positive counter-clockwise."""
-    ab, ac = b - a, c - a
-    return np.asarray(ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0])
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

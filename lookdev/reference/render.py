@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from lookdev.brdf import Bsdf, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
+from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
 
@@ -53,8 +54,11 @@ class Scene(Protocol):
     def hit(self, origin: Floats, ray: Floats) -> tuple[Mask, Places]:
         """Return which rays from `origin`, (3,) or (N, 3), meet the scene, (N,), and the places of the first hits."""
 
-    def onward(self, place: Places, direction: Floats) -> tuple[Mask, Places]:
-        """Return which rays that leave `place` meet the scene again, (N,), and the places."""
+    def onward(self, place: Places, direction: Floats, spared: tuple[int, ...] = ()) -> tuple[Mask, Places]:
+        """Return which rays that leave `place` meet the scene again, (N,), and the places.
+
+        They pass parts of the groups `spared`, as `lookdev.light.Emission` has them.
+        """
 
     def points(self, place: Places) -> Floats:
         """Return places in world space, (N, 3) metres."""
@@ -151,6 +155,7 @@ class _Lamp:
     number: int
     light: Turned
     shadow: Shadow
+    spared: tuple[int, ...]
     diffuse: float
     specular: float
 
@@ -159,7 +164,7 @@ class _Lamp:
         emission = light.emission
         turn = pose.lighting if emission.turns else 0.0
         turned = Turned(light, turn - pose.element, axis)
-        return cls(number, turned, emission.shadow, emission.diffuse, emission.specular)
+        return cls(number, turned, emission.shadow, emission.spared, emission.diffuse, emission.specular)
 
     @property
     def scales(self) -> bool:
@@ -198,6 +203,8 @@ def _scattered(scene: Scene, lamps: Sequence[_Lamp], place: Places, ray: Floats,
         absent = 1.0 - surface.presence
         beyond, far_place = np.zeros(len(ray), np.bool_), place.copy()
         if len(holes := np.flatnonzero(absent > 0.0)):
+            if any(lamp.spared for lamp in lamps):
+                raise EnvironmentMapError("a part that can be seen through is lit by a light that spares some parts")
             beyond[holes], far_place[holes] = scene.onward(place[holes], ray[holes])
             seen = holes[bounced[holes]]
             point = surface.point[seen]
@@ -280,14 +287,19 @@ class _Surface:
         blocked, place = np.zeros(len(wi), np.bool_), self.place.copy()
         blocked[followed], place[followed] = self.scene.onward(self.place[followed], direction[followed])
         point, towards = self.point[followed], direction[followed]
-        far = np.linalg.norm(self.scene.points(place[followed]) - point, axis=-1)
-        occluder = np.where(blocked[followed], far, np.inf)
+        occluders: dict[tuple[int, ...], Floats] = {}
+        for spared in {(), *(lamp.spared for lamp in lamps)}:
+            met, far = blocked[followed], place[followed]
+            if spared:
+                met, far = self.scene.onward(self.place[followed], towards, spared)
+            distance = np.linalg.norm(self.scene.points(far) - point, axis=-1)
+            occluders[spared] = np.where(met, distance, np.inf)
         direct, diffuse = np.zeros(direction.shape), np.zeros(direction.shape)
         if any(lamp.scales for lamp in lamps):
             diffuse = self._each(lambda bsdf, part: evaluate_diffuse(bsdf, self.wo[part], wi[part]), (3,))
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
-            passed = lamp.passed(point, towards, occluder)
+            passed = lamp.passed(point, towards, occluders[lamp.spared])
             if (linked := self.scene.lit(self.place[followed], lamp.number)) is not None:
                 passed[~linked] = 0.0
             lit = np.flatnonzero(passed.any(axis=-1))

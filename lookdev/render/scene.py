@@ -12,6 +12,7 @@ from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
+from lookdev.light.link import MOST_GROUPS
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
@@ -42,13 +43,12 @@ def scene_task(
             raise CodegenError(reason)
     if not record.any_light and (gaps := record.cannot_light(scene.lights)):
         raise EnvironmentMapError("; ".join(gaps) + f": backend 'exact' renders it, '{backend}' does not")
-    for light in scene.lights:
-        if light.emission.shadow_link is not None:
-            raise EnvironmentMapError(
-                f"light '{light.emission.group}': no backend renders a shadowLink that leaves out parts of an asset; "
-                "one that includes everything would be right"
-            )
 
+    if max(scene.grouped) > MOST_GROUPS:
+        raise EnvironmentMapError(
+            f"shadow links divide the parts into {max(scene.grouped) + 1} groups that cast the shadows of different "
+            f"lights; at most {MOST_GROUPS + 1} would be right"
+        )
     known: Generated = {} if generated is None else generated
     # The files of a light are values that a source is given, so lights of one kind and size have one source.
     by_light = record.any_light and sampling.ibl_samples != 0
@@ -88,6 +88,7 @@ def scene_task(
         worn=slots,
         lights=scene.lights,
         lit=tuple(lit for _, _, lit in kept) if scene.lit else (),
+        groups=scene.grouped if scene.groups else (),
         resolution=scene.film.resolution,
         sampling=chosen,
         camera=scene.camera,

@@ -52,6 +52,7 @@ class SceneTask:
     camera: Camera
     device: str = "cpu"
     lit: tuple[tuple[int, ...], ...] = ()  # the numbers of the lights of each source; (): of each all
+    groups: tuple[int, ...] = ()  # the group of each slot, as `Emission.spared` has them; (): of each 0
 
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]

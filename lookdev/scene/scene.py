@@ -24,7 +24,8 @@ class Film:
 class Scene:
     """What is shown. `wears` maps the path of each slot of the asset to a look; ValueError where a slot has none.
 
-    `lit` maps the paths of slots to the numbers of the lights that light them; all light a slot that it lacks.
+    `lit` maps the paths of slots to the numbers of the lights that light them; all light a slot that it lacks. `groups`
+    maps them to the groups of which `Emission.spared` has the numbers, 0 where it lacks one.
     """
 
     asset: Asset
@@ -33,6 +34,7 @@ class Scene:
     camera: Camera
     film: Film
     lit: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
+    groups: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         bare = [slot.path for slot in self.asset.slots if slot.path not in self.wears]
@@ -57,3 +59,8 @@ class Scene:
         """The numbers of the lights of each slot of the asset, in the order of the slots."""
         every = tuple(range(len(self.lights)))
         return tuple(self.lit.get(slot.path, every) for slot in self.asset.slots)
+
+    @property
+    def grouped(self) -> tuple[int, ...]:
+        """The group of each slot of the asset, in the order of the slots."""
+        return tuple(self.groups.get(slot.path, 0) for slot in self.asset.slots)

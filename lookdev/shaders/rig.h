@@ -167,6 +167,46 @@ color lamp_sent(float lamps[], float tables[], int at, vector p, vector w)
     return sent;
 }
 
+#if RIG_SPARED > 0
+// The group of the surface that trace() has hit: the angle between its facet and the normal that Blender's mesh has there
+// (cycles/geometry.py), of which the shading normal is independent.
+int rig_group()
+{
+    normal facet = 0;
+    normal coded = 0;
+    getmessage("trace", "Ng", facet);
+    getmessage("trace", "N", coded);
+    return int(floor(degrees(atan2(length(cross(facet, coded)), abs(dot(facet, coded)))) + 0.5));
+}
+
+// How far the occluders of lights are, by what a light spares; the ray from `start` has hit something.
+void rig_occluders(float spared[], point start, vector w, float lift, output float occluders[])
+{
+    float step = lift;
+    float travelled = 0;
+    int open = RIG_SPARED;
+    int met = 1;
+    while (met) {
+        float ahead = 0;
+        getmessage("trace", "hitdist", ahead);
+        travelled += ahead;
+        int group = rig_group();
+        for (int i = 0; i < RIG_SPARED; ++i)
+            if (occluders[i] >= FAR && (group >= RIG_GROUPS || spared[i * RIG_GROUPS + group] == 0)) {
+                occluders[i] = travelled;
+                open -= 1;
+            }
+        met = 0;
+        if (open > 0) {
+            // The same surface, once more for rounding, is spared again.
+            step = ahead < step ? 2 * step : lift;
+            travelled += step;
+            met = trace(start + travelled * w, w);
+        }
+    }
+}
+#endif
+
 #if RIG_LOCAL_DOMES
 // A local dome at places p about its middle (lookdev/light/dome/local.py): the share of its light that arrives, the
 // distance of its sphere along w, and the solid angle at its middle over that at p.

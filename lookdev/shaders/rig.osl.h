@@ -9,10 +9,15 @@
 #else
 #define RIG_REFLECTED(at) f
 #endif
-#if RIG_SHADOWED
-#define RIG_PASSED(at, distance) (distance > occluder ? lamp_passed(lamps, at, occluder) : color(1))
+#if RIG_SPARED > 0
+#define RIG_OCCLUDER(at) occluders[int(lamps[at + LAMP_spares])]
 #else
-#define RIG_PASSED(at, distance) (distance > occluder ? 0 : 1)
+#define RIG_OCCLUDER(at) occluder
+#endif
+#if RIG_SHADOWED
+#define RIG_PASSED(at, distance) (distance > RIG_OCCLUDER(at) ? lamp_passed(lamps, at, RIG_OCCLUDER(at)) : color(1))
+#else
+#define RIG_PASSED(at, distance) (distance > RIG_OCCLUDER(at) ? 0 : 1)
 #endif
 #define RIG_ADD(at, arriving, distance) direct += RIG_REFLECTED(at) * (arriving) * RIG_PASSED(at, distance);
 // Directions that are drawn of a light.
@@ -38,6 +43,9 @@
     // The worker writes the values of arrays.
     float lamps[RIG_SIZE] = {0},
     float tables[RIG_TABLES] = {0},
+#if RIG_SPARED > 0
+    float spared[RIG_MARKS] = {0},
+#endif
 //@ pictures parameters
 //@ domes parameters
 //@ section setup

@@ -10,7 +10,7 @@ import pytest
 from lookdev.asset import Asset, Instance, Mesh, Slot
 from lookdev.asset.bounds import about_origin
 from lookdev.asset.builtin import make_sphere
-from lookdev.asset.gather import gathered
+from lookdev.asset.gather import gathered, unstretched
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import tangents_of
 
@@ -56,6 +56,27 @@ def assert_same_surface(one: Asset, other: Asset) -> None:
     for slot, rows in expected.items():
         # A few roundings to float32, of places as far away as the radius.
         np.testing.assert_allclose(found[slot], rows, rtol=0.0, atol=4e-7 * max(1.0, one.radius))
+
+
+def test_unstretched_instances_are_rotations_and_show_the_same_surface() -> None:
+    asset = many(6)
+    meshes = (replace(asset.meshes[0], tangents=tangents_of(asset.meshes[:1])[0]), *asset.meshes[1:])
+    matrices = [each.matrix.copy() for each in asset.instances]
+    matrices[1][:3, 0] *= -1.0
+    matrices[2][:3, :3] = 2.0 * np.linalg.qr(matrices[2][:3, :3])[0]
+    instances = tuple(replace(each, matrix=one) for each, one in zip(asset.instances, matrices, strict=True))
+    asset = replace(asset, meshes=meshes, instances=(*instances, replace(instances[0], mesh=1)))
+    chosen = {0, 1, 2}
+    found = unstretched(asset, chosen)
+    assert_same_surface(asset, found)
+    for before, after in zip(asset.instances, found.instances, strict=True):
+        linear = after.matrix[:3, :3]
+        if before.mesh in chosen - {2}:
+            np.testing.assert_allclose(linear @ linear.T, np.eye(3), atol=1e-12)
+            assert np.sign(np.linalg.det(linear)) == np.sign(np.linalg.det(before.matrix[:3, :3]))
+        else:
+            assert after.mesh == before.mesh
+            assert after.matrix is before.matrix
 
 
 def test_meshes_with_tangents_are_joined_apart_from_those_without() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frames import orbit_camera
+from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
 from lookdev.asset.mesh import Instance
@@ -224,44 +225,77 @@ def test_planted_faults_are_found(worker: Worker, fault: str) -> None:
 
 
 def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
-    """Two instances of a sphere: one is lit by a rectangle, the other by a sphere, both by a dome."""
-    ball = load_asset(builtin="suzanne")
-    instances = []
-    for name, x in (("/Left/ball", -1.3), ("/Right/ball", 1.3)):
-        matrix = np.eye(4)
-        matrix[0, 3] = x
-        instances.append(Instance(0, matrix, name))
-    slots = tuple(replace(slot, path="/Left/ball") for slot in ball.slots)
-    mesh = replace(ball.meshes[0], name="/Left/ball")
-    pair = make_asset("pair", (mesh,), tuple(instances), slots)
+    """Two instances of a head: one is lit by a rectangle, the other by a sphere, both by a dome."""
     left, right = (Link(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
     lights = (
         replace(near("rect"), emission=Emission((60.0, 40.0, 20.0), light_link=left)),
         replace(near("sphere"), emission=Emission((60.0, 40.0, 20.0), light_link=right)),
         grey(),
     )
-    worn = Look("look", (LOOKS["plastic"],))
-    asset, wears, lit = link_lights(pair, {"/Left/ball": worn}, lights)
-    assert lit == {"/Left/ball": (0, 2), "/Right/ball": (1, 2)}
-    camera, size = orbit_camera(asset.center, asset.radius), (SIZE, SIZE)
-    scene = Scene(asset, wears, lights, camera, Film(size), lit)
+    scene, found = linked_frames(worker, {"/Left": np.eye(4), "/Right": np.eye(4)}, lights)
+    assert scene.lit == {"/Left/ball": (0, 2), "/Right/ball": (1, 2)}
+    agreed = found(scene.lit_by, ())
+    assert agreed.passed, "\n".join((agreed.summary, *agreed.details))
+    assert not found(((0, 1, 2), (0, 1, 2)), ()).passed
+    assert not found(tuple(reversed(scene.lit_by)), ()).passed
+
+
+def linked_frames(
+    worker: Worker, placed: dict[str, NDArray[np.float64]], lights: tuple[Light, ...]
+) -> tuple[Scene, Callable[..., Finding]]:
+    """Render instances of one mesh side by side under linked lights; return what compares them with the reference."""
+    ball = load_asset(builtin="suzanne")
+    instances = []
+    for number, (path, matrix) in enumerate(placed.items()):
+        matrix = matrix.copy()
+        matrix[0, 3] += 2.6 * number - 1.3
+        instances.append(Instance(0, matrix, f"{path}/ball"))
+    first = instances[0].path
+    slots = tuple(replace(slot, path=first) for slot in ball.slots)
+    mesh = replace(ball.meshes[0], name=first)
+    row = make_asset("row", (mesh,), tuple(instances), slots)
+    linked = link_lights(row, {first: Look("look", (LOOKS["plastic"],))}, lights)
+    asset, size = linked.asset, (SIZE, SIZE)
+    camera = orbit_camera(asset.center, asset.radius)
+    scene = Scene(asset, linked.wears, linked.lights, camera, Film(size), linked.lit, linked.groups)
     task = scene_task(scene, Sampling(bounces=1, samples=SAMPLES, error=None))
-    assert task.lit == ((0, 2), (1, 2))
     worker.start()
     frames = [worker.render(one_frame(task, POSE, f"linked {n}", seed=n), lambda progress: None) for n in range(SEEDS)]
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
     pixels = choose_pixels(frames[0].alpha, 100, seed=1)
 
-    def found(lit_by: tuple[tuple[int, ...], ...]) -> Finding:
-        reference = frame_pixels(
-            MeshScene(asset, scene.looks, lit_by), lights, camera, POSE, size, pixels, bounces=1, samples=256
-        )
-        return check_frame("pair", halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
+    def found(lit_by: tuple[tuple[int, ...], ...], groups: tuple[int, ...]) -> Finding:
+        shape = MeshScene(asset, scene.looks, lit_by, groups)
+        reference = frame_pixels(shape, scene.lights, camera, POSE, size, pixels, bounces=1, samples=256)
+        return check_frame("row", halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
 
-    agreed = found(scene.lit_by)
+    return scene, found
+
+
+def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
+    """Of three heads, one is mirrored and stretched; each light spares another, and a light in their row spares two."""
+    stretched = np.diag([-0.8, 1.4, 1.1, 1.0])
+    casting = [
+        Link((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
+        for sides in (("Left",), ("Middle",), ("Left", "Right"))
+    ]
+    bright = (300.0, 200.0, 100.0)
+    beside = RectLight(
+        width=1.0, height=1.0, emission=Emission(bright, shadow_link=casting[2]), position=(-3.5, 0.0, 0.5)
+    )
+    lights = (
+        replace(near("rect"), emission=Emission(bright, shadow_link=casting[0])),
+        replace(near("sphere"), emission=Emission(bright, shadow_link=casting[1])),
+        replace(beside, axes=((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0))),
+        grey(),
+    )
+    placed = {"/Left": np.eye(4), "/Middle": stretched, "/Right": np.eye(4)}
+    scene, found = linked_frames(worker, placed, lights)
+    assert sorted(scene.grouped) == [1, 2, 3]
+    agreed = found(scene.lit_by, scene.grouped)
     assert agreed.passed, "\n".join((agreed.summary, *agreed.details))
-    assert not found(((0, 1, 2), (0, 1, 2))).passed
-    assert not found(tuple(reversed(scene.lit_by))).passed
+    assert not found(scene.lit_by, ()).passed
+    assert not found(scene.lit_by, (*scene.grouped[1:], scene.grouped[0])).passed
 
 
 def test_a_part_without_light_reflects_that_of_others_alone(worker: Worker) -> None:
@@ -270,7 +304,7 @@ def test_a_part_without_light_reflects_that_of_others_alone(worker: Worker) -> N
     wears: dict[str, Look] = {slot.path: worn for slot in asset.slots}
     linked = link_lights(asset, wears, (nothing,))
     camera = orbit_camera(asset.center, asset.radius)
-    scene = Scene(linked[0], linked[1], (nothing,), camera, Film((8, 8)), linked[2])
+    scene = Scene(linked.asset, linked.wears, linked.lights, camera, Film((8, 8)), linked.lit)
     worker.start()
     task = scene_task(scene, Sampling(samples=4, error=None))
     frame = worker.render(one_frame(task, POSE, "unlit"), lambda progress: None)

@@ -202,9 +202,10 @@ def test_every_value_is_part_of_the_digest() -> None:
         replace(light, emission=Emission(diffuse=0.5)),
         replace(light, emission=Emission(shadow=Shadow(enable=False))),
         replace(light, emission=Emission(turns=False)),
-        replace(light, emission=Emission(group="key")),
+        replace(light, emission=Emission(spared=(1,))),
     ]
     dome: Dome = example_dome()
     others += [dome, replace(dome, emission=Emission((2.0, 1.0, 1.0))), replace(dome, axes=RectLight.example().axes)]
     assert dome.digest == dome.map_digest
+    assert light.digest == replace(light, emission=Emission(group="key", light_link=Link(()))).digest
     assert len({light.digest, *(other.digest for other in others)}) == 1 + len(others)

@@ -12,11 +12,12 @@ from lookdev.asset import Instance, Mesh, Slot, load_asset
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
 from lookdev.asset.tangents import tangents_of
+from lookdev.asset.triangles import corner_triangles, triangulated
 from lookdev.brdf import MODELS, complete_parameters
 from lookdev.errors import AssetError
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look, Primvar
-from lookdev.reference.mesh import MeshPoints, MeshScene, corner_triangles
+from lookdev.reference.mesh import MeshPoints, MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
 
@@ -104,6 +105,39 @@ def test_triangles_fill_their_polygon(name, turned):
     # No triangle is turned over, and together they have the area: so none lies outside, and none over another.
     assert (sign >= 0.0).all()
     assert sign.sum() == pytest.approx(area, rel=1e-6)
+
+
+def test_a_mesh_of_triangles_is_the_same_surface():
+    whole = replace(box_mesh(), primvars={"wear": np.arange(24, dtype=np.float32)})
+    split = triangulated(whole)
+    triangles, faces = corner_triangles(whole)
+    assert (split.face_sizes == 3).all()
+    assert (split.face_slots == whole.face_slots[faces]).all()
+    for name in ("corner_points", "normals", "tangents"):
+        assert (getattr(split, name).reshape(12, 3, -1) == getattr(whole, name)[triangles].reshape(12, 3, -1)).all()
+    assert (split.uvs["st"].reshape(12, 3, 2) == whole.uvs["st"][triangles]).all()
+    assert (split.primvars["wear"].reshape(12, 3) == triangles).all()
+
+
+def test_rays_pass_the_groups_that_a_light_spares():
+    """Three squares above each other, each a slot and a group of its own: from the floor up, past the second."""
+    faces = [np.arange(4) + 4 * i for i in range(3)]
+    points = [(x, y, z) for z in (0, 1, 2) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    mesh = polygons(points, faces)
+    slots = [Slot(f"/{i}") for i in range(3)]
+    asset = make_asset("squares", [mesh], [Instance(0, np.eye(4))], slots)
+    scene = MeshScene(asset, [GREY] * 3, groups=(0, 1, 2))
+    up = np.array([[0.0, 0.0, 1.0]])
+    _, floor = scene.hit(np.array([0.2, 0.3, 0.5]), -up)
+    for spared, height in {(): 1.0, (1,): 2.0, (2,): 1.0, (1, 2): None}.items():
+        met, place = scene.onward(floor, up, spared)
+        assert met[0] == (height is not None)
+        if height:
+            np.testing.assert_allclose(scene.points(place), [[0.2, 0.3, height]], atol=1e-7)
+    # From a square that is spared itself.
+    _, second = scene.hit(np.array([0.2, 0.3, 1.5]), -up)
+    assert scene.onward(second, -up, (1,))[0].all()
+    assert not scene.onward(second, -up, (0, 1))[0].any()
 
 
 def test_a_square_is_split_from_its_first_corner_and_a_dart_from_its_dent():

@@ -10,8 +10,9 @@ import pytest
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.mesh import Instance
 from lookdev.asset.store import make_asset
+from lookdev.errors import EnvironmentMapError
 from lookdev.light import LIGHT_KINDS, Emission, Light
-from lookdev.light.link import Link
+from lookdev.light.link import MOST_GROUPS, Link
 from lookdev.material import Layer, Look
 from lookdev.plan.digest import part_digests
 from lookdev.render.scene import scene_task
@@ -47,22 +48,47 @@ def light(*rules: tuple[str, str], linked: bool = True) -> Light:
 def test_meshes_are_split_where_instances_are_lit_differently(
     rules: tuple[tuple[str, str], ...], meshes: int, wanted: dict[str, tuple[int, ...]]
 ) -> None:
-    asset, wears, lit = link_lights(three(), {"/a/one": GREY}, (light(*rules), light(linked=False)))
-    assert len(asset.meshes) == meshes
-    assert lit == wanted
-    assert wears == dict.fromkeys(wanted, GREY)
+    linked = link_lights(three(), {"/a/one": GREY}, (light(*rules), light(linked=False)))
+    assert len(linked.asset.meshes) == meshes
+    assert linked.lit == wanted
+    assert linked.wears == dict.fromkeys(wanted, GREY)
+    assert not linked.groups
 
 
 def test_without_links_all_is_as_given() -> None:
-    asset, wears = three(), {"/a/one": GREY}
-    assert link_lights(asset, wears, (light(linked=False),)) == (asset, wears, {})
+    asset, wears, lights = three(), {"/a/one": GREY}, (light(linked=False),)
+    linked = link_lights(asset, wears, lights)
+    assert (linked.asset, linked.wears, linked.lights) == (asset, wears, lights)
+    assert not linked.lit
+    assert not linked.groups
+
+
+def test_parts_that_cast_shadows_of_the_same_lights_are_a_group() -> None:
+    def casting(*paths: str) -> Light:
+        rules = tuple((path, "expandPrims") for path in paths)
+        return replace(light(linked=False), emission=Emission(shadow_link=Link(rules)))  # type: ignore[type-var]
+
+    lights = (casting("/a"), casting("/a", "/b"), casting("/a/one"))
+    linked = link_lights(three(), {"/a/one": GREY}, lights)
+    assert len(linked.asset.meshes) == 3
+    assert linked.groups == {"/a/one": 0, "/a/two": 1, "/b": 2}
+    assert [each.emission.spared for each in linked.lights] == [(2,), (), (1, 2)]
+    assert not linked.lit
+
+
+def test_more_groups_than_a_normal_can_mark_are_refused() -> None:
+    asset = three()
+    scene = Scene.of_look(asset, GREY, light(linked=False), (8, 8))
+    groups = {slot.path: MOST_GROUPS + 1 for slot in asset.slots}
+    with pytest.raises(EnvironmentMapError, match=r"into 82 groups .* at most 81"):
+        scene_task(replace(scene, groups=groups), Sampling())
 
 
 def test_a_source_is_made_for_each_set_of_lights() -> None:
     lights = (light(("/a", "expandPrims")), light(linked=False))
-    asset, wears, lit = link_lights(three(), {"/a/one": GREY}, lights)
-    camera = frame_camera(asset.center, asset.radius, (8, 8))
-    scene = Scene(asset, wears, lights, camera, Film((8, 8)), lit)
+    linked = link_lights(three(), {"/a/one": GREY}, lights)
+    camera = frame_camera(linked.asset.center, linked.asset.radius, (8, 8))
+    scene = Scene(linked.asset, linked.wears, lights, camera, Film((8, 8)), linked.lit)
     task = scene_task(scene, Sampling())
     assert task.lit == ((0, 1), (1,))
     assert [task.lights_of(number) for number in task.worn] == [lights, lights[1:]]

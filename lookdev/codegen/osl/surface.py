@@ -103,10 +103,10 @@ def generate_surface(
     rig = None if coded(lights) else Rig.of(lights)
     split = rig is not None and rig.split
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split)
-    if code.see_through and rig is not None and rig.shadowed:
+    if code.see_through and rig is not None and (rig.shadowed or rig.spared):
         raise CodegenError(
             f"look '{look.name}': can be seen through, so lights whose shadows have a colour or an end, or that cast "
-            "none, cannot light it; black shadows of all lights would be right"
+            "none or only those of some parts, cannot light it; black shadows of all lights would be right"
         )
     directed = reads_tangent(graph, lobes)
     attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
