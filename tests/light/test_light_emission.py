@@ -27,6 +27,7 @@ from lookdev.light import (
     placement,
 )  # fmt: skip
 from lookdev.light.dome import example_dome
+from lookdev.light.link import Link
 
 Floats = NDArray[np.float64]
 
