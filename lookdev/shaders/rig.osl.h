@@ -1,10 +1,10 @@
 // Several lights in the shader of a look, by sections (codegen/osl/rig.py). Those of domes and pictures are repeated for
-// each, with its number for `@`, and that of a dome's light for `#`. `here` and `side` are P and the shading normal in the
-// frame of the lights that turn, `..._still` in that of the others.
+// each, with its number for `@`, and that of a dome's light for `#`. A local dome without a section has that of a dome.
+// `here` and `side` are P and the shading normal in the frame of the lights that turn, `..._still` in that of the others.
 
 //@ section macros
 #if RIG_SPLIT
-#define RIG_REFLECTED(at) (straight ? f : lamps[at + LAMP_specular] * f \
+#define RIG_REFLECTED(at) (weighed == 0 ? f : lamps[at + LAMP_specular] * f \
                            + (lamps[at + LAMP_diffuse] - lamps[at + LAMP_specular]) * f_diffuse)
 #else
 #define RIG_REFLECTED(at) f
@@ -18,6 +18,26 @@
 #define RIG_PASSED(at, distance) (distance > RIG_OCCLUDER(at) ? lamp_passed(lamps, at, RIG_OCCLUDER(at)) : color(1))
 #else
 #define RIG_PASSED(at, distance) (distance > RIG_OCCLUDER(at) ? 0 : 1)
+#endif
+#if RIG_PICTURES > 0
+// The texture of a lamp, if it has one, where a ray meets it.
+color lamp_picture(float lamps[], int at, vector p, vector w, float distance
+//@ pictures arguments
+                   )
+{
+    color picture = 1;
+    float s = 0.5 - (p[0] + distance * w[0]) / lamps[at + LAMP_a];
+    float t = 0.5 + (p[1] + distance * w[1]) / lamps[at + LAMP_b];
+    float alpha;
+//@ pictures look_up
+    return picture;
+}
+#define RIG_SENT(at, p, w, distance) \
+    (lamp_sent(lamps, tables, at, p, w) * lamp_picture(lamps, at, p, w, distance \
+//@ pictures names
+    ))
+#else
+#define RIG_SENT(at, p, w, distance) lamp_sent(lamps, tables, at, p, w)
 #endif
 #define RIG_ADD(at, arriving, distance) direct += RIG_REFLECTED(at) * (arriving) * RIG_PASSED(at, distance);
 // Directions that are drawn of a light.
@@ -107,17 +127,7 @@
         float pdf_of_light;
         lamp_meet(lamps, tables, at, p, w, distance, pdf_of_light);
         if (lamps[at + LAMP_camera] > 0 && distance < start) {
-            color arriving = lamp_sent(lamps, tables, at, p, w);
-#if RIG_PICTURES > 0
-            if (lamps[at + LAMP_picture] >= 0) {
-                    float picture_s = 0.5 - (p[0] + distance * w[0]) / lamps[at + LAMP_a];
-                    float picture_t = 0.5 + (p[1] + distance * w[1]) / lamps[at + LAMP_b];
-                    color picture = 0;
-//@ pictures look_up
-                    arriving *= picture;
-                }
-#endif
-            before += arriving;
+            before += RIG_SENT(at, p, w, distance);
             hidden = 1;
         }
     }
@@ -155,16 +165,7 @@
             if (light < RIG_LAMPS) {
                 lamp_draw(lamps, tables, at, p, u1, u2, drawn, light_distance, pdf_of_light);
                 if (light_distance < FAR)
-                    radiance = lamp_sent(lamps, tables, at, p, drawn);
-#if RIG_PICTURES > 0
-                if (lamps[at + LAMP_picture] >= 0) {
-                    float picture_s = 0.5 - (p[0] + light_distance * drawn[0]) / lamps[at + LAMP_a];
-                    float picture_t = 0.5 + (p[1] + light_distance * drawn[1]) / lamps[at + LAMP_b];
-                    color picture = 0;
-//@ pictures look_up
-                    radiance *= picture;
-                }
-#endif
+                    radiance = RIG_SENT(at, p, drawn, light_distance);
                 light_density = RIG_DRAWN(light) * pdf_of_light;
             }
 #endif
@@ -190,28 +191,20 @@
                 lamp_meet(lamps, tables, at, p, w, distance, pdf_of_light);
                 if (distance >= FAR)
                     continue;
-                color arriving = lamp_sent(lamps, tables, at, p, w);
-#if RIG_PICTURES > 0
-                if (lamps[at + LAMP_picture] >= 0) {
-                    float picture_s = 0.5 - (p[0] + distance * w[0]) / lamps[at + LAMP_a];
-                    float picture_t = 0.5 + (p[1] + distance * w[1]) / lamps[at + LAMP_b];
-                    color picture = 0;
-//@ pictures look_up
-                    arriving *= picture;
-                }
-#endif
                 float density = own_density + weighed * RIG_DRAWN(j) * pdf_of_light;
-                RIG_ADD(at, arriving / density, distance)
+                RIG_ADD(at, RIG_SENT(at, p, w, distance) / density, distance)
             }
 #endif
 //@ domes arrive
 //@ section picture_parameters
     string picture@ = "",
+//@ section picture_arguments
+                   , string picture@
+//@ section picture_names
+    , picture@ \
 //@ section picture_look_up
-                    if (lamps[at + LAMP_picture] == @) {
-                        float alpha;
-                        picture = lookdev_texture(picture@, picture_s, picture_t, "clamp", "clamp", alpha);
-                    }
+    if (lamps[at + LAMP_picture] == @)
+        picture = lookdev_texture(picture@, s, t, "clamp", "clamp", alpha);
 //@ section dome_macros
 #define DOME@_DENSITY(w) RIG_BOTH(#, scale@ * dome_widened(dot(w, axis@)), back_scale@ * dome_widened(dot(w, back_axis@)))
 //@ section dome_parameters
@@ -298,13 +291,6 @@
                 RIG_ADD(at, arriving / density, 1e20)
             }
 //@ section local_dome_macros
-//@ section local_dome_parameters
-    string dome@_radiance = "",
-#if IBL_SAMPLES > 0
-    string dome@_points = "",
-    int dome@_slots[DOME_ALL_SLOTS] = {0},
-    float dome@_bins[DOME_BIN_NUMBERS] = {0},
-#endif
 //@ section local_dome_setup
     int at@ = 3 + # * LAMP_FIELDS;
     // Its bin of all directions; a quarter of the integral is a surface's irradiance, on the average.

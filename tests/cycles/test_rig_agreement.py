@@ -207,7 +207,7 @@ FAULTS = {
     "a missing weight of the light": ("own_density + weighed * RIG_DRAWN(j)", "own_density + 0 * RIG_DRAWN(j)"),
     "light from behind": ("p[2] < 0.0", "p[2] != 0.0"),
     "a light that is drawn too often": ("float wanted = u1 * front_sum", "float wanted = u1 * u1 * front_sum"),
-    "a lamp that nothing hides": ("(distance > occluder ? 0 : 1)", "1"),
+    "a lamp that nothing hides": ("(distance > RIG_OCCLUDER(at) ? 0 : 1)", "1"),
 }
 
 

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
+from functools import cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from lookdev.light.lamps import SHAPES, Rig, weight
 from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.plane import meet_plane, seen_part, towards_plane
 from lookdev.light.spherical_rectangle import Point, density, draw
+
+Lines: TypeAlias = tuple[str, ...]
 
 _BEAM = ("cone", "start", "rise", "focus")
 _FALL = ("virtual", "power", "fade", "fade_rise")
@@ -97,7 +100,9 @@ def _repeated(rig: Rig, sections: Mapping[str, list[str]], line: str) -> Iterabl
 
 def _of_domes(rig: Rig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
     for number, light in enumerate(rig.domes):
-        for line in sections[f"{_dome_kind(light)}_{name}"]:
+        kind = _dome_kind(light)
+        own = f"{kind}_{name}"
+        for line in sections[own if own in sections else f"dome_{name}"]:
             yield line.replace("@", str(number)) if line.startswith("//") else _numbered(line, number, rig)
 
 
@@ -109,26 +114,31 @@ def _numbered(line: str, number: int, rig: Rig) -> str:
 
 def _shapes(rig: Rig) -> Iterator[str]:
     """Yield the functions of what lamps of all kinds have, and of each shape."""
-    inside = _Tracer()
-    direction = inside.vector("w")
-    if rig.shaped:
-        tint = inside.fields("tint0", "tint1", "tint2", stacked=True)
-        cone, start, rise, focus = inside.fields(*_BEAM)
-        within = cone_factor(off_axis(direction), cone, start, rise)
-        beam = np.expand_dims(within, -1) * focus_factor(direction[..., 2], focus, tint)
-        yield from inside.function("color lamp_beam(float lamps[], int at, vector w)", {}, beam)
-    distance = symbol(inside.graph, "distance")
-    if rig.falling:
-        factor = falloff_factor(distance, *inside.fields(*_FALL))
-        yield from inside.function("float lamp_falloff(float lamps[], int at, float distance)", {}, factor)
-    if rig.shadowed:
-        colour = inside.fields("shadow0", "shadow1", "shadow2", stacked=True)
-        enable, limit, zone, gamma = inside.fields(*_SHADOW)
-        passed = shadow_passed(distance, enable, limit, zone, gamma, colour)
-        yield from inside.function("color lamp_passed(float lamps[], int at, float distance)", {}, passed)
+    beam, falloff, passed = _control_functions()
+    yield from (*beam * rig.shaped, *falloff * rig.falling, *passed * rig.shadowed)
     for kind in rig.kinds:
         yield from _picture_functions() if kind == "picture" else _shape_functions(kind)
-        yield from _weight_function(kind, rig)
+        yield from _weight_function(kind, rig.shaped, rig.falling and kind != "distant")
+
+
+@cache
+def _control_functions() -> tuple[Lines, Lines, Lines]:
+    """Return the functions of a beam, of a falloff, and of a shadow."""
+    trace = _Tracer()
+    direction, distance = trace.vector("w"), symbol(trace.graph, "distance")
+    tint = trace.fields("tint0", "tint1", "tint2", stacked=True)
+    cone, start, rise, focus = trace.fields(*_BEAM)
+    within = cone_factor(off_axis(direction), cone, start, rise)
+    beam = np.expand_dims(within, -1) * focus_factor(direction[..., 2], focus, tint)
+    factor = falloff_factor(distance, *trace.fields(*_FALL))
+    colour = trace.fields("shadow0", "shadow1", "shadow2", stacked=True)
+    enable, limit, zone, gamma = trace.fields(*_SHADOW)
+    passed = shadow_passed(distance, enable, limit, zone, gamma, colour)
+    return (
+        trace.function("color lamp_beam(float lamps[], int at, vector w)", {}, beam),
+        trace.function("float lamp_falloff(float lamps[], int at, float distance)", {}, factor),
+        trace.function("color lamp_passed(float lamps[], int at, float distance)", {}, passed),
+    )
 
 
 def _lamp_functions(rig: Rig) -> Iterator[str]:
@@ -139,58 +149,60 @@ def _lamp_functions(rig: Rig) -> Iterator[str]:
         yield from _dispatched(rig, "float lamp_weight", "vector p, vector n")
 
 
-def _shape_functions(kind: str) -> Iterator[str]:
+@cache
+def _shape_functions(kind: str) -> Lines:
     trace = _Tracer()
     shape = trace.shape(kind)
     p, w = trace.vector("p"), trace.vector("w")
     met = {"distance": shape.distance(p, w), "pdf": shape.pdf(p, w)}
-    yield from trace.function(f"void {kind}_meet(float lamps[], float tables[], int at, {_MEET})", met)
+    meet = trace.function(f"void {kind}_meet(float lamps[], float tables[], int at, {_MEET})", met)
     drawn = shape.sample(p, trace.numbers("u1", "u2"))
     outputs = {f"w[{i}]": drawn[..., i] for i in range(3)}
     outputs |= {"distance": shape.distance(p, drawn), "pdf": shape.pdf(p, drawn)}
-    yield from trace.function(f"void {kind}_draw(float lamps[], float tables[], int at, {_DRAW})", outputs)
+    return meet + trace.function(f"void {kind}_draw(float lamps[], float tables[], int at, {_DRAW})", outputs)
 
 
-def _weight_function(kind: str, rig: Rig) -> Iterator[str]:
+@cache
+def _weight_function(kind: str, shaped: bool, falling: bool) -> Lines:
     trace = _Tracer()
     beam = fall = None
-    if rig.shaped:
+    if shaped:
         tint = trace.fields("tint0", "tint1", "tint2")
         beam = (*trace.fields(*_BEAM), (tint[0] + tint[1] + tint[2]) / 3.0)
-    if rig.falling and kind != "distant":
+    if falling:
         fall = trace.fields(*_FALL)
     (bright,) = trace.fields("mean")
     estimate = bright * weight(trace.shape(kind), beam, fall, trace.vector("p"), trace.vector("n"))
-    yield from trace.function(f"float {kind}_weight(float lamps[], int at, vector p, vector n)", {}, estimate)
+    return trace.function(f"float {kind}_weight(float lamps[], int at, vector p, vector n)", {}, estimate)
 
 
-def _picture_functions() -> Iterator[str]:
-    """Yield functions of parts of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`)."""
+@cache
+def _picture_functions() -> Lines:
+    """Return functions of parts of a rectangle: from s, t on, of a size in both (`lookdev.light.picture`)."""
     trace = _Tracer()
     width, height = trace.fields("a", "b")
     p, w = trace.vector("p"), trace.vector("w")
     s, t, size = (symbol(trace.graph, name) for name in ("part_s", "part_t", "size"))
     part = "float part_s, float part_t, float size"
     angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
-    yield from trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {part})", {}, angle)
+    functions = trace.function(f"float rect_part_angle(float lamps[], int at, vector p, {part})", {}, angle)
     distance, point = meet_plane(p, w, width, height)
     places = {"distance": distance, "s": point.s, "t": point.t}
     head = "vector p, vector w, output float distance, output float s, output float t"
-    yield from trace.function(f"void rect_place(float lamps[], int at, {head})", places)
+    functions += trace.function(f"void rect_place(float lamps[], int at, {head})", places)
     seen = seen_part(p, width, height, s, t, size)
 
     def pdf(point: Point) -> Any:
         within = [np.clip((each - start) / size, 0.0, 1.0) for each, start in ((point.s, s), (point.t, t))]
         return density(seen, Point(within[0], within[1], point.x, point.y))
 
-    yield from trace.function(
-        f"float rect_part_density(float lamps[], int at, vector p, vector w, {part})", {}, pdf(point)
-    )
+    head = f"vector p, vector w, {part}"
+    functions += trace.function(f"float rect_part_density(float lamps[], int at, {head})", {}, pdf(point))
     drawn = towards_plane(p, draw(seen, trace.numbers("u1", "u2")))
     distance, point = meet_plane(p, drawn, width, height)
     outputs = {**{f"w[{i}]": drawn[..., i] for i in range(3)}, "distance": distance, "pdf": pdf(point)}
     head = f"vector p, {part}, float u1, float u2, output vector w, output float distance, output float pdf"
-    yield from trace.function(f"void rect_part_draw(float lamps[], int at, {head})", outputs)
+    return functions + trace.function(f"void rect_part_draw(float lamps[], int at, {head})", outputs)
 
 
 def _dispatched(rig: Rig, name: str, given: str, *, tables: bool = False) -> Iterator[str]:
@@ -228,7 +240,7 @@ class _Tracer:
         codes = [f"lamps[at + LAMP_{name}]" for name in names]
         return symbols(self.graph, codes) if stacked else tuple(symbol(self.graph, code) for code in codes)
 
-    def function(self, head: str, outputs: Mapping[str, Any], returned: Any = None) -> Iterable[str]:
+    def function(self, head: str, outputs: Mapping[str, Any], returned: Any = None) -> Lines:
         """Return the lines of a function that sets outputs, and returns a number or a colour."""
         block = Block("v", indent=1)
         values: dict[str, Scalar] = {name: elements_of(value)[0] for name, value in outputs.items()}
@@ -240,4 +252,4 @@ class _Tracer:
             block.write(f"{name} = {code};")
         if final:
             block.write(f"return {final[0]};" if len(final) == 1 else f"return color({', '.join(final)});")
-        return [head, "{", *block.lines, "}", ""]
+        return head, "{", *block.lines, "}", ""
