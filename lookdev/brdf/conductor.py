@@ -1,4 +1,4 @@
-"""Conductors: the exact Fresnel reflectance, and the colour of metals from their measured eta and k.
+"""Metals: their measured eta and k, and the colour that follows from them.
 
 The numbers, in ``data/metals.csv``, are as in the refractiveindex.info database (public domain, CC0), from 365 to
 821 nm, thinned where they are smooth. Publications differ by some hundredths of reflectance, which depends on how the
@@ -18,7 +18,6 @@ References
   aluminum, Appl. Opt. 34, 4755 (1995).
 - A. D. Rakić, A. B. Djurišić, J. M. Elazar, M. L. Majewski, Optical properties of metallic films for
   vertical-cavity optoelectronic devices, Appl. Opt. 37, 5271 (1998), Brendel-Bormann model.
-- M. Born, E. Wolf, Principles of Optics, section 14.2 in the 7th edition.
 - C. Wyman, P.-P. Sloan, P. Shirley, Simple analytic approximations to the CIE XYZ color matching functions,
   JCGT 2(2) (2013).
 - CIE 015:2018, Colorimetry: the standard illuminant D65.
@@ -33,7 +32,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf.vectors import TINY, Array, Real
+from lookdev.brdf.fresnel import conductor_fresnel
+from lookdev.brdf.vectors import Array
 from lookdev.errors import ModelError, nearest_hint
 
 METALS: dict[str, str] = {
@@ -77,27 +77,6 @@ _XYZ_TO_REC709 = np.array([
 ])  # fmt: skip
 
 
-# Born and Wolf, 14.2, from air: a + ib is the refracted wave vector along the normal, and |a + ib|^2 the length.
-def fresnel_conductor(cos_theta: Real, eta: Array, k: Array) -> Array:
-    """Return the reflectance (...), in [0, 1], of a conductor for unpolarised light that arrives from air.
-
-    cos_theta : (...), cosine of the angle of incidence, in [0, 1].
-    eta, k : (...), real part (above 0) and imaginary part (at least 0) of the index of refraction.
-    """
-    cos2 = cos_theta * cos_theta
-    sin2 = 1.0 - cos2
-    real = eta * eta - k * k - sin2
-    length = np.sqrt(real * real + 4.0 * eta * eta * k * k)
-    # Rounding can make a total reflector's real part negative.
-    a = np.sqrt(np.maximum(0.5 * (length + real), 0.0))
-    s_sum, s_cross = length + cos2, 2.0 * a * cos_theta
-    p_sum, p_cross = cos2 * length + sin2 * sin2, s_cross * sin2
-    # Where the index is that of air and light grazes, both are zero.
-    reflectance_s = (s_sum - s_cross) / np.maximum(s_sum + s_cross, TINY)
-    reflectance_p = reflectance_s * (p_sum - p_cross) / np.maximum(p_sum + p_cross, TINY)
-    return np.asarray(0.5 * (reflectance_s + reflectance_p))
-
-
 def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
     """Return eta and k, (...) each, of one of `METALS` at `wavelengths`, (...), in nanometres.
 
@@ -117,7 +96,7 @@ def metal_reflectance(name: str) -> NDArray[np.float64]:
 
     An unknown metal raises ModelError.
     """
-    spectrum = np.asarray(fresnel_conductor(1.0, *metal_indices(name, _WAVELENGTHS)))
+    spectrum = np.asarray(conductor_fresnel(1.0, *metal_indices(name, _WAVELENGTHS)))
     # The white of the fitted observer is not exactly that of Rec.709.
     color = np.clip(_rec709(spectrum) / _rec709(np.ones_like(spectrum)), 0.0, 1.0)
     color.setflags(write=False)  # it is cached

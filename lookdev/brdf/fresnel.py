@@ -1,10 +1,14 @@
-"""Schlick's approximation of Fresnel reflectance."""
+"""Fresnel reflectance: Schlick's approximation, and the exact equations for dielectrics and conductors.
+
+- Schlick, C. 1994. An Inexpensive BRDF Model for Physically-Based Rendering. Computer Graphics Forum 13(3).
+- Born, M. and Wolf, E. 1999. Principles of Optics, 7th edition, sections 1.5 and 14.2.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Real, same
+from lookdev.brdf.vectors import TINY, Array, Real, same
 
 
 # Schlick 1994, eq. 15, the weights of normal and of grazing incidence.
@@ -35,3 +39,37 @@ def schlick_blend(normal: Real, grazing: Real, cos_theta: Array) -> Array:
 def fresnel_blend(normal: Array, grazing: Array, cos_theta: Array) -> Array:
     """Blend colours (..., 3) from normal to grazing incidence by a cosine (...)."""
     return schlick_blend(normal, grazing, np.expand_dims(cos_theta, -1))
+
+
+# Born and Wolf, 14.2: a + ib is the refracted wave vector along the normal, r_s = (cos - a - ib) / (cos + a + ib), and
+# r_p / r_s = (cos (a + ib) - sin^2) / (cos (a + ib) + sin^2).
+def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 1.0, polarisation: Real = 0.5) -> Array:
+    """Return the exact reflectance (...), in [0, 1], of a conductor, or with k = 0 of a dielectric.
+
+    cos_theta : cosine of the angle of incidence, in [0, 1].
+    eta, k : real part (above 0) and imaginary part (at least 0) of the index of refraction.
+    external_ior : index of the dielectric from which light arrives.
+    polarisation : share of the light that is polarised parallel to the plane of incidence; 0.5 is unpolarised.
+
+    All broadcast. Above the angle of total reflection a dielectric reflects exactly 1.
+    """
+    cos2 = cos_theta * cos_theta
+    sin2 = np.maximum(1.0 - cos2, 0.0)
+    # Of the relative index: its square less 1, which cancels for like media, and half the imaginary part of its square.
+    inverse = 1.0 / (external_ior * external_ior)
+    excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
+    # a^2 - b^2 = real and a b = cross: the larger part first, as the other is a small difference of squares.
+    real = excess + cos2
+    large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * cross * cross) + np.absolute(real)))
+    small = cross / np.maximum(large, TINY)
+    travels = real >= 0.0
+    a, b = np.where(travels, large, small), np.where(travels, small, large)
+    b2, plus = b * b, cos_theta + a
+    # Where b is small so is cos - a, for like media: cos^2 - a^2 = -(excess + b^2).
+    minus = np.where(travels, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
+    reflectance_s = (minus * minus + b2) / np.maximum(plus * plus + b2, TINY)
+    less, more, b2_cos2 = cos_theta * a - sin2, cos_theta * a + sin2, b2 * cos2
+    # 0 / 0 where light without absorption grazes like media.
+    ratio = (less * less + b2_cos2) / np.maximum(more * more + b2_cos2, TINY)
+    reflectance: Array = reflectance_s * (1.0 - polarisation + polarisation * ratio)
+    return reflectance

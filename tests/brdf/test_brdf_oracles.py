@@ -11,7 +11,8 @@ import pytest
 from lookdev.brdf import MODELS
 from lookdev.checks.evaluate import evaluate_lines
 
-ORACLES = sorted((Path(__file__).parents[1] / "oracles").glob("*.jsonl"))
+# Cases of `test_fresnel` have no directions.
+ORACLES = [path for path in sorted((Path(__file__).parents[1] / "oracles").glob("*.jsonl")) if path.stem != "fresnel"]
 
 
 @pytest.mark.parametrize("oracle", ORACLES, ids=lambda path: path.stem)

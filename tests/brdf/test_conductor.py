@@ -1,4 +1,4 @@
-"""Conductors: the exact Fresnel formula, the observer, and metals against published look-dev tables."""
+"""Metals: the observer, and colours against published look-dev tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import lookdev.brdf.conductor as conductor
-from lookdev.brdf.conductor import METALS, color_matching, fresnel_conductor, metal_indices, metal_reflectance
+from lookdev.brdf.conductor import METALS, color_matching, metal_indices, metal_reflectance
 from lookdev.errors import ModelError
 
 # S. Lagarde, Feeding a physically based shading model (2011), and Hoffman's course notes (2019): linear Rec.709.
@@ -18,42 +18,6 @@ TABLES = {
     "copper": (0.955, 0.638, 0.538),
     "aluminium": (0.913, 0.922, 0.924),
 }
-
-
-def complex_fresnel(cos_theta: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """Fresnel's equations with a complex index of refraction and Snell's law."""
-    cos_t = np.sqrt(1.0 - (1.0 - cos_theta**2) / index**2)
-    s = (cos_theta - index * cos_t) / (cos_theta + index * cos_t)
-    p = (index * cos_theta - cos_t) / (index * cos_theta + cos_t)
-    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
-
-
-def test_fresnel_agrees_with_complex_arithmetic() -> None:
-    rng = np.random.default_rng(1)
-    cos_theta = rng.uniform(1e-6, 1.0, 10_000)
-    eta, k = rng.uniform(0.03, 8.0, 10_000), rng.uniform(0.0, 10.0, 10_000)
-    np.testing.assert_allclose(
-        fresnel_conductor(cos_theta, eta, k), complex_fresnel(cos_theta, eta + 1j * k), rtol=0, atol=1e-12
-    )
-
-
-def test_fresnel_at_its_limits() -> None:
-    eta, k = np.array([0.05, 1.0, 1.5, 4.0]), np.array([4.0, 1.0, 0.0, 3.0])
-    normal = ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
-    np.testing.assert_allclose(fresnel_conductor(1.0, eta, k), normal, rtol=1e-14)
-    np.testing.assert_allclose(fresnel_conductor(0.0, eta, k), 1.0, rtol=1e-14)
-    brewster = np.cos(np.arctan(1.5))
-    s = ((1.5**2 - 1.0) / (1.5**2 + 1.0)) ** 2  # p is 0 there
-    np.testing.assert_allclose(fresnel_conductor(brewster, 1.5, 0.0), 0.5 * s, rtol=1e-13)
-
-
-def test_fresnel_stays_within_bounds() -> None:
-    cos_theta, eta, k = np.meshgrid(
-        [0.0, 1e-300, 1e-9, 0.5, 1.0], [1e-6, 0.5, 1.0, 1.0 + 1e-15, 20.0], [0.0, 1e-9, 1.0, 20.0]
-    )
-    reflectance = fresnel_conductor(cos_theta, eta, k)
-    assert np.all((reflectance >= 0.0) & (reflectance <= 1.0 + 1e-15))
-    assert np.all(fresnel_conductor(np.array([0.0, 0.3, 1.0]), 1.0, 0.0) == 0.0)  # air in air
 
 
 def test_the_observer_is_the_cie_s() -> None:

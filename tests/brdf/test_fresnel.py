@@ -1,0 +1,84 @@
+"""The exact Fresnel equations against complex arithmetic, an independent implementation, and closed forms."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf.fresnel import conductor_fresnel
+
+Floats = NDArray[np.float64]
+
+ORACLE = Path(__file__).parents[1] / "oracles" / "fresnel.jsonl"
+
+
+def _oracle() -> tuple[Floats, Floats]:
+    """Return the arguments, (5, n), and the reflectances, (n,), of the oracle's cases."""
+    cases: list[dict[str, Any]] = [json.loads(line) for line in ORACLE.read_text().splitlines()]
+    names = ("eta", "k", "externalIor", "polarisation")
+    return (
+        np.array([[case["cosTheta"], *(case["params"][name] for name in names)] for case in cases]).T,
+        np.array([case["F"] for case in cases]),
+    )
+
+
+def test_fresnel_agrees_with_the_oracle() -> None:
+    arguments, wanted = _oracle()
+    assert len(wanted) == 200
+    np.testing.assert_allclose(conductor_fresnel(*arguments), wanted, rtol=1e-9, atol=1e-12)
+
+
+def test_fresnel_survives_float32() -> None:
+    arguments = _oracle()[0].astype(np.float32)
+    exact = arguments.astype(np.float64)
+    got, wanted = conductor_fresnel(*arguments), conductor_fresnel(*exact)
+    assert got.dtype == np.float32
+    # What a rounding of the inputs changes: much at Brewster's angle and at that of total reflection.
+    rng, change = np.random.default_rng(1), 2.0**-24 * wanted
+    for _ in range(16):
+        moved = exact * (1.0 + 2.0**-24 * rng.choice([-1.0, 1.0], exact.shape))
+        change = np.maximum(change, np.abs(conductor_fresnel(*moved) - wanted))
+    assert (np.abs(got - wanted) <= 8.0 * change).all()
+    # Total reflection.
+    assert (np.asarray(got)[wanted == 1.0] == 1.0).all()
+    assert np.count_nonzero(wanted == 1.0) > 5
+
+
+def complex_fresnel(cos_theta: np.ndarray, index: np.ndarray) -> np.ndarray:
+    """Fresnel's equations with a complex index of refraction and Snell's law."""
+    cos_t = np.sqrt(1.0 - (1.0 - cos_theta**2) / index**2)
+    s = (cos_theta - index * cos_t) / (cos_theta + index * cos_t)
+    p = (index * cos_theta - cos_t) / (index * cos_theta + cos_t)
+    return 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2)
+
+
+def test_fresnel_agrees_with_complex_arithmetic() -> None:
+    rng = np.random.default_rng(1)
+    cos_theta = rng.uniform(1e-6, 1.0, 10_000)
+    eta, k = rng.uniform(0.03, 8.0, 10_000), rng.uniform(0.0, 10.0, 10_000)
+    np.testing.assert_allclose(
+        conductor_fresnel(cos_theta, eta, k), complex_fresnel(cos_theta, eta + 1j * k), rtol=0, atol=1e-12
+    )
+
+
+def test_fresnel_at_its_limits() -> None:
+    eta, k = np.array([0.05, 1.0, 1.5, 4.0]), np.array([4.0, 1.0, 0.0, 3.0])
+    normal = ((eta - 1.0) ** 2 + k**2) / ((eta + 1.0) ** 2 + k**2)
+    np.testing.assert_allclose(conductor_fresnel(1.0, eta, k), normal, rtol=1e-14)
+    np.testing.assert_allclose(conductor_fresnel(0.0, eta, k), 1.0, rtol=1e-14)
+    brewster = np.cos(np.arctan(1.5))
+    s = ((1.5**2 - 1.0) / (1.5**2 + 1.0)) ** 2  # p is 0 there
+    np.testing.assert_allclose(conductor_fresnel(brewster, 1.5, 0.0), 0.5 * s, rtol=1e-13)
+
+
+def test_fresnel_stays_within_bounds() -> None:
+    cos_theta, eta, k = np.meshgrid(
+        [0.0, 1e-300, 1e-9, 0.5, 1.0], [1e-6, 0.5, 1.0, 1.0 + 1e-15, 20.0], [0.0, 1e-9, 1.0, 20.0]
+    )
+    reflectance = conductor_fresnel(cos_theta, eta, k)
+    assert np.all((reflectance >= 0.0) & (reflectance <= 1.0 + 1e-15))
+    assert np.all(conductor_fresnel(np.array([0.0, 0.3, 1.0]), 1.0, 0.0) == 0.0)  # air in air
