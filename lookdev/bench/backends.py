@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 
 import numpy as np
@@ -16,7 +16,8 @@ from lookdev.bench.looks import LOOKS
 from lookdev.bench.matrix import SCENES, Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
-from lookdev.light import Dome, EnvironmentMap, load_environment, prepare_light
+from lookdev.bench.rigs import RIGS
+from lookdev.light import Dome, EnvironmentMap, Light, load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.render.backends import BACKENDS
@@ -49,22 +50,28 @@ def bench_light(ibl: str) -> Dome:
     return prepare_light(bench_environment(ibl))
 
 
+def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:
+    """Return the lights of a built-in map or of a rig around an asset."""
+    return RIGS[name].around(asset) if name in RIGS else (bench_light(name),)
+
+
 def bench_scene(
-    asset: Asset, look: Look, light: Dome, resolution: int, bounces: int, backend: str = "exact"
+    asset: Asset, look: Look, lights: Sequence[Light], resolution: int, bounces: int, backend: str = "exact"
 ) -> SceneTask:
     """Return a scene of one look, with the default sampling."""
-    scene = Scene.of_look(asset, look, light, (resolution, resolution))
-    return scene_task(scene, Sampling(bounces=bounces), backend)
+    scene = Scene.of_look(asset, look, lights[0], (resolution, resolution))
+    return scene_task(replace(scene, lights=tuple(lights)), Sampling(bounces=bounces), backend)
 
 
 @contextmanager
 def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
     """Start a process for each backend that can render the cell, and end them all."""
-    asset, look, light = bench_asset(cell.scene), LOOKS[cell.look].make(), bench_light(cell.ibl)
+    asset, look = bench_asset(cell.scene), LOOKS[cell.look].make()
+    lights = bench_lights(cell.ibl, asset)
     with ExitStack() as stack:
         candidates = []
         for backend in options.backends_of(cell):
-            scene = bench_scene(asset, look, light, options.resolution, SCENES[cell.scene].bounces, backend)
+            scene = bench_scene(asset, look, lights, options.resolution, SCENES[cell.scene].bounces, backend)
             render = stack.enter_context(renderer(PATIENCE))
 
             def shoot(
@@ -73,7 +80,7 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
                 name = f"{samples}.{seed}"
                 return shot_of(render(one_frame(scene, POSE, name, samples=samples, error=None, seed=seed)))
 
-            key = picture_key(scene, look, bench_environment(cell.ibl))
+            key = picture_key(scene, look, cell.ibl)
             candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene)))
         yield candidates
 
@@ -93,14 +100,16 @@ def shot_of(rendered: Rendered) -> Shot:
     return Shot(image, rendered.alpha, rendered.seconds, rendered.memory, rendered.blender)
 
 
-def picture_key(scene: SceneTask, look: Look, light: EnvironmentMap) -> str:
+def picture_key(scene: SceneTask, look: Look, ibl: str) -> str:
     """Return a text of all that a picture depends on, without its sampling and the code of its shader.
 
     So a change of sampling or code is measured against the reference from before it, and a changed picture is a bias.
     """
+    # The tables by which a map is sampled are left out.
+    light = [each.digest for each in scene.lights] if ibl in RIGS else bench_environment(ibl).digest
     parts = {
         "asset": scene.asset.digest,
-        "light": light.digest,
+        "light": light,
         "camera": asdict(scene.camera),
         "pose": asdict(POSE),
         "resolution": scene.resolution,

@@ -71,7 +71,7 @@ def measure_growth(frames: int, report: Callable[[str], None], opened: OpenRende
 
 def _scene(asset: Asset | None = None, look: Look | None = None, side: int = _SIDE) -> SceneTask:
     asset, look = asset or bench_asset(_SCENE), look or LOOKS[_LOOK].make()
-    return bench_scene(asset, look, bench_light(_IBL), side, SCENES[_SCENE].bounces)
+    return bench_scene(asset, look, (bench_light(_IBL),), side, SCENES[_SCENE].bounces)
 
 
 def _frame_rows(scene: SceneTask, frames: int, opened: OpenRenderer) -> tuple[GrowthRow, ...]:

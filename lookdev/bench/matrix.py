@@ -11,6 +11,7 @@ from typing import Any
 from lookdev.asset import BUILTINS, Asset
 from lookdev.bench.assets import make_boulder
 from lookdev.bench.looks import LOOKS
+from lookdev.bench.rigs import RIGS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.render.backends import BACKENDS
 from lookdev.scene import Sampling
@@ -48,7 +49,7 @@ RESOLUTIONS = (16, 4096)
 
 @dataclass(frozen=True)
 class Cell:
-    """One scene, one light, one look."""
+    """One scene, one light, of `IBLS` or `RIGS`, and one look."""
 
     scene: str
     ibl: str
@@ -78,7 +79,7 @@ class Options:
 
     def __post_init__(self) -> None:
         _known("scene", self.scenes, list(SCENES))
-        _known("IBL", self.ibls, list(IBLS))
+        _known("IBL", self.ibls, [*IBLS, *RIGS])
         _known("look", self.looks, list(LOOKS))
         _known("backend", self.backends, list(BACKENDS))
         if "mitsuba" in self.backends and not has_mitsuba():
@@ -128,7 +129,7 @@ def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool,
     chosen: dict[str, Any] = {"scenes": ("shaderball",), "repeats": 1} if sequence else {}
     if everything:
         backends = tuple(name for name in BACKENDS if name != "mitsuba" or has_mitsuba())
-        chosen |= {"scenes": tuple(SCENES), "ibls": tuple(IBLS), "looks": tuple(LOOKS), "backends": backends}
+        chosen |= {"scenes": tuple(SCENES), "ibls": (*IBLS, *RIGS), "looks": tuple(LOOKS), "backends": backends}
     given = {kind: tuple(part.strip() for part in text.split(",")) for kind, text in lists.items() if text.strip()}
     for count in given.get("samples", ()):
         if not count.isdecimal():
@@ -143,7 +144,7 @@ def listing() -> str:
     """Return all names with their descriptions."""
     kinds: dict[str, dict[str, str]] = {
         "scenes": {name: scene.help for name, scene in SCENES.items()},
-        "ibls": IBLS,
+        "ibls": IBLS | {name: rig.help for name, rig in RIGS.items()},
         "looks": {name: look.help for name, look in LOOKS.items()},
         "backends": {name: backend.help for name, backend in BACKENDS.items()},
     }

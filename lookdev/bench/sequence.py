@@ -284,7 +284,7 @@ def _write_request(subject: Subject, folder: Path, samples: int, frames: int, se
         maps[ibl] = folder / f"{ibl}.exr"
         write_frame(maps[ibl], radiance, np.ones(radiance.shape[:2]), {})
     light = bench_light(subject.ibls[0])
-    scene = bench_scene(asset, look, light, subject.resolution, SCENES[subject.scene].bounces)
+    scene = bench_scene(asset, look, (light,), subject.resolution, SCENES[subject.scene].bounces)
     request = {
         "asset": str(scene.asset.path),
         "principled": generate_principled(look).inputs,

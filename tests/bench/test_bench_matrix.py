@@ -8,15 +8,13 @@ import numpy as np
 import pytest
 
 from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.backends import bench_asset, bench_light, bench_scene, picture_key, skips_of
+from lookdev.bench.backends import bench_asset, bench_light, bench_lights, bench_scene, picture_key, skips_of
 from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
 from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options
+from lookdev.bench.rigs import RIGS
 from lookdev.errors import LookdevError
-from lookdev.light import load_environment
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
-
-WHITE = load_environment(builtin="white")
 
 
 @pytest.mark.parametrize("triangles", [1000, 30_000])
@@ -38,7 +36,7 @@ def test_a_finer_boulder_is_the_same_shape() -> None:
 
 
 def scene_of(look: str, backend: str = "exact", bounces: int = 2) -> SceneTask:
-    return bench_scene(make_boulder(1000), LOOKS[look].make(), bench_light("white"), 32, bounces, backend)
+    return bench_scene(make_boulder(1000), LOOKS[look].make(), (bench_light("white"),), 32, bounces, backend)
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -51,7 +49,7 @@ def test_a_look_has_a_shader(look: str) -> None:
 
 def test_skips_are_those_of_the_scene() -> None:
     def skips(scene: str, look: str) -> tuple[str, ...]:
-        made = bench_scene(bench_asset(scene), LOOKS[look].make(), bench_light("white"), 32, SCENES[scene].bounces)
+        made = bench_scene(bench_asset(scene), LOOKS[look].make(), (bench_light("white"),), 32, SCENES[scene].bounces)
         return skips_of(Cell(scene, "white", look), made)
 
     opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
@@ -72,12 +70,27 @@ def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
     def key(look: str, backend: str = "exact", bounces: int = 2, samples: int = 64) -> str:
         scene = scene_of(look, backend, bounces)
         sampling = replace(scene.sampling, samples=samples)
-        return picture_key(replace(scene, sampling=sampling), LOOKS[look].make(), WHITE)
+        return picture_key(replace(scene, sampling=sampling), LOOKS[look].make(), "white")
 
     ours = [name for name in BACKENDS if name != "mitsuba"]
     keys = {key(look, backend, bounces) for look in ("plastic", "metal") for backend in ours for bounces in (0, 2)}
     assert len(keys) == 2 * len(ours) * 2
     assert key("plastic", samples=128) == key("plastic")
+
+
+def test_rigs_light_the_asset_as_they_light_a_ball_of_radius_1() -> None:
+    asset = make_boulder(1000)
+    place = np.random.default_rng(1).normal(size=(50, 3))
+    for name, rig in RIGS.items():
+        lights, around = rig.make(), rig.around(asset)
+        assert [each.kind for each in lights] == [each.kind for each in around]
+        assert len({light.digest for light in around}) == len(around)
+        for light, larger in zip(lights, around, strict=True):
+            direction = light.sample(place, np.full((50, 2), 0.4))
+            there = np.array(asset.center) + asset.radius * place
+            np.testing.assert_allclose(larger.radiance(there, direction), light.radiance(place, direction), rtol=1e-6)
+        assert bench_lights(name, asset) == around
+        assert BACKENDS["principled"].cannot_light(around) == ()
 
 
 def test_cells_and_their_backends() -> None:
@@ -90,7 +103,7 @@ def test_cells_and_their_backends() -> None:
 
 def test_the_list_names_everything() -> None:
     words = listing().split()
-    for name in (*SCENES, *IBLS, *LOOKS, *BACKENDS):
+    for name in (*SCENES, *IBLS, *RIGS, *LOOKS, *BACKENDS):
         assert name in words
 
 
