@@ -13,6 +13,7 @@ from lookdev.errors import EnvironmentMapError, Fault, LookdevError
 from lookdev.job import Job, load_job
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.scenes import JobScenes, job_scenes
+from lookdev.job.schema import JobRig
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
@@ -97,7 +98,9 @@ def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
             try:
                 setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
             except EnvironmentMapError as error:
-                faults.append(Fault(str(job.file), job.place_of(name), str(error)))
+                file = [str(rig.usd)] if isinstance(rig, JobRig) and rig.usd else []
+                place = ": ".join((job.place_of(name), *file))
+                faults += (Fault(str(job.file), place, line) for line in error.args[0].splitlines())
                 continue
             setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation))
     raise_all(faults)

@@ -64,13 +64,17 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand(
     return rig_code(rig, sampled=sampled, stand=stand)
 
 
+def called(light: Light, number: int) -> str:
+    """Return what messages call a light: the path of its prim, else its number, with its kind."""
+    return f"light {light.emission.path or number} ({light.kind})"
+
+
 def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
     """Return what of a scene's lights Cycles' own lights cannot show, a sentence for each light; none: they show it."""
     gaps = []
     for number, light in enumerate(lights, start=1):
         if gap := LIGHT_KINDS[light.kind].native_gap(light):
-            name = f"'{light.emission.group}'" if light.emission.group else str(number)
-            gaps.append(f"light {name} ({light.kind}): it has {gap}, which Cycles' own lights lack")
+            gaps.append(f"{called(light, number)}: it has {gap}, which Cycles' own lights lack")
     if native.still_domes(lights) is None:
         gaps.append("some domes stand still while others turn with the rig: Cycles has one world for all of them")
     return tuple(gaps)
@@ -123,6 +127,7 @@ __all__ = [
     "SphereLight",
     "Stand",
     "Turned",
+    "called",
     "coded",
     "emitted_color",
     "lights_code",

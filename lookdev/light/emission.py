@@ -223,6 +223,8 @@ class Emission:
         Whether the camera sees it.
     group
         The name of its light group.
+    path
+        The path of its prim, for messages; "" where it is of none.
     light_link, shadow_link
         The parts of the asset that it shines on, and those that cast its shadow; None: everything.
     spared
@@ -239,6 +241,7 @@ class Emission:
     turns: bool = True
     camera: bool = False
     group: str = ""
+    path: str = ""
     light_link: Link | None = None
     shadow_link: Link | None = None
     spared: tuple[int, ...] = ()
@@ -250,8 +253,8 @@ class Emission:
 
     @property
     def unnamed(self) -> Emission:
-        """The emission as far as pixels depend on it: the group is a name, and links count by the parts they fit."""
-        return replace(self, group="", light_link=None, shadow_link=None)
+        """The emission as far as pixels depend on it: group and path are names, links count by the parts they fit."""
+        return replace(self, group="", path="", light_link=None, shadow_link=None)
 
     def towards(self, direction: Floats) -> Floats:
         """Return the radiance (..., 3) that is sent to where the light lies in directions (..., 3) of its own space."""

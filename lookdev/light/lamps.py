@@ -280,4 +280,4 @@ def is_plain(light: Light) -> bool:
     if not isinstance(light, Dome):
         return True
     emission = light.emission
-    return light.axes == WORLD_AXES and emission == Emission(camera=emission.camera, group=emission.group)
+    return light.axes == WORLD_AXES and emission.unnamed == Emission(camera=emission.camera)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -23,12 +23,12 @@ _CALLED = {
     "shadow_link": "shadow links",
     "spared": "shadow links",
 }
-_ANYWHERE = ("color", "turns", "group")
+_ANYWHERE = ("color", "turns", "group", "path")
 
 
 def gap_of_dome(light: Dome) -> str | None:
     """Return what of a dome light a world of Blender does not have; None: it shows the light."""
-    return _first(_beyond(light.emission, (*_ANYWHERE, "camera")))
+    return _all(_beyond(light.emission, (*_ANYWHERE, "camera")))
 
 
 def gap_of_local_dome(light: object) -> str | None:
@@ -39,7 +39,7 @@ def gap_of_local_dome(light: object) -> str | None:
 def gap_of_distant(light: DistantLight) -> str | None:
     """Return what of a distant light a sun of Blender does not have; None: it shows the light."""
     wide = [f"an angle of {light.angle:g} degrees, more than 180"] if light.angle > 180.0 else []
-    return _first((*wide, *_shadow(light.emission), *_beyond(light.emission, (*_ANYWHERE, "shadow"))))
+    return _all((*wide, *_shadow(light.emission), *_beyond(light.emission, (*_ANYWHERE, "shadow"))))
 
 
 def gap_of_placed(light: PlacedLight) -> str | None:
@@ -47,7 +47,7 @@ def gap_of_placed(light: PlacedLight) -> str | None:
     emission, shaping = light.emission, light.emission.shaping
     profile = ["an IES profile"] if shaping and shaping.profile else []
     known = (*_ANYWHERE, "shadow", "shaping")
-    return _first((*profile, *_shadow(emission), *_beyond(emission, known)))
+    return _all((*profile, *_shadow(emission), *_beyond(emission, known)))
 
 
 def dome_images(light: Any) -> tuple[Content, ...]:
@@ -86,5 +86,6 @@ def _beyond(emission: Emission, known: Sequence[str]) -> Iterator[str]:
             yield _CALLED.get(field.name, field.name.replace("_", " "))
 
 
-def _first(found: Sequence[str] | Iterator[str]) -> str | None:
-    return next(iter(found), None)
+def _all(found: Iterable[str]) -> str | None:
+    *before, last = dict.fromkeys(found) or (None,)
+    return f"{', '.join(before)} and {last}" if before else last

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
 from lookdev.errors import CodegenError
-from lookdev.light import Light, native_gaps
+from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.scene import Sampling
 
@@ -113,12 +113,13 @@ def _principled(look: Look, setting: Setting) -> Source:
 
 def _only_domes(lights: Sequence[Light]) -> Sequence[str]:
     """Directions drawn from the model pass lamps, and what they pass counts as a portal."""
-    found = native_gaps(lights)
-    return found or [
-        f"light '{each.emission.group or number}' ({each.kind}): the rays of this backend find no lamps, only domes"
+    lamps = [
+        f"{called(each, number)}: the rays of this backend find no lamps, only domes"
         for number, each in enumerate(lights, start=1)
         if each.kind != "dome"
     ]
+    domes = [each for each in lights if each.kind == "dome"]
+    return [*lamps, *native_gaps(domes)]
 
 
 def _one_dome(lights: Sequence[Light]) -> Sequence[str]:

@@ -31,8 +31,8 @@ def scene_task(
     """Generate the sources of a scene, but for those in `generated`, to which they are added.
 
     Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless it is
-    closed and a look transmits. Raises CodegenError or EnvironmentMapError where the backend cannot show a look or a
-    light.
+    closed and a look transmits. Raises CodegenError or EnvironmentMapError where the backend cannot show a look or
+    lights, a line each.
     """
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look, and are lit by the same lights, share its source.
@@ -42,7 +42,7 @@ def scene_task(
         if reason := record.cannot_show(look):
             raise CodegenError(reason)
     if not record.any_light and (gaps := record.cannot_light(scene.lights)):
-        raise EnvironmentMapError("; ".join(gaps) + f": backend 'exact' renders it, '{backend}' does not")
+        raise EnvironmentMapError("\n".join(f"{gap}: backend 'exact' renders it, '{backend}' does not" for gap in gaps))
 
     if max(scene.grouped) > MOST_GROUPS:
         raise EnvironmentMapError(

@@ -190,6 +190,32 @@ def test_a_look_that_a_backend_cannot_show_is_a_fault_with_its_place(job: Path) 
     assert "nodes-exact" in fault.what
 
 
+RIG = """#usda 1.0
+( defaultPrim = "Rig" )
+def Xform "Rig"
+{
+    def SphereLight "Left"
+    {
+        float inputs:diffuse = 0.5
+        string lookdev:lightGroup = "sides"
+    }
+    def SphereLight "Right" { float lookdev:falloff:exponent = 1 }
+}
+"""
+
+
+def test_lights_that_a_backend_cannot_show_are_faults_with_their_prims(job: Path) -> None:
+    rig = job.parent / "rig.usda"
+    rig.write_text(RIG)
+    job.write_text(job.read_text() + '[[rig]]\nname = "sides"\nusd = "rig.usda"\n')
+    with pytest.raises(FaultsError) as caught:
+        prepare_job(job, backend="nodes")
+    assert [str(fault).partition(", which")[0] for fault in caught.value.faults] == [
+        f"{job}: rig[0]: {rig}: light /Rig/Left (sphere): it has a diffuse multiplier",
+        f"{job}: rig[0]: {rig}: light /Rig/Right (sphere): it has a falloff of its own",
+    ]
+
+
 # A set of two; another of two, where one variant brings a set of its own.
 VARIED = """#usda 1.0
 def Material "Paint" (

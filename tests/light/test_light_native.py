@@ -28,13 +28,14 @@ from lookdev.light import (
     prepare_texture,
 )  # fmt: skip
 from lookdev.light.dome.environment import make_environment
+from lookdev.light.link import Link
 from lookdev.light.native import still_domes
 from lookdev.material import Layer, Look
 from lookdev.render.scene import scene_task
 from lookdev.scene import Camera, Film, Sampling, Scene
 
 LOOK = Look("white", (Layer("White", "disney", {"baseColor": (1.0,) * 3}),))
-KEY = Emission(group="key")
+KEY = Emission(group="key", path="/Rig/Key")
 STILL = Emission(turns=False)
 
 
@@ -58,7 +59,7 @@ def task(backend: str, *lights: Light) -> Any:
 )
 def test_what_blender_lacks_is_refused(changed: dict[str, Any], lacking: str) -> None:
     lights = sunny(), replace(DiskLight.example(), emission=replace(KEY, **changed))
-    with pytest.raises(EnvironmentMapError, match=rf"light 'key' \(disk\): it has {lacking}.*'exact' renders it"):
+    with pytest.raises(EnvironmentMapError, match=rf"light /Rig/Key \(disk\): it has {lacking}.*'exact' renders it"):
         task("nodes", *lights)
 
 
@@ -67,6 +68,26 @@ def test_every_light_that_is_refused_is_named() -> None:
     first, second = native_gaps([local, sunny(), wide])
     assert first.startswith("light 1 (local_dome)")
     assert second.startswith("light 3 (distant)")
+
+
+def test_all_that_a_light_has_is_named_at_once_and_each_light_on_a_line() -> None:
+    both = replace(KEY, diffuse=0.5, falloff=Falloff(exponent=1.0), light_link=Link(()), camera=True)
+    with pytest.raises(EnvironmentMapError) as caught:
+        task("nodes", replace(DiskLight.example(), emission=both), DistantLight(angle=270.0))
+    first, second = str(caught.value).splitlines()
+    every = "a diffuse multiplier, a falloff of its own, a light that the camera sees and light links"
+    assert first.startswith(f"light /Rig/Key (disk): it has {every}, which")
+    assert second.startswith("light 2 (distant): it has an angle of 270 degrees")
+
+
+def test_lamps_and_domes_are_refused_together() -> None:
+    seen = replace(sunny(), emission=replace(KEY, diffuse=0.5))
+    with pytest.raises(EnvironmentMapError) as caught:
+        task("nodes-exact", DiskLight.example(), seen)
+    assert [line.split(":")[0] for line in str(caught.value).splitlines()] == [
+        "light 1 (disk)",
+        "light /Rig/Key (dome)",
+    ]
 
 
 @pytest.mark.parametrize("backend", ["nodes", "principled"])

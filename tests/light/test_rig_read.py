@@ -112,7 +112,7 @@ def test_normalized_power_is_divided_by_the_area_in_units_of_the_stage(
 
 
 def test_what_is_not_said_is_the_default_of_usdlux(tmp_path: Path) -> None:
-    assert only(tmp_path, DIM).emission == Emission(group="Dim")
+    assert only(tmp_path, DIM).emission == Emission(group="Dim", path="/Rig/Dim")
     assert max(only(tmp_path, light("DistantLight", "")).emission.color) == 50000.0
 
 

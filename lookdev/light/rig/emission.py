@@ -36,6 +36,7 @@ def read_emission(light: LightPrim, size: float, unit: float, report: Report) ->
         turns=light.flag("lookdev:turns", default=True),
         camera=light.flag("lookdev:camera"),
         group=light.text("lookdev:lightGroup", default=light.prim.GetName()),
+        path=str(light.path),
         light_link=_link(light, "lightLink"),
         shadow_link=_link(light, "shadowLink"),
     )
