@@ -199,7 +199,10 @@ def Xform "Rig"
         float inputs:diffuse = 0.5
         string lookdev:lightGroup = "sides"
     }
-    def SphereLight "Right" { float lookdev:falloff:exponent = 1 }
+    def SphereLight "Right"
+    {
+        float lookdev:falloff:exponent = 1
+    }
 }
 """
 
