@@ -186,7 +186,7 @@ def _row(light: InspectedLight) -> tuple[str, ...]:
 
 def _more(light: InspectedLight) -> Iterator[str]:
     if light.image:
-        yield f"image {light.image}"
+        yield f"image {light.image}; its mean is in the radiance above"
     for name in ("shaping", "shadow", "falloff"):
         if said := getattr(light, name):
             yield f"{name}: {'; '.join(said)}"

@@ -174,7 +174,9 @@ def test_a_pole_that_is_stated_is_one_of_the_stage(tmp_path: Path) -> None:
     found = rig(tmp_path, light("DomeLight_1", 'uniform token poleAxis = "Z"'), Y_UP_CM)
     assert isinstance(found.lights[0], Dome)
     assert found.lights[0].axes[2] == (0.0, -1.0, 0.0)
-    (note,) = rig(tmp_path, light("DomeLight", "")).notes
+    assert not rig(tmp_path, light("DomeLight", "")).notes, "it is the same all around"
+    write_image(tmp_path / "sky.exr", np.ones((8, 16, 3), np.float32))
+    (note,) = rig(tmp_path, light("DomeLight", "asset inputs:texture:file = @sky.exr@")).notes
     assert "the pole of a DomeLight is +y, and horizontal here" in note
 
 

@@ -176,7 +176,8 @@ def _of_pole(given: Placed, pole: Floats) -> Shape:
         prim.fault("lookdev:local:edge", "has no effect without a radius", f"'{local}' is missing")
     if prim.prim.GetRelationship("portals").HasAuthoredTargets():
         prim.note("portals", "has no effect: portals guide the sampling of other renderers")
-    if not given.y_up and abs(axes[2][2]) < 0.5 and prim.prim.GetTypeName() == "DomeLight":
+    # Without an image it is the same all around.
+    if image and not given.y_up and abs(axes[2][2]) < 0.5 and prim.prim.GetTypeName() == "DomeLight":
         what = "is +y, and horizontal here, though z is up in the stage; a DomeLight_1 has one that is up"
         prim.note("", f"the pole of a DomeLight {what}")
     for number in (1, 2):
