@@ -178,7 +178,8 @@ def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> Pla
     if "digest" not in header:
         return PlannedFile(path, "stale", "not written by lookdev")
     parts = [key for key in task.labels if key.startswith("digest.") and header.get(key) != task.labels[key]]
-    changed = ", ".join(part.removeprefix("digest.") for part in parts) or "digest"
+    names = ["light" if part == "digest.ibl" else part.removeprefix("digest.") for part in parts]
+    changed = ", ".join(names) or "digest"
     return PlannedFile(path, "stale", f"{changed} changed")
 
 

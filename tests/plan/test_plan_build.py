@@ -208,7 +208,7 @@ def test_several_changes_are_all_named(scenes: Scenes, disk: Disk, plan_of: Plan
     scene = scenes["gold", "city"]
     scenes["gold", "city"] = replace(scene, resolution=(8, 8), lights=(replace(scene.light, map_digest="new"),))
     plan = plan_of("[camera]\nazimuth = 1\n")
-    assert planned(plan, task.files[0]).reason == "ibl, pose, render changed"
+    assert planned(plan, task.files[0]).reason == "light, pose, render changed"
 
 
 @pytest.mark.parametrize(
