@@ -46,7 +46,8 @@ def parse_job(text: str, path: Path) -> Job:
     try:
         data = _frozen(parse_toml(text, path))
     except TextError as error:
-        raise JobError(error.faults) from None
+        hint = "a job is TOML; 'lookdev inspect' lists what a USD file has" if path.suffix.startswith(".usd") else ""
+        raise JobError(replace(fault, hint=fault.hint or hint) for fault in error.faults) from None
     faults = [*_duplicate_names(data, str(path)), *_bound_to_a_builtin(data, str(path))]
     try:
         job = Job.model_validate(data, context={"file": path.absolute()})

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from pxr import Ar, Sdf, Tf, Usd, UsdUtils
+from pxr import Ar, Sdf, Tf, Usd, UsdLux, UsdUtils
 
 from lookdev import guard
 from lookdev.errors import Fault, LookError, StageError, nearest_hint, shortened
@@ -116,6 +116,12 @@ def compose(composition: Composition) -> Composed:
     if faults:
         raise StageError(faults)
     return Composed(stage, composition, (*map(str, broken), *notes))
+
+
+def lights_hint(stage: Usd.Stage) -> str:
+    """Return what to do with a stage that has lights, where something else was expected; "" where it has none."""
+    lit = any(prim.HasAPI(UsdLux.LightAPI) for prim in stage.Traverse())
+    return "it has lights: 'lookdev inspect' lists them, and [[rig]] of a job names it" if lit else ""
 
 
 def dependencies(file: Path) -> set[Path]:

@@ -208,6 +208,14 @@ def test_a_built_in_rig_stands_around_any_asset(folder: Path, name: str) -> None
     assert (away > 3.0 * scene.asset.radius).all()
 
 
+def test_a_rig_in_place_of_a_look_or_a_job_is_pointed_out(folder: Path) -> None:
+    (folder / "job.toml").write_text(JOB.replace("paint.usda", "rig.usda"))
+    with pytest.raises(FaultsError, match=r"rig\.usda: holds no material \(it has lights: 'lookdev inspect'"):
+        prepare_job(folder / "job.toml")
+    with pytest.raises(FaultsError, match=r"not TOML.*'lookdev inspect' lists what a USD file has"):
+        prepare_job(folder / "rig.usda")
+
+
 def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
     (folder / "sky.usda").write_text(
         '#usda 1.0\n( defaultPrim = "Rig"\n upAxis = "Z" )\ndef DomeLight_1 "Rig"\n{\n    float xformOp:rotateZ = 90\n'
@@ -221,4 +229,4 @@ def test_a_dome_of_a_rig_is_the_light_of_an_ibl(folder: Path) -> None:
     (of_ibl,), (of_rig,) = (setup.scene.lights for setup in prepared.setups)
     assert isinstance(of_rig, Dome)
     assert of_rig.emission.group == "Rig"
-    assert replace(of_rig, emission=replace(of_rig.emission, group="")) == of_ibl
+    assert replace(of_rig, emission=of_rig.emission.unnamed) == of_ibl

@@ -239,6 +239,13 @@ def test_a_preset_is_a_layer_of_its_own(tmp_path: Path) -> None:
     assert findings(file) == [("error", "/Base.inputs:sheen", "7 is out of range")]
 
 
+def test_a_rig_is_pointed_to_what_lists_it(tmp_path: Path) -> None:
+    file = tmp_path / "rig.usda"
+    file.write_text('#usda 1.0\ndef SphereLight "Key" {}\n')
+    finding = examine(file).findings[0]
+    assert (finding.what, finding.hint.split(":")[0]) == ("holds no material and no layer", "it has lights")
+
+
 def test_findings_are_bounded_and_stderr_is_silent(write, capfd: pytest.CaptureFixture[str]) -> None:
     unread = "".join(shader(f"B{i}", "LookdevDisney") for i in range(MOST_FINDINGS + 10))
     report = examine(write(disney() + unread + 'def "X" (\nreferences = @./gone.usda@\n) {\n}\n'))

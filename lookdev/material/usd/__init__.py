@@ -18,7 +18,7 @@ from lookdev.material.usd.displacement import read_displacement
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, authored_properties, is_set, shader_id
 from lookdev.material.variants import combinations
-from lookdev.stage import open_stage, reading, usd_words
+from lookdev.stage import lights_hint, open_stage, reading, usd_words
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
 _MODES: tuple[Mode, ...] = ("over", "transmit")
@@ -166,6 +166,7 @@ def _only_material(network: Network, stage: Usd.Stage) -> Sdf.Path | None:
         network.fault(default.GetPath(), "is a preset: a layer, not a material", hint)
         return None
     known = f"name one with prim: {', '.join(map(str, found[:8]))}{', ...' * (len(found) > 8)}" if found else ""
+    known = known or lights_hint(stage)
     what = f"holds {len(found)} materials and none is the default prim" if found else "holds no material"
     network.fault("", what, known)
     return None

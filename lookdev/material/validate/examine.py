@@ -24,7 +24,7 @@ from lookdev.material.usd.bound import is_foreign, read_foreign
 from lookdev.material.usd.network import Network, authored_properties, shader_id
 from lookdev.material.validate.report import SEVERITIES, Finding, Report, Severity
 from lookdev.material.validate.unused import Stack, unread
-from lookdev.stage import open_stage, reading, usd_words
+from lookdev.stage import lights_hint, open_stage, reading, usd_words
 
 MOST_COMBINATIONS = 64
 """Where a material's variants combine to more, each variant is tried once, with the other sets as the file has them."""
@@ -104,7 +104,9 @@ def _examine_layers(file: Path, stage: Usd.Stage) -> list[Finding]:
     shaders = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.IsA(UsdShade.Shader)]
     layers = [shader for shader in shaders if shader_id(shader) in layer_shaders()]
     if not layers:
-        return [Finding("error", "", "", "holds no material and no layer", "define a Material prim")]
+        return [
+            Finding("error", "", "", "holds no material and no layer", lights_hint(stage) or "define a Material prim")
+        ]
     return [_from_fault(fault) for layer in layers for fault in layer_faults(file, layer)]
 
 
