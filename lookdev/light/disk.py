@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from lookdev.light.emission import check_number
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
-from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
+from lookdev.light.plane import meet_plane, plane_angle
+from lookdev.light.rect import Rectangle
 from lookdev.light.shape import FAR, cone_about
-from lookdev.light.spherical_rectangle import density, draw
 
 Floats = NDArray[np.float64]
 
@@ -34,17 +34,20 @@ class Ellipse:
         return np.where(s * s + t * t <= 0.25, distance, FAR)
 
     def pdf(self, place: Any, direction: Any) -> Any:
-        distance, point = meet_plane(place, direction, 2 * self.x, 2 * self.y)
-        return np.where(distance < FAR, density(seen_part(place, 2 * self.x, 2 * self.y), point), 0)
+        return self._around.pdf(place, direction)
 
     def sample(self, place: Any, u: Any) -> Any:
-        return towards_plane(place, draw(seen_part(place, 2 * self.x, 2 * self.y), u))
+        return self._around.sample(place, u)
 
     def solid_angle(self, place: Any) -> Any:
         return plane_angle(place, 2 * self.x, 2 * self.y, math.pi * self.x * self.y)
 
     def cone(self, place: Any) -> tuple[Any, Any]:
         return cone_about(place, np.maximum(self.x, self.y))
+
+    @property
+    def _around(self) -> Rectangle:
+        return Rectangle(2 * self.x, 2 * self.y)
 
 
 @dataclass(frozen=True, kw_only=True)
