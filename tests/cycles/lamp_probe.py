@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
-import traceback
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,7 @@ from mathutils import Vector
 from pydantic import TypeAdapter
 
 from lookdev.cycles import engine, version
+from lookdev.cycles.leave import leaving
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.world import build_world
 from lookdev.light import AnyLight, Light
@@ -75,10 +74,5 @@ def main(request: str, out: str) -> None:
 
 
 if __name__ == "__main__":
-    try:
+    with leaving():
         main(*sys.argv[1:])
-    except BaseException:  # noqa: BLE001  (the interpreter would otherwise run Blender's exit, which can hang)
-        traceback.print_exc()
-        sys.stderr.flush()
-        os._exit(1)
-    os._exit(0)
