@@ -71,7 +71,7 @@ def make_setups(scene: SceneTask) -> Callable[..., list[Setup]]:
     asset = load_asset(builtin="plane")
 
     def make(job: Job, tasks: Tasks, around: Collection[tuple[str, str]] = (), look: Look | None = None) -> list[Setup]:
-        shown = Scene.of_look(asset, look or Look("gold", (Layer("Base", "disney"),)), scene.light, (64, 48))
+        shown = Scene.of_look(asset, look or Look("gold", (Layer("Base", "disney"),)), scene.lights[0], (64, 48))
         sampling = job.render.sampling
         return [
             Setup(*key, shown, tasks[key], sampling, key in around, ibl.exposure, ibl.rotation)

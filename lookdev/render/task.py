@@ -83,12 +83,6 @@ class SceneTask:
         """Whether no light changes in the lighting rotation."""
         return all(light.constant or not light.emission.turns for light in self.lights)
 
-    @property
-    def light(self) -> Light:
-        """The only light."""
-        (light,) = self.lights
-        return light
-
 
 @dataclass(frozen=True)
 class FrameTask:

@@ -169,7 +169,7 @@ def test_a_look_is_generated_once_for_all_lights_of_one_size(job: Path, monkeypa
     for look in ("good", "other"):
         sources = {setup.ibl: setup.task.shaders[0] for setup in setups if setup.look == look}
         assert sources["city"] == sources["forest"] != sources["white"]
-    assert len({setup.task.light.digest for setup in setups}) == 3
+    assert len({setup.task.lights[0].digest for setup in setups}) == 3
 
 
 def test_a_backend_can_be_another_than_the_jobs(job: Path) -> None:

@@ -43,7 +43,7 @@ def test_the_card_is_seen_from_every_angle_in_light_that_stays() -> None:
 
     check_albedo(LEAF, render, points=2, angles=ANGLES)
     assert len(tasks) == 2 * 2 * len(ANGLES)
-    assert len({task.scene.light.digest for task in tasks}) == 2
+    assert len({task.scene.lights[0].digest for task in tasks}) == 2
     for task in tasks:
         assert task.pose.element == task.pose.lighting
     assert tasks[0].pose.element == pytest.approx(0.0)

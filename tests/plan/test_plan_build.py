@@ -54,7 +54,7 @@ def disk() -> Disk:
 def scenes(scene: SceneTask) -> Scenes:
     def variant(look: str, ibl: str) -> SceneTask:
         shaders = (replace(scene.shaders[0], digest=look),)
-        return replace(scene, shaders=shaders, lights=(replace(scene.light, map_digest=ibl),))
+        return replace(scene, shaders=shaders, lights=(replace(scene.lights[0], map_digest=ibl),))
 
     return {(look, ibl): variant(look, ibl) for look in ("gold", "paint") for ibl in ("city", "studio")}
 
@@ -139,7 +139,7 @@ def test_turning_a_light_that_is_the_same_all_around_is_one_frame(
 ) -> None:
     job = make_job("[camera]\nazimuth = 30\n")
     for key in (("gold", "studio"), ("paint", "studio")):
-        scenes[key] = replace(scenes[key], lights=(replace(scenes[key].light, constant=True),))
+        scenes[key] = replace(scenes[key], lights=(replace(scenes[key].lights[0], constant=True),))
 
     def planned_poses(look: str, ibl: str) -> dict[Pose, list[str]]:
         tasks = [frame.task for frame in plan_of(job, {("gold", "studio")}).frames]
@@ -206,7 +206,7 @@ def test_several_changes_are_all_named(scenes: Scenes, disk: Disk, plan_of: Plan
     task = plan_of().pending()[0]
     disk.write(task)
     scene = scenes["gold", "city"]
-    scenes["gold", "city"] = replace(scene, resolution=(8, 8), lights=(replace(scene.light, map_digest="new"),))
+    scenes["gold", "city"] = replace(scene, resolution=(8, 8), lights=(replace(scene.lights[0], map_digest="new"),))
     plan = plan_of("[camera]\nazimuth = 1\n")
     assert planned(plan, task.files[0]).reason == "light, pose, render changed"
 

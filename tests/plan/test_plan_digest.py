@@ -40,7 +40,7 @@ def camera(**values: Any) -> Change:
         (lambda scene: replace(scene, asset=Content("b", ".npz")), "asset"),
         (lambda scene: replace(scene, shaders=(replace(scene.shaders[0], digest="1"),)), "look"),
         (lambda scene: replace(scene, worn=(0, 0)), "look"),
-        (lambda scene: replace(scene, lights=(replace(scene.light, map_digest="1"),)), "ibl"),
+        (lambda scene: replace(scene, lights=(replace(scene.lights[0], map_digest="1"),)), "ibl"),
         (camera(fov=40.0), "camera"),
         (camera(elevation=11.0), "camera"),
         (camera(distance=4.0), "camera"),

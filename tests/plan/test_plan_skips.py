@@ -163,7 +163,7 @@ def test_each_skip_has_its_cause(skips_of: SkipsOf, make_job: MakeJob, bare: Sce
     opaque = replace(source, transmits=False)
     assert changed((opaque,)) == ["light from behind (nothing transmits)"]
     assert changed((opaque, source)) == []
-    unlit, white = replace(source, directions=(4, 0)), replace(bare.light, constant=True)
+    unlit, white = replace(source, directions=(4, 0)), replace(bare.lights[0], constant=True)
     assert changed((unlit,), lights=(white,)) == ["light samples (constant light)"]
     assert changed((unlit,), lights=(white,), more="[render]\nibl_samples = 0\n") == []
     assert changed((unlit, source), lights=(white,)) == []
@@ -235,7 +235,7 @@ def nodes(*labels: str, **values: Any) -> NodeSource:
 
 def test_skips_of_native_nodes(skips_of: SkipsOf, make_job: MakeJob, bare: SceneTask) -> None:
     """They have no directions of the BRDF and the light."""
-    white = replace(bare.light, constant=True)
+    white = replace(bare.lights[0], constant=True)
     element = make_job().model_copy(update={"turntable": make_job().turntable[:1]})
 
     def skipped(source: NodeSource, *layers: Layer) -> list[str]:
@@ -283,7 +283,7 @@ def test_frames_are_counted_by_pose(skips_of: SkipsOf, make_job: MakeJob, bare: 
     assert skips_of("", bare, look(PLAIN), around=True) == ["3 of 6 frames (same all around)"]
     still = make_job().model_copy(update={"turntable": make_job().turntable[1:]})
     assert skips_of(still, bare, look(PLAIN), around=True) == []
-    white = replace(bare, lights=(replace(bare.light, constant=True),))
+    white = replace(bare, lights=(replace(bare.lights[0], constant=True),))
     assert skips_of("", white, look(PLAIN)) == ["2 of 6 frames (constant light)"]
     assert skips_of("", white, look(PLAIN), around=True) == ["5 of 6 frames (same all around, constant light)"]
     turned = make_job().model_copy(update={"turntable": make_job().turntable[:1]})

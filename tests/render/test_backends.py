@@ -126,7 +126,7 @@ def test_a_convex_asset_has_no_bounces_unless_light_gets_inside() -> None:
 
 def test_contents_are_all_files() -> None:
     task = scene_task(shown(), Sampling())
-    light = task.light
+    light = task.lights[0]
     assert contents(task) == {task.asset, light.radiance_file, light.points_file, light.slots_file, light.bins_file}
     image = Content("1", ".exr")
     textured = replace(task.shaders[0], textures=(TextureBinding("texture0_file", image),))  # type: ignore[type-var]
