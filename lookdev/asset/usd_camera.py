@@ -13,6 +13,7 @@ from lookdev.asset.shape import LARGEST, Doubles
 from lookdev.asset.usd.walk import affine, misplaced_by
 from lookdev.errors import Fault, FaultsError, nearest_hint
 from lookdev.stage import error_words, shown
+from lookdev.stage.units import Z_UP, is_y_up
 
 _TIME = Usd.TimeCode.EarliestTime()
 _LENS = (
@@ -73,8 +74,8 @@ def read_camera(stage: Usd.Stage, path: str) -> UsdCamera:
     unit = UsdGeom.GetStageMetersPerUnit(stage)
     lens = _TENTH * unit
     axes, position = _axes(prim), _to_stage(prim)[3, :3] * unit
-    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.y:
-        to_z_up = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+    if is_y_up(stage):
+        to_z_up = Z_UP[:3, :3]
         axes, position = axes @ to_z_up.T, to_z_up @ position
     right, up, back = (tuple(axis) for axis in axes.tolist())
     x, y, z = position.tolist()

@@ -20,9 +20,9 @@ from lookdev.asset.usd.gprims import GPRIMS, GprimReader, Surface
 from lookdev.asset.usd.primvars import Inherited, default_uv
 from lookdev.asset.usd.walk import PURPOSES, Seen, Walk, affine, misplaced_by
 from lookdev.errors import AssetError, nearest_hint
-from lookdev.stage import Composed
+from lookdev.stage import Composed, units
+from lookdev.stage.units import Z_UP
 
-_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 _SMALLEST, _LARGEST = 1e-6, 1e9  # radii, in metres, of assets that renderers show whole
 _MOST_PATHS = 3  # in a note
 _MOST_FAULTS = 20  # in an error
@@ -58,12 +58,9 @@ class UsdScene:
         stage = composed.stage
         self._time = _time_code(stage, time)
         self._unit = UsdGeom.GetStageMetersPerUnit(stage)
-        if not 1.0 / LARGEST <= self._unit <= LARGEST:
-            raise AssetError(f"metersPerUnit is {self._unit:g}; it must be a positive number, at most {LARGEST:g}")
-        axis = UsdGeom.GetStageUpAxis(stage)
-        if axis not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
-            raise AssetError(f"upAxis is {axis!r:.60}; it must be Y or Z")
-        self._y_up = axis == UsdGeom.Tokens.y
+        if faults := [f"{what}; it must be {right}" for what, right in units.faults(stage)]:
+            raise AssetError("\n".join(faults))
+        self._y_up = units.is_y_up(stage)
         for purpose in purposes:
             if purpose not in PURPOSES:
                 raise AssetError(f"there is no purpose '{purpose}' ({nearest_hint(purpose, PURPOSES)})")
@@ -214,7 +211,7 @@ class UsdScene:
             raise AssetError("\n".join(f"{place}: {what}" for place in places))
         matrices[:, :3, 3] *= self._unit
         if self._y_up:
-            matrices = _Z_UP @ matrices @ _Z_UP.T
+            matrices = Z_UP @ matrices @ Z_UP.T
         sizes = np.linalg.norm(matrices[:, :3, :3], axis=(1, 2))
         solid = np.abs(np.linalg.det(matrices[:, :3, :3])) > 1e-12 * sizes**3
         for i in owners[~solid]:

@@ -22,12 +22,11 @@ from lookdev.light.rig.find import ALL_PRIMS, check_places, find_lights, is_ligh
 from lookdev.light.rig.images import LightImage, light_image
 from lookdev.light.rig.kinds import KINDS, Placed, Shape
 from lookdev.light.rig.report import Report
-from lookdev.stage import Composed, Composition, compose, error_words, reading, shown
+from lookdev.stage import Composed, Composition, compose, error_words, reading, shown, units
+from lookdev.stage.units import Z_UP
 
 Floats = NDArray[np.float64]
 
-_Z_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
-_MOST_UNIT = 1e18  # metersPerUnit, as of assets
 _SMALLEST, _LARGEST = 1e-9, 1e9  # metres, of a light
 _FARTHEST = 1e15  # units of the stage
 
@@ -145,19 +144,16 @@ class _Reader:
         """Return whether the rig fits its asset, and its lights; raises RigError where the stage has no unit."""
         report, stage = self._report, self._stage
         fit = self._fit()
-        unit = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage)
-        if not 1.0 / _MOST_UNIT <= unit <= _MOST_UNIT:
-            report.fault("", f"metersPerUnit is {unit:g}", "a positive number would be right")
-        axis = UsdGeom.GetStageUpAxis(stage)
-        if axis not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
-            report.fault("", f"upAxis is {axis!r:.60}", "'Y' or 'Z' would be right")
+        unit, y_up = 1.0 if fit else UsdGeom.GetStageMetersPerUnit(stage), units.is_y_up(stage)
+        for what, right in units.faults(stage, unit):
+            report.fault("", what, f"{right} would be right")
         if report.faults:
             raise RigError(report.faults)
         check_places(self._root, report)
         pending = []
         for prim in find_lights(self._root, self._time, report):
             with report.collected(prim.GetPath()):
-                if (light := self._read(prim, unit, axis == UsdGeom.Tokens.y)) is not None:
+                if (light := self._read(prim, unit, y_up)) is not None:
                     pending.append(light)
         if not pending and not report.faults:
             raise RigError([_no_light(report, str(self._root.GetPath()), self._elsewhere())])
@@ -186,7 +182,7 @@ class _Reader:
         matrix = self._matrix(prim)
         if matrix is None:
             return None
-        position, axes, scale = placement(_Z_UP @ matrix if y_up else matrix)
+        position, axes, scale = placement(Z_UP @ matrix if y_up else matrix)
         # Rounded, so that a turn by a right angle is exact.
         axes = checked_axes(np.round(np.array(axes), 12) + 0.0)
         metres, sizes = vector(unit * np.array(position)), vector(unit * np.array(scale))
