@@ -20,7 +20,7 @@ from lookdev.light.dome.environment import BUILTIN_LIGHTS, EnvironmentMap, load_
 from lookdev.light.dome.local import LocalDome, example_local_dome
 from lookdev.light.emission import Emission, Falloff, Shadow, Shaping, emitted_color
 from lookdev.light.ies import Profile, load_profile
-from lookdev.light.lamps import Rig, Stand, is_plain, rig_code
+from lookdev.light.lamps import CodedRig, Stand, is_plain, rig_code
 from lookdev.light.picture import prepare_texture
 from lookdev.light.placement import placement
 from lookdev.light.protocol import CodedLight, Emitter, Light, LightCode, LightKind, Turned
@@ -58,7 +58,7 @@ def lights_code(lights: Sequence[Light], *, sampled: bool, stand: Stand = Stand(
     """
     if light := coded(lights):
         return light.code(sampled=sampled)
-    rig = Rig.of(lights)
+    rig = CodedRig.of(lights)
     if alone := next((each.kind for each in lights if each not in (*rig.lamps, *rig.domes)), None):
         raise EnvironmentMapError(f"a light of kind '{alone}' cannot be one of several; it alone would be right")
     return rig_code(rig, sampled=sampled, stand=stand)

@@ -59,7 +59,7 @@ FIELDS = (
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
     *("diffuse", "specular"),
     *("picture", "tree"),  # number of its texture, and place of its `luminance_tree` in the array of tables
-    "spares",  # number of what it spares among `Rig.spared`
+    "spares",  # number of what it spares among `CodedRig.spared`
 )
 """The numbers of a lamp, in the order of a row."""
 
@@ -97,7 +97,7 @@ class Stand:
 
 
 @dataclass(frozen=True)
-class Rig:
+class CodedRig:
     """Lights by what a shader does with them, in the order of its numbers: lamps, then domes.
 
     Whether some light is `shaped`, has a `falloff`, a shadow that is not plain (`shadowed`), stands `still`, is `split`
@@ -108,7 +108,7 @@ class Rig:
     domes: tuple[AnyDome, ...]
 
     @classmethod
-    def of(cls, lights: Sequence[Light]) -> Rig:
+    def of(cls, lights: Sequence[Light]) -> CodedRig:
         domes = tuple(each for each in lights if isinstance(each, AnyDome))
         return cls(tuple(each for each in lights if isinstance(each, Lamp)), domes)
 
@@ -233,7 +233,7 @@ def _kind(light: Lamp) -> str:
     return "picture" if isinstance(light, RectLight) and light.texture else light.kind
 
 
-def rig_code(rig: Rig, *, sampled: bool, stand: Stand) -> LightCode:
+def rig_code(rig: CodedRig, *, sampled: bool, stand: Stand) -> LightCode:
     """Return the values for the shader of a rig."""
     tables, spared = rig.tables(), rig.spared
     groups = 1 + max((group for each in spared for group in each), default=-1)

@@ -10,7 +10,7 @@ from closed_forms import by_sampling
 
 from lookdev.light import LIGHT_KINDS, Emission, Falloff, Shaping, Stand, lights_code
 from lookdev.light.emission import beam_bound
-from lookdev.light.lamps import FIELDS, SHAPES, Rig, weight
+from lookdev.light.lamps import FIELDS, SHAPES, CodedRig, weight
 from lookdev.light.placement import to_local
 from lookdev.light.shape import greatest_cosine
 
@@ -84,6 +84,6 @@ def test_rows_hold_where_lights_stand_from_the_axis() -> None:
 
 
 def test_a_rig_generates_what_it_has() -> None:
-    plain = Rig.of([LIGHT_KINDS[kind].example() for kind in ("sphere", "dome")])
+    plain = CodedRig.of([LIGHT_KINDS[kind].example() for kind in ("sphere", "dome")])
     assert plain.kinds == ("sphere",)
     assert not any((plain.shaped, plain.falling, plain.shadowed, plain.still, plain.split, plain.pictures))

@@ -30,7 +30,7 @@ from collections.abc import Sequence
 from lookdev.codegen.osl.rig import read_sections, rig_sections
 from lookdev.errors import CodegenError
 from lookdev.light import LIGHT_KINDS, Light, coded
-from lookdev.light.lamps import Rig
+from lookdev.light.lamps import CodedRig
 
 SECTIONS = ("parameters", "functions", "setup", "sample", "density", "lookup")
 
@@ -45,7 +45,7 @@ def light_sections(lights: Sequence[Light]) -> dict[str, list[str]]:
     """
     alone = coded(lights)
     if alone is None:
-        return rig_sections(Rig.of(lights))
+        return rig_sections(CodedRig.of(lights))
     osl = LIGHT_KINDS[alone.kind].osl
     assert osl is not None, "only such a light is coded"
     sections = read_sections(osl)

@@ -21,7 +21,7 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.light.dome import Dome
 from lookdev.light.dome.local import LocalDome
 from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
-from lookdev.light.lamps import SHAPES, Rig, weight
+from lookdev.light.lamps import SHAPES, CodedRig, weight
 from lookdev.light.picture import CELL_SEGMENTS
 from lookdev.light.plane import meet_plane, seen_part, towards_plane
 from lookdev.light.spherical_rectangle import Point, density, draw
@@ -52,7 +52,7 @@ def read_sections(osl: Traversable) -> dict[str, list[str]]:
     return sections
 
 
-def rig_sections(rig: Rig) -> dict[str, list[str]]:
+def rig_sections(rig: CodedRig) -> dict[str, list[str]]:
     """Return the lines of each section of several lights, by its name in templates."""
     shaders = files("lookdev") / "shaders"
     sections = read_sections(shaders / "rig.osl.h")
@@ -87,7 +87,7 @@ def _dome_kind(light: Dome | LocalDome) -> str:
     return "local_dome" if isinstance(light, LocalDome) else "constant_dome" if light.constant else "dome"
 
 
-def _repeated(rig: Rig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
+def _repeated(rig: CodedRig, sections: Mapping[str, list[str]], line: str) -> Iterable[str]:
     """Return the lines that stand for a line ``//@ domes NAME`` or ``//@ pictures NAME``, else the line."""
     match line.split():
         case ["//@", "domes", name]:
@@ -98,7 +98,7 @@ def _repeated(rig: Rig, sections: Mapping[str, list[str]], line: str) -> Iterabl
     return (line,)
 
 
-def _of_domes(rig: Rig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
+def _of_domes(rig: CodedRig, sections: Mapping[str, list[str]], name: str) -> Iterator[str]:
     for number, light in enumerate(rig.domes):
         kind = _dome_kind(light)
         own = f"{kind}_{name}"
@@ -106,13 +106,13 @@ def _of_domes(rig: Rig, sections: Mapping[str, list[str]], name: str) -> Iterato
             yield line.replace("@", str(number)) if line.startswith("//") else _numbered(line, number, rig)
 
 
-def _numbered(line: str, number: int, rig: Rig) -> str:
+def _numbered(line: str, number: int, rig: CodedRig) -> str:
     # "#" begins the lines of the preprocessor, too.
     begin = len(line) - len(line.lstrip("#"))
     return (line[:begin] + line[begin:].replace("#", str(len(rig.lamps) + number))).replace("@", str(number))
 
 
-def _shapes(rig: Rig) -> Iterator[str]:
+def _shapes(rig: CodedRig) -> Iterator[str]:
     """Yield the functions of what lamps of all kinds have, and of each shape."""
     beam, falloff, passed = _control_functions()
     yield from (*beam * rig.shaped, *falloff * rig.falling, *passed * rig.shadowed)
@@ -141,7 +141,7 @@ def _control_functions() -> tuple[Lines, Lines, Lines]:
     )
 
 
-def _lamp_functions(rig: Rig) -> Iterator[str]:
+def _lamp_functions(rig: CodedRig) -> Iterator[str]:
     """Yield functions of all kinds of lamps, which call those of the lamp's kind."""
     if rig.lamps:
         yield from _dispatched(rig, "void lamp_meet", _MEET, tables=True)
@@ -205,7 +205,7 @@ def _picture_functions() -> Lines:
     return functions + trace.function(f"void rect_part_draw(float lamps[], int at, {head})", outputs)
 
 
-def _dispatched(rig: Rig, name: str, given: str, *, tables: bool = False) -> Iterator[str]:
+def _dispatched(rig: CodedRig, name: str, given: str, *, tables: bool = False) -> Iterator[str]:
     """Yield a function of all kinds of lamps that calls that of the lamp's kind."""
     called = name.split()[-1].removeprefix("lamp_")
     first = "lamps, tables, at" if tables else "lamps, at"

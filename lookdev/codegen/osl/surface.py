@@ -21,7 +21,7 @@ from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import CodegenError
 from lookdev.light import Light, coded, lights_code
-from lookdev.light.lamps import Rig
+from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_bsdf
 from lookdev.scene.shading import LIFT
@@ -100,7 +100,7 @@ def generate_surface(
         graph, lobes, lambda lobe: ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)
     )
     names = LookUpNames(inputs)
-    rig = None if coded(lights) else Rig.of(lights)
+    rig = None if coded(lights) else CodedRig.of(lights)
     split = rig is not None and rig.split
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split)
     if code.see_through and rig is not None and (rig.shadowed or rig.spared):
