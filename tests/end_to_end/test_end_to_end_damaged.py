@@ -37,6 +37,7 @@ def Material "Paint"
 """
 
 
+@pytest.mark.cycles
 def test_a_damaged_cache_gives_the_same_picture_with_notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
     (tmp_path / "job.toml").write_text(JOB)

@@ -121,9 +121,9 @@ def assert_as_recorded(presets: dict[str, Preset], pairs: list[Pair]) -> None:
 def test_some_edges_are_as_recorded(presets: dict[str, Preset]) -> None:
     assert_as_recorded(
         presets,
-        some(of_models(presets, "disney", "disney"), 100)
+        some(of_models(presets, "disney", "disney"), 50)
         + some(of_models(presets, "pixar", "pixar"), 10)
-        + some(of_models(presets, "disney", "pixar"), 16),
+        + some(of_models(presets, "disney", "pixar"), 8),
     )
 
 
