@@ -266,7 +266,7 @@ def test_the_readme_installs_what_blender_needs() -> None:
 
 def test_the_gate_runs_the_test_command_of_the_readme() -> None:
     (command,) = re.findall(r"\.venv/bin/python( -m pytest.*)$", README.read_text(), re.MULTILINE)
-    assert f'"$venv/bin/python"{command}\n' in (ROOT / ".ci" / "run").read_text()
+    assert f'"$venv/bin/python"{command} "$@"\n' in (ROOT / ".ci" / "run").read_text()
 
 
 def test_pictures_stay_small() -> None:

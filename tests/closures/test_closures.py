@@ -25,6 +25,8 @@ from lookdev.material.library.edit import new_look
 from lookdev.material.usd import read_look
 from lookdev.reference.albedo import integrate_albedo
 
+pytestmark = pytest.mark.alike
+
 ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"
 PRESETS = sorted((MATERIALS / "presets").glob("*.usda"))

@@ -33,6 +33,8 @@ from lookdev.brdf.pixar.layering import layer
 from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.light import BUILTIN_LIGHTS, load_environment, prepare_light
 
+pytestmark = pytest.mark.alike
+
 # The distribution of a highlight, alpha^2 / (alpha^2 cos^2 + sin^2)^2, is nowhere above (1 + x)^2 / (4 x) times the
 # larger of its ends when alpha grows by a factor x: 1 %, which `NARROW` allows, for 1.22.
 _FACTOR = 1.22

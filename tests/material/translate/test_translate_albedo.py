@@ -10,6 +10,8 @@ import pytest
 from foreign_albedo import Floats, lobe, schlick
 from foreign_sets import FOREIGN, VIEWS, Compared, compare, translated_albedo
 
+pytestmark = pytest.mark.alike
+
 
 def agreeing(name: str, sets: list[Compared]) -> tuple[Floats, Floats]:
     """Return the errors, (n,), where the models can agree: of dielectrics, and of what is part metal."""
