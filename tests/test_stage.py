@@ -191,6 +191,16 @@ def test_a_layer_is_stronger_than_the_file_and_relative_to_its_own_folder(folder
     assert UsdGeom.Sphere(composed(folder).stage.GetPrimAtPath("/Car/Plain")).GetRadiusAttr().Get() == 1.0
 
 
+def test_of_many_prims_the_nearest_is_named(tmp_path):
+    prims = "".join(f'def Sphere "L{number:03}" {{}}\n' for number in range(100))
+    file = tmp_path / "many.usda"
+    file.write_text(f"#usda 1.0\n{prims}")
+    with pytest.raises(StageError, match=r"/L10: there is no such prim \(did you mean '/L010'\?\)"):
+        compose(Composition(file, prim="/L10"))
+    with pytest.raises(StageError, match=r"\(below / there are: /L000, .*, /L015 and 84 more\)"):
+        compose(Composition(file, prim="/Key"))
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

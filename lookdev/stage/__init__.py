@@ -17,12 +17,13 @@ from typing import Any, Literal
 from pxr import Ar, Sdf, Tf, Usd, UsdLux, UsdUtils
 
 from lookdev import guard
-from lookdev.errors import Fault, LookError, StageError, nearest_hint, shortened
+from lookdev.errors import Fault, LookError, StageError, close_hint, nearest_hint, shortened
 from lookdev.mtlx import document_layer, is_document, redirect
 from lookdev.stage.clips import clip_faults
 from lookdev.stage.files import NOT_UTF8, layer_problem
 from lookdev.text import has_text_path
 
+_MOST_NAMES = 16  # in a hint
 _LONGEST_VALUE = 60  # characters of a value of a file in a message
 _EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
@@ -145,8 +146,11 @@ def _prim_faults(stage: Usd.Stage, composition: Composition) -> list[Fault]:
     parent = Sdf.Path(composition.prim)
     while not stage.GetPrimAtPath(parent):
         parent = parent.GetParentPath()
-    children = ", ".join(str(child.GetPath()) for child in stage.GetPrimAtPath(parent).GetAllChildren())
-    hint = f"below {parent} there are: {children or 'none'}"
+    children = [str(child.GetPath()) for child in stage.GetPrimAtPath(parent).GetAllChildren()]
+    more = max(len(children) - _MOST_NAMES, 0)
+    listed = ", ".join(children[:_MOST_NAMES]) + f" and {more} more" * (more > 0)
+    close = close_hint(composition.prim, children) if more else ""
+    hint = close or f"below {parent} there are: {listed or 'none'}"
     return [Fault(str(composition.file), composition.prim, "there is no such prim", hint)]
 
 
