@@ -40,6 +40,7 @@ def faults(folder: Path, text: str, stage: str = Z_UP) -> list[str]:
         (light("SphereLight", "float inputs:diffuse = -0.5"), "/Rig/Lamp.inputs:diffuse: is -0.5"),
         (light("SphereLight", "color3f inputs:color = (1, 1, 1) (colorSpace = 'red')"), "the colour space 'red'"),
         (light("SphereLight", 'string inputs:intensity = "5"'), "/Rig/Lamp.inputs:intensity: has a value of type str"),
+        (light("SphereLight", "asset inputs:texture:file = @a.exr@"), "has no effect: a SphereLight has no texture"),
         (light("SphereLight", "float inputs:intensty = 5"), "has no such input (did you mean 'intensity'?)"),
         (light("SphereLight", "float intensity = 5"), "/Rig/Lamp.intensity: is of UsdLux before 21.02"),
         (light("SphereLight", "float lookdev:turn = 1"), "has no such attribute (did you mean 'turns'?)"),
@@ -184,3 +185,11 @@ def test_what_is_no_usd_is_said(tmp_path: Path) -> None:
         load_rig(file)
     with pytest.raises(LookdevError, match="no such file"):
         load_rig(tmp_path / "none.usda")
+
+
+def test_a_profile_without_light_is_noted(tmp_path: Path) -> None:
+    counts = "1 1000 1 2 1 1 2 0.1 0.2 0\n1 1 50\n0 90\n0\n0 0\n"
+    (tmp_path / "dark.ies").write_text(f"IESNA:LM-63-2002\nTILT=NONE\n{counts}")
+    dark = light("SphereLight", "asset inputs:shaping:ies:file = @dark.ies@", '"ShapingAPI"')
+    with pytest.raises(RigError, match=r"has no light that shines \(/Rig/Lamp: sends no light, left out\)"):
+        rig(tmp_path, dark)

@@ -159,7 +159,10 @@ class LightPrim:
             elif space == "inputs":
                 known = {each.partition(":")[0] for each in inputs}
                 first, nested, _ = rest.partition(":")
-                if nested and not close_hint(first, sorted(known)):
+                if first == "texture" and first not in known:
+                    what = f"has no effect: a {self.prim.GetTypeName()} has no texture"
+                    self.fault(name, what, "a RectLight or a dome light has one")
+                elif nested and not close_hint(first, sorted(known)):
                     self.note(name, "is of another renderer, and has no effect")
                 else:
                     what = f"a {self.prim.GetTypeName()} has no such input"

@@ -264,7 +264,8 @@ def _made(pending: _Pending, images: Mapping[tuple[object, ...], LightImage], re
     image = images.get(pending.key)
     largest, mean = (image.largest, image.mean) if image else (1.0, (1.0, 1.0, 1.0))
     peak = largest * max(pending.emission.color)
-    if peak == 0.0:
+    profile = pending.emission.shaping and pending.emission.shaping.profile
+    if peak == 0.0 or (profile and profile.largest == 0.0):
         report.note(pending.path, "sends no light, left out")
         return None
     made = with_emission(pending.shape.make(image.environment if image else None), pending.emission)
