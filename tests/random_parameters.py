@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lookdev.brdf import MODELS
+from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.brdf.frames import ZENITH
 
 Floats = NDArray[np.float64]
@@ -17,7 +17,7 @@ Floats = NDArray[np.float64]
 # Every token of a model, in every combination.
 VARIANTS = [
     (name, dict(zip((token.name for token in tokens), values, strict=True)))
-    for name, model in MODELS.items()
+    for name, model in CONTINUOUS.items()
     for tokens in [[each for each in model.parameters.values() if each.kind == "token"]]
     for values in product(*(token.choices for token in tokens))
 ]

@@ -32,6 +32,9 @@ class Shape:
     def points(self, place: Floats) -> Floats:
         return place
 
+    def inside(self, place: Floats, wo: Floats) -> Mask:
+        return np.asarray(_dot(self._outward(place), wo)[:, 0] < 0.0)
+
     def lit(self, place: Floats, light: int) -> None:
         """All lights light all of it."""
 
@@ -87,8 +90,10 @@ class Plane(Shape):
         return np.zeros(len(direction), np.bool_), place
 
     def frame(self, place: Floats, wo: Floats) -> tuple[Floats, Floats]:
-        tangent, normal = (np.broadcast_to(np.array(axis), place.shape) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
-        return _facing(tangent, normal, wo)
+        return _facing(np.broadcast_to(np.array([1.0, 0.0, 0.0]), place.shape), self._outward(place), wo)
+
+    def _outward(self, place: Floats) -> Floats:
+        return np.broadcast_to(np.array([0.0, -1.0, 0.0]), place.shape)
 
 
 def _facing(tangent: Floats, normal: Floats, wo: Floats) -> tuple[Floats, Floats]:

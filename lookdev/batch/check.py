@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
 from lookdev.batch.prepare import read_setups
-from lookdev.brdf import MODELS
+from lookdev.brdf import CONTINUOUS
 from lookdev.checks.albedo import ANGLES, check_albedo
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, altered, unaltered
@@ -248,7 +248,7 @@ def _halves(frames: Sequence[Halves]) -> tuple[Image, Image]:
 
 
 def _check_stability(subject: _Subject) -> Iterator[Finding]:
-    yield from stress(subject.looks() or list(MODELS), subject.render, seed=subject.seed, depth=subject.depth)
+    yield from stress(subject.looks() or list(CONTINUOUS), subject.render, seed=subject.seed, depth=subject.depth)
 
 
 CHECKS: dict[str, Callable[[_Subject], Iterator[Finding]]] = {

@@ -4,19 +4,21 @@ A model is one record (`model.Model`) in one registry (`models.MODELS`); its fil
 Lobes are combined by `mixture`, layers by `stack`.
 """
 
-from lookdev.brdf.lobes import Bsdf, Lobe
+from lookdev.brdf.lobes import Bsdf, Delta, Lobe
 from lookdev.brdf.mixture import evaluate, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
 from lookdev.brdf.model import Mode, Model, StackLayer
-from lookdev.brdf.models import MODELS, complete_parameters, layer_shaders, model_named
+from lookdev.brdf.models import CONTINUOUS, MODELS, complete_parameters, layer_shaders, model_named
 from lookdev.brdf.parameters import MASK, Parameter, Value
 from lookdev.brdf.stack import reflectance, runs, stack_bsdf, stranger
 from lookdev.brdf.vectors import Array, Real
 
 __all__ = [
+    "CONTINUOUS",
     "MASK",
     "MODELS",
     "Array",
     "Bsdf",
+    "Delta",
     "Lobe",
     "Mode",
     "Model",

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from lookdev.brdf.frames import Frame, Leaning, Upright, mirrored
-from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, scale, vector
+from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, dot, scale, vector
 
 Group = Literal["diffuse", "specular", "clearcoat"]
 """The kind of response; a lobe of any kind may transmit."""
@@ -116,14 +116,43 @@ class Lobe:
 
 
 @dataclass(frozen=True)
+class Delta:
+    """Scattering along a single direction: what a smooth surface adds to the lobes.
+
+    model, name
+        Of the model, and of the term within it.
+    direction : (..., 3)
+        To the light, unit, in the shading frame; z is 0 where there is none.
+    value : (..., 3)
+        Radiance to the viewer over radiance from there.
+    transmits
+        The light is on the other side than the viewer.
+    """
+
+    model: str
+    name: str
+    direction: Array
+    value: Array
+    transmits: bool = False
+
+    def blended(self, weight: Real) -> Delta:
+        """Return the term with a weight (...) in a blend."""
+        return replace(self, value=scale(self.value, weight))
+
+
+@dataclass(frozen=True)
 class Bsdf:
     """The lobes of a surface as a function of the view (..., 3), above the horizon of the shading frame.
 
     `presence`, (...), is how much of the surface is there: a ray goes on unchanged with weight ``1 - presence``, which
     the functions of `lookdev.brdf.mixture` exclude. A `two_sided` surface is thin: seen from below the horizon, f is
     that of both directions flipped. Any other surface is black from below.
+
+    `deltas` are functions of the view, too, and of where the viewer is inside the solid that the surface bounds, (...):
+    where its normals point away from the viewer. The functions of `lookdev.brdf.mixture` exclude them.
     """
 
     lobes: Callable[[Array], tuple[Lobe, ...]]
     presence: Real = 1.0
     two_sided: bool = False
+    deltas: Callable[[Array, Mask], tuple[Delta, ...]] = lambda wo, inside: ()

@@ -37,8 +37,8 @@ class Preview:
     """A model's approximation by UsdPreviewSurface.
 
     `same` maps its inputs to the parameters that have the same meaning, ``opacity`` to the presence of a layer.
-    `derived` computes ``clearcoat``, ``clearcoatRoughness``, ``opacity`` and ``f0``, the reflectance at normal
-    incidence, where they are not the defaults, from all parameters as float64 arrays, () or (3,).
+    `derived` computes other inputs where they are not the defaults, and ``f0``, the reflectance at normal incidence,
+    for the index of refraction, from all parameters as float64 arrays, () or (3,).
     """
 
     same: Mapping[str, str] = field(default_factory=dict)
@@ -75,6 +75,8 @@ class Model:
         Parameters, the rest at their defaults, for which no lobe has share 0 and the surface is isotropic.
     preview
         The approximation by UsdPreviewSurface.
+    delta
+        Whether it scatters along single directions alone, and has no lobes.
     """
 
     name: str
@@ -91,6 +93,7 @@ class Model:
     two_sided: bool = False
     probe: Mapping[str, Value] = field(default_factory=dict)
     preview: Preview = field(default_factory=Preview)
+    delta: bool = False
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
         """Combine layers of this model, base first, into one surface; tokens that differ raise ModelError."""

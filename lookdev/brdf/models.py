@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lookdev.brdf.delta import GLASS, MIRROR
 from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.model import Model
 from lookdev.brdf.pixar import PIXAR
 from lookdev.errors import ModelError, nearest_hint
 
-MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, PIXAR)}
+MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, GLASS, MIRROR, PIXAR)}
 """Every model by its name."""
+
+CONTINUOUS: dict[str, Model] = {name: model for name, model in MODELS.items() if not model.delta}
+"""The models whose f has values: all but those that scatter along single directions."""
 
 
 def model_named(name: str) -> Model:

@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import takewhile
 
-from lookdev.brdf.lobes import Bsdf, Lobe
+from lookdev.brdf.lobes import Bsdf, Delta, Lobe
 from lookdev.brdf.model import Mode, StackLayer
 from lookdev.brdf.models import MODELS, model_named
-from lookdev.brdf.vectors import Array, Real
+from lookdev.brdf.vectors import Array, Mask, Real
 from lookdev.errors import ModelError
 
 
@@ -89,4 +89,8 @@ def _sum(below: Bsdf, weight_below: Callable[[Array], Real], above: Bsdf, weight
         parts = (below, weight_below(wo)), (above, weight)
         return tuple(lobe.blended(factor) for bsdf, factor in parts for lobe in bsdf.lobes(wo))
 
-    return Bsdf(lobes, presence, below.two_sided or above.two_sided)
+    def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+        parts = (below, weight_below(wo)), (above, weight)
+        return tuple(delta.blended(factor) for bsdf, factor in parts for delta in bsdf.deltas(wo, inside))
+
+    return Bsdf(lobes, presence, below.two_sided or above.two_sided, deltas)

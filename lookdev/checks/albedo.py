@@ -172,7 +172,10 @@ def _stacked(albedos: list[Albedo]) -> Albedo:
 
 def _transmits(bsdf: Bsdf) -> bool:
     view = np.array([0.0, 0.0, 1.0])
-    return any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in bsdf.lobes(view))
+    deltas = bsdf.deltas(view, np.asarray(False))
+    return any(each.transmits for each in deltas) or any(
+        lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in bsdf.lobes(view)
+    )
 
 
 def _rendered(

@@ -60,11 +60,19 @@ def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.
     weight = evaluate_cosine(bsdf, view, wi) / np.where(drawn, density, 1.0)[..., None] * drawn[..., None]
     above = (wi[..., 2:] > 0.0).astype(np.float64)
     sets = np.stack([weight * above, weight * (1.0 - above)]).mean(axis=2)
-    return Albedo(sets.mean(axis=1), sets.std(axis=1, ddof=1) / np.sqrt(scrambles))
+    return Albedo(sets.mean(axis=1) + _followed(bsdf, wo), sets.std(axis=1, ddof=1) / np.sqrt(scrambles))
+
+
+def _followed(bsdf: Bsdf, wo: Floats) -> Floats:
+    """Return the part of the terms that scatter along single directions, (2, 3): reflected and transmitted."""
+    total = np.zeros((2, 3))
+    for delta in bsdf.deltas(wo, np.asarray(False)):
+        total[int(delta.transmits)] += np.asarray(delta.value) * (np.asarray(delta.direction)[2] != 0.0)
+    return total
 
 
 def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
-    total = np.zeros((2, 3))
+    total = _followed(bsdf, wo)
     for lobe in bsdf.lobes(wo):
         view = np.asarray(lobe.frame.to_local(wo))
         if view[2] > 0.0:

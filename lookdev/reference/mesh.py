@@ -113,10 +113,21 @@ class MeshScene:
         lit: Mask = np.array([light in each for each in self._lit_by])
         return np.asarray(lit[self._slots[place["triangle"]]])
 
+    def inside(self, place: Places, wo: Floats) -> Mask:
+        facet = self._facets[place["triangle"]]
+        against = _dot(self._normals_at(place), facet) * _dot(facet, wo)
+        return np.asarray(against[:, 0] < 0.0)
+
+    def _normals_at(self, place: Places) -> Floats:
+        """Return the interpolated normals (N, 3), of any length."""
+        triangle = place["triangle"]
+        normals = self._mean(self._normals[self._corners[triangle]], place)
+        return np.asarray(np.einsum("nji,nj->ni", self._inverse[self._owners[triangle]], normals))
+
     def frame(self, place: Places, wo: Floats) -> tuple[Floats, Floats]:
         triangle = place["triangle"]
         owner, corners = self._owners[triangle], self._corners[triangle]
-        n = np.einsum("nji,nj->ni", self._inverse[owner], self._mean(self._normals[corners], place))
+        n = self._normals_at(place)
         t = np.einsum("nij,nj->ni", self._linear[owner], self._mean(self._tangents[corners], place))
         hand = np.where(self._reflected[owner], -1.0, 1.0)
         n /= np.linalg.norm(n, axis=-1, keepdims=True)

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from lookdev.brdf import Bsdf, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
+from lookdev.brdf import Bsdf, Delta, evaluate_cosine, evaluate_diffuse, pdf, sample, seen_along
 from lookdev.errors import EnvironmentMapError
 from lookdev.light import Light, Shadow, Turned
 from lookdev.scene import Camera, Pose, camera_rays
@@ -68,6 +68,9 @@ class Scene(Protocol):
 
         The rows of a frame are tangent, bitangent and normal; `wo` is the direction to the viewer.
         """
+
+    def inside(self, place: Places, wo: Floats) -> Mask:
+        """Return which places are seen from inside, (N,): their normals point away from the viewer."""
 
     def lit(self, place: Places, light: int) -> Mask | None:
         """Return which places a light lights, by its number, (N,); None: all."""
@@ -195,6 +198,9 @@ def _scattered(scene: Scene, lamps: Sequence[_Lamp], place: Places, ray: Floats,
         surface = _Surface.seen(scene, place, -ray)
         onward = surface.meet(lamps, surface.sample(here[:, :2]))
         direct = onward.direct
+        deltas = [surface.follow(lamps, number) for number in range(surface.deltas)]
+        for each in deltas:
+            direct = direct + each.direct
         for number, lamp in enumerate(lamps):
             drawn = lamp.light.sample(surface.point, here[:, 2 + 2 * number : 4 + 2 * number])
             direct = direct + surface.meet([lamp], _to_local(surface.frame, drawn)).direct
@@ -218,6 +224,9 @@ def _scattered(scene: Scene, lamps: Sequence[_Lamp], place: Places, ray: Floats,
                 total[path[seen]] += absent[seen, None] * throughput[seen] * reaching
         # Where both directions lead to another hit, one of them is chosen in proportion to its share.
         through = beyond & (here[:, -1] < absent)
+        if deltas:
+            among = np.where(beyond, (here[:, -1] - absent) / np.where(absent < 1.0, 1.0 - absent, 1.0), here[:, -1])
+            onward = _chosen([onward, *deltas], among)
         weight = np.where(through[:, None], 1.0, onward.weight)
         weight /= np.where(beyond & ~through, 1.0 - absent, 1.0)[:, None]
 
@@ -248,9 +257,28 @@ class _Meeting:
     weight: Floats
 
 
+def _chosen(meetings: Sequence[_Meeting], u: Floats) -> _Meeting:
+    """Choose one meeting of each row by u (N,), of those that are blocked in proportion to their weights."""
+    shares = np.stack([np.where(each.blocked, each.weight.mean(axis=-1), 0.0) for each in meetings])
+    ends, total = np.cumsum(shares, axis=0), shares.sum(axis=0)
+    number = np.minimum((u * total >= ends).sum(axis=0), len(meetings) - 1)
+    rows = np.arange(len(u))
+
+    def pick(name: str) -> Any:
+        return np.stack([getattr(each, name) for each in meetings])[number, rows]
+
+    share = shares[number, rows]
+    scale = np.divide(total, share, out=np.zeros_like(total), where=share > 0.0)
+    weight = pick("weight") * scale[:, None]
+    return _Meeting(pick("direction"), pick("direct"), pick("blocked") & (share > 0.0), pick("place"), weight)
+
+
 @dataclass(frozen=True)
 class _Surface:
-    """Places of a scene seen along `wo` (N, 3), and their points (N, 3) in world space. Directions are local."""
+    """Places of a scene seen along `wo` (N, 3), and their points (N, 3) in world space. Directions are local.
+
+    `parts` are the rows of each look, its BSDF and the terms of it that scatter along single directions.
+    """
 
     scene: Scene
     place: Places
@@ -258,15 +286,22 @@ class _Surface:
     frame: Floats
     facet: Floats
     wo: Floats
-    parts: tuple[tuple[Ints, Bsdf], ...]
+    parts: tuple[tuple[Ints, Bsdf, tuple[Delta, ...]], ...]
 
     @classmethod
     def seen(cls, scene: Scene, place: Places, viewer: Floats) -> _Surface:
         """Return places seen along directions (N, 3) of the world."""
         frame, facet = scene.frame(place, viewer)
-        wo = _to_local(frame, viewer)
-        parts = tuple((part, seen_along(bsdf, wo[part])) for part, bsdf in scene.bsdfs(place))
+        wo, inside = _to_local(frame, viewer), scene.inside(place, viewer)
+        parts = tuple(
+            (part, seen_along(bsdf, wo[part]), bsdf.deltas(wo[part], inside[part])) for part, bsdf in scene.bsdfs(place)
+        )
         return cls(scene, place, scene.points(place), frame, facet, wo, parts)
+
+    @property
+    def deltas(self) -> int:
+        """The most terms that scatter along single directions of any place."""
+        return max((len(deltas) for _, _, deltas in self.parts), default=0)
 
     @property
     def presence(self) -> Floats:
@@ -278,9 +313,26 @@ class _Surface:
 
     def meet(self, lamps: Sequence[_Lamp], wi: Floats) -> _Meeting:
         """Trace rays along directions (N, 3) to lights and to the next hit."""
-        direction = np.einsum("nji,nj->ni", self.frame, wi)
         value = self._each(lambda bsdf, part: evaluate_cosine(bsdf, self.wo[part], wi[part]), (3,))
         density = self._each(lambda bsdf, part: pdf(bsdf, self.wo[part], wi[part]), ())
+        diffuse = np.zeros(wi.shape)
+        if any(lamp.scales for lamp in lamps):
+            diffuse = self._each(lambda bsdf, part: evaluate_diffuse(bsdf, self.wo[part], wi[part]), (3,))
+        return self._meet(lamps, wi, value, density, diffuse)
+
+    def follow(self, lamps: Sequence[_Lamp], number: int) -> _Meeting:
+        """Trace rays along the single directions of a term of each part, by its number."""
+        wi, value = np.zeros(self.wo.shape), np.zeros(self.wo.shape)
+        for part, _, deltas in self.parts:
+            if number < len(deltas):
+                wi[part], value[part] = deltas[number].direction, deltas[number].value
+        return self._meet(lamps, wi, value, np.ones(len(wi)), None)
+
+    def _meet(
+        self, lamps: Sequence[_Lamp], wi: Floats, value: Floats, density: Floats, diffuse: Floats | None
+    ) -> _Meeting:
+        """Trace rays; without `diffuse`, (N, 3), no light is drawn in their directions, and all is specular."""
+        direction = np.einsum("nji,nj->ni", self.frame, wi)
         # The shading normal and the facet must agree on which side a direction is.
         value[wi[:, 2] * np.einsum("ni,ni->n", direction, self.facet) <= 0.0] = 0.0
         followed = np.flatnonzero((value > 0.0).any(axis=-1))
@@ -294,9 +346,8 @@ class _Surface:
                 met, far = self.scene.onward(self.place[followed], towards, spared)
             distance = np.linalg.norm(self.scene.points(far) - point, axis=-1)
             occluders[spared] = np.where(met, distance, np.inf)
-        direct, diffuse = np.zeros(direction.shape), np.zeros(direction.shape)
-        if any(lamp.scales for lamp in lamps):
-            diffuse = self._each(lambda bsdf, part: evaluate_diffuse(bsdf, self.wo[part], wi[part]), (3,))
+        direct = np.zeros(direction.shape)
+        if diffuse is not None:
             diffuse[(value == 0.0).all(axis=-1)] = 0.0
         for lamp in lamps:
             passed = lamp.passed(point, towards, occluders[lamp.spared])
@@ -304,15 +355,14 @@ class _Surface:
                 passed[~linked] = 0.0
             lit = np.flatnonzero(passed.any(axis=-1))
             arriving = passed[lit] * lamp.light.radiance(point[lit], towards[lit])
-            both = density[followed[lit]] + lamp.light.pdf(point[lit], towards[lit])
-            direct[followed[lit]] += _divide(
-                lamp.response(value[followed[lit]], diffuse[followed[lit]]) * arriving, both
-            )
+            rows, drawn = followed[lit], 0.0 if diffuse is None else lamp.light.pdf(point[lit], towards[lit])
+            response = lamp.response(value[rows], 0.0 * value[rows] if diffuse is None else diffuse[rows])
+            direct[rows] += _divide(response * arriving, density[rows] + drawn)
         return _Meeting(direction, direct, blocked, place, _divide(value, density))
 
     def _each(self, compute: Callable[[Bsdf, Ints], Floats], shape: tuple[int, ...]) -> Floats:
         result = np.empty((len(self.wo), *shape))
-        for part, bsdf in self.parts:
+        for part, bsdf, _ in self.parts:
             result[part] = compute(bsdf, part)
         return result
 

@@ -4,7 +4,7 @@
 
 //@ section macros
 #if RIG_SPLIT
-#define RIG_REFLECTED(at) (weighed == 0 ? f : lamps[at + LAMP_specular] * f \
+#define RIG_REFLECTED(at) (straight ? f : lamps[at + LAMP_specular] * f \
                            + (lamps[at + LAMP_diffuse] - lamps[at + LAMP_specular]) * f_diffuse)
 #else
 #define RIG_REFLECTED(at) f

@@ -13,7 +13,7 @@ import pytest
 
 from lookdev.batch import check
 from lookdev.batch.check import check_file
-from lookdev.brdf import MODELS
+from lookdev.brdf import CONTINUOUS
 from lookdev.checks.finding import Finding
 from lookdev.codegen import NodeSource, ShaderSource
 from lookdev.errors import FaultsError, LookdevError
@@ -117,7 +117,7 @@ def test_stability_is_of_the_models_or_of_the_looks(
             yield Finding("stability", subject.name if isinstance(subject, Look) else subject, True, "")
 
     monkeypatch.setattr(check, "stress", stress)
-    assert found(None, only=["stability"]) == [("stability", model) for model in MODELS]
+    assert found(None, only=["stability"]) == [("stability", model) for model in CONTINUOUS]
     assert found(job, only=["stability"]) == [("stability", "leaf"), ("stability", "gold")]
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy import stats
 from sphere_quadrature import HalfVectorGrid, Integral
 
-from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine, pdf, sample
+from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine, pdf, sample
 from lookdev.brdf.frames import Upright
 from lookdev.closures.setups import view_at
 
@@ -62,7 +62,7 @@ _EVERYWHERE: dict[str, dict[str, object]] = {
 def _settings() -> list[tuple[str, int, Bsdf]]:
     return [
         (name, number, model.bsdf(model.complete(_EVERYWHERE.get(name, model.probe) | setting)))
-        for name, model in MODELS.items()
+        for name, model in CONTINUOUS.items()
         for number, setting in enumerate(_SETTINGS.get(name, [{}]))
     ]
 

@@ -12,7 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lookdev.asset.tangents import tangents_of
-from lookdev.brdf import MODELS
+from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.brdf.pixar import partition
 from lookdev.brdf.vectors import mix_color
@@ -31,7 +31,7 @@ from lookdev.render.worker import renderer
 
 Floats = NDArray[np.float64]
 
-STACKS = {name: layers for model in MODELS for name, layers in model_stacks(model).items()}
+STACKS = {name: layers for model in CONTINUOUS for name, layers in model_stacks(model).items()}
 GREY = Look("grey", (Layer("Grey", "disney", {"roughness": 1.0}),))
 
 

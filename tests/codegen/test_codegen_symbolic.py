@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
+from lookdev.brdf import CONTINUOUS, MODELS, Bsdf, StackLayer, evaluate_cosine, stack_bsdf
 from lookdev.brdf.lobes import Directions
 from lookdev.codegen.osl.block import CODE
 from lookdev.codegen.osl.bsdf import WI, WO, trace_lobes
@@ -144,7 +144,7 @@ def test_every_operation_that_stays_has_code() -> None:
 _STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
     **{
         "-".join((model, *values)): [(model, dict(zip(tokens, values, strict=True)), "over")]
-        for model, parameters in ((name, each.parameters) for name, each in MODELS.items())
+        for model, parameters in ((name, each.parameters) for name, each in CONTINUOUS.items())
         for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
         for values in product(*(parameters[name].choices for name in tokens))
     },

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from look_files import BASE, LAYER1, STACK, disney, faults_of, pixar, rough, shader, stack, texture
 
+from lookdev.brdf import layer_shaders
 from lookdev.material.look import Bump, Layer, Look, Primvar, Texture
 from lookdev.material.usd import has_look, read_look
 
@@ -275,7 +276,7 @@ def test_has_look(write) -> None:
 def test_unsupported_material_names_its_terminal(write) -> None:
     [(where, what, hint)] = faults_of(write(disney(), terminal=""))
     assert (where, what) == ("/M.outputs:lookdev:surface", "is not connected")
-    assert hint == "connect it to a LookdevLayers, LookdevDisney or LookdevPixar shader"
+    assert hint == "connect it to a LookdevLayers, " + " or ".join(layer_shaders()) + " shader"
 
 
 @pytest.mark.parametrize(

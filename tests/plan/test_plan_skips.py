@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lookdev.brdf import MODELS, complete_parameters, evaluate_cosine
+from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine
 from lookdev.cache import Content
 from lookdev.codegen import AttributeBinding, NodeSource, NodeTree, ShaderNode, ShaderSource, TextureBinding
 from lookdev.job import Job
@@ -96,7 +96,7 @@ def test_every_part_must_be_the_same_all_around() -> None:
 
 @pytest.mark.parametrize(
     ("model", "name"),
-    [(model, name) for model, each in MODELS.items() for name in each.parameters if name != "variant"],
+    [(model, name) for model, each in CONTINUOUS.items() for name in each.parameters if name != "variant"],
 )
 def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: str) -> None:
     """A BSDF that changes when both directions turn about the normal is not the same all around."""

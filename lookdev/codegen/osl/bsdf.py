@@ -2,7 +2,8 @@
 
 The emitted fragments share names with the shaders that include them (`lookdev/shaders/*.osl`):
 
-- setup reads ``wo_x wo_y wo_z`` and the inputs, and defines what does not depend on the light's direction;
+- setup reads ``wo_x wo_y wo_z`` and the inputs, and defines what does not depend on the light's direction; where terms
+  scatter along single directions, it reads ``inside``, too, and sets ``vector delta_wi[]`` and ``color delta_f[]``;
 - evaluate reads ``wi_x wi_y wi_z`` and sets ``color f``, the BSDF times the cosine of each lobe, and ``float pdf``;
 - sample reads ``u1 u2`` and sets ``wi_x wi_y wi_z``.
 
@@ -18,10 +19,10 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lookdev.brdf import Lobe
+from lookdev.brdf import Delta, Lobe
 from lookdev.codegen.osl.block import Block, Spell, bare
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
-from lookdev.codegen.trace.lobes import WI, WO, trace_mixture
+from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 
 VARYING = frozenset((*WI, "u1", "u2"))
@@ -65,6 +66,7 @@ class BrdfCode:
     transmits: bool
     see_through: bool
     light_sampled: bool
+    deltas: tuple[Delta, ...] = ()
 
     @property
     def sections(self) -> dict[str, Sequence[str]]:
@@ -118,6 +120,7 @@ def emit_brdf(
     spell: Spell = lambda symbol: symbol,
     *,
     by_group: bool = False,
+    deltas: Sequence[Delta] = (),
 ) -> BrdfCode:
     """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`.
 
@@ -130,7 +133,13 @@ def emit_brdf(
     invariant = _frontier(values, varying)
 
     setup = Block("s", indent=1, spell=spell)
-    setup.prepare([*(lobe.share for lobe in lobes), *invariant, presence])
+    triples = [
+        (f"{name}[{number}] = {kind}", elements_of(value))
+        for number, delta in enumerate(deltas)
+        for name, kind, value in (("delta_wi", "vector", delta.direction), ("delta_f", "color", delta.value))
+    ]
+    followed = [each for _, triple in triples for each in triple]
+    setup.prepare([*(lobe.share for lobe in lobes), *invariant, presence, *followed])
     for index, lobe in enumerate(lobes):
         setup.define(f"share_{index}", lobe.share, comment=lobe.name)
     setup.define("shares", mixture.total)
@@ -138,9 +147,11 @@ def emit_brdf(
         setup.write(f"float presence = {setup.expression(presence)};")
     for node in invariant:
         setup.name(node)
+    for assigned, triple in triples:
+        setup.write(f"{assigned}({', '.join(map(setup.expression, triple))});")
 
-    read = reachable([*values, *(lobe.share for lobe in lobes), presence])
-    inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - set(WO)
+    read = reachable([*values, *(lobe.share for lobe in lobes), presence, *followed])
+    inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - {*WO, INSIDE}
     return BrdfCode(
         setup=tuple(setup.lines),
         evaluate=tuple(_evaluate(mixture, setup, varying, by_group)),
@@ -149,6 +160,7 @@ def emit_brdf(
         transmits=any(lobe.transmits for lobe in lobes),
         see_through=see_through,
         light_sampled=any(lobe.light_sampled for lobe in lobes),
+        deltas=tuple(deltas),
     )
 
 

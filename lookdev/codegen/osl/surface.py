@@ -17,7 +17,7 @@ from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.lobes import present_lobes
+from lookdev.codegen.trace.lobes import continuous_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of
 from lookdev.errors import CodegenError
 from lookdev.light import Light, coded, lights_code
@@ -85,7 +85,8 @@ def generate_surface(
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = look_bsdf(look, inputs)
-    lobes = present_lobes(graph, bsdf)
+    lobes = continuous_lobes(graph, bsdf)
+    deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
     by_light = ibl_samples != 0 and not constant
     brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant)
@@ -102,7 +103,8 @@ def generate_surface(
     names = LookUpNames(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
     split = rig is not None and rig.split
-    code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split)
+    code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split, deltas=deltas)
+    passes = any(delta.transmits for delta in deltas)
     if code.see_through and rig is not None and (rig.shadowed or rig.spared):
         raise CodegenError(
             f"look '{look.name}': can be seen through, so lights whose shadows have a colour or an end, or that cast "
@@ -130,6 +132,8 @@ def generate_surface(
                 f"#define IMAGE_WIDTH {resolution[0]}",
                 f"#define IMAGE_HEIGHT {resolution[1]}",
                 f"#define TRANSMITS {int(code.transmits)}",
+                f"#define DELTAS {len(deltas)}",
+                f"#define DELTAS_TRANSMIT {int(passes)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 *lights_code(lights, sampled=ibl_samples > 0).constants,
                 f"#define DIRECTED {int(directed)}",
@@ -149,7 +153,7 @@ def generate_surface(
         digest.update(binding.file.digest.encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
-    passing, directions = (code.transmits, code.see_through), (brdf_samples, ibl_samples)
+    passing, directions = (code.transmits or passes, code.see_through), (brdf_samples, ibl_samples)
     return ShaderSource(look.name, osl, bound, tuple(attributes), digest.hexdigest(), *passing, directions, shadows)
 
 
@@ -167,6 +171,8 @@ def _split(
     lobes: Sequence[Lobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
 ) -> tuple[int, int]:
     """Return the numbers of directions from the BSDF and from the light, chosen by the lobes where they are None."""
+    if not lobes:
+        return 1, 0
     if constant_light:
         # Every direction is equally bright, so samples of the light reduce no variance, even where a job sets some.
         return brdf_samples or 4, 0

@@ -1,0 +1,124 @@
+"""Smooth surfaces: a mirror of metal, and a solid of glass. They scatter light along single directions.
+
+Both are exact: Fresnel's equations, the law of reflection, Snell's law, total reflection inside. The scattering is a
+delta distribution, so f is 0 for every pair of directions; `Delta` has what a renderer follows.
+
+References
+----------
+- M. Pharr, W. Jakob, G. Humphreys, Physically Based Rendering, 3rd ed., sections 8.2 (specular reflection and
+  transmission) and 16.1.3 (radiance is scaled on refraction).
+- M. Born, E. Wolf, Principles of Optics, sections 1.5 and 14.2 in the 7th edition.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lookdev.brdf.frames import Frame, frame_of
+from lookdev.brdf.fresnel import conductor_fresnel
+from lookdev.brdf.lobes import Bsdf, Delta
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, scale, vector
+
+_NORMAL = normal_parameter("normal", "Normal of the surface, as of a normal map; the shading normal by default.")
+
+
+def _seen(normal: Array, wo: Array) -> tuple[Frame, Array, Array, Array]:
+    """Return the frame about a normal, bent towards the view, and x, y and z of the view in it."""
+    frame = frame_of(normal).facing(wo)
+    local = frame.to_local(wo)
+    # At a right angle to the bent normal, z is rounded.
+    return frame, local[..., 0], local[..., 1], np.maximum(local[..., 2], 0.0)
+
+
+def _above(frame: Frame, w: Array) -> Array:
+    """Return a direction of a frame in the shading frame; z is 0 where it is below that frame's horizon."""
+    out = frame.from_local(w)
+    return vector(out[..., 0], out[..., 1], np.maximum(out[..., 2], 0.0))
+
+
+def _mirror(p: Parameters) -> Bsdf:
+    def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+        frame, x, y, cosine = _seen(p["normal"], wo)
+        value = p["tint"] * conductor_fresnel(np.expand_dims(cosine, -1), p["eta"], p["k"])
+        onto = vector(-x, -y, cosine)
+        return (Delta("mirror", "reflection", _above(frame, onto), value),)
+
+    return Bsdf(lambda wo: (), deltas=deltas)
+
+
+def _glass(p: Parameters) -> Bsdf:
+    def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+        frame, x, y, cosine = _seen(p["normal"], wo)
+        here, there = (np.where(inside, p[a], p[b]) for a, b in (("eta", "externalIor"), ("externalIor", "eta")))
+        n = here / there
+        reflectance = conductor_fresnel(cosine, there, 0.0, here)
+        # Snell's law. 1 - n^2 (1 - cos^2) would cancel near the critical angle.
+        cos2 = 1.0 - n * n * (x * x + y * y)
+        cos_t = np.sqrt(np.maximum(cos2, 0.0))
+        refracted = frame.from_local(vector(-n * x, -n * y, -cos_t))
+        passes = (cos2 > 0.0) & (refracted[..., 2] < 0.0)
+        refracted = vector(refracted[..., 0], refracted[..., 1], np.where(passes, refracted[..., 2], 0.0))
+        # Born and Wolf, 1.5.2, the transmissivities, not as a difference to 1.
+        s, t = n * cosine + cos_t, cosine + n * cos_t
+        transmittance = 2.0 * n * cosine * cos_t * (1.0 / np.maximum(s * s, TINY) + 1.0 / np.maximum(t * t, TINY))
+        # Pharr et al., section 16.1.3: radiance is compressed, or spread, with the solid angle.
+        passed = scale(p["tint"], transmittance * n * n)
+        return (
+            Delta("glass", "reflection", _above(frame, vector(-x, -y, cosine)), vector(*[reflectance] * 3)),
+            Delta("glass", "refraction", refracted, passed, transmits=True),
+        )
+
+    return Bsdf(lambda wo: (), deltas=deltas)
+
+
+def _color(name: str, default: float, help: str, hard: tuple[float, float] = (0.0, 1.0)) -> Parameter:
+    return Parameter(name, "color", (default,) * 3, hard=hard, soft=hard, help=help)
+
+
+def _mirror_preview(p: Parameters) -> dict[str, Real]:
+    color = p["tint"] * conductor_fresnel(1.0, p["eta"], p["k"])
+    return {"diffuseColor": color, "metallic": 1.0, "roughness": 0.0}
+
+
+def _glass_preview(p: Parameters) -> dict[str, Real]:
+    f0 = conductor_fresnel(1.0, p["eta"], 0.0, p["externalIor"])
+    return {"diffuseColor": p["tint"], "roughness": 0.0, "opacity": 0.0, "f0": f0}
+
+
+def _model(
+    name: str,
+    title: str,
+    text: str,
+    bsdf: Callable[[Parameters], Bsdf],
+    preview: Callable[[Parameters], dict[str, Real]],
+    *parameters: Parameter,
+) -> Model:
+    by_name = {each.name: each for each in (*parameters, _NORMAL)}
+    return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True)
+
+
+MIRROR = _model(
+    "mirror",
+    "Mirror",
+    "A smooth metal: Fresnel's equations (Born and Wolf, section 14.2) for light along the mirrored view.",
+    _mirror,
+    _mirror_preview,
+    _color("eta", 1.5, "Real part of the index of refraction, by channel.", (0.05, 10.0)),
+    _color("k", 0.0, "Imaginary part of the index of refraction, by channel.", (0.0, 20.0)),
+    _color("tint", 1.0, "Factor of the reflected light; linear."),
+)
+
+GLASS = _model(
+    "glass",
+    "Glass",
+    "A smooth solid dielectric: Fresnel's equations and Snell's law (Born and Wolf, section 1.5).",
+    _glass,
+    _glass_preview,
+    Parameter("eta", "float", 1.5, (0.05, 10.0), (1.0, 3.0), help="Index of refraction of the solid."),
+    Parameter("externalIor", "float", 1.0, (1.0, 4.0), (1.0, 2.0), help="Index of refraction around it."),
+    _color("tint", 1.0, "Factor of the light that passes the surface, each time; linear."),
+)

@@ -1,0 +1,114 @@
+"""Mirror and glass: the laws that their single directions and factors follow."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import MODELS, Delta, StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
+
+DELTA = [name for name, model in MODELS.items() if model.delta]
+OUTSIDE, INSIDE = np.asarray(False), np.asarray(True)
+
+
+def deltas(model: str, wo: Any, inside: Any = OUTSIDE, **given: Any) -> tuple[Delta, ...]:
+    return MODELS[model].bsdf(complete_parameters(model, given)).deltas(np.asarray(wo, np.float64), inside)
+
+
+def view(cosine: Any, azimuth: float = 0.7) -> Any:
+    cosine = np.asarray(cosine, np.float64)
+    sine = np.sqrt(1.0 - cosine * cosine)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1)
+
+
+def test_a_mirror_follows_fresnel_for_each_channel() -> None:
+    """By the complex formula of Born and Wolf, 14.2, as it stands."""
+    cosine, eta, k = np.linspace(1e-3, 1.0, 50)[:, None], np.array([0.2, 1.4, 3.0]), np.array([3.9, 0.1, 0.0])
+    (only,) = deltas("mirror", view(cosine[:, 0]), eta=tuple(eta), k=tuple(k), tint=(0.5, 1.0, 0.25))
+    index = eta + 1j * k
+    inside = np.sqrt(1.0 - (1.0 - cosine**2) / index**2)
+    s = (cosine - index * inside) / (cosine + index * inside)
+    p = (index * cosine - inside) / (index * cosine + inside)
+    wanted = 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2) * (0.5, 1.0, 0.25)
+    np.testing.assert_allclose(only.value, wanted, rtol=1e-12)
+    np.testing.assert_array_equal(only.direction, view(cosine[:, 0]) * (-1.0, -1.0, 1.0))
+
+
+@pytest.mark.parametrize(("eta", "outer"), [(1.5, 1.0), (1.5, 1.33), (1.2, 2.0), (0.8, 1.0)])
+@pytest.mark.parametrize("inside", [OUTSIDE, INSIDE], ids=["outside", "inside"])
+def test_glass_refracts_by_snell_and_keeps_power(eta: float, outer: float, inside: Any) -> None:
+    here, there = (eta, outer) if inside else (outer, eta)
+    wo = view(np.linspace(0.02, 1.0, 60))
+    reflected, refracted = deltas("glass", wo, inside, eta=eta, externalIor=outer)
+    total = here * np.sqrt(1.0 - wo[:, 2] ** 2) >= there
+    assert (refracted.direction[:, 2] < 0.0).tolist() == (~total).tolist()
+    np.testing.assert_allclose(here * wo[~total, :2], -there * refracted.direction[~total, :2], rtol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(refracted.direction[~total], axis=-1), 1.0, rtol=1e-12)
+    # Power: radiance times the solid angle, which refraction changes by the square of the indices.
+    np.testing.assert_allclose(reflected.value + refracted.value * (there / here) ** 2, 1.0, rtol=1e-12)
+    np.testing.assert_array_equal(reflected.value[total], 1.0)
+    # Helmholtz: as much passes along the way back.
+    back = -np.asarray(refracted.direction[~total])
+    _, returned = deltas("glass", back, ~np.asarray(inside), eta=eta, externalIor=outer)
+    scaled = returned.value * (here / there) ** 2
+    np.testing.assert_allclose(scaled, refracted.value[~total] * (there / here) ** 2, rtol=1e-9)
+
+
+def test_glass_agrees_with_the_oracle_of_dielectrics() -> None:
+    text = (Path(__file__).parents[1] / "oracles" / "fresnel.jsonl").read_text(encoding="utf-8")
+    lines = [json.loads(line) for line in text.splitlines()]
+    chosen = [line for line in lines if line["params"]["k"] == 0.0 and line["params"]["polarisation"] == 0.5]
+    assert len(chosen) > 5
+    for line in chosen:
+        given = {"eta": line["params"]["eta"], "externalIor": line["params"]["externalIor"]}
+        reflected, _ = deltas("glass", view(line["cosTheta"]), **given)
+        np.testing.assert_allclose(reflected.value, line["F"], rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", DELTA)
+def test_f_is_zero_and_nothing_is_drawn(model: str) -> None:
+    bsdf = MODELS[model].bsdf(complete_parameters(model, {}))
+    wo, wi = view([0.3, 0.9]), view([0.5, 0.2], 2.0)
+    assert not evaluate(bsdf, wo, wi).any()
+    assert not pdf(bsdf, wo, wi).any()
+    assert not sample(bsdf, wo, np.full((2, 2), 0.5))[:, 2].any()
+
+
+@pytest.mark.parametrize("model", DELTA)
+@pytest.mark.parametrize("precision", [np.float32, np.float64])
+def test_extremes_are_finite_and_bounded(model: str, precision: Any) -> None:
+    rng, count = np.random.default_rng(5), 100_000
+    given: dict[str, Any] = {}
+    for name, parameter in MODELS[model].parameters.items():
+        shape = (count,) if parameter.kind == "float" else (count, 3)
+        low, high = parameter.hard
+        edge = rng.choice([low, high, max(low, 1.0), np.nextafter(max(low, 1.0), 2.0)], shape)
+        given[name] = np.where(rng.random(shape) < 0.3, edge, rng.uniform(low, high, shape)).astype(precision)
+    given["normal"] = (given["normal"] + (0.0, 0.0, 1e-3)).astype(precision)
+    wo = view(np.where(rng.random(count) < 0.2, rng.choice([1e-7, 1.0], count), rng.uniform(1e-6, 1.0, count)))
+    for delta in MODELS[model].bsdf(given).deltas(wo.astype(precision), rng.random(count) < 0.5):
+        value, direction = np.asarray(delta.value), np.asarray(delta.direction)
+        assert np.isfinite(value).all()
+        assert np.isfinite(direction).all()
+        assert (value >= 0.0).all()
+        there = direction[:, 2] != 0.0
+        np.testing.assert_allclose(np.linalg.norm(direction[there], axis=-1), 1.0, atol=1e-5)
+        assert ((direction[there, 2] < 0.0) == delta.transmits).all()
+
+
+def test_in_a_blend_terms_have_their_weights() -> None:
+    layers = [
+        StackLayer("disney", complete_parameters("disney", {})),
+        StackLayer("glass", complete_parameters("glass", {}), 0.25),
+    ]
+    stack = stack_bsdf([*layers, StackLayer("mirror", complete_parameters("mirror", {}), 0.5)])
+    wo = view(0.6)
+    terms = stack.deltas(wo, OUTSIDE)
+    assert [each.name for each in terms] == ["reflection", "refraction", "reflection"]
+    alone = (*deltas("glass", wo), *deltas("mirror", wo))
+    for term, own, weight in zip(terms, alone, (0.125, 0.125, 0.5), strict=True):
+        np.testing.assert_allclose(term.value, weight * np.asarray(own.value), rtol=1e-12)
