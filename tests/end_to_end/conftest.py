@@ -12,10 +12,16 @@ sys.path += [str(Path(__file__).parent), str(Path(__file__).parents[1] / "batch"
 from stage import Stage
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+@pytest.fixture(scope="session")
+def _shared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _cache(_shared: Path) -> Iterator[None]:
+    # Set for each file: for the session, it would reach other folders' tests, which follow in the same process.
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LOOKDEV_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setenv("LOOKDEV_CACHE", str(_shared))
         yield
 
 
