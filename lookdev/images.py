@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import stat
 import struct
+import threading
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -36,6 +37,7 @@ DEFAULT_PIXELS = 1 << 27
 _BYTES = 32  # of a file, for each pixel of the limit: uncompressed, eight channels of floats
 _STRIP = 1 << 20  # pixels read at once
 _MEGABYTE = 1 << 20
+_dwa, _dwa_decoded = threading.Lock(), False
 _PNG_SIDE = 1_000_000  # pixels: libpng's limit
 # Of a PNG, by its colour type: bits of a sample, and samples of a pixel.
 _PNG_DEPTHS = {0: (1, 2, 4, 8, 16), 2: (8, 16), 3: (1, 2, 4, 8), 4: (8, 16), 6: (8, 16)}
@@ -151,17 +153,37 @@ def strips(
     if spec.tile_height:
         rows = -(-rows // spec.tile_height) * spec.tile_height
     subimage = image.current_subimage()
-    for first in range(0, spec.height, rows):
-        begin, end = spec.y + first, spec.y + min(first + rows, spec.height)
+
+    def pixels_of(begin: int, end: int, right: int) -> Floats:
         wanted = channels.start, channels.stop, oiio.FLOAT
         if spec.tile_width:
-            right = spec.x + spec.width
             pixels = image.read_tiles(subimage, 0, spec.x, right, begin, end, spec.z, spec.z + 1, *wanted)
         else:
             pixels = image.read_scanlines(subimage, 0, begin, end, spec.z, *wanted)
         if pixels is None or image.has_error:  # what is missing of a TIFF is not None
             raise error(f"{file}: cannot be read as an image: {_reason(image.geterror)}")
+        return pixels
+
+    if spec.get_string_attribute("compression").startswith("dwa"):
+        height, width = min(spec.tile_height or 1, spec.height), min(spec.tile_width or spec.width, spec.width)
+        _first_of_dwa(lambda: pixels_of(spec.y, spec.y + height, spec.x + width))
+    for first in range(0, spec.height, rows):
+        begin, end = spec.y + first, spec.y + min(first + rows, spec.height)
+        pixels = pixels_of(begin, end, spec.x + spec.width)
         yield first, pixels.reshape(end - begin, spec.width, len(channels))
+
+
+def _first_of_dwa(decode_one: Callable[[], object]) -> None:
+    """Decode one block of a DWA image, the first in this process alone.
+
+    With its first block, OpenEXR chooses the decoder for this processor. Blocks that other threads decode meanwhile
+    come from one that rounds otherwise: without this, one process of sixty read a map with other pixels and digest.
+    """
+    global _dwa_decoded
+    with _dwa:
+        if not _dwa_decoded:
+            decode_one()
+            _dwa_decoded = True
 
 
 def whole_image(image: oiio.ImageInput, file: Path, channels: range, error: type[LookdevError]) -> Floats:

@@ -5,9 +5,12 @@ from __future__ import annotations
 import os
 import resource
 import struct
+import subprocess
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 import OpenImageIO as oiio
@@ -21,7 +24,10 @@ def write(file: Path, pixels: np.ndarray, **options: object) -> Path:
     height, width, channels = pixels.shape
     spec = oiio.ImageSpec(width, height, channels, oiio.FLOAT)
     for name, value in options.items():
-        setattr(spec, name, value)
+        if name == "compression":
+            spec.attribute(name, str(value))
+        else:
+            setattr(spec, name, value)
     output = oiio.ImageOutput.create(str(file))
     assert output.open(str(file), spec)
     assert output.write_image(np.ascontiguousarray(pixels, np.float32))
@@ -45,6 +51,44 @@ def test_pixels_are_read_in_strips(
     monkeypatch.setattr("lookdev.images._STRIP", strip)
     pixels = np.random.default_rng(1).random((37, 50, 3)).astype(np.float32)
     np.testing.assert_array_equal(read(write(tmp_path / "a.exr", pixels, **options)), pixels)
+
+
+@pytest.mark.parametrize("options", [{}, {"tile_width": 32, "tile_height": 16}, {"tile_width": 64, "tile_height": 64}])
+def test_the_first_block_of_dwa_is_decoded_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: dict[str, int]
+) -> None:
+    monkeypatch.setattr("lookdev.images._dwa_decoded", False)
+    pixels = np.random.default_rng(1).random((37, 50, 3))
+    file = write(tmp_path / "a.exr", pixels, compression="dwab", **options)
+    sizes = []
+    with open_image(file, TextureError) as image:
+
+        class Spy:
+            """An open image that notes how many pixels are read."""
+
+            def __getattr__(self, name: str) -> Any:
+                kept = getattr(image, name)
+                if not name.startswith("read_"):
+                    return kept
+
+                def read(*arguments: int) -> Any:
+                    sizes.append((found := kept(*arguments)).size // 3)
+                    return found
+
+                return read
+
+        for _ in range(2):
+            found = whole_image(cast("oiio.ImageInput", Spy()), file, range(3), TextureError)
+    first = options and min(options["tile_width"], 50) * min(options["tile_height"], 37)
+    assert sizes == [first or 50, 37 * 50, 37 * 50]
+    np.testing.assert_allclose(found, pixels, atol=0.1)
+
+
+@pytest.mark.slow
+def test_all_processes_read_a_dwa_map_alike() -> None:
+    program = "from lookdev.light import load_environment; print(load_environment(builtin='sunset').digest)"
+    found = {subprocess.run([sys.executable, "-c", program], capture_output=True).stdout for _ in range(250)}
+    assert len(found) == 1
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
