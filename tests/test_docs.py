@@ -136,13 +136,14 @@ def _toml(value: Any) -> str:
 
 def _model_table(parameters: Iterable[Parameter]) -> str:
     head = ("parameter", "type", "default", "hard range", "meaning")
-    rows = [(f"`{p.name}`", p.kind, f"`{_default(p)}`", _range(p), p.help) for p in parameters]
+    rows = [(f"`{p.name}`", p.kind, _default(p), _range(p), p.help) for p in parameters]
     return _markdown([head, *rows])
 
 
 def _default(parameter: Parameter) -> str:
     default = parameter.default
-    return ", ".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    shown = ", ".join(map(str, default)) if isinstance(default, tuple) else str(default)
+    return f"that of `{parameter.follows}`" if parameter.follows else f"`{shown}`"
 
 
 def _range(parameter: Parameter) -> str:

@@ -66,6 +66,9 @@ class Lobe:
     transmits
         The light is on the other side than the viewer; the functions above take and return its direction mirrored to
         the viewer's side.
+    own_side
+        Where the lobe leans, its own normal alone decides on which side a direction is. Otherwise the shading normal
+        must agree.
     broad
         The lobe is nearly constant: samples in proportion to light times cosine suit it as well as its own.
     weight : (...)
@@ -83,6 +86,7 @@ class Lobe:
     group: Group
     frame: Frame = field(default_factory=Upright)
     transmits: bool = False
+    own_side: bool = False
     broad: bool = False
     weight: Real = 1.0
     values: Parameters = field(default_factory=dict)
@@ -91,6 +95,11 @@ class Lobe:
     def leans(self) -> bool:
         """Whether the lobe has a normal other than the shading normal."""
         return isinstance(self.frame, Leaning)
+
+    @property
+    def crosses(self) -> bool:
+        """Whether the lobe reflects to, or transmits from, both sides of the shading normal."""
+        return self.leans and self.own_side
 
     def blended(self, weight: Real) -> Lobe:
         """Return the lobe with a weight (...) in a blend."""
@@ -110,7 +119,7 @@ class Lobe:
         drawn = self.sample(u1, u2)
         wi = self.frame.from_local(mirrored(drawn) if self.transmits else drawn)
         valid = drawn[..., 2] > 0.0
-        if self.leans:
+        if self.leans and not self.crosses:
             valid = valid & ((wi[..., 2] < 0.0) if self.transmits else (wi[..., 2] > 0.0))
         return vector(wi[..., 0], wi[..., 1], np.where(valid, wi[..., 2], 0.0))
 
@@ -156,3 +165,7 @@ class Bsdf:
     presence: Real = 1.0
     two_sided: bool = False
     deltas: Callable[[Array, Mask], tuple[Delta, ...]] = lambda wo, inside: ()
+
+    def transmits(self, wo: Array) -> bool:
+        """Whether a lobe transmits, seen along any of some views (..., 3); an opaque surface is not lit from behind."""
+        return any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))

@@ -114,7 +114,8 @@ class Mixture:
 def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:
     """Return directions in the frame of a lobe, and where they are valid; elsewhere both are the normal."""
     local_o, local_i = lobe.pair(wo, wi)
-    valid = (wi[..., 2] < 0.0) if lobe.transmits else (wi[..., 2] > 0.0)
+    behind, before = wi[..., 2] < 0.0, wi[..., 2] > 0.0
+    valid = behind | before if lobe.crosses else behind if lobe.transmits else before
     if lobe.leans:
         valid = valid & (local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0)
     mask = np.expand_dims(valid, -1)

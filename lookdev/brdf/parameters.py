@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ class Parameter:
     is the range of a slider. Colours are linear Rec.709 and their ranges hold per channel. A ``"token"`` is one of
     `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
     in the frame of tangent, bitangent and shading normal, of any length but zero. A `directed` number makes the model
-    anisotropic unless it is 0.
+    anisotropic unless it is 0. Where it is not given, it has the value of the parameter that it `follows`, whose
+    default is the same.
     """
 
     name: str
@@ -36,15 +37,25 @@ class Parameter:
     choices: tuple[str, ...] = ()
     help: str = ""
     directed: bool = False
+    follows: str = ""
 
 
-def normal_parameter(name: str, help: str) -> Parameter:
-    """Return a normal, by default the shading normal."""
-    return Parameter(name, "normal", (0.0, 0.0, 1.0), hard=(-1.0, 1.0), soft=(-1.0, 1.0), help=help)
+def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
+    """Return a normal, by default the shading normal or the one that it follows."""
+    return Parameter(name, "normal", (0.0, 0.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), help=help, follows=follows)
 
 
 MASK = Parameter("mask", "float", 1.0, help="How much of a layer there is.")
 """The mask of a layer, of whatever model."""
+
+
+_T = TypeVar("_T")
+
+
+def with_followers(parameters: Mapping[str, Parameter], given: Mapping[str, _T]) -> dict[str, _T]:
+    """Return given values, and those of parameters that follow them and are not given."""
+    following = {name: parameter.follows for name, parameter in parameters.items() if name not in given}
+    return dict(given) | {name: given[followed] for name, followed in following.items() if followed in given}
 
 
 def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str, object]) -> dict[str, Any]:
@@ -60,8 +71,9 @@ def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str
     for name in given:
         if name not in parameters:
             raise ModelError(f"{owner}: unknown parameter '{name}' ({nearest_hint(name, list(parameters))})")
+    values = with_followers(parameters, given)
     return {
-        name: _checked(f"{owner}.{name}", parameter, given.get(name, parameter.default))
+        name: _checked(f"{owner}.{name}", parameter, values.get(name, parameter.default))
         for name, parameter in parameters.items()
     }
 

@@ -89,7 +89,8 @@ def case_layer(model: str, inputs: Mapping[str, Any], mask: Any, mode: str) -> d
         return list(value) if isinstance(value, tuple) else value
 
     known = MODELS[model].parameters
-    params = {name: plain(value) for name, value in inputs.items() if plain(value) != plain(known[name].default)}
+    usual = {name: inputs.get(parameter.follows, parameter.default) for name, parameter in known.items()}
+    params = {name: plain(value) for name, value in inputs.items() if plain(value) != plain(usual[name])}
     return {"model": model, "params": params, "mask": mask, "mode": mode}
 
 

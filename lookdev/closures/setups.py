@@ -184,5 +184,5 @@ def disney_lobe(name: str, wo: Floats, **given: object) -> Lobe:
 
 def _highlight(cone: float, bend: float | None, normal: float, wo: Floats) -> Lobe:
     terms = dict.fromkeys((*FRONT, *THROUGH), Term(normal * ONE, ONE, cone, bend or 0.0))
-    lobes = partition_lobes(Partition(wo, terms, {"diffuse": Upright(), "highlight": Upright()}, 1.0, 0.0))
+    lobes = partition_lobes(Partition(wo, terms, {"diffuse": Upright(), "highlight": Upright()}, 1.0))
     return next(lobe for lobe in lobes if lobe.name == ("specular" if bend is None else "specularTransmission"))

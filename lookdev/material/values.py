@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
-from lookdev.brdf.parameters import complete
+from lookdev.brdf.parameters import complete, with_followers
 from lookdev.brdf.vectors import same, vector
 from lookdev.material.look import Bump, Coordinates, Formula, Input, Layer, Look, Primvar, Source, Texture, Varying
 from lookdev.material.textures import texture_value
@@ -69,7 +69,8 @@ def _parameters(layer: Layer, values: Values) -> dict[str, Any]:
     constants = {name: source for name, source in layer.inputs.items() if name not in varying}
     parameters = complete(layer.model, known, constants)
     normals = {name: values.handed(parameters[name]) for name in constants if known[name].kind == "normal"}
-    return parameters | normals | {name: values.of(source, known[name]) for name, source in varying.items()}
+    parameters |= normals | {name: values.of(source, known[name]) for name, source in varying.items()}
+    return parameters | with_followers(known, {name: parameters[name] for name in layer.inputs})
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,8 @@ def sample_albedo(bsdf: Bsdf, wo: Floats, samples: int, scrambles: int, rng: np.
     drawn = density > 0.0
     weight = evaluate_cosine(bsdf, view, wi) / np.where(drawn, density, 1.0)[..., None] * drawn[..., None]
     above = (wi[..., 2:] > 0.0).astype(np.float64)
-    sets = np.stack([weight * above, weight * (1.0 - above)]).mean(axis=2)
+    below = (1.0 - above) * bsdf.transmits(view)
+    sets = np.stack([weight * above, weight * below]).mean(axis=2)
     return Albedo(sets.mean(axis=1) + _followed(bsdf, wo), sets.std(axis=1, ddof=1) / np.sqrt(scrambles))
 
 
@@ -72,15 +73,17 @@ def _followed(bsdf: Bsdf, wo: Floats) -> Floats:
 
 
 def _quadrature(bsdf: Bsdf, wo: Floats, cells: tuple[int, int]) -> Floats:
-    total = _followed(bsdf, wo)
+    total = np.zeros((2, 3))
     for lobe in bsdf.lobes(wo):
         view = np.asarray(lobe.frame.to_local(wo))
         if view[2] > 0.0:
             wi, weight = half_vector_grid(_seen_view(lobe, view), _NARROWEST, cells)
             wi = _from_lobe(lobe, wi)
             alone = replace(bsdf, lobes=lambda _, lobe=lobe: (lobe,))  # type: ignore[misc]
-            total[int(lobe.transmits)] += (evaluate_cosine(alone, wo, wi) * weight[:, None]).sum(axis=0)
-    return total
+            value, below = evaluate_cosine(alone, wo, wi) * weight[:, None], wi[:, 2] < 0.0
+            total += value[~below].sum(axis=0), value[below].sum(axis=0)
+    total[1] *= bsdf.transmits(wo)
+    return total + _followed(bsdf, wo)
 
 
 def _seen_view(lobe: Lobe, view: Floats) -> Floats:

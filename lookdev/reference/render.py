@@ -334,7 +334,9 @@ class _Surface:
         """Trace rays; without `diffuse`, (N, 3), no light is drawn in their directions, and all is specular."""
         direction = np.einsum("nji,nj->ni", self.frame, wi)
         # The shading normal and the facet must agree on which side a direction is.
-        value[wi[:, 2] * np.einsum("ni,ni->n", direction, self.facet) <= 0.0] = 0.0
+        height = np.einsum("ni,ni->n", direction, self.facet)
+        opaque = self._each(lambda bsdf, part: np.full(len(part), not bsdf.transmits(self.wo[part])), ()) > 0.0
+        value[(wi[:, 2] * height <= 0.0) | (opaque & (height < 0.0))] = 0.0
         followed = np.flatnonzero((value > 0.0).any(axis=-1))
         blocked, place = np.zeros(len(wi), np.bool_), self.place.copy()
         blocked[followed], place[followed] = self.scene.onward(self.place[followed], direction[followed])

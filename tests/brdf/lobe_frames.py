@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import Lobe
-from lookdev.brdf.frames import mirrored
 from lookdev.brdf.lobes import Directions
 
 Floats = NDArray[np.float64]
@@ -20,14 +19,7 @@ def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
     return np.ravel(lobe.frame.to_local(wo))
 
 
-def sent(lobe: Lobe, wo: Floats, wi: Floats, cut: bool = True) -> Floats:
-    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame.
-
-    With `cut`, it is 0 where the direction is not on the lobe's side of the surface.
-    """
+def sent(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
+    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame."""
     local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
-    there = wi[..., 2] > 0.0
-    if cut:
-        height = lobe.frame.from_local(mirrored(wi) if lobe.transmits else wi)[..., 2]
-        there &= height < 0.0 if lobe.transmits else height > 0.0
-    return lobe.evaluate(Directions.of(local, wi)) * np.where(there, wi[..., 2], 0.0)[..., None]
+    return lobe.evaluate(Directions.of(local, wi)) * np.maximum(wi[..., 2:], 0.0)

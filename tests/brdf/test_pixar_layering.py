@@ -11,7 +11,7 @@ from random_parameters import directions, random_parameters
 
 from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, layer_partition
 
 Floats = NDArray[np.float64]
@@ -49,6 +49,10 @@ def _parameters(**given: Any) -> dict[str, Any]:
     return complete_parameters("pixar", given)
 
 
+def _layered(above: Partition, below: Partition, mask: Any, mode: Any) -> Partition:
+    return compose([(below, 1.0, "over"), (above, mask, mode)])
+
+
 def _with_only(lobe: str, **given: Any) -> dict[str, Any]:
     """Return parameters of a layer whose other lobes are scaled to 0."""
     return _parameters(clear=0.6, back=0.4, **given, **{f"{name}Scale": 0.0 for name in _LOBES if name != lobe})
@@ -61,7 +65,7 @@ def test_the_tables(incoming: str, lobe: str, out: str, cone: str | None, roughn
     top = _with_only(incoming, surfaceColor=(0.9, 0.5, 0.2), ior=1.3, roughness=roughness[0])
     bottom = _with_only(lobe, surfaceColor=(0.3, 0.6, 0.8), metallic=0.4, ior=1.7, roughness=roughness[1])
     above, beneath = layer_partition(top, _WO), layer_partition(bottom, _WO)
-    result = layer(above, beneath, 1.0, "transmit").terms
+    result = _layered(above, beneath, 1.0, "transmit").terms
     for name, term in result.items():
         for weight in ("normal", "grazing"):
             product = getattr(above.terms[incoming], weight) * getattr(beneath.terms[lobe], weight)
@@ -92,7 +96,8 @@ _METAL = {"metallic": 1.0, "surfaceColor": (1.0, 1.0, 1.0)}
 
 
 def _over(below: dict[str, Any], above: dict[str, Any], mask: float, wo: Floats = ZENITH) -> Partition:
-    return layer(layer_partition(_parameters(**above), wo), layer_partition(_parameters(**below), wo), mask, "over")
+    parts = (layer_partition(_parameters(**each), wo) for each in (above, below))
+    return _layered(*parts, mask, "over")
 
 
 def test_cones_are_averaged_by_energy() -> None:
@@ -166,7 +171,7 @@ def test_simple_layering_mixes_every_weight() -> None:
     rng = np.random.default_rng(31)
     wo, mask = directions(rng, _COUNT), rng.random(_COUNT)
     above, below = _random(rng, _COUNT, wo, presence=np.ones(_COUNT)), _random(rng, _COUNT, wo)
-    _assert_weights(layer(above, below, mask, "over"), _mixed(above, below, mask, 1.0 - mask))
+    _assert_weights(_layered(above, below, mask, "over"), _mixed(above, below, mask, 1.0 - mask))
 
 
 @pytest.mark.parametrize("mode", ["over", "transmit"])
@@ -176,12 +181,12 @@ def test_presence_lets_what_is_beneath_through_unchanged(mode: Any) -> None:
     parameters = random_parameters(rng, "pixar", {}, _COUNT)
     whole, partly = (layer_partition(parameters | {"presence": p}, wo) for p in (np.ones(_COUNT), presence))
     below = _random(rng, _COUNT, wo)
-    layered = layer(whole, below, 1.0, mode)
-    result = layer(partly, below, 1.0, mode)
+    layered = _layered(whole, below, 1.0, mode)
+    result = _layered(partly, below, 1.0, mode)
     _assert_weights(result, _mixed(layered, below, presence, 1.0 - presence))
     np.testing.assert_allclose(result.presence, presence + (1.0 - presence) * below.presence, rtol=1e-12)
     # A mask has the effect of presence.
-    _assert_same(layer(whole, below, presence, mode), result)
+    _assert_same(_layered(whole, below, presence, mode), result)
 
 
 @pytest.mark.parametrize("mode", ["over", "transmit"])
@@ -189,26 +194,28 @@ def test_over_and_beneath_a_hole_a_layer_is_alone(mode: Any) -> None:
     rng = np.random.default_rng(33)
     wo = directions(rng, _COUNT)
     above, hole = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo, presence=np.zeros(_COUNT))
-    result = layer(above, hole, 1.0, mode)
+    result = _layered(above, hole, 1.0, mode)
     _assert_same(result, above)
     for kind, frame in result.frames.items():
         lit = sum(term.energy(above.cosine(name)) for name, term in above.terms.items() if family(name) == kind) > 1e-9
         np.testing.assert_allclose(frame.normal[lit], above.frames[kind].normal[lit], atol=1e-12)
 
     # Beneath a hole, and beneath a layer whose mask is 0.
-    _assert_same(layer(hole, above, 1.0, mode), above)
-    _assert_same(layer(above, hole, 0.0, mode), hole)
+    _assert_same(_layered(hole, above, 1.0, mode), above)
+    _assert_same(_layered(above, hole, 0.0, mode), hole)
 
 
-def test_transmitting_layers_may_be_put_together_in_any_order() -> None:
+def test_layers_put_together_from_the_base_up_have_the_same_weights_but_other_cones() -> None:
     rng = np.random.default_rng(35)
     wo = directions(rng, _COUNT)
     a, b, c = (_random(rng, _COUNT, wo) for _ in range(3))
-    left = layer(layer(a, b, 1.0, "transmit"), c, 1.0, "transmit")
-    right = layer(a, layer(b, c, 1.0, "transmit"), 1.0, "transmit")
-    _assert_weights(left, {name: (term.normal, term.grazing) for name, term in right.terms.items()})
-    np.testing.assert_allclose(left.presence, right.presence, rtol=1e-12)
-    assert all(term.normal.max() > 0.1 for term in left.terms.values())
+    of_a, of_b = rng.random(_COUNT), rng.random(_COUNT)
+    stack = compose([(c, 1.0, "over"), (b, of_b, "transmit"), (a, of_a, "transmit")])
+    up = _layered(a, _layered(b, c, of_b, "transmit"), of_a, "transmit")
+    _assert_weights(stack, {name: (term.normal, term.grazing) for name, term in up.terms.items()})
+    np.testing.assert_allclose(stack.presence, up.presence, rtol=1e-12)
+    assert all(term.normal.max() > 0.1 for term in stack.terms.values())
+    assert np.abs(np.asarray(stack.terms["specular"].cone - up.terms["specular"].cone)).max() > 0.1
 
 
 def test_averaged_normals_stay_among_those_averaged() -> None:
@@ -216,7 +223,7 @@ def test_averaged_normals_stay_among_those_averaged() -> None:
     wo = directions(rng, _COUNT)
     above, below = _random(rng, _COUNT, wo), _random(rng, _COUNT, wo)
     for mode in ("over", "transmit"):
-        for kind, frame in layer(above, below, rng.random(_COUNT), mode).frames.items():
+        for kind, frame in _layered(above, below, rng.random(_COUNT), mode).frames.items():
             np.testing.assert_allclose(np.linalg.norm(frame.normal, axis=-1), 1.0, rtol=1e-12)
             span = np.sum(above.frames[kind].normal * below.frames[kind].normal, axis=-1)
             for other in (above.frames[kind].normal, below.frames[kind].normal):

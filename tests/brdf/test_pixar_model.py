@@ -11,10 +11,10 @@ from plot_pixar_diffuse import diffuse_integral
 from random_parameters import directions, near_the_mirror_image, random_parameters
 from scipy.integrate import dblquad
 
-from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, stack_bsdf
+from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Directions
-from lookdev.brdf.pixar.partition import THROUGH
+from lookdev.brdf.pixar.partition import THROUGH, layer_partition
 from lookdev.closures.setups import view_at
 
 Floats = NDArray[np.float64]
@@ -131,3 +131,34 @@ def test_what_is_not_reciprocal(reason: str) -> None:
     bsdf = stack_bsdf([StackLayer("pixar", complete_parameters("pixar", layer), 0.5) for layer in layers])
     wo, wi = view_at(view), view_at(light, 180.0)
     np.testing.assert_allclose([evaluate(bsdf, wo, wi)[1], evaluate(bsdf, wi, wo)[1]], [forth, back], rtol=1e-5)
+
+
+@pytest.mark.parametrize(("front", "through"), [("specular", "specularTransmission"), ("reflection", "refraction")])
+def test_a_cone_scale_that_is_not_given_is_the_front_lobes(front: str, through: str) -> None:
+    def cone(lobe: str, **scales: float) -> float:
+        given = {f"{name}ConeScale": scale for name, scale in scales.items()}
+        return float(layer_partition(complete_parameters("pixar", {"roughness": 0.4} | given), ZENITH).terms[lobe].cone)
+
+    usual = {"specular": 17.0, "reflection": 4.0}[front]
+    assert cone(through, **{front: 1.3}) == cone(front, **{front: 1.3}) == pytest.approx(1.3 * usual, rel=1e-15)
+    # One that is given does not multiply it.
+    assert cone(through, **{front: 1.3, through: 0.7}) == pytest.approx(0.7 * usual, rel=1e-15)
+    assert cone(front, **{through: 0.7}) == usual
+
+
+def test_a_leaning_lobe_has_its_own_horizon() -> None:
+    # A white diffuser: f |wi.z| is |wi.n| / pi, on either side of the shading normal's horizon.
+    normal = np.array([0.6, 0.0, 0.8])
+    leaf = {"roughness": 1.0, "surfaceColor": (1.0, 1.0, 1.0), "diffuseNormal": tuple(normal)}
+    for back in (0.0, 1.0):
+        bsdf = _pixar(**leaf, back=back)
+        for degrees in (-70.0, 85.0, 95.0, 125.0, 130.0, 170.0):
+            wi = view_at(degrees)
+            lit = wi @ normal < 0.0 if back else wi @ normal > 0.0
+            wanted = lit * abs(wi @ normal) / np.pi
+            np.testing.assert_allclose(evaluate(bsdf, ZENITH, wi) * abs(wi[2]), wanted, rtol=1e-12)
+            assert pdf(bsdf, ZENITH, wi) == pytest.approx(wanted, rel=1e-12)
+        drawn = sample(bsdf, np.tile(ZENITH, (4096, 1)), np.random.default_rng(1).random((4096, 2)))
+        crossing = (drawn[:, 2] > 0.0 if back else drawn[:, 2] < 0.0).mean()
+        # A cosine lobe that leans by theta has (1 - cos theta) / 2 there.
+        assert crossing == pytest.approx(0.1, abs=4.0 * np.sqrt(0.1 * 0.9 / 4096))

@@ -163,6 +163,15 @@ def test_a_direction_that_the_facet_hides_is_dark(given: dict[str, Any]) -> None
     np.testing.assert_array_equal(weight, np.where(agreed[..., None], seen, 0.0))
 
 
+def test_an_opaque_surface_that_leans_opens_no_portal_behind_it(given: dict[str, Any]) -> None:
+    for clear in (0.0, 0.01):
+        look = Look("look", (layer("pixar", clear=clear, diffuseNormal=(0.6, 0.0, 0.8), roughness=0.9),))
+        weight, world = run(generate_nodes_exact(look, no_textures, bounces=0), given)
+        behind = world @ given["axes"][2] < 0.0
+        assert 0.05 < behind.mean() < 0.5
+        assert (weight[behind].max() > 0.0) == (clear > 0.0)
+
+
 def test_a_surface_that_is_seen_through_is_refused() -> None:
     look = Look("net", (layer("pixar", presence=0.4),))
     with pytest.raises(CodegenError, match=r"net: is see-through.*'exact' or 'nodes'"):

@@ -349,6 +349,17 @@ def test_lobes_that_transmit_are_light_sampled_if_there_are_directions_from_behi
     assert len(light_sampled_in(more)) == 2
 
 
+def test_an_opaque_surface_that_leans_is_lit_from_the_front() -> None:
+    opaque, clear = (surface(pixar(highlightNormal=(0.3, 0.0, 1.0), clear=clear)).osl for clear in (0.0, 0.5))
+    assert "#define TRANSMITS 0" in opaque
+    assert "#define TRANSMITS 1" in clear
+    # Points are evaluated on both sides, where the lobes are not 0.
+    opaque_points = {"clear": 0.0, "back": 0.0, "diffuseNormal": (0.0, 0.0, 1.0)}
+    for normal, transmits in (((0.0, 0.0, 1.0), 0), ((0.3, 0.0, 1.0), 1)):
+        points = generate_points([replace(PIXAR, constants=opaque_points | {"highlightNormal": normal})])
+        assert f"#define TRANSMITS {transmits}\n" in points.osl
+
+
 def test_shadow_rays_are_a_setting() -> None:
     lit, unshaded = (surface(base(), bounces=0, shadows=shadows) for shadows in (True, False))
     assert lit.shadows

@@ -110,6 +110,18 @@ def test_textures_and_primvars_are_constants_at_each_point(model, points, image)
     assert_is(look, points, expected)
 
 
+def test_what_follows_a_varying_parameter_varies_with_it(points):
+    inputs = {"clear": 0.7, "roughness": 0.2, "specularConeScale": Primvar("wear", 0.5)}
+    look = Look("look", (Layer("Base", "pixar", inputs),))
+
+    def expected(i):
+        scale = float(np.clip(points.wear[i], 0.0, 2.0))
+        given = {"specularConeScale": scale, "specularTransmissionConeScale": scale}
+        return (Layer("Base", "pixar", inputs | given),)
+
+    assert_is(look, points, expected)
+
+
 def test_formulas_read_textures_primvars_and_coordinates(points, image):
     dirt = Texture(image, "r", "raw")
     inputs = {"t": dirt, "p": Primvar("paint", (0.0, 0.0, 0.0)), "c": Coordinates("st", (2.0, 1.0, 0.5, 0.0, 3.0, 0.0))}

@@ -57,3 +57,14 @@ def test_samples_agree_with_the_quadrature(name: str, degrees: float) -> None:
     # Student's t with 15 degrees of freedom: beyond 6 once in 40,000.
     assert (np.abs(found.value - exact.value) <= 6.0 * found.error + exact.error).all()
     assert (found.error < 2e-3).all()
+
+
+def test_an_opaque_surface_is_not_lit_from_behind() -> None:
+    bsdf = bsdf_of("pixar", roughness=1.0, surfaceColor=(1.0, 1.0, 1.0), diffuseNormal=(0.6, 0.0, 0.8))
+    # A cosine lobe that leans by theta has (1 - cos theta) / 2 below the horizon of the shading normal.
+    exact, found = integrate_albedo(bsdf, view(0.0)), sample_albedo(bsdf, view(0.0), 4096, 16, np.random.default_rng(3))
+    for each in (exact, found):
+        np.testing.assert_allclose(each.value[0], 0.9, atol=2e-3)
+        np.testing.assert_array_equal(each.value[1], 0.0)
+    leaf = bsdf_of("pixar", roughness=1.0, surfaceColor=(1.0, 1.0, 1.0), diffuseNormal=(0.6, 0.0, 0.8), back=0.25)
+    np.testing.assert_allclose(integrate_albedo(leaf, view(0.0)).value[:, 0], [0.7, 0.3], atol=2e-3)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.model import Model, Preview, StackLayer
-from lookdev.brdf.pixar.layering import layer
+from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.parameters import PARAMETERS
 from lookdev.brdf.pixar.partition import FRONT, Partition, layer_partition, partition_lobes
 from lookdev.brdf.vectors import Array, Parameters, Real
@@ -20,10 +20,10 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
             raise ModelError("layers disagree on 'energy'; all Pixar layers of a stack must use the same")
 
     def partition(wo: Array) -> Partition:
-        combined = layer_partition(layers[0].parameters, wo)
-        for each in layers[1:]:
-            combined = layer(layer_partition(each.parameters, wo), combined, each.mask, each.mode)
-        return combined
+        parts = [layer_partition(each.parameters, wo) for each in layers]
+        if len(parts) == 1:
+            return parts[0]
+        return compose([(part, each.mask, each.mode) for part, each in zip(parts, layers, strict=True)])
 
     # Presence is the same from every direction.
     return Bsdf(lambda wo: partition_lobes(partition(wo)), partition(ZENITH).presence, two_sided=True)

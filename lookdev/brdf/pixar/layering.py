@@ -1,15 +1,16 @@
 """Layering of Pixar's model: partitions of light combined into one (Smits, "Layering").
 
 "Layering is simply a matter of taking two (or more) sets of lobe weights and cone angles and normals along with a layer
-weight for each layer and producing a single set." Weights are premultiplied by presence, as in compositing, so that
-layers of presence 0 need no rule of their own.
+weight for each layer and producing a single set." Light meets the layers from the top down. Each lobe that it meets
+contributes to one lobe of the stack, with an energy, by which cone angles, normals and indices of refraction are
+averaged: once, over all contributions.
 """
 
 from __future__ import annotations
 
 import functools
 import operator
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,17 +18,24 @@ import numpy as np
 from lookdev.brdf.frames import ZENITH, Frame, Leaning, Upright
 from lookdev.brdf.model import Mode
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, family
-from lookdev.brdf.vectors import Array, Real, normalize, same, scale
+from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, same, scale
+
+_LOBES = (*FRONT, *THROUGH)
 
 
 @dataclass(frozen=True)
 class _Share:
-    """One interaction's part of a lobe: weights, shape and frame, and the energy that weights shape and frame."""
+    """A contribution to a lobe: weights, shape and frame, and the energy (...) that weights shape and frame."""
 
     name: str
     term: Term
     frame: Frame
     energy: Array
+
+    def scaled(self, weight: Real) -> _Share:
+        """Return the contribution of a weight (...) of the light."""
+        term = replace(self.term, normal=scale(self.term.normal, weight), grazing=scale(self.term.grazing, weight))
+        return replace(self, term=term, energy=self.energy * weight)
 
 
 def outcome(incoming: str, lobe: str) -> str:
@@ -39,77 +47,78 @@ def outcome(incoming: str, lobe: str) -> str:
     return side[max(THROUGH.index(incoming), side.index(lobe))]
 
 
-def layer(above: Partition, below: Partition, mask: Real, mode: Mode) -> Partition:
-    """Lay one partition on another, seen from the same direction, by a mask (...) in [0, 1].
+def compose(layers: Sequence[tuple[Partition, Real, Mode]]) -> Partition:
+    """Combine partitions, base first, seen from the same direction, with masks (...) in [0, 1] and modes.
 
-    In mode ``"over"`` it is simple layering, A over B. In mode ``"transmit"``, what `above` transmits meets all six
-    lobes of `below` instead of leaving on the other side.
+    In mode ``"over"`` it is simple layering, A over B. In mode ``"transmit"``, what a layer transmits meets all six
+    lobes of those beneath instead of leaving on the other side. The base has no mask.
     """
-    uncovered = 1.0 - mask * above.presence
-    shares = list(_scaled(above, FRONT, mask))
-    shares += _scaled(below, (*FRONT, *THROUGH), uncovered)
-    if mode == "over":
-        shares += _scaled(above, THROUGH, mask)
-    else:
-        # Where `below` is absent, transmitted light leaves as without it.
-        shares += _scaled(above, THROUGH, mask * below.absence)
-        shares += _interactions(above, below, mask)
-    names = (*FRONT, *THROUGH)
-    absence = uncovered * below.absence
-    terms = {name: _sum([share for share in shares if share.name == name]) for name in names}
+    final: list[_Share] = []
+    incoming: list[_Share] = []  # transmitted by the layers above
+    unmet: Real = 1.0  # weight of the light that no layer above has met
+    for number, (partition, mask, mode) in reversed([*enumerate(layers)]):
+        mask = mask if number else 1.0
+        met = [share.scaled(mask * unmet) for share in _own(partition)]
+        met += [share.scaled(mask) for share in _interactions(_terms(incoming), partition)]
+        leaving = _LOBES if mode == "over" or not number else FRONT
+        passing = 1.0 - mask * partition.presence
+        final += [share for share in met if share.name in leaving]
+        incoming = [share.scaled(passing) for share in incoming]
+        incoming += [share for share in met if share.name not in leaving]
+        unmet = unmet * passing
+    final += incoming
+    terms = _terms(final)
+    bent = [share for share in final if share.name in THROUGH and family(share.name) == "highlight"]
+    bend = _mean([share.term.bend for share in bent], [share.energy for share in bent])
+    terms |= {share.name: replace(terms[share.name], bend=bend) for share in bent}
     frames = {
-        kind: _mean_frame([share for share in shares if family(share.name) == kind])
-        for kind in ("diffuse", "highlight")
+        kind: _mean_frame([share for share in final if family(share.name) == kind]) for kind in ("diffuse", "highlight")
     }
-    return Partition(above.wo, terms, frames, 1.0 - absence, absence)
+    return Partition(layers[0][0].wo, terms, frames, 1.0 - unmet)
 
 
-def _scaled(partition: Partition, names: Sequence[str], weight: Real) -> Iterator[_Share]:
-    for name in names:
+def _own(partition: Partition) -> Iterator[_Share]:
+    for name in _LOBES:
         term = partition.terms[name]
-        term = replace(term, normal=scale(term.normal, weight), grazing=scale(term.grazing, weight))
         yield _Share(name, term, partition.frames[family(name)], term.energy(partition.cosine(name)))
 
 
-def _interactions(above: Partition, below: Partition, mask: Real) -> Iterator[_Share]:
+def _interactions(incoming: Mapping[str, Term], partition: Partition) -> Iterator[_Share]:
     """Yield the 18 interactions of the transmitted lobes: one, three and five with each side, by what comes out."""
-    for incoming in _scaled(above, THROUGH, mask):
-        for name, term in below.terms.items():
-            result = outcome(incoming.name, name)
-            a, b = THROUGH.index(incoming.name), (FRONT if name in FRONT else THROUGH).index(name)
-            cone = incoming.term.cone if b < a else np.maximum(incoming.term.cone, term.cone) if b == a else term.cone
+    for above, entering in incoming.items():
+        for name, term in partition.terms.items():
+            result = outcome(above, name)
+            a, b = THROUGH.index(above), (FRONT if name in FRONT else THROUGH).index(name)
+            cone = entering.cone if b < a else np.maximum(entering.cone, term.cone) if b == a else term.cone
             # The lobe beneath "replaces the direction": index of refraction and normal are its.
-            made = Term(incoming.term.normal * term.normal, incoming.term.grazing * term.grazing, cone, term.bend)
-            yield _Share(result, made, below.frames[family(result)], made.energy(below.cosine(result)))
+            made = Term(entering.normal * term.normal, entering.grazing * term.grazing, cone, term.bend)
+            yield _Share(result, made, partition.frames[family(result)], made.energy(partition.cosine(result)))
 
 
-def _sum(shares: Sequence[_Share]) -> Term:
-    energies = [share.energy for share in shares]
-    return Term(
-        functools.reduce(operator.add, (share.term.normal for share in shares)),
-        functools.reduce(operator.add, (share.term.grazing for share in shares)),
-        _mean([share.term.cone for share in shares], energies),
-        _mean([share.term.bend for share in shares], energies),
-    )
+def _terms(shares: Sequence[_Share]) -> dict[str, Term]:
+    """Sum contributions to each lobe."""
+    terms = {}
+    for name in _LOBES:
+        mine = [share for share in shares if share.name == name]
+        if mine:
+            terms[name] = Term(
+                functools.reduce(operator.add, (share.term.normal for share in mine)),
+                functools.reduce(operator.add, (share.term.grazing for share in mine)),
+                _mean([share.term.cone for share in mine], [share.energy for share in mine]),
+            )
+    return terms
 
 
 def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
     """Average by energy, (...); where there is none, the value has no effect."""
-    # Equal values, and lobes without energy, generate no code.
+    # Equal values, and contributions without energy, generate no code.
     kept = [(value, energy) for value, energy in zip(values, energies, strict=True) if not same(energy, 0.0)]
-    kept = kept or list(zip(values, energies, strict=True))
-    first, weight = kept[0]
-    for value, energy in kept[1:]:
-        total = weight + energy
-        # Not by mix(): 1 minus a fraction near 1 cancels.
-        if not same(first, value):
-            first = first * _fraction(weight, total) + value * _fraction(energy, total)
-        weight = total
-    return first
-
-
-def _fraction(part: Real, whole: Real) -> Array:
-    return np.where(whole > 0.0, part / np.where(whole > 0.0, whole, 1.0), 0.5)
+    if not kept or all(same(value, kept[0][0]) for value, _ in kept):
+        return kept[0][0] if kept else values[0]
+    total, lit = _total([energy for _, energy in kept])
+    weighted = functools.reduce(operator.add, (value * energy for value, energy in kept))
+    mean: Array = np.where(lit, weighted / total, kept[0][0])
+    return mean
 
 
 def _mean_frame(shares: Sequence[_Share]) -> Frame:
@@ -119,10 +128,13 @@ def _mean_frame(shares: Sequence[_Share]) -> Frame:
         return Upright()
     if all(same(share.frame.normal, kept[0].frame.normal) for share in kept):
         return kept[0].frame
-    weighted = sum(
-        (scale(share.frame.normal, share.energy) for share in kept[1:]), scale(kept[0].frame.normal, kept[0].energy)
-    )
-    # Divided by the total: energies may be as small as a weight is.
-    total = sum((share.energy for share in kept[1:]), kept[0].energy)
-    lit = np.expand_dims(total > 0.0, -1)
-    return Leaning(normalize(np.where(lit, scale(weighted, 1.0 / np.where(total > 0.0, total, 1.0)), ZENITH)))
+    total, lit = _total([share.energy for share in kept])
+    weighted = functools.reduce(operator.add, (scale(share.frame.normal, share.energy) for share in kept))
+    return Leaning(normalize(np.where(np.expand_dims(lit, -1), scale(weighted, 1.0 / total), ZENITH)))
+
+
+def _total(energies: Sequence[Array]) -> tuple[Array, Mask]:
+    """Return the sum of energies, 1 where there is none, and where there is some."""
+    total = functools.reduce(operator.add, energies)
+    lit = total > TINY * TINY
+    return np.where(lit, total, 1.0), lit

@@ -11,8 +11,9 @@ def _scale(lobe: str, of: str) -> Parameter:
     return Parameter(f"{lobe}Scale", "float", 1.0, hard=(0.0, 10.0), help=f"Scales {of}.")
 
 
-def _cone_scale(lobe: str, of: str) -> Parameter:
-    return Parameter(f"{lobe}ConeScale", "float", 1.0, (0.0, 2.0), (0.5, 1.5), help=f"Scales the {of}.")
+def _cone_scale(lobe: str, of: str, follows: str = "") -> Parameter:
+    help = f"Scales the {of} lobe's cone angle{f'; if not given, as {follows} does' * bool(follows)}."
+    return Parameter(f"{lobe}ConeScale", "float", 1.0, (0.0, 2.0), (0.5, 1.5), help=help, follows=follows)
 
 
 PARAMETERS: dict[str, Parameter] = {
@@ -45,12 +46,10 @@ PARAMETERS: dict[str, Parameter] = {
         _scale("diffuseTransmission", "diffuse transmission"),
         _scale("specularTransmission", "specular transmission"),
         _scale("refraction", "the refraction lobe"),
-        _cone_scale("specular", "specular lobe's cone angle"),
-        _cone_scale("reflection", "reflection lobe's cone angle"),
-        _cone_scale(
-            "specularTransmission", "specular transmission lobe's cone angle, over what specularConeScale does"
-        ),
-        _cone_scale("refraction", "refraction lobe's cone angle, over what reflectionConeScale does"),
+        _cone_scale("specular", "specular"),
+        _cone_scale("reflection", "reflection"),
+        _cone_scale("specularTransmission", "specular transmission", follows="specularConeScale"),
+        _cone_scale("refraction", "refraction", follows="reflectionConeScale"),
         Parameter(
             "presence",
             "float",

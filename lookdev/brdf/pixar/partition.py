@@ -59,14 +59,13 @@ class Partition:
 
     terms : the six lobes by name, weights multiplied by `presence`.
     frames : about the normals of the ``"diffuse"`` lobes and of the ``"highlight"`` lobes.
-    presence, absence : (...), how much of the surface is there, and 1 minus that, without cancellation.
+    presence : (...), how much of the surface is there.
     """
 
     wo: Array
     terms: Mapping[str, Term]
     frames: Mapping[str, Frame]
     presence: Real
-    absence: Real
 
     def cosine(self, name: str) -> Array:
         """Cosine of the view to the normal of a lobe, (...), at least 0."""
@@ -119,22 +118,25 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         return Term(n, g, np.clip(cone, *_CONES), bend)
 
     broad, tight = smooth * rest, smooth * ratio
-    specular_cone = (30.0 * rough + 5.0) * p["specularConeScale"]
-    reflection_cone = 10.0 * rough * p["reflectionConeScale"]
-    through_specular_cone = specular_cone * p["specularTransmissionConeScale"]
-    refraction_cone = reflection_cone * p["refractionConeScale"]
+    wide, narrow = 30.0 * rough + 5.0, 10.0 * rough
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
     terms = {
         "diffuse": term((d_n, d_g), (1.0 - back) * p["diffuseScale"], white),
-        "specular": term(reflected, broad * p["specularScale"], tint, specular_cone),
-        "reflection": term(reflected, tight * p["reflectionScale"], tint, reflection_cone),
+        "specular": term(reflected, broad * p["specularScale"], tint, wide * p["specularConeScale"]),
+        "reflection": term(reflected, tight * p["reflectionScale"], tint, narrow * p["reflectionConeScale"]),
         "diffuseTransmission": term((d_n, d_g), back * p["diffuseTransmissionScale"], white),
         "specularTransmission": term(
-            through, broad * p["specularTransmissionScale"], tint_t, through_specular_cone, p["ior"] - 1.0
+            through,
+            broad * p["specularTransmissionScale"],
+            tint_t,
+            wide * p["specularTransmissionConeScale"],
+            p["ior"] - 1.0,
         ),
-        "refraction": term(through, tight * p["refractionScale"], tint_t, refraction_cone, p["ior"] - 1.0),
+        "refraction": term(
+            through, tight * p["refractionScale"], tint_t, narrow * p["refractionConeScale"], p["ior"] - 1.0
+        ),
     }
-    return Partition(wo, terms, frames, p["presence"], 1.0 - p["presence"])
+    return Partition(wo, terms, frames, p["presence"])
 
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
@@ -164,6 +166,7 @@ def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) ->
         group="diffuse",
         frame=frame,
         transmits=transmits,
+        own_side=True,
         broad=True,
         values={"at_normal": term.normal, "at_grazing": term.grazing},
     )
@@ -205,6 +208,7 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
         "specular",
         frame,
         transmits,
+        own_side=True,
         values={"at_normal": term.normal, "at_grazing": term.grazing, "power": power, "view": view},
     )
 

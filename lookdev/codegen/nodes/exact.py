@@ -61,6 +61,9 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     # The shading normal and the facet must agree on which side the light is.
     above = dot(world, axes["facet"])
     agreed = above * wi[..., 2] > 0.0
+    transmits = any(lobe.transmits for lobe in lobes)
+    if not transmits and any(lobe.crosses for lobe in lobes):
+        agreed = agreed & (above > 0.0)
     weight = scale(weight, np.where(agreed & (symbol(graph, "depth") < bounces + 0.5), 1.0, 0.0))
 
     place = symbols(graph, [f"place_{axis}" for axis in "xyz"])
@@ -92,7 +95,6 @@ def generate_nodes_exact(look: Look, resolve: Callable[[Texture | Bump], Path], 
     builder.add("OutputMaterial", inputs={"Surface": Link(portal, "BSDF")})
     leaning = any(binding.attribute == HANDEDNESS for binding in attributes)
     trees = (frame_tree(directed=directed, leaning=leaning), builder.tree())
-    transmits = any(lobe.transmits for lobe in lobes)
     return NodeSource(look.name, trees, attributes, node_digest(trees, attributes), True, transmits)
 
 

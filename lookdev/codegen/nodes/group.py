@@ -30,10 +30,14 @@ class Group:
         """Return values of parameters inside the group: symbols of sockets, or constants at which terms vanish.
 
         `values` are tokens, and arrays of the graph outside. The name of a panel is part of the names of its sockets.
+        A parameter with the value of the one that it follows has that one's socket.
         """
         inside: dict[str, Any] = {}
         for name, value in values.items():
             parameter = parameters[name]
+            if followed := followed_by(parameter, values):
+                inside[name] = inside[followed]
+                continue
             if parameter.kind == "token" or _folds(parameter, value):
                 inside[name] = value
                 continue
@@ -71,6 +75,13 @@ class Group:
     def wanted(self, tree: NodeTree) -> dict[str, Any]:
         """Return the values of the finished tree's sockets, by name."""
         return {socket.name: self._given[socket.name] for socket in tree.inputs if socket.kind != "shader"}
+
+
+def followed_by(parameter: Parameter, values: Mapping[str, Any]) -> str:
+    """Return the name of the parameter that a parameter follows, if `values` has the same value for both; else ""."""
+    followed = parameter.follows
+    same = followed and elements_of(values[parameter.name]) == elements_of(values[followed])
+    return followed if same else ""
 
 
 def socket_of(parameter: Parameter) -> GroupSocket:

@@ -20,7 +20,7 @@ from lookdev.codegen.nodes.builder import TreeBuilder
 from lookdev.codegen.nodes.closures import add_shaders, add_transparent, shade
 from lookdev.codegen.nodes.fits import fit_tree, is_fit
 from lookdev.codegen.nodes.frame import add_frame, frame_tree, reads_frame_tangent
-from lookdev.codegen.nodes.group import Group, bound, built, socket_of, symbols_of
+from lookdev.codegen.nodes.group import Group, bound, built, followed_by, socket_of, symbols_of
 from lookdev.codegen.nodes.inputs import bind_inputs, node_digest
 from lookdev.codegen.nodes.lift import GROUP as COINCIDENT
 from lookdev.codegen.nodes.lift import coincident_tree
@@ -147,7 +147,11 @@ class _Material:
         model = model_named(stack[0].model)
         known, blended = model.parameters, model.blended(stack)
         # The outputs of the first group are the inputs that the second reads.
-        between = {name: f"{layers.name} {name}" for name, value in blended.items() if isinstance(value, SymbolicArray)}
+        between = {
+            name: f"{layers.name} {followed_by(known[name], blended) or name}"
+            for name, value in blended.items()
+            if isinstance(value, SymbolicArray)
+        }
         outside = {
             name: symbols_of(self._graph, between[name], vector=known[name].kind != "float")
             if name in between

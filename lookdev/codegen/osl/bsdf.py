@@ -19,7 +19,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from lookdev.brdf import Delta, Lobe
+from lookdev.brdf import Array, Delta, Lobe
 from lookdev.codegen.osl.block import Block, Spell, bare
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
@@ -33,11 +33,13 @@ class TracedLobe:
     """The scalar expressions of one lobe of a mixture.
 
     `value` (3) and `density` are those of `Term`, `below` that of `Choice`; `wi` (3) is the direction drawn, in the
-    surface's frame. `share` is a constant where the lobe is present at every point.
+    surface's frame. `share` is a constant where the lobe is present at every point. Code of a lobe runs where `side`
+    holds, or, where that is None, on its side of the shading normal.
     """
 
     name: str
     transmits: bool
+    side: Node | None
     share: Scalar
     value: tuple[Scalar, ...]
     density: Scalar
@@ -55,8 +57,8 @@ class TracedLobe:
 class BrdfCode:
     """Emitted fragments, a list of lines each, and the run-time symbols they read.
 
-    `transmits` where light can come from the back; `see_through` where setup defines a ``float presence``;
-    `light_sampled` where some lobes are.
+    `transmits` where light can come from the back; `crosses` where lobes lean across the horizon; `see_through` where
+    setup defines a ``float presence``; `light_sampled` where some lobes are.
     """
 
     setup: tuple[str, ...]
@@ -64,6 +66,7 @@ class BrdfCode:
     sample: tuple[str, ...]
     inputs: frozenset[str]
     transmits: bool
+    crosses: bool
     see_through: bool
     light_sampled: bool
     deltas: tuple[Delta, ...] = ()
@@ -92,13 +95,16 @@ def trace_lobes(
     """Trace the mixture of lobes at the symbols ``wo_x wo_y wo_z wi_x wi_y wi_z u1 u2``."""
     mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
     # A lobe's code runs where the light is on its side.
-    for side in (wi[..., 2] > 0.0, wi[..., 2] < 0.0):
-        graph.assume(*elements_of(side))
+    sides = [_side(lobe, mixture.wo, wi) for lobe in lobes]
+    for condition in (*elements_of(wi[..., 2] > 0.0), *elements_of(wi[..., 2] < 0.0), *sides):
+        if condition is not None:
+            graph.assume(condition)
     terms, choices = mixture.terms(wi), mixture.choices(symbol(graph, "u1"))
     traced = tuple(
         TracedLobe(
             lobe.name,
             lobe.transmits,
+            side,
             elements_of(lobe.share)[0],
             value=tuple(elements_of(term.value)),
             density=elements_of(term.density)[0],
@@ -107,11 +113,21 @@ def trace_lobes(
             light_sampled=light_sampled(lobe),
             diffuse=lobe.group == "diffuse",
         )
-        for lobe, term, choice in zip(lobes, terms, choices, strict=True)
+        for lobe, side, term, choice in zip(lobes, sides, terms, choices, strict=True)
     )
     sums = ("pdf", "bsdf_sampled_pdf") if any(lobe.light_sampled for lobe in traced) else ("pdf",)
     densities = {name: elements_of(mixture.normalised(symbol(graph, name)))[0] for name in sums}
     return TracedMixture(traced, elements_of(mixture.total)[0], densities)
+
+
+def _side(lobe: Lobe, wo: Array, wi: Array) -> Node | None:
+    """Return the condition under which a lobe that crosses the horizon is not 0; None for any other lobe."""
+    if not lobe.crosses:
+        return None
+    local_o, local_i = lobe.pair(wo, wi)
+    side: Node
+    (side,) = elements_of((local_o[..., 2] > 0.0) & (local_i[..., 2] > 0.0))
+    return side
 
 
 def emit_brdf(
@@ -129,6 +145,7 @@ def emit_brdf(
     lobes = mixture.lobes
     see_through = isinstance(presence, Node) or presence < 1.0
     values = [value for lobe in lobes for value in (*lobe.evaluated(), *lobe.wi, lobe.below)]
+    values += [lobe.side for lobe in lobes if lobe.side is not None]
     varying = depends_on(values, VARYING)
     invariant = _frontier(values, varying)
 
@@ -158,6 +175,7 @@ def emit_brdf(
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
         transmits=any(lobe.transmits for lobe in lobes),
+        crosses=any(lobe.side is not None for lobe in lobes),
         see_through=see_through,
         light_sampled=any(lobe.light_sampled for lobe in lobes),
         deltas=tuple(deltas),
@@ -174,22 +192,25 @@ def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
 def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
     split = len(mixture.densities) > 1
-    sides = {side: [lobe for lobe in mixture.lobes if lobe.transmits is side] for side in (False, True)}
-    outer = setup.inner("", indent=2)
+    sides: dict[bool | Node, list[TracedLobe]] = {False: [], True: []}
+    for lobe in mixture.lobes:
+        sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
+    outer = setup.inner("g", indent=2)
     outer.write("color f = 0;")
     if by_group:
         outer.write("color f_diffuse = 0;")
     for name in mixture.densities:
         outer.write(f"float {name} = 0;")
-    both = all(sides.values())
-    for transmits, members in sides.items():
-        if members:
-            if both or transmits:
-                outer.write("if (wi_z < 0) {" if transmits else "if (wi_z > 0) {")
-            prefix = "t" if transmits else "e"
-            outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + both, split, by_group)
-            if both or transmits:
-                outer.write("}")
+    groups = {side: members for side, members in sides.items() if members}
+    for number, (side, members) in enumerate(groups.items()):
+        guarded = len(groups) > 1 or side is not False
+        if guarded:
+            condition = bare(outer.expression(side)) if isinstance(side, Node) else f"wi_z {'<' if side else '>'} 0"
+            outer.write(f"if ({condition}) {{")
+        prefix = f"c{number}_" if isinstance(side, Node) else "t" if side else "e"
+        outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + (len(groups) > 1), split, by_group)
+        if guarded:
+            outer.write("}")
     for name, density in mixture.densities.items():
         if not isinstance(density, Node) or density.op != "symbol":
             outer.write(f"{name} = {bare(outer.expression(density))};")

@@ -64,7 +64,7 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
         rows += [f"    {name} = cell[{k}];" for k, name in enumerate(columns[index : index + 3])]
     constants = [
         f"#define POINT_CELLS {point_cells(layers)}",
-        f"#define TRANSMITS {int(code.transmits)}",
+        f"#define TRANSMITS {int(code.transmits or code.crosses)}",
         f"#define TWO_SIDED {int(bsdf.two_sided)}",
     ]
     osl = expand_template("points.osl", {"constants": constants, "columns": rows, **code.sections})

@@ -97,9 +97,13 @@ def generate_surface(
     if by_light:
         share = _BROAD_SHARES[bounces > 0]
         lobes = [replace(lobe, share=lobe.share * share) if lobe.broad else lobe for lobe in lobes]
-    traced = trace_lobes(
-        graph, lobes, lambda lobe: ibl_samples > 0 and lobe.broad and (from_behind or not lobe.transmits)
-    )
+    transmits = any(lobe.transmits for lobe in lobes)
+
+    def light_sampled(lobe: Lobe) -> bool:
+        behind = lobe.transmits or (transmits and lobe.crosses)
+        return ibl_samples > 0 and lobe.broad and (from_behind or not behind)
+
+    traced = trace_lobes(graph, lobes, light_sampled)
     names = LookUpNames(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
     split = rig is not None and rig.split

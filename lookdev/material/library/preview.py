@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, UsdShade
 
 from lookdev.brdf import MASK, MODELS, Parameter, Real
+from lookdev.brdf.parameters import with_followers
 from lookdev.errors import Fault, LookError
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.look import Layer, Primvar, Texture
@@ -137,8 +138,9 @@ def _cover(layer: Layer) -> float:
 def _values(layer: Layer) -> dict[str, Value]:
     """Map one layer, by the means of all its numbers and colours."""
     model = MODELS[layer.model]
+    inputs = with_followers(model.parameters, layer.inputs)
     given = {
-        name: _mean(layer.inputs.get(name, parameter.default), parameter)
+        name: _mean(inputs.get(name, parameter.default), parameter)
         for name, parameter in model.parameters.items()
         if parameter.kind in ("float", "color")
     }

@@ -10,7 +10,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from lookdev.brdf import Parameter, StackLayer, model_named
-from lookdev.brdf.vectors import same
+from lookdev.brdf.parameters import with_followers
+from lookdev.brdf.vectors import Parameters, same
 from lookdev.material.look import Input, Layer, Look, Primvar
 from lookdev.material.translate.gltf_pbr import GLTF_PBR
 from lookdev.material.translate.open_pbr import OPEN_PBR_SURFACE
@@ -46,14 +47,12 @@ def translated(layer: StackLayer) -> list[StackLayer]:
     base, *others = TRANSLATIONS[layer.model].layers(layer.parameters)
     masked = [replace(base, mask=layer.mask, mode=layer.mode)]
     masked += [replace(each, mask=layer.mask * each.mask) for each in others if not same(each.mask, 0.0)]
-    return [
-        replace(
-            each,
-            parameters=model_named(each.model).complete({}) | dict(each.parameters),
-            name=f"{layer.name} {each.name}".strip(),
-        )
-        for each in masked
-    ]
+    return [replace(each, parameters=_complete(each), name=f"{layer.name} {each.name}".strip()) for each in masked]
+
+
+def _complete(layer: StackLayer) -> Parameters:
+    model = model_named(layer.model)
+    return model.complete({}) | with_followers(model.parameters, layer.parameters)
 
 
 def foreign_shaders() -> dict[str, str]:
