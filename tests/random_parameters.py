@@ -14,11 +14,13 @@ from lookdev.brdf.frames import ZENITH
 
 Floats = NDArray[np.float64]
 
-# Every token of a model, in every combination.
+# Every token of a model, in every combination; with and without optional numbers, which `random_parameters` draws where
+# the tokens have the key "options".
 VARIANTS = [
-    (name, dict(zip((token.name for token in tokens), values, strict=True)))
+    (name, dict(zip((token.name for token in tokens), values, strict=True)) | options)
     for name, model in CONTINUOUS.items()
     for tokens in [[each for each in model.parameters.values() if each.kind == "token"]]
+    for options in ({}, {"options": "drawn"})[: 1 + bool(model.options_left_out())]
     for values in product(*(token.choices for token in tokens))
 ]
 EVERY = pytest.mark.parametrize(("model", "tokens"), VARIANTS, ids=str)
@@ -48,6 +50,9 @@ def random_parameters(
     """
     values: dict[str, Any] = {}
     for name, parameter in MODELS[model].parameters.items():
+        if parameter.optional and "options" not in tokens:
+            values[name] = np.full(count, parameter.default)
+            continue
         if parameter.kind == "token":
             values[name] = tokens.get(name, parameter.default)
             continue

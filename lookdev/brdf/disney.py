@@ -11,6 +11,8 @@ is not of the model, is the part of the surface that is there at all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
@@ -20,7 +22,7 @@ from lookdev.brdf.lobes import Bsdf, Directions, Lobe
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter
 from lookdev.brdf.reflectance import ggx_reflectance
-from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, scale
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, same, scale
 
 COAT_F0 = 0.04
 """Reflectance of the clearcoat at normal incidence: an index of 1.5 (Burley 2012, section 5.4)."""
@@ -92,10 +94,26 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
             return mf.smith_ggx(cos_theta, alpha_g * alpha_g)
         return mf.smith_ggx_aniso(w, alpha_x, alpha_y)
 
+    # GGX, for which visible normals are sampled; or the general distribution of appendix B.
+    ggx = same(p["gamma"], 2.0)
+
+    def distribution(wm: Array) -> Array:
+        return mf.gtr2_aniso(wm, alpha_x, alpha_y) if ggx else mf.gtr_aniso(wm, alpha_x, alpha_y, p["gamma"])
+
     def evaluate(d: Directions) -> Array:
         # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
         g = shadowing(d.cos_theta_i, d.wi) * shadowing(d.cos_theta_o, d.wo)
-        return scale(fresnel(d.cos_theta_d), mf.gtr2_aniso(d.wm, alpha_x, alpha_y) * g)
+        return scale(fresnel(d.cos_theta_d), distribution(d.wm) * g)
+
+    def density(d: Directions) -> Array:
+        if ggx:
+            return mf.visible_ggx_pdf(d.wo, distribution(d.wm), alpha_x, alpha_y)
+        return distribution(d.wm) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
+
+    def sample(u1: Array, u2: Array) -> Array:
+        if ggx:
+            return reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2))
+        return reflect(wo, mf.sample_gtr_aniso(alpha_x, alpha_y, p["gamma"], u1, u2))
 
     return Lobe(
         "disney",
@@ -103,8 +121,8 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         # Microfacets lean away from the normal: with F0 = 0 the lobe is not black as seen along the normal.
         np.maximum(mean(fresnel(wo[..., 2])), 0.001),
         evaluate=evaluate,
-        pdf=lambda d: mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, alpha_x, alpha_y), alpha_x, alpha_y),
-        sample=lambda u1, u2: reflect(wo, mf.sample_visible_ggx(wo, alpha_x, alpha_y, u1, u2)),
+        pdf=density,
+        sample=sample,
         group="specular",
         frame=frame,
         values={**p, "f0": f0, "alpha_x": alpha_x, "alpha_y": alpha_y},
@@ -165,6 +183,17 @@ _PARAMETERS: dict[str, Parameter] = {
             help="How much of the layer is there; what is beneath it, or behind, shows through.",
         ),
         normal_parameter("normal", "Normal of all lobes, in the frame of tangent, bitangent and shading normal."),
+        normal_parameter("specularNormal", "Normal of the specular lobe; if not given, as normal.", "normal"),
+        normal_parameter("clearcoatNormal", "Normal of the clearcoat lobe; if not given, as normal.", "normal"),
+        Parameter(
+            "gamma",
+            "float",
+            2.0,
+            hard=(0.5, 4.0),
+            soft=(1.0, 3.0),
+            help="Exponent of the specular lobe's GTR distribution: 2 is GGX; less has a longer tail.",
+            optional=True,
+        ),
         Parameter(
             "variant",
             "token",
@@ -181,16 +210,22 @@ def _bsdf(parameters: Parameters) -> Bsdf:
 
     def lobes(wo: Array) -> tuple[Lobe, ...]:
         frame = frame_of(parameters["normal"]).facing(wo)
-        local = frame.to_local(wo)
-        built = (build(parameters, local, frame) for build in (_diffuse, _specular, _clearcoat))
-        return tuple(lobe.blended(presence) for lobe in built)
+
+        def lobe(build: Callable[[Parameters, Array, Frame], Lobe], normal: str) -> Lobe:
+            # Lobes about one normal share its frame.
+            shared = same(parameters[normal], parameters["normal"])
+            own = frame if shared else frame_of(parameters[normal]).facing(wo)
+            return build(parameters, own.to_local(wo), own).blended(presence)
+
+        parts = (_diffuse, "normal"), (_specular, "specularNormal"), (_clearcoat, "clearcoatNormal")
+        return tuple(lobe(build, normal) for build, normal in parts)
 
     return Bsdf(lobes, presence)
 
 
 def _reflectance(p: Parameters, wo: Array) -> Real:
-    """Return the albedo of the specular lobe, fitted for the variant of 2014."""
-    cos_theta = frame_of(p["normal"]).facing(wo).to_local(wo)[..., 2]
+    """Return the albedo of the specular lobe, fitted for the variant of 2014 and gamma 2."""
+    cos_theta = frame_of(p["specularNormal"]).facing(wo).to_local(wo)[..., 2]
     alpha_x, alpha_y = _alphas(p)
     # A lobe of both alphas resembles one of their mean.
     return ggx_reflectance(cos_theta, np.minimum(np.sqrt(alpha_x * alpha_y), 1.0), mean(_f0(p)))

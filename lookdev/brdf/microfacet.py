@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from lookdev.brdf.vectors import Array, Real, normalize, vector
+from lookdev.brdf.vectors import Array, Real, normalize, same, vector
 
 
 # Burley 2012, eq. 4.
@@ -41,6 +41,52 @@ def gtr2_aniso(wm: Array, alpha_x: Real, alpha_y: Real) -> Array:
     x, y, z = wm[..., 0] / alpha_x, wm[..., 1] / alpha_y, wm[..., 2]
     t = x * x + y * y + z * z
     return 1.0 / (np.pi * alpha_x * alpha_y * t * t)
+
+
+# Burley 2012, eq. 1. With L = log(alpha^2) and E(x) = (exp(x) - 1) / x, its constant is E(L) / (pi E((1 - gamma) L)),
+# which has no singularity at gamma = 1. Burley has no anisotropic form with a closed normalisation; here the slopes of
+# the isotropic one of the mean alpha are stretched, which is eq. 13 for gamma = 2.
+def gtr_aniso(wm: Array, alpha_x: Real, alpha_y: Real, gamma: Real) -> Array:
+    """D of the anisotropic GTR for any gamma."""
+    alpha2 = alpha_x * alpha_y
+    x2, y2, z2 = wm[..., 0] * wm[..., 0], wm[..., 1] * wm[..., 1], wm[..., 2] * wm[..., 2]
+    ratio = alpha_y / alpha_x
+    x2, y2 = x2 * ratio, y2 / ratio
+    # The squared length of the half vector with unstretched slopes.
+    length2: Real = 1.0 if same(alpha_x, alpha_y) else x2 + y2 + z2
+    log_alpha2 = np.log(alpha2)
+    c = _growth(log_alpha2) / (np.pi * _growth((1.0 - gamma) * log_alpha2))
+    d: Array = c * np.power(length2 / (alpha2 * z2 + x2 + y2), gamma) / (length2 * length2)
+    return d
+
+
+# Burley 2012, eq. 2 and 3. Without cancellation, sin^2 theta_h is (exp(w) - 1) alpha^2 / (1 - alpha^2), where w is
+# log(1 + u (alpha^(2 (gamma - 1)) - 1)) / (1 - gamma).
+def sample_gtr_aniso(alpha_x: Real, alpha_y: Real, gamma: Real, u1: Array, u2: Array) -> Array:
+    """Draw half vectors with pdf ``D cos theta_h`` of `gtr_aniso`."""
+    alpha2 = alpha_x * alpha_y
+    log_alpha2 = np.log(alpha2)
+    power = (gamma - 1.0) * log_alpha2
+    # -w / log(alpha^2)
+    part = u2 * _growth(power) * _log_growth(u2 * np.expm1(power))
+    sin2 = np.minimum(alpha2 * part * _growth(-log_alpha2 * part) / _growth(log_alpha2), 1.0)
+    phi = 2.0 * np.pi * u1
+    sin_theta, stretch = np.sqrt(sin2), np.sqrt(alpha_x / alpha_y)
+    x, y = sin_theta * np.cos(phi) * stretch, sin_theta * np.sin(phi) / stretch
+    return normalize(vector(x, y, np.sqrt(1.0 - sin2)))
+
+
+def _growth(x: Array) -> Array:
+    """``(exp(x) - 1) / x``, 1 at 0."""
+    small = np.absolute(x) < 1e-6
+    return np.where(small, 1.0 + 0.5 * x, np.expm1(x) / np.where(small, 1.0, x))
+
+
+def _log_growth(x: Array) -> Array:
+    """``log(1 + x) / x``, 1 at 0."""
+    small = np.absolute(x) < 1e-3
+    series = 1.0 - x * (1.0 / 2.0 - x * (1.0 / 3.0 - x * (1.0 / 4.0 - x * (1.0 / 5.0))))
+    return np.where(small, series, np.log(1.0 + x) / np.where(small, 1.0, x))
 
 
 # Heitz 2014, eq. 86 with eq. 72:

@@ -60,8 +60,9 @@ class Model:
     identifier
         `info:id` of the UsdShade shader.
     energy
-        From tokens, by name, to an upper bound of the directional albedo where no normal leans and no number whose
-        default is at most 1 is above 1; the bound is above 1 where the published model does not conserve energy.
+        From tokens, by name, to an upper bound of the directional albedo where no normal leans, optional numbers are at
+        their defaults and no number whose default is at most 1 is above 1; the bound is above 1 where the published
+        model does not conserve energy.
     reciprocal
         From tokens, by name, to the names of the lobes with f(wo, wi) = f(wi, wo) where no normal leans.
     modes
@@ -114,6 +115,11 @@ class Model:
             if _PRESENCE in self.parameters:
                 blended[_PRESENCE] = presence
         return blended
+
+    def options_left_out(self) -> dict[str, float]:
+        """Return the defaults of optional numbers, which leave parts of the model out, by name."""
+        optional = {name: each.default for name, each in self.parameters.items() if each.optional}
+        return {name: default for name, default in optional.items() if isinstance(default, float)}
 
     def complete(self, given: Mapping[str, object]) -> dict[str, Any]:
         """Return `lookdev.brdf.parameters.complete` of this model."""

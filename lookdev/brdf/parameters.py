@@ -26,7 +26,7 @@ class Parameter:
     `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
     in the frame of tangent, bitangent and shading normal, of any length but zero. A `directed` number makes the model
     anisotropic unless it is 0. Where it is not given, it has the value of the parameter that it `follows`, whose
-    default is the same.
+    default is the same. An `optional` number leaves a part of the model out at its default.
     """
 
     name: str
@@ -38,6 +38,7 @@ class Parameter:
     help: str = ""
     directed: bool = False
     follows: str = ""
+    optional: bool = False
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:

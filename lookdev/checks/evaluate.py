@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, Bsdf, Mode, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
-from lookdev.brdf.parameters import as_numbers
+from lookdev.brdf.parameters import as_numbers, with_followers
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 from lookdev.text import TextError, parse_json
@@ -51,8 +51,8 @@ def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]]) -> B
     for layer, varying in zip(layers, numbers, strict=True):
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in layer.constants.items()}
         values = {**layer.tokens, **constants, **varying}
-        mask = values.pop("mask")
-        stack.append(StackLayer(layer.model, values, mask, layer.mode))
+        mask, known = values.pop("mask"), MODELS[layer.model].parameters
+        stack.append(StackLayer(layer.model, with_followers(known, values), mask, layer.mode))
     return stack_bsdf(stack)
 
 
@@ -192,7 +192,11 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over") -> tuple[PointLaye
         raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack'])})")
     parameters = complete_parameters(model, params)
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
-    return PointLayer(model, tokens, mode), {name: parameters[name] for name in parameters if name not in tokens}
+    # At its default, an optional number folds: the code is that of looks without it.
+    usual = MODELS[model].options_left_out()
+    folds = {name: default for name, default in usual.items() if parameters[name] == default}
+    numbers = {name: value for name, value in parameters.items() if name not in tokens and name not in folds}
+    return PointLayer(model, tokens, mode, folds), numbers
 
 
 def _direction(name: str, value: Any) -> Floats:

@@ -53,13 +53,14 @@ def extreme_cases(layers: Sequence[PointLayer], count: int, rng: Rng) -> Extreme
 
 
 def moderate_numbers(layers: Sequence[PointLayer], count: int, rng: Rng) -> tuple[dict[str, Floats], ...]:
-    """Draw numbers for which energy has a bound: no scale amplifies, normals are straight."""
+    """Draw numbers for which energy has a bound: no scale amplifies, normals are straight, no option is taken."""
     nowhere, everywhere = np.zeros(count, np.bool_), np.ones(count, np.bool_)
-    drawn = (_numbers(layer, count, nowhere, everywhere, rng) for layer in layers)
-    return tuple(
-        {name: np.minimum(value, 1.0) if _amplifies(layer.model, name) else value for name, value in numbers.items()}
-        for layer, numbers in zip(layers, drawn, strict=True)
-    )
+    drawn = []
+    for layer in layers:
+        numbers, left_out = _numbers(layer, count, nowhere, everywhere, rng), MODELS[layer.model].options_left_out()
+        numbers |= {name: np.full(count, default) for name, default in left_out.items() if name in numbers}
+        drawn.append({n: np.minimum(v, 1.0) if _amplifies(layer.model, n) else v for n, v in numbers.items()})
+    return tuple(drawn)
 
 
 def _amplifies(model: str, name: str) -> bool:

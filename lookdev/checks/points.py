@@ -14,7 +14,7 @@ from lookdev.brdf import Bsdf, evaluate, pdf, sample
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
 from lookdev.checks.finding import Finding, Plot, Series
-from lookdev.checks.samples import case_line, constant, sample_layers, tokens, varying
+from lookdev.checks.samples import case_line, constant, following, sample_layers, tokens, varying
 from lookdev.codegen.osl.points import PointLayer
 from lookdev.material import Look
 
@@ -85,7 +85,9 @@ def look_batch(look: Look, count: int, rng: np.random.Generator) -> Batch:
     """Return random cases of a look, rounded to float32: half with the inputs of one point, half recombined."""
     layers = sample_layers(look, count, rng)
     numbers = tuple({name: _recombined(value, rng) for name, value in varying(layer).items()} for layer in layers)
-    kinds = tuple(PointLayer(layer.model, tokens(layer), layer.mode, constant(layer)) for layer in layers)
+    kinds = tuple(
+        PointLayer(layer.model, tokens(layer), layer.mode, constant(layer), following(layer)) for layer in layers
+    )
     numbers = tuple({name: _float32(value) for name, value in each.items()} for each in numbers)
     nothing = np.tile(ZENITH, (count, 1))
     bsdf = Batch(kinds, nothing, nothing, numbers).bsdf()

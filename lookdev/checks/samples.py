@@ -69,6 +69,12 @@ def tokens(layer: StackLayer) -> dict[str, str]:
     return {name: value for name, value in layer.parameters.items() if isinstance(value, str)}
 
 
+def following(layer: StackLayer) -> frozenset[str]:
+    """Return the numbers of a layer that are not given: they have the value of those that they follow."""
+    known, values = MODELS[layer.model].parameters, layer.parameters
+    return frozenset(name for name, each in known.items() if each.follows and values[name] is values[each.follows])
+
+
 def constant_look(look: Look, layers: list[StackLayer], index: int) -> Look:
     """Return the constant look of one of the points of `layers`."""
     constants = []
@@ -107,7 +113,8 @@ def case_line(batch: Batch, index: int, **extra: object) -> str:
 
 def _numbers(layer: StackLayer) -> dict[str, Floats]:
     values = {"mask": layer.mask, **layer.parameters}
-    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items() if not isinstance(value, str)}
+    left_out = {*tokens(layer), *following(layer)}
+    return {name: np.asarray(value, dtype=np.float64) for name, value in values.items() if name not in left_out}
 
 
 def _shape(layer: StackLayer, name: str) -> tuple[int, ...]:

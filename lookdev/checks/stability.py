@@ -25,7 +25,7 @@ from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, unaltered
-from lookdev.checks.samples import case_line, constant, sample_layers, tokens
+from lookdev.checks.samples import case_line, constant, following, sample_layers, tokens
 from lookdev.codegen.osl.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
@@ -82,18 +82,19 @@ def stress(
 
 
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
-    """Return a model with every choice of its tokens, over itself, and over each other model, by name."""
+    """Return a model with every choice of its tokens, with options, over itself, and over each other model, by name."""
 
     def plain(name: str) -> PointLayer:
-        return PointLayer(
-            name, {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
-        )
+        tokens = {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
+        return PointLayer(name, tokens, constants=MODELS[name].options_left_out())
 
     choices = {each.name: each.choices for each in MODELS[model].parameters.values() if each.choices}
     stacks: dict[str, tuple[PointLayer, ...]] = {}
     for values in product(*choices.values()):
         form = dict(zip(choices, values, strict=True))
-        stacks[" ".join([model, *form.values()])] = (PointLayer(model, form),)
+        stacks[" ".join([model, *form.values()])] = (replace(plain(model), tokens=form),)
+    if MODELS[model].options_left_out():
+        stacks[f"{model} with options"] = (replace(plain(model), constants={}),)
     stacks[f"{model} over {model}"] = (plain(model), plain(model))
     for mode in MODELS[model].modes[1:]:
         above = replace(plain(model), mode=mode)
@@ -110,6 +111,7 @@ def look_stack(look: Look) -> tuple[PointLayer, ...]:
             tokens(layer),
             layer.mode,
             {name: np.asarray(value, dtype=np.float32).tolist() for name, value in constant(layer).items()},
+            following(layer),
         )
         for layer in layers
     )

@@ -19,6 +19,7 @@ from lookdev.brdf.microfacet import smith_ggx
 from lookdev.brdf.vectors import TINY, Array, Real, mix, mix_color, same, scale
 from lookdev.closures.closure import Closure, StandIn, rough_diffuse_albedo
 from lookdev.closures.fits import fit, shape
+from lookdev.errors import CodegenError
 
 
 def diffuse(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
@@ -84,8 +85,13 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the specular lobe: a metal and GGX with its alphas."""
+    """Return closures for the specular lobe: a metal and GGX with its alphas; another gamma raises CodegenError."""
     p, wo = lobe.values, lobe.frame.to_local(wo)
+    if not same(p["gamma"], 2.0):
+        raise CodegenError(
+            "no closures of Cycles stand for a specular lobe whose gamma is not 2; backend 'exact' or 'nodes-exact' "
+            "would be right"
+        )
     alphas, variant, cos_theta = (p["alpha_x"], p["alpha_y"]), p["variant"], wo[..., 2]
     seen = SeenAlphas(alphas[0], alphas[0], 1.0)
     x, y = alphas

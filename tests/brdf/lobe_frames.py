@@ -20,6 +20,10 @@ def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
 
 
 def sent(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
-    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame."""
+    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame.
+
+    Of a lobe that does not cross it, the surface's horizon cuts a part off.
+    """
     local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
-    return lobe.evaluate(Directions.of(local, wi)) * np.maximum(wi[..., 2:], 0.0)
+    there = (wi[..., 2] > 0.0) & (lobe.crosses | (lobe.frame.from_local(wi)[..., 2] > 0.0))
+    return lobe.evaluate(Directions.of(local, wi)) * np.where(there, wi[..., 2], 0.0)[..., None]

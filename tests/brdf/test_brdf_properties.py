@@ -39,6 +39,8 @@ def test_reciprocal_lobes(model: str, tokens: dict[str, str], name: str) -> None
 @EVERY
 def test_the_albedo_is_below_the_bound_of_the_model(model: str, tokens: dict[str, str]) -> None:
     rng = np.random.default_rng(7)
+    # The bound holds where no option is taken.
+    tokens = {name: value for name, value in tokens.items() if name != "options"}
     drawn = random_parameters(rng, model, tokens, 12, leaning=0.0)
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "float" and parameter.default <= 1.0:
@@ -164,6 +166,30 @@ def test_gtr_is_normalised(alphas: tuple[float, ...]) -> None:
     assert (d(wm, *alphas) * weight).sum() == pytest.approx(1.0, rel=1e-9)
 
 
+@pytest.mark.parametrize("gamma", [0.5, 1.0, 1.0 + 1e-9, 1.01, 1.5, 2.0, 4.0])
+@pytest.mark.parametrize("alphas", _ALPHA_PAIRS)
+def test_the_general_gtr_is_normalised(gamma: float, alphas: tuple[float, float]) -> None:
+    wm, weight = _half_vectors(np.sqrt(np.prod(alphas)))
+    assert (mf.gtr_aniso(wm, *alphas, gamma) * weight).sum() == pytest.approx(1.0, rel=1e-6)
+
+
+def test_the_general_gtr_is_the_published_ones() -> None:
+    rng = np.random.default_rng(31)
+    wm, u = directions(rng, 1000), rng.random((2, 1000))
+    alpha, other = rng.uniform(0.001, 0.99, (2, 1000))
+    np.testing.assert_allclose(mf.gtr_aniso(wm, alpha, alpha, 1.0), mf.gtr1(wm, alpha), rtol=1e-9)
+    np.testing.assert_allclose(mf.gtr_aniso(wm, alpha, other, 2.0), mf.gtr2_aniso(wm, alpha, other), rtol=1e-9)
+    np.testing.assert_allclose(mf.gtr_aniso(wm, 1.0, 1.0, 3.0), 1.0 / np.pi, rtol=1e-12)
+    for gamma in (0.5, 1.5, 2.0, 4.0):
+        # Burley 2012, eq. 1 and 3, as printed.
+        a2, e = alpha * alpha, 1.0 - gamma
+        c = (gamma - 1.0) * (a2 - 1.0) / (np.pi * (1.0 - a2**e))
+        printed = c / (1.0 + (a2 - 1.0) * wm[:, 2] ** 2) ** gamma
+        np.testing.assert_allclose(mf.gtr_aniso(wm, alpha, alpha, gamma), printed, rtol=1e-9)
+        cosine = np.sqrt((1.0 - (a2**e * (1.0 - u[1]) + u[1]) ** (1.0 / e)) / (1.0 - a2))
+        np.testing.assert_allclose(mf.sample_gtr_aniso(alpha, alpha, gamma, *u)[:, 2], cosine, rtol=1e-6)
+
+
 @pytest.mark.parametrize("cone", [0.25, 1.0, 10.0, 35.0, 70.0])
 def test_the_sin_gaussian_is_normalised(cone: float) -> None:
     power = np.log(10.0) / np.sin(np.radians(cone)) ** 2
@@ -183,6 +209,24 @@ def test_shadowing_lies_between_nothing_and_everything() -> None:
         assert (np.diff(g1, axis=0) < 0.0).all()
     np.testing.assert_allclose(mf.smith_ggx_aniso(w, alphas, alphas), mf.smith_ggx(cos, alphas), rtol=1e-12)
     assert mf.smith_ggx(0.0, 0.25) == 4.0
+
+
+def test_disney_lobes_have_their_own_normals() -> None:
+    rng = np.random.default_rng(6)
+    wo, wi = directions(rng, 500), directions(rng, 500)
+    normals = {"diffuse": (0.3, 0.1, 1.0), "specular": (-0.2, 0.4, 0.8), "clearcoat": (0.0, -0.3, 0.9)}
+    given = {"roughness": 0.4, "clearcoat": 1.0, "normal": normals["diffuse"]}
+
+    def alone(name: str, **inputs: Any) -> Floats:
+        whole = MODELS["disney"].bsdf(complete_parameters("disney", given | inputs))
+        return evaluate(Bsdf(lambda wo: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name)), wo, wi)
+
+    own = {f"{name}Normal": normals[name] for name in ("specular", "clearcoat")}
+    for name, normal in normals.items():
+        np.testing.assert_array_equal(alone(name, **own), alone(name, normal=normal))
+    # Where they are not given, all lobes share one frame.
+    lobes = MODELS["disney"].bsdf(complete_parameters("disney", given)).lobes(wo)
+    assert len({id(lobe.frame) for lobe in lobes}) == 1
 
 
 def test_the_variants_differ_in_the_shadowing_of_the_specular_lobe_only() -> None:

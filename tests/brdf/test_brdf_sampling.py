@@ -42,6 +42,11 @@ _SETTINGS: dict[str, list[dict[str, object]]] = {
         {"roughness": 0.5, "anisotropic": 1.0, "clearcoatGloss": 0.0, "subsurface": 1.0, "specular": 0.0},
         {"roughness": 1.0, "anisotropic": 0.0, "clearcoatGloss": 1.0, "variant": "2012"},
         {"roughness": 1.0, "anisotropic": 1.0, "clearcoatGloss": 0.0},
+        {"roughness": 0.1, "gamma": 1.5, "normal": (0.3, 0.2, 1.0), "specularNormal": (-0.5, 0.1, 0.8)},
+        {"roughness": 0.3, "gamma": 1.0, "anisotropic": 0.8},
+        {"roughness": 0.4, "gamma": 0.5, "clearcoatNormal": (0.3, 0.2, 1.0)},
+        {"roughness": 0.5, "gamma": 4.0, "anisotropic": 1.0, "variant": "2012"},
+        {"roughness": 1.0, "gamma": 3.0},
     ],
     # Roughness 0 is a cone of 0.25 degrees; from 0.5 on reflection has share 0, at 1 all but diffuse lobes.
     "pixar": [
@@ -153,9 +158,11 @@ def _weights(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("view", ["45", "grazing"])
-@pytest.mark.parametrize("number", range(len(_SETTINGS["pixar"])))
-def test_mixtures_estimate_what_their_lobes_send(number: int, view: str) -> None:
-    bsdf = MODELS["pixar"].bsdf(complete_parameters("pixar", _EVERYWHERE["pixar"] | _SETTINGS["pixar"][number]))
+@pytest.mark.parametrize(
+    ("model", "number"), [("disney", 9), ("disney", 11), *(("pixar", n) for n in range(len(_SETTINGS["pixar"])))]
+)
+def test_mixtures_estimate_what_their_lobes_send(model: str, number: int, view: str) -> None:
+    bsdf = MODELS[model].bsdf(complete_parameters(model, _EVERYWHERE[model] | _SETTINGS[model][number]))
     wo = view_at(*_VIEWS[view])
     wos = np.broadcast_to(wo, (_SAMPLES, 3))
     weights = _weights(bsdf, wos, sample(bsdf, wos, _numbers()))
@@ -166,7 +173,9 @@ def test_mixtures_estimate_what_their_lobes_send(number: int, view: str) -> None
     ]
     total, error = sum(part.total for part in parts), sum(part.error for part in parts)
     noise = 4.0 * weights.std() / np.sqrt(_SAMPLES)
-    assert abs(weights.mean() - total) <= noise + error + 1e-4 * total
+    # The grid does not resolve the surface's horizon across a leaning lobe, about one in a thousand of its nodes.
+    cut = any(lobe.leans and not lobe.crosses for lobe in bsdf.lobes(wo))
+    assert abs(weights.mean() - total) <= noise + error + (1e-3 if cut else 1e-4) * total
 
 
 def _specular(roughness: float) -> Bsdf:

@@ -35,7 +35,7 @@ def generate(*layers: Layer) -> NodeSource:
 
 
 def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
-    """Return constants within soft ranges, many of them at an end."""
+    """Return constants within soft ranges, many of them at an end; no options, which closures may lack."""
     inputs: dict[str, Any] = {}
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
@@ -45,7 +45,7 @@ def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
                 inputs[name] = (*rng.uniform(-0.4, 0.4, 2), 1.0)
         elif parameter.kind == "color":
             inputs[name] = (0.0, 0.0, 0.0) if rng.random() < 0.1 else tuple(rng.uniform(0.05, 1.0, 3))
-        elif rng.random() < 0.5:
+        elif rng.random() < 0.5 and not parameter.optional:
             inputs[name] = float(rng.choice(parameter.soft) if rng.random() < 0.5 else rng.uniform(*parameter.soft))
     return inputs
 

@@ -241,6 +241,16 @@ def test_only_a_leaning_normal_has_a_frame(textures: dict[str, Texture]) -> None
     assert HANDEDNESS in {binding.attribute for binding in leaning.attributes}
 
 
+def test_options_at_their_defaults_and_normals_that_are_the_same_have_no_code(textures: dict[str, Texture]) -> None:
+    bumped = Bump(textures["mask"], 0.1)
+    plain = surface(base(clearcoat=1.0, normal=bumped))
+    own = dict.fromkeys(("specularNormal", "clearcoatNormal"), bumped)
+    assert surface(base(clearcoat=1.0, normal=bumped, gamma=2.0, **own)).osl == plain.osl
+    assert surface(base(clearcoat=1.0, normal=bumped, specularNormal=(0.0, 0.0, 1.0))).osl != plain.osl
+    assert "pow(" in surface(base(gamma=1.5)).osl
+    assert "pow(" not in surface(base()).osl
+
+
 def test_layers_of_two_models_are_in_one_shader(textures: dict[str, Texture]) -> None:
     source = surface(base(metallic=1.0), pixar(textures["mask"], roughness=1.0, back=0.5))
     assert lobes_in(source) == {"specular", "diffuse", "diffuseTransmission"}

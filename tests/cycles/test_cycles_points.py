@@ -45,7 +45,7 @@ def random_batch(*layers: PointLayer, seed: int = 20120808) -> Batch:
     Where the base transmits light, half of the others have the light behind. Normals are the shading normal.
     """
     rng = np.random.default_rng(seed)
-    numbers = tuple(_random_numbers(rng, layer.model) for layer in layers)
+    numbers = tuple(_random_numbers(rng, layer) for layer in layers)
     wo, wi = _directions(rng, COUNT), _directions(rng, COUNT)
     third, some = COUNT // 3, COUNT // 20
     wi[-third:] = wo[-third:] * [-1.0, -1.0, 1.0]
@@ -69,9 +69,11 @@ def random_batch(*layers: PointLayer, seed: int = 20120808) -> Batch:
     return Batch(layers, wo, wi, numbers)
 
 
-def _random_numbers(rng: np.random.Generator, model: str) -> dict[str, Floats]:
+def _random_numbers(rng: np.random.Generator, layer: PointLayer) -> dict[str, Floats]:
     numbers = {"mask": _float32(np.clip(rng.uniform(-0.25, 1.25, COUNT), 0.0, 1.0))}
-    for name, parameter in MODELS[model].parameters.items():
+    for name, parameter in MODELS[layer.model].parameters.items():
+        if name in layer.constants:
+            continue
         if parameter.kind == "normal":
             numbers[name] = np.tile([0.0, 0.0, 1.0], (COUNT, 1))
         elif parameter.kind != "token":
@@ -102,8 +104,8 @@ def assert_values_close(got: Floats, wanted: Floats, tolerance: float = RELATIVE
     np.testing.assert_allclose(got[~visible], wanted[~visible], atol=tolerance * VISIBLE)
 
 
-def disney(variant: str = "2014", mode: Any = "over") -> PointLayer:
-    return PointLayer("disney", {"variant": variant}, mode)
+def disney(variant: str = "2014", mode: Any = "over", options: bool = False) -> PointLayer:
+    return PointLayer("disney", {"variant": variant}, mode, {} if options else MODELS["disney"].options_left_out())
 
 
 def pixar(mode: Any = "over", energy: str = "published") -> PointLayer:
@@ -113,6 +115,7 @@ def pixar(mode: Any = "over", energy: str = "published") -> PointLayer:
 STACKS = {
     "disney 2014": (disney(),),
     "disney 2012": (disney("2012"),),
+    "disney with options": (disney(options=True),),
     "disney over disney": (disney(), disney()),
     "pixar": (pixar(),),
     "pixar conserving": (pixar(energy="conserving"),),

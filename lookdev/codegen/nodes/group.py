@@ -113,6 +113,8 @@ def _folds(parameter: Parameter, value: Any) -> bool:
     elements = elements_of(value)
     if any(isinstance(each, Node) for each in elements):
         return False
+    if parameter.optional and elements[0] == parameter.default:
+        return True
     if parameter.kind == "normal":
         return bool(elements[0] == elements[1] == 0.0 and elements[2] > 0.0)
     return not any(elements) if parameter.kind == "color" else elements[0] in parameter.hard

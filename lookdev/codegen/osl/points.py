@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import MODELS, Mode, StackLayer, stack_bsdf
+from lookdev.brdf.parameters import with_followers
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.surface import expand_template
 from lookdev.codegen.source import ShaderSource
@@ -22,19 +23,21 @@ from lookdev.codegen.trace.symbolic import symbol, symbols
 class PointLayer:
     """The part of a layer at listed points that its code depends on.
 
-    `constants` has the numbers that are the same at every point: they fold as in the shader of a look. All others are
-    read from a table.
+    `constants` has the numbers that are the same at every point: they fold as in the shader of a look. Those
+    `following` have the value of the number that they follow. All others are read from a table.
     """
 
     model: str
     tokens: Mapping[str, str]
     mode: Mode = "over"
     constants: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
+    following: frozenset[str] = frozenset()
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape at one point, () or (3,), of the mask and of every number of the inputs, by name."""
-        numbers = [parameter for parameter in MODELS[self.model].parameters.values() if parameter.kind != "token"]
-        return {"mask": ()} | {number.name: () if number.kind == "float" else (3,) for number in numbers}
+        """Return the shape at one point, () or (3,), of the mask and of every number that follows none, by name."""
+        numbers = {name: each for name, each in MODELS[self.model].parameters.items() if each.kind != "token"}
+        shapes = {name: () if number.kind == "float" else (3,) for name, number in numbers.items()}
+        return {"mask": ()} | {name: shape for name, shape in shapes.items() if name not in self.following}
 
 
 def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
@@ -52,8 +55,8 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
             else:
                 names = _columns(number, name, shape)
                 values[name] = symbols(graph, names) if shape else symbol(graph, *names)
-        mask = values.pop("mask")
-        stack.append(StackLayer(layer.model, values, mask, layer.mode))
+        mask, known = values.pop("mask"), MODELS[layer.model].parameters
+        stack.append(StackLayer(layer.model, with_followers(known, values), mask, layer.mode))
     bsdf = stack_bsdf(stack)
     kept = [lobe for lobe in present_lobes(graph, bsdf) if lobes is None or lobe.name in lobes]
     code = emit_brdf(trace_lobes(graph, kept))
