@@ -6,7 +6,8 @@
 
 Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
 ``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. `presence`, which
-is not of the model, is the part of the surface that is there at all.
+is not of the model, is the part of the surface that is there at all. Normals of single lobes, the general GTR and thin
+films are what section 6 and appendix B suggest.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
+from lookdev.brdf.film import film_reflectance
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
@@ -85,7 +87,10 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     alpha_x, alpha_y = _alphas(p)
 
     def fresnel(cos_theta: Array) -> Array:
-        return mix_color(f0, np.ones(3), schlick_weight(cos_theta))
+        bare = mix_color(f0, np.ones(3), schlick_weight(cos_theta))
+        if same(p["filmThickness"], 0.0):
+            return bare
+        return film_reflectance(bare, cos_theta, p["filmThickness"], p["filmIor"])
 
     def shadowing(cos_theta: Array, w: Array) -> Array:
         if p["variant"] == "2012":
@@ -193,6 +198,18 @@ _PARAMETERS: dict[str, Parameter] = {
             soft=(1.0, 3.0),
             help="Exponent of the specular lobe's GTR distribution: 2 is GGX; less has a longer tail.",
             optional=True,
+        ),
+        Parameter(
+            "filmThickness",
+            "float",
+            0.0,
+            hard=(0.0, 3000.0),
+            soft=(0.0, 1000.0),
+            help="Nanometres of a thin film over the specular lobe, which makes it iridescent; 0: there is none.",
+            optional=True,
+        ),
+        Parameter(
+            "filmIor", "float", 1.33, (1.0, 3.0), (1.0, 2.5), help="Index of refraction of the film.", optional=True
         ),
         Parameter(
             "variant",

@@ -117,7 +117,7 @@ class Model:
         return blended
 
     def options_left_out(self) -> dict[str, float]:
-        """Return the defaults of optional numbers, which leave parts of the model out, by name."""
+        """Return the defaults of optional numbers, by name."""
         optional = {name: each.default for name, each in self.parameters.items() if each.optional}
         return {name: default for name, default in optional.items() if isinstance(default, float)}
 

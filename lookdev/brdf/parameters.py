@@ -26,7 +26,8 @@ class Parameter:
     `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
     in the frame of tangent, bitangent and shading normal, of any length but zero. A `directed` number makes the model
     anisotropic unless it is 0. Where it is not given, it has the value of the parameter that it `follows`, whose
-    default is the same. An `optional` number leaves a part of the model out at its default.
+    default is the same. `optional` numbers belong to parts of the model that
+    their defaults leave out.
     """
 
     name: str

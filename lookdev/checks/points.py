@@ -7,10 +7,11 @@ that renders the look, so that its own code is tested. Both sides start from the
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
-from lookdev.brdf import Bsdf, evaluate, pdf, sample
+from lookdev.brdf import MODELS, Bsdf, evaluate, pdf, sample
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
 from lookdev.checks.finding import Finding, Plot, Series
@@ -50,6 +51,7 @@ def check_points(
     leans = _leans(batch)
     if leans:
         allowed += _rounding(batch, expected)
+    allowed += _option_rounding(batch, expected)
     sound = np.isfinite(got) & (got >= 0.0)
     error = np.abs(np.where(sound, got, 0.0) - expected)
     # Above 1 a case fails.
@@ -171,6 +173,20 @@ def _rounding(batch: Batch, expected: Floats) -> Floats:
         for wo, wi in ((batch.wo + step, batch.wi), (batch.wo, batch.wi + step)):
             total += np.abs(_columns(*_reference(batch, wo, wi)) - expected)
     return total
+
+
+def _option_rounding(batch: Batch, expected: Floats) -> Floats:
+    """Return the change of values by a rounding of optional numbers: of phases and exponents, which magnify it."""
+    change = np.zeros_like(expected)
+    for place, layer in enumerate(batch.layers):
+        for name, default in MODELS[layer.model].options_left_out().items():
+            taken = {**layer.constants, **batch.numbers[place]}
+            if name in taken and np.any(taken[name] != np.asarray(default)):
+                numbers = list(batch.numbers)
+                numbers[place] = {**numbers[place], name: np.asarray(taken[name]) * (1.0 - _TURN)}
+                other = replace(batch, numbers=tuple(numbers))
+                change += np.abs(_columns(*_reference(other, batch.wo, batch.wi)) - expected)
+    return change
 
 
 def _line(batch: Batch, index: int, got: Floats, expected: Floats, excess: Floats) -> str:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lookdev.brdf.disney import COAT_F0
+from lookdev.brdf.film import film_reflectance
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Lobe
@@ -112,7 +113,12 @@ def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     # With B the albedo of GGX and B b that of its Schlick-weighted part, a metal of weight g reflects
     # g B (f (1 - b) + b). The lobe reflects B r (f0 (1 - s) + s), where r s = g b.
     own_mean = ratio * mean / grazing
-    reflected = scale(mix_color(p["f0"], np.ones(3), mean), ratio)
+    fresnel = mix_color(p["f0"], np.ones(3), mean)
+    if not same(p["filmThickness"], 0.0):
+        # The colour of a film at the typical cosine, as that of all microfacets.
+        color = film_reflectance(fresnel, typical, p["filmThickness"], p["filmIor"])
+        return (Closure("ggx", scale(color, ratio), x, y, lobe.frame),)
+    reflected = scale(fresnel, ratio)
     own_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(own_mean, -1)) / np.expand_dims(
         np.maximum(1.0 - own_mean, 0.001), -1
     )

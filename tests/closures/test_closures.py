@@ -63,6 +63,14 @@ def test_every_lobe_has_stand_ins_or_an_error_that_names_it(model: str) -> None:
             lobe_closures(absent, wo)
 
 
+@pytest.mark.parametrize(("roughness", "allowed"), [(0.1, 0.035), (0.3, 0.1)])
+def test_the_albedo_under_a_film(roughness: float, allowed: float) -> None:
+    film = {"filmThickness": 400.0, "filmIor": 1.5, "roughness": roughness}
+    for base in ({"baseColor": (0.02, 0.02, 0.02)}, {"baseColor": (0.9, 0.8, 0.5), "metallic": 1.0}):
+        bsdf = MODELS["disney"].bsdf(complete_parameters("disney", base | film))
+        assert max(deviation(bsdf, view(angle)) for angle in (0.0, 45.0, 75.0)) <= allowed
+
+
 def test_a_gamma_that_no_closure_has_is_an_error() -> None:
     _, specular, _ = MODELS["disney"].bsdf(complete_parameters("disney", {"gamma": 1.5})).lobes(view(40.0))
     with pytest.raises(CodegenError, match="whose gamma is not 2; backend 'exact' or 'nodes-exact'"):

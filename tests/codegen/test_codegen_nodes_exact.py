@@ -39,6 +39,7 @@ LOOKS: dict[str, tuple[Layer, ...]] = {
     "tilted": (layer("disney", baseColor=(0.1, 0.2, 0.5), roughness=0.4, normal=(0.3, -0.2, 0.9)),),
     "mirror": (layer("disney", baseColor=(0.9, 0.7, 0.4), metallic=1.0, roughness=0.0),),
     "painted": (layer("pixar", surfaceColor=(0.7, 0.5, 0.1), roughness=0.3, clear=0.3, back=0.2),),
+    "options": (layer("disney", roughness=0.4, gamma=1.5, filmThickness=400.0, specularNormal=(0.3, -0.2, 0.9)),),
     "bent": (layer("pixar", surfaceColor=(0.7, 0.7, 0.7), clear=0.5, back=0.3, highlightNormal=(-0.4, 0.3, 0.8)),),
     "lacquered": (LEAF, layer("pixar", 0.8, "transmit", surfaceColor=(0.9, 0.5, 0.2), roughness=0.15, clear=0.9)),
     "mixed": (LEAF, COAT),

@@ -1,0 +1,41 @@
+"""The reflectance of a thin film by quadrature over wavelengths, from complex amplitudes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf import conductor
+from lookdev.brdf.conductor import color_matching
+
+Floats = NDArray[np.float64]
+
+WAVELENGTHS = np.arange(380.0, 780.01, 0.5)
+
+
+def color_weights() -> Floats:
+    """Return the weights (3, n) of `WAVELENGTHS` in linear Rec.709, under D65; white is exactly 1."""
+    daylight = np.interp(WAVELENGTHS, conductor._WAVELENGTHS, conductor._D65)
+    weights = conductor._XYZ_TO_REC709 @ (np.asarray(color_matching(WAVELENGTHS)) * daylight[:, None]).T
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+def film_by_quadrature(bare: Floats, cos_theta: Floats, thickness: Floats, ior: Floats) -> Floats:
+    """Return what `lookdev.brdf.film.film_reflectance` approximates, not clipped, for bare (n, 3) and numbers (n,)."""
+    inside = np.sqrt(1.0 - (1.0 - cos_theta**2) / ior**2)
+    # Born and Wolf, 1.6 (55) and (56): a wave through a layer.
+    phase = np.exp(4.0j * np.pi * (ior * inside * thickness)[:, None] / WAVELENGTHS)
+    upper = {
+        "s": (cos_theta - ior * inside) / (cos_theta + ior * inside),
+        "p": (inside - ior * cos_theta) / (inside + ior * cos_theta),
+    }
+    found = np.zeros(bare.shape)
+    for channel, weights in enumerate(color_weights()):
+        whole = -np.sqrt(bare[:, channel])
+        for r12 in upper.values():
+            # The lower face: with the upper one, and no thickness, it reflects `whole`.
+            r23 = (whole - r12) / (1.0 - r12 * whole)
+            wave = r23[:, None] * phase
+            amplitude = (r12[:, None] + wave) / (1.0 + r12[:, None] * wave)
+            found[:, channel] += 0.5 * np.abs(amplitude) ** 2 @ weights
+    return found
