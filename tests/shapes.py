@@ -38,7 +38,7 @@ class Shape:
     def lit(self, place: Floats, light: int) -> None:
         """All lights light all of it."""
 
-    def bsdfs(self, place: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
+    def bsdfs(self, place: Floats, view: Floats) -> Iterator[tuple[NDArray[np.int64], Bsdf]]:
         assert self.bsdf is not None
         yield np.arange(len(place)), self.bsdf
 

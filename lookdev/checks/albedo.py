@@ -19,12 +19,12 @@ from lookdev.asset import load_asset
 from lookdev.brdf import Bsdf
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.frames import Alter, Render, altered, unaltered
-from lookdev.checks.samples import case_layer, constant_look, sample_layers, varying
+from lookdev.checks.samples import case_layer, constant, constant_looks, tokens
 from lookdev.light import Dome, load_environment, make_environment, prepare_light
 from lookdev.light.mapping import uv_to_direction
 from lookdev.material import Look
 from lookdev.material.points import ImagePoints
-from lookdev.material.values import look_bsdf
+from lookdev.material.values import look_bsdf, look_layers
 from lookdev.reference.albedo import Albedo, integrate_albedo, sample_albedo
 from lookdev.render.backends import BACKENDS
 from lookdev.render.scene import scene_task
@@ -84,7 +84,7 @@ def check_albedo(
     look, render
         Its textures are read, and it is rendered in Cycles.
     points
-        Random points of the surface at which a look that varies is taken; a constant look has a single curve.
+        Random points of the surface at which a look that varies over it is taken; any other has a single curve.
     angles
         Views, degrees from the normal, below 90.
     seed
@@ -100,9 +100,8 @@ def check_albedo(
         The backend cannot show the look, or Cycles failed.
     """
     rng = np.random.default_rng(seed)
-    layers = sample_layers(look, points, rng)
-    varies = any(varying(layer) for layer in layers)
-    looks = [constant_look(look, layers, index) for index in range(points if varies else 1)]
+    looks = constant_looks(look, points, rng)
+    varies = len(looks) > 1
     curves = [_measure(each, render, angles, rng, backend, alter) for each in looks]
     transmits = any(each.transmits for each in curves)
     excess = _excess(curves, transmits, _EXACT if BACKENDS[backend].exact else _FITTED)
@@ -136,19 +135,23 @@ def check_albedo(
 def _measure(
     look: Look, render: Render, angles: tuple[float, ...], rng: np.random.Generator, backend: str, alter: Alter
 ) -> _Curves:
-    bsdf = look_bsdf(look, _Anywhere())
     azimuth = float(rng.uniform(0.0, 360.0))
     views = _views(angles, azimuth)
-    quadrature = _stacked([integrate_albedo(bsdf, wo) for wo in views])
-    sampled = _stacked([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for wo in views])
-    transmits = _transmits(bsdf)
+    bsdfs = [look_bsdf(look, _Seen(wo[2])) for wo in views]
+    seen = list(zip(bsdfs, views, strict=True))
+    quadrature = _stacked([integrate_albedo(bsdf, wo) for bsdf, wo in seen])
+    sampled = _stacked([sample_albedo(bsdf, wo, _POINTS, _SCRAMBLES, rng) for bsdf, wo in seen])
+    transmits = any(map(_transmits, bsdfs))
     seed = int(rng.integers(1 << 16))  # exact as a float32, as Blender requires
     rendered = _rendered(look, render, views, transmits, seed, backend, alter)
     return _Curves(look, azimuth, transmits, quadrature, sampled, rendered)
 
 
-class _Anywhere(ImagePoints):
-    """A point of a constant look, which reads its handedness only."""
+@dataclass(frozen=True)
+class _Seen(ImagePoints):
+    """A point of a constant look, which reads its handedness and view only."""
+
+    cosine: float
 
     def uv(self, name: str) -> NoReturn:
         raise AssertionError(f"a constant look reads the UV set {name}")
@@ -158,6 +161,9 @@ class _Anywhere(ImagePoints):
 
     def handedness(self) -> Floats:
         return np.ones(())
+
+    def view(self) -> Floats:
+        return np.asarray(self.cosine)
 
 
 def _views(angles: tuple[float, ...], azimuth: float) -> Floats:
@@ -246,18 +252,19 @@ def _line(curves: list[_Curves], angles: tuple[float, ...], excess: Floats, inde
     point, way, view, side, channel = (int(i) for i in np.unravel_index(index, excess.shape))
     each = curves[point]
     found = (each.sampled, each.cycles)[way]
-    layers = [case_layer(layer.model, layer.inputs, layer.mask, layer.mode) for layer in each.look.layers]
+    wo = _views(angles, each.azimuth)[view]
+    layers = look_layers(each.look, _Seen(wo[2]))
     case = {
         "deviation": float(excess[point, way, view, side, channel]),
         "by": _WAYS[way],
         "side": _SIDES[side],
         "channel": "rgb"[channel],
         "angle": angles[view],
-        "wo": _views(angles, each.azimuth)[view].tolist(),
+        "wo": wo.tolist(),
         "quadrature": float(each.quadrature.value[view, side, channel]),
         "found": float(found.value[view, side, channel]),
         "standard_error": float(found.error[view, side, channel]),
-        "layers": layers,
+        "layers": [case_layer(layer.model, tokens(layer) | constant(layer), layer.mode) for layer in layers],
     }
     return json.dumps(case)
 

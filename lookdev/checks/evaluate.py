@@ -14,10 +14,13 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf import MODELS, Bsdf, Mode, StackLayer, complete_parameters, evaluate, pdf, stack_bsdf
+from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, complete_parameters, evaluate, pdf, stack_bsdf
+from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.parameters import as_numbers, with_followers
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
-from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
+from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shortened
+from lookdev.material.expression import ExpressionError
+from lookdev.material.values import seen
 from lookdev.text import TextError, parse_json
 
 Backend = Literal["numpy", "cycles"]
@@ -43,17 +46,13 @@ class Batch:
 
     def bsdf(self) -> Bsdf:
         """Build the stacks."""
-        return _stack(self.layers, self.numbers)
+        return _stack(self.layers, self.numbers, self.wo)
 
 
-def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]]) -> Bsdf:
-    stack = []
-    for layer, varying in zip(layers, numbers, strict=True):
-        constants = {name: np.asarray(value, dtype=np.float64) for name, value in layer.constants.items()}
-        values = {**layer.tokens, **constants, **varying}
-        mask, known = values.pop("mask"), MODELS[layer.model].parameters
-        stack.append(StackLayer(layer.model, with_followers(known, values), mask, layer.mode))
-    return stack_bsdf(stack)
+def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]], wo: Array) -> Bsdf:
+    # From behind, the normal faces the viewer.
+    view = np.abs(wo[..., 2])
+    return stack_bsdf([layer.at(varying, view) for layer, varying in zip(layers, numbers, strict=True)])
 
 
 def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
@@ -63,7 +62,8 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     ----------
     lines
         One case a line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
-        layers ``{"model", "params", "mask", "mode"}``, base first; other keys and blank lines are kept.
+        layers ``{"model", "params", "mask", "mode"}``, base first; other keys and blank lines are kept. A number may be
+        the text of an expression of the view.
     backend
         ``"numpy"``: the float64 reference; ``"cycles"``: the generated OSL inside Cycles, float32.
 
@@ -154,7 +154,7 @@ def _parse(number: int, line: str) -> _Case | None:
             layers, numbers = _parse_stack(case["layers"])
         else:
             layer, values = _parse_layer(case["model"], case["params"])
-            layers, numbers = (layer,), (values | {"mask": np.ones(())},)
+            layers, numbers = (layer,), (values,)
         return _Case(case, layers, numbers, _direction("wo", case["wo"]), _direction("wi", case["wi"]))
     except LookdevError as error:
         raise ModelError(f"line {number}: {error}") from error
@@ -172,31 +172,51 @@ def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
                 if key not in _LAYER_KEYS:
                     raise ModelError(f"unknown key '{key}' ({nearest_hint(key, list(_LAYER_KEYS))})")
             mask, mode = each.get("mask", 1.0), each.get("mode", "over")
-            if isinstance(mask, bool) or not isinstance(mask, int | float) or not 0.0 <= mask <= 1.0:
+            if not isinstance(mask, str) and (
+                isinstance(mask, bool) or not isinstance(mask, int | float) or not 0.0 <= mask <= 1.0
+            ):
                 raise ModelError(f"mask is {mask!r}; a number from 0 to 1 would be right")
             if mode not in get_args(Mode):
                 raise ModelError(f"mode is {mode!r}; one of {', '.join(get_args(Mode))} would be right")
-            layer, values = _parse_layer(each["model"], each.get("params", {}), mode)
+            layer, values = _parse_layer(each["model"], each.get("params", {}), mode, mask)
         except ModelError as error:
             raise ModelError(f"layer {place}: {error}") from error
         layers.append(layer)
-        numbers.append(values | {"mask": np.asarray(mask, dtype=np.float64)})
-    _stack(layers, numbers)  # raises ModelError where the layers do not combine
+        numbers.append(values)
+    _stack(layers, numbers, ZENITH)  # raises ModelError where the layers do not combine
     return tuple(layers), tuple(numbers)
 
 
-def _parse_layer(model: Any, params: Any, mode: Any = "over") -> tuple[PointLayer, dict[str, Any]]:
+def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -> tuple[PointLayer, dict[str, Any]]:
+    """Return a layer, and its numbers with its mask."""
     if not isinstance(params, dict):
         raise ModelError("params must be an object of names and values")
     if not isinstance(model, str) or model not in MODELS:
         raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack'])})")
-    parameters = complete_parameters(model, params)
+    known = MODELS[model].parameters
+    formulas = {
+        name: value
+        for name, value in with_followers(known, params).items()
+        if isinstance(value, str) and name in known and known[name].kind != "token"
+    }
+    parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
     # At its default, an optional number folds: the code is that of looks without it.
     usual = MODELS[model].options_left_out()
-    folds = {name: default for name, default in usual.items() if parameters[name] == default}
-    numbers = {name: value for name, value in parameters.items() if name not in tokens and name not in folds}
-    return PointLayer(model, tokens, mode, folds), numbers
+    folds = {name: each for name, each in usual.items() if parameters[name] == each and name not in formulas}
+    numbers = {name: value for name, value in parameters.items() if name not in {*tokens, *folds, *formulas}}
+    if isinstance(mask, str):
+        formulas["mask"] = mask
+    else:
+        numbers["mask"] = np.asarray(mask, dtype=np.float64)
+    for name, text in formulas.items():
+        try:
+            seen(text, MASK if name == "mask" else known[name], ZENITH[2])
+        except ExpressionError as error:
+            raise ModelError(
+                f"{model}.{name} is {shortened(text, 40)!r}, no expression of the view: {error}"
+            ) from error
+    return PointLayer(model, tokens, mode, folds, formulas=formulas), numbers
 
 
 def _direction(name: str, value: Any) -> Floats:

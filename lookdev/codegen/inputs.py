@@ -10,6 +10,7 @@ from typing import Any
 from lookdev.cache import Content
 from lookdev.codegen.source import HANDEDNESS, AttributeBinding, short_name
 from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WO
 from lookdev.codegen.trace.symbolic import SymbolicArray, symbol, symbols
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Primvar, Texture
@@ -97,6 +98,9 @@ class Inputs:
 
     def handedness(self) -> SymbolicArray:
         return self._symbol(self._attribute("handed", HANDEDNESS, "float", (1.0,)))
+
+    def view(self) -> SymbolicArray:
+        return symbol(self.graph, WO[2])
 
     def look_up_of(self, symbol: str) -> str | None:
         """Return the name of the look-up that a symbol is a part of, if it is of one."""

@@ -11,6 +11,19 @@ from lookdev.material.look import (
     Primvar,
     Texture,
     Varying,
+    View,
 )
 
-__all__ = ["Bump", "Coordinates", "Displacement", "Formula", "Input", "Layer", "Look", "Primvar", "Texture", "Varying"]
+__all__ = [
+    "Bump",
+    "Coordinates",
+    "Displacement",
+    "Formula",
+    "Input",
+    "Layer",
+    "Look",
+    "Primvar",
+    "Texture",
+    "Varying",
+    "View",
+]

@@ -65,7 +65,10 @@ def shader_definitions() -> str:
     ]
     expression_help = "What is computed, for instance clamp(dirt * (1 - edge), 0, 1). Its names are further inputs."
     expression = [_input("string", "expression", expression_help, constant=True)]
-    expression_doc = "A value computed from named inputs, which are float, color3f or float2."
+    expression_doc = (
+        "A value computed from named inputs, which are float, color3f or float2, and from view, the cosine between the "
+        "shading normal and the direction to the viewer."
+    )
     height_help = "A texture's channel, a primvar, an expression or a constant: how far points move along the normal."
     midlevel_help = "The height at which a point stays where it is."
     units_help = "object: the units of the asset's file, in the object's own space. world: metres."

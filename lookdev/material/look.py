@@ -71,6 +71,19 @@ class Coordinates:
 
 
 @dataclass(frozen=True)
+class View:
+    """The cosine between the shading normal and the direction to the viewer, above 0, as an input of an expression.
+
+    The normal is the mesh's, interpolated, displaced and on the viewer's side, without bumps, normal maps and leaning
+    normals of lobes: z of the direction to the viewer in the frame in which models are evaluated.
+    """
+
+
+VIEW = "view"
+"""The name of a `View` in an expression whose node does not give that name another source."""
+
+
+@dataclass(frozen=True)
 class Formula:
     """A mask expression, its inputs, and which of them are floats and which colours."""
 
@@ -79,7 +92,7 @@ class Formula:
     kinds: dict[str, Kind]
 
 
-Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | Formula"
+Source: TypeAlias = "float | Color | Texture | Primvar | Coordinates | View | Formula"
 """What an expression reads."""
 
 Varying = Texture | Primvar | Bump | Formula
@@ -104,6 +117,11 @@ def leaves(sources: Iterable[Source | Input]) -> Iterator[Source | Input]:
         elif id(source) not in seen:
             seen.add(id(source))
             pending += [*source.inputs.values()][::-1]
+
+
+def depends_on_view(source: Source | Input) -> bool:
+    """Return whether the value of a source depends on the direction to the viewer."""
+    return any(isinstance(leaf, View) for leaf in leaves([source]))
 
 
 @dataclass(frozen=True)

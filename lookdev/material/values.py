@@ -13,7 +13,21 @@ import numpy as np
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
 from lookdev.brdf.parameters import complete, with_followers
 from lookdev.brdf.vectors import same, vector
-from lookdev.material.look import Bump, Coordinates, Formula, Input, Layer, Look, Primvar, Source, Texture, Varying
+from lookdev.material.expression import ExpressionError, Kind, parse
+from lookdev.material.look import (
+    VIEW,
+    Bump,
+    Coordinates,
+    Formula,
+    Input,
+    Layer,
+    Look,
+    Primvar,
+    Source,
+    Texture,
+    Varying,
+    View,
+)
 from lookdev.material.textures import texture_value
 from lookdev.material.translate import layer_parameters, translated
 
@@ -35,6 +49,9 @@ class Surface(Protocol):
 
     def handedness(self) -> Array:
         """Return on which side of the tangent v grows, (...): +1 along cross(normal, tangent), or -1."""
+
+    def view(self) -> Array:
+        """Return the cosine between the shading normal and the direction to the viewer, (...), as `View`."""
 
 
 def look_bsdf(look: Look, surface: Surface) -> Bsdf:
@@ -87,9 +104,7 @@ class Values:
             return self.handed(self._bump(source))
         value = self.read(source, color=parameter.kind == "color")
         if isinstance(source, Varying):
-            low, high = parameter.hard
-            value = value if low == -np.inf else np.maximum(value, low)
-            value = value if high == np.inf else np.minimum(value, high)
+            value = limited(value, parameter)
         return self.handed(value) if parameter.kind == "normal" else value
 
     def handed(self, normal: Array) -> Array:
@@ -111,6 +126,8 @@ class Values:
             case Coordinates():
                 s, t = transformed(source.transform, self.surface.uv(source.st))
                 value, is_color = vector(s, t, 0.0 * s), True
+            case View():
+                value, is_color = self.surface.view(), False
             case Formula():
                 if id(source) not in self._formulas:
                     self._formulas[id(source)] = self._formula(source)
@@ -131,6 +148,31 @@ class Values:
         s, t = slopes[..., 0], slopes[..., 1]
         along_s, along_t = s * a + t * c, s * b + t * d
         return vector(-along_s, -along_t, 1.0 + 0.0 * along_s)
+
+
+def seen(text: str, parameter: Parameter, view: Array) -> Array:
+    """Return a number that is an expression of the `view` (...) alone, as the value of a parameter.
+
+    Raises
+    ------
+    ExpressionError
+        The text is wrong, reads another name, or has a result of another type.
+    """
+    expression = parse(text)
+    kinds: dict[str, Kind] = {VIEW: "float"}
+    kind = expression.check(kinds)
+    gray = (kind, parameter.kind) == ("float", "color")
+    if not gray and (kind == "float") != (parameter.kind == "float"):
+        raise ExpressionError(text, 0, f"the result is a {kind}", f"'{parameter.name}' is a {parameter.kind}")
+    value = limited(expression.evaluate({VIEW: view}, kinds), parameter)
+    return vector(value, value, value) if gray else value
+
+
+def limited(value: Array, parameter: Parameter) -> Array:
+    """Clip a value to the hard range of a parameter."""
+    low, high = parameter.hard
+    value = value if low == -np.inf else np.maximum(value, low)
+    return value if high == np.inf else np.minimum(value, high)
 
 
 def presence(layer: Layer) -> Input:

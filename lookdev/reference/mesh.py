@@ -135,8 +135,8 @@ class MeshScene:
         axes = (frame.tangent, frame.bitangent, frame.normal)
         return np.stack([np.asarray(axis) for axis in axes], axis=1), np.asarray(frame.facet)
 
-    def bsdfs(self, place: Places) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield the places of each look, and its BSDF there.
+    def bsdfs(self, place: Places, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
+        """Yield the places of each look, and its BSDF there, as `Scene`.
 
         Raises
         ------
@@ -148,7 +148,7 @@ class MeshScene:
         worn = self._worn[place["triangle"]]
         for number in np.unique(worn):
             index = np.flatnonzero(worn == number)
-            yield index, look_bsdf(self._looks[number], MeshPoints(self, place[index]))
+            yield index, look_bsdf(self._looks[number], MeshPoints(self, place[index], view[index]))
 
     def interpolated(
         self, place: Places, key: object, what: str, read: Callable[[Mesh], NDArray[Any] | None], width: int
@@ -233,6 +233,7 @@ class MeshPoints(ImagePoints):
 
     scene: MeshScene
     place: Places
+    cosine: Floats
 
     def uv(self, name: str) -> Floats:
         return self.scene.interpolated(self.place, name, f"UV set '{name}'", lambda mesh: mesh.uvs.get(name), 2)
@@ -248,6 +249,9 @@ class MeshPoints(ImagePoints):
 
     def handedness(self) -> Floats:
         return self.scene.interpolated(self.place, handedness, "handedness", handedness, 1)[:, 0]
+
+    def view(self) -> Floats:
+        return self.cosine
 
 
 def _dot(a: Floats, b: Floats) -> Floats:

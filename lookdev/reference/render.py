@@ -75,8 +75,11 @@ class Scene(Protocol):
     def lit(self, place: Places, light: int) -> Mask | None:
         """Return which places a light lights, by its number, (N,); None: all."""
 
-    def bsdfs(self, place: Places) -> Iterator[tuple[Ints, Bsdf]]:
-        """Yield a partition of the places, by index, and the BSDF of each part."""
+    def bsdfs(self, place: Places, view: Floats) -> Iterator[tuple[Ints, Bsdf]]:
+        """Yield a partition of the places, by index, and the BSDF of each part.
+
+        `view` (N,) are the cosines between the shading normals and the directions to the viewer.
+        """
 
 
 def frame_pixels(
@@ -294,7 +297,8 @@ class _Surface:
         frame, facet = scene.frame(place, viewer)
         wo, inside = _to_local(frame, viewer), scene.inside(place, viewer)
         parts = tuple(
-            (part, seen_along(bsdf, wo[part]), bsdf.deltas(wo[part], inside[part])) for part, bsdf in scene.bsdfs(place)
+            (part, seen_along(bsdf, wo[part]), bsdf.deltas(wo[part], inside[part]))
+            for part, bsdf in scene.bsdfs(place, wo[:, 2])
         )
         return cls(scene, place, scene.points(place), frame, facet, wo, parts)
 

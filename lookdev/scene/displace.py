@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -192,3 +193,6 @@ class Corners(ImagePoints):
 
     def handedness(self) -> Doubles:
         return handedness(self.mesh).astype(np.float64)
+
+    def view(self) -> NoReturn:
+        raise AssetError(f"{self.mesh.name}: a displacement depends on the view; one shape for all would be right")

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from lookdev.brdf import Bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.quadrature import half_vector_grid, hemisphere_grid
-from lookdev.checks.samples import constant_look, sample_layers, varying
+from lookdev.checks.samples import constant_looks
 from lookdev.closures import Closure, closure_cosine, lobe_closures
 from lookdev.closures.setups import view_at
 from lookdev.material import Look
@@ -51,9 +51,7 @@ def view(angle: float, azimuth: float = 0.35) -> Floats:
 def bsdfs_of(look: Look, points: int, seed: int = 0) -> list[Bsdf]:
     """Return the constant surfaces of a look at random points, or the one where nothing varies."""
     rng = np.random.default_rng(seed)
-    layers = sample_layers(look, points, rng)
-    count = points if any(varying(layer) for layer in layers) else 1
-    return [look_bsdf(constant_look(look, layers, index), _Anywhere()) for index in range(count)]
+    return [look_bsdf(each, _Anywhere()) for each in constant_looks(look, points, rng)]
 
 
 class _Anywhere:

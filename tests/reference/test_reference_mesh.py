@@ -255,7 +255,7 @@ def test_what_corners_carry_is_interpolated():
     height = mesh.points[mesh.corner_points, 2]
     scene = box_scene(mesh=replace(mesh, primvars={"height": height, "point": mesh.points[mesh.corner_points]}))
     places, _ = places_in(scene, 100, np.random.default_rng(5))
-    points, surface = scene.points(places), MeshPoints(scene, places)
+    points, surface = scene.points(places), MeshPoints(scene, places, np.ones(100))
     np.testing.assert_allclose(surface.uv("st"), points[:, :2], atol=1e-12)
     np.testing.assert_allclose(surface.primvar(Primvar("height", 0.0)), points[:, 2], atol=1e-12)
     np.testing.assert_allclose(surface.primvar(Primvar("point", (0.0, 0.0, 0.0))), points, atol=1e-12)
@@ -271,7 +271,7 @@ def test_what_corners_carry_is_interpolated():
 def test_a_look_that_reads_what_is_not_there_is_refused():
     mesh = box_mesh()
     scene = box_scene(mesh=replace(mesh, primvars={"height": mesh.points[mesh.corner_points, 2]}))
-    surface = MeshPoints(scene, places_in(scene, 10, np.random.default_rng(5))[0])
+    surface = MeshPoints(scene, places_in(scene, 10, np.random.default_rng(5))[0], np.ones(10))
     with pytest.raises(AssetError, match=r"/mesh: no UV set 'other'; it has: st"):
         surface.uv("other")
     with pytest.raises(AssetError, match=r"/mesh: primvar 'height' has 1 numbers a corner, the look reads 3"):

@@ -205,6 +205,8 @@ class _Material:
         elements = [element for value in group.wanted(tree).values() for element in elements_of(value)]
         names = [str(node.args[0]) for node in reachable(elements) if node.op == "symbol"]
         self._attributes |= dict.fromkeys(bind_inputs(self._builder, self._inputs, names))
+        if WO[2] in names:
+            add_frame(self._builder)
         return group.show(self._builder, tree, shaders)
 
 

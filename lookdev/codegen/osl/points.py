@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import MODELS, Mode, StackLayer, stack_bsdf
+from lookdev.brdf import MASK, MODELS, Array, Mode, StackLayer, stack_bsdf
 from lookdev.brdf.parameters import with_followers
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.surface import expand_template
@@ -17,6 +17,7 @@ from lookdev.codegen.source import ShaderSource
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, present_lobes
 from lookdev.codegen.trace.symbolic import symbol, symbols
+from lookdev.material.values import seen
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,8 @@ class PointLayer:
     """The part of a layer at listed points that its code depends on.
 
     `constants` has the numbers that are the same at every point: they fold as in the shader of a look. Those
-    `following` have the value of the number that they follow. All others are read from a table.
+    `following` have the value of the number that they follow, and `formulas` has expressions of the view alone. All
+    others are read from a table.
     """
 
     model: str
@@ -32,12 +34,26 @@ class PointLayer:
     mode: Mode = "over"
     constants: Mapping[str, float | Sequence[float]] = field(default_factory=dict)
     following: frozenset[str] = frozenset()
+    formulas: Mapping[str, str] = field(default_factory=dict)
 
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Return the shape at one point, () or (3,), of the mask and of every number that follows none, by name."""
+        """Return the shape at one point, () or (3,), of the mask and of every number, by name.
+
+        Numbers that follow others or are formulas are left out.
+        """
         numbers = {name: each for name, each in MODELS[self.model].parameters.items() if each.kind != "token"}
         shapes = {name: () if number.kind == "float" else (3,) for name, number in numbers.items()}
-        return {"mask": ()} | {name: shape for name, shape in shapes.items() if name not in self.following}
+        computed = {*self.following, *self.formulas}
+        return {name: shape for name, shape in ({"mask": ()} | shapes).items() if name not in computed}
+
+    def at(self, numbers: Mapping[str, Any], view: Array) -> StackLayer:
+        """Return the layer with `numbers`, those that are read, seen at the cosines `view` (...) to its normal."""
+        known = dict(MODELS[self.model].parameters)
+        constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
+        computed = {name: seen(text, (known | {"mask": MASK})[name], view) for name, text in self.formulas.items()}
+        values = {**self.tokens, **constants, **numbers, **computed}
+        mask = values.pop("mask")
+        return StackLayer(self.model, with_followers(known, values), mask, self.mode)
 
 
 def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = None) -> ShaderSource:
@@ -48,15 +64,12 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
     graph = Graph()
     stack = []
     for number, layer in enumerate(layers):
-        values: dict[str, Any] = dict(layer.tokens)
+        values: dict[str, Any] = {}
         for name, shape in layer.shapes().items():
-            if name in layer.constants:
-                values[name] = np.asarray(layer.constants[name], dtype=np.float64)
-            else:
+            if name not in layer.constants:
                 names = _columns(number, name, shape)
                 values[name] = symbols(graph, names) if shape else symbol(graph, *names)
-        mask, known = values.pop("mask"), MODELS[layer.model].parameters
-        stack.append(StackLayer(layer.model, with_followers(known, values), mask, layer.mode))
+        stack.append(layer.at(values, symbol(graph, WO[2])))
     bsdf = stack_bsdf(stack)
     kept = [lobe for lobe in present_lobes(graph, bsdf) if lobes is None or lobe.name in lobes]
     code = emit_brdf(trace_lobes(graph, kept))

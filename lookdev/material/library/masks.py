@@ -13,6 +13,7 @@ from pxr import Sdf, Usd, UsdShade
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.expression import Expression, ExpressionError, Kind, parse
 from lookdev.material.library.nodes import clear_input, free_path, relative_asset
+from lookdev.material.look import VIEW
 
 IMAGES = (".bmp", ".dpx", ".exr", ".hdr", ".jpeg", ".jpg", ".png", ".tga", ".tif", ".tiff", ".tx", ".webp")
 """File name endings that distinguish an image from an expression."""
@@ -195,6 +196,9 @@ class MaskWriter:
         kinds: dict[str, Kind] = {}
         for each in mask.expression.names:
             source, held = mask.inputs.get(each), self._held.get(each)
+            if source is None and held is None and each == VIEW:
+                kinds[each] = "float"
+                continue
             if source is None and held is None:
                 what = f"'{each}' in the expression has no source"
                 hint = f"add --input {each}=IMAGE, --input {each}=primvar:{each} or a value"

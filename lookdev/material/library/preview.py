@@ -39,7 +39,10 @@ _LARGEST_F0 = 0.9  # an index of refraction of 38
 
 
 class _Grid:
-    """The unit square of st as a `lookdev.material.values.Surface`, (32, 32) points; primvars are their fallbacks."""
+    """The unit square of st as a `lookdev.material.values.Surface`, (32, 32) points; primvars are their fallbacks.
+
+    Each has another view, of those that the disc of a sphere shows.
+    """
 
     st: Value = np.stack(np.meshgrid(*[(np.arange(32) + 0.5) / 32] * 2), axis=-1)
 
@@ -57,6 +60,11 @@ class _Grid:
 
     def handedness(self) -> Value:
         return np.ones(())
+
+    def view(self) -> Value:
+        # Squared cosines are uniform over the disc; 387 / 1024 is near the golden section: even over st, too.
+        squares: Value = (np.arange(1024) * 387 % 1024 + 0.5) / 1024
+        return np.asarray(np.sqrt(squares).reshape(32, 32))
 
 
 def preview_values(layers: Sequence[Layer]) -> dict[str, Value]:

@@ -9,7 +9,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
 from lookdev.errors import nearest_hint
-from lookdev.material.look import Displacement, Formula, Primvar, Texture
+from lookdev.material.look import Displacement, Formula, Primvar, Texture, depends_on_view
 from lookdev.material.usd.inputs import read_input
 from lookdev.material.usd.network import Network, Source, shader_id
 
@@ -44,6 +44,10 @@ def read_displacement(network: Network, material: UsdShade.Material) -> Displace
     scale, midlevel = (_number(network, inputs[name]) for name in ("scale", "midlevel"))
     units = _units(network, inputs["units"])
     if not isinstance(height, float | Texture | Primvar | Formula):
+        return None
+    if depends_on_view(height):
+        hint = "a surface has one shape for all views; parameters and masks can depend on the view"
+        network.fault(f"{source.path}.inputs:height", "depends on the view", hint)
         return None
     return Displacement(height, 1.0 if scale is None else scale, midlevel or 0.0, units)
 

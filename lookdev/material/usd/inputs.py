@@ -13,11 +13,23 @@ from lookdev.brdf import Parameter
 from lookdev.errors import TextureError, nearest_hint
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.expression import ExpressionError, Kind, parse
-from lookdev.material.look import Bump, Channel, Color, Coordinates, Formula, Input, Primvar, Texture, Transform
+from lookdev.material.look import (
+    VIEW,
+    Bump,
+    Channel,
+    Color,
+    Coordinates,
+    Formula,
+    Input,
+    Primvar,
+    Texture,
+    Transform,
+    View,
+)
 from lookdev.material.look import Source as FormulaInput
 from lookdev.material.textures import image_header, resolved, udim_tiles
 from lookdev.material.usd.images import image_path
-from lookdev.material.usd.network import Network, Source, shader_id
+from lookdev.material.usd.network import Network, Source, is_set, shader_id
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
 _CHANNELS: dict[str, tuple[Channel, ...]] = {"float": ("r", "g", "b", "a"), "color": ("rgb",), "normal": ("rgb",)}
@@ -148,6 +160,10 @@ def _read_formula_input(
 ) -> tuple[Kind, FormulaInput] | None:
     attribute = node.shader.GetPrim().GetAttribute(f"inputs:{name}")
     place = f"{node.path}.inputs:{name}"
+    if name == VIEW and not (attribute and is_set(attribute)):
+        if attribute and not network.has_type(attribute, attribute, _TYPES["float"]):
+            return None
+        return "float", View()
     if not attribute:
         what = f"the expression reads '{name}', which is no input of its node"
         network.fault(place, what, f"add float inputs:{name}")
