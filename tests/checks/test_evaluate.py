@@ -1,12 +1,13 @@
-"""`evaluate_lines`: lines that are no case, each refused with its number."""
+"""`evaluate_lines`: lines that are no case, each refused with its number; numbers that depend on the view."""
 
 from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 
-from lookdev.checks.evaluate import evaluate_lines
+from lookdev.checks.evaluate import Backend, evaluate_lines
 from lookdev.errors import ModelError
 
 _CASE = {"model": "disney", "params": {}, "wo": [0, 0, 1], "wi": [0, 0, 1]}
@@ -29,6 +30,15 @@ def _line(**changes: object) -> str:
         (_line(params={"baseColor": ["0", "0", "1"]}), "three numbers would be right"),
         (_line(params={"roughness": 10**400}), "a number would be right"),
         (_line(params={"roughness": "x" * 300_000}), "disney.roughness is 'xxx"),
+        (
+            _line(params={"roughness": "view + dirt"}),
+            "'view + dirt', no expression of the view: unknown",
+        ),
+        (_line(params={"roughness": "[view, 0, 0]"}), "the result is a color ('roughness' is a float)"),
+        (_line(params={"normal": "view"}), "the result is a float ('normal' is a normal)"),
+        (_line(params={"variant": "view"}), "disney.variant is 'view'; one of 2014, 2012"),
+        (_line(params={"mask": "view"}), "unknown parameter 'mask'"),
+        (_line(model="stack", layers=[{"model": "pixar", "mask": "vew"}]), "layer 0: pixar.mask is 'vew'"),
         ("[" * 100_000, "deep"),
         ("9" * 5000, "not JSON: Exceeds the limit"),
         ('{"model" 1}', "column 10: not JSON"),
@@ -40,3 +50,42 @@ def test_a_line_that_is_no_case_is_refused_with_its_number(line, message):
     assert str(caught.value).startswith("line 2: ")
     assert message in str(caught.value)
     assert len(str(caught.value)) < 2000
+
+
+# Each of the second has the numbers that the first has at the view, whose cosine is 0.8.
+_SEEN = (
+    [
+        {
+            "model": "disney",
+            "params": {"roughness": "mix(.6, .1, 1 - view)", "baseColor": "[view, .5, .2]", "metallic": "9"},
+        }
+    ],
+    [{"model": "disney", "params": {"roughness": 0.5, "baseColor": [0.8, 0.5, 0.2], "metallic": 1.0}}],
+)
+_STACKED = (
+    [
+        {
+            "model": "pixar",
+            "params": {"clear": "1 - view", "specularConeScale": "view", "diffuseNormal": "[0, view, 1]"},
+        },
+        {"model": "disney", "params": {"baseColor": "view"}, "mask": "view * view"},
+    ],
+    [
+        {"model": "pixar", "params": {"clear": 0.2, "specularConeScale": 0.8, "diffuseNormal": [0.0, 0.8, 1.0]}},
+        {"model": "disney", "params": {"baseColor": [0.8, 0.8, 0.8]}, "mask": 0.64},
+    ],
+)
+
+
+@pytest.mark.parametrize("backend", ["numpy", pytest.param("cycles", marks=pytest.mark.cycles)])
+def test_numbers_may_be_expressions_of_the_view(backend: Backend) -> None:
+    front, behind = {"wo": [0.6, 0, 0.8], "wi": [-0.6, 0, 0.8]}, {"wo": [0.6, 0, -0.8], "wi": [0, 0.6, -0.8]}
+    lines = [
+        json.dumps({"model": "stack", "layers": layers, **seen})
+        for layers, seen in [*((each, front) for each in (*_SEEN, *_STACKED)), *((each, behind) for each in _STACKED)]
+    ]
+    answers = [json.loads(line) for line in evaluate_lines(lines, backend)]
+    f, density = (np.array([answer[name] for answer in answers]) for name in ("f", "pdf"))
+    assert (f > 0.0).all()
+    np.testing.assert_allclose(f[0::2], f[1::2], rtol=2e-6 if backend == "cycles" else 1e-12)
+    np.testing.assert_allclose(density[0::2], density[1::2], rtol=2e-6 if backend == "cycles" else 1e-12)

@@ -16,15 +16,22 @@ F = np.float32
 
 @dataclass(frozen=True)
 class Carried:
-    """Points that carry primvars and the handedness, by name: a `lookdev.material.values.Surface` without UVs."""
+    """Points seen along `wo` that carry primvars and the handedness, by name.
+
+    It is a `lookdev.material.values.Surface` without UVs.
+    """
 
     values: Mapping[str, Any]
+    wo: Any = None
 
     def primvar(self, primvar: Primvar) -> Any:
         return self.values[primvar.name].astype(np.float64)
 
     def handedness(self) -> Any:
         return self.values[HANDEDNESS].astype(np.float64)
+
+    def view(self) -> Any:
+        return self.wo[..., 2].astype(np.float64)
 
 
 def _where_valid(valid: Any, function: Callable[[], Any]) -> Any:

@@ -18,7 +18,8 @@ from lookdev.codegen import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, Sha
 from lookdev.codegen.nodes.fits import is_fit
 from lookdev.codegen.nodes.look import generate_nodes
 from lookdev.errors import ModelError
-from lookdev.material import Bump, Layer, Look, Primvar, Texture
+from lookdev.material import Bump, Formula, Layer, Look, Primvar, Texture, View
+from lookdev.material.expression import parse
 from lookdev.material.values import look_bsdf
 
 COUNT = 40
@@ -142,7 +143,7 @@ def check(layers: tuple[Layer, ...], values: Mapping[str, Any] | None = None, se
     source = generate(*layers)
     wo, wi = directions(rng, above=True), directions(rng, above=False).astype(np.float64)
     attributes = {HANDEDNESS: np.ones(COUNT, dtype=np.float32)} | dict(values or {})
-    bsdf = look_bsdf(Look("look", layers), Carried(attributes))
+    bsdf = look_bsdf(Look("look", layers), Carried(attributes, wo))
     wanted = np.zeros((COUNT, 3))
     for lobe in bsdf.lobes(wo.astype(np.float64)):
         for closure in lobe_closures(lobe, wo.astype(np.float64)):
@@ -251,6 +252,17 @@ def test_primvars_reach_parameters_and_masks() -> None:
     for model in CONTINUOUS:
         source = check((base, Layer("top", model, {}, mask=Primvar("wear", 0.0))), values)
         assert [binding.attribute for binding in source.attributes] == ["paint", "rough", "wear"]
+
+
+def test_the_view_reaches_parameters_masks_and_presence() -> None:
+    def of_view(text: str) -> Formula:
+        return Formula(parse(text), {"view": View()}, {"view": "float"})
+
+    paint = {"baseColor": of_view("[view, 0.3, 1 - view]"), "roughness": of_view("0.2 + 0.5 * view")}
+    base = Layer("base", "disney", paint | {"presence": of_view("1 - 0.5 * view")})
+    for model in CONTINUOUS:
+        source = check((base, Layer("top", model, {}, mask=of_view("smoothstep(1 - view, 0.3, 0.9)"))))
+        assert source.attributes == ()
 
 
 def test_constants_that_end_a_term_have_no_socket() -> None:

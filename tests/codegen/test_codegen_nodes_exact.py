@@ -16,7 +16,7 @@ from lookdev.codegen import HANDEDNESS, NodeSource, ShaderNode
 from lookdev.codegen.nodes.exact import generate_nodes_exact
 from lookdev.codegen.nodes.frame import frame_tree
 from lookdev.errors import CodegenError
-from lookdev.material import Bump, Formula, Input, Layer, Look, Primvar, Texture
+from lookdev.material import Bump, Formula, Input, Layer, Look, Primvar, Texture, View
 from lookdev.material.expression import parse
 from lookdev.material.values import look_bsdf
 
@@ -31,6 +31,10 @@ def layer(model: str, mask: Any = 1.0, mode: Any = "over", **inputs: Input) -> L
     return Layer(model, model, inputs, mask, mode)
 
 
+def of_view(text: str) -> Formula:
+    return Formula(parse(text), {"view": View()}, {"view": "float"})
+
+
 LEAF = layer("pixar", surfaceColor=(0.3, 0.6, 0.1), roughness=0.4, back=0.5)
 COAT = layer("disney", 0.4, baseColor=(0.1, 0.2, 0.5), roughness=0.4, clearcoat=1.0)
 LOOKS: dict[str, tuple[Layer, ...]] = {
@@ -41,6 +45,10 @@ LOOKS: dict[str, tuple[Layer, ...]] = {
     "painted": (layer("pixar", surfaceColor=(0.7, 0.5, 0.1), roughness=0.3, clear=0.3, back=0.2),),
     "options": (layer("disney", roughness=0.4, gamma=1.5, filmThickness=400.0, specularNormal=(0.3, -0.2, 0.9)),),
     "bent": (layer("pixar", surfaceColor=(0.7, 0.7, 0.7), clear=0.5, back=0.3, highlightNormal=(-0.4, 0.3, 0.8)),),
+    "seen": (
+        layer("disney", roughness=of_view("0.2 + 0.5 * view"), baseColor=of_view("[view, 0.3, 1 - view]")),
+        layer("pixar", of_view("smoothstep(1 - view, 0.3, 0.9)"), clear=of_view("view"), surfaceColor=(0.9, 0.5, 0.2)),
+    ),
     "lacquered": (LEAF, layer("pixar", 0.8, "transmit", surfaceColor=(0.9, 0.5, 0.2), roughness=0.15, clear=0.9)),
     "mixed": (LEAF, COAT),
 }
@@ -108,7 +116,7 @@ def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSour
     """Compare the nodes of a look with `evaluate_cosine`, `pdf` and `sample` of its model."""
     source = generate_nodes_exact(Look("look", layers), no_textures, bounces=2)
     weight, world = run(source, given)
-    bsdf = look_bsdf(Look("look", layers), Carried(given))
+    bsdf = look_bsdf(Look("look", layers), Carried(given, given["wo"]))
     wo = given["wo"].astype(np.float64)
     wi = world @ np.linalg.inv(given["axes"].astype(np.float64))
     drawn = sample(bsdf, wo, given["u"][..., :2].astype(np.float64))
@@ -119,7 +127,7 @@ def assert_samples(layers: tuple[Layer, ...], given: dict[str, Any]) -> NodeSour
     wi = wi[used] / np.linalg.norm(wi[used], axis=-1, keepdims=True)
     wo, weight = wo[used], weight[used]
     seen = {name: value[used] for name, value in given.items() if np.shape(value)[:1] == (COUNT,)}
-    bsdf = look_bsdf(Look("look", layers), Carried(seen))
+    bsdf = look_bsdf(Look("look", layers), Carried(seen, seen["wo"]))
     wanted = evaluate_cosine(bsdf, wo, wi) / pdf(bsdf, wo, wi)[..., None]
     # The quotient is smooth in wi; several hundred roundings, of which lobes with alpha of 0.001 magnify those of wm.
     np.testing.assert_allclose(weight, wanted, rtol=5e-3, atol=1e-5)
@@ -131,7 +139,7 @@ def test_nodes_sample_as_numpy_does(name: str, given: dict[str, Any]) -> None:
     source = assert_samples(LOOKS[name], given)
     assert source.exact
     assert not source.see_through
-    assert source.transmits == (name in ("painted", "bent", "lacquered", "mixed"))
+    assert source.transmits == (name in ("painted", "bent", "lacquered", "mixed", "seen"))
 
 
 def test_what_varies_over_the_surface_is_read(given: dict[str, Any]) -> None:

@@ -14,7 +14,7 @@ from lookdev.errors import LookdevError
 from lookdev.material.library import Preset, find_preset
 from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
 from lookdev.material.library.masks import parse_mask
-from lookdev.material.look import Coordinates, Formula, Primvar, Texture
+from lookdev.material.look import Coordinates, Formula, Primvar, Texture, View
 from lookdev.material.usd import read_look
 
 ROOT = Path(__file__).parents[2]
@@ -238,6 +238,18 @@ def test_noise_over_the_coordinates_of_a_uv_set(paint: Path, take: Take) -> None
     assert isinstance(mask, Formula)
     assert mask.inputs == {"p": Coordinates("st"), "dirt": Texture(paint.parent / "dirt.png", "r", "raw")}
     assert children(paint) == {"Layers", "Base", "Preview", "Rubber", "RubberMask", "RubberMask_dirt", "St"}
+
+
+def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"), parse_mask("smoothstep(1 - view, 0, 1)"))
+    mask = read_look(paint).layers[1].mask
+    assert isinstance(mask, Formula)
+    assert mask.inputs == {"view": View()}
+    set_mask(paint, "1", parse_mask("view", ["view=0.5"]))
+    set_mask(paint, "1", parse_mask("view * 2"))  # a name without a new source keeps its own
+    mask = read_look(paint).layers[1].mask
+    assert isinstance(mask, Formula)
+    assert mask.inputs == {"view": 0.5}
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from lookdev.errors import LookError
 from lookdev.material.expression import parse
 from lookdev.material.library.edit import write_preview
 from lookdev.material.library.preview import preview_values
-from lookdev.material.look import Coordinates, Formula, Layer, Primvar
+from lookdev.material.look import Coordinates, Formula, Layer, Primvar, View
 from lookdev.material.usd import read_look
 
 ROOT = Path(__file__).parents[2]
@@ -98,6 +98,16 @@ def test_layers_are_blended_by_their_masks(mask: Any, amount: float) -> None:
 def test_a_float_expression_of_a_colour_is_grey() -> None:
     values = preview_values([Layer("Base", "disney", {"baseColor": formula("st[0]", st=Coordinates("st"))})])
     assert values["diffuseColor"] == pytest.approx([0.5] * 3)
+
+
+def test_what_depends_on_the_view_is_averaged_over_a_sphere() -> None:
+    """Over the disc that a sphere shows, the cosine is 2/3 and its square 1/2, at every place of st."""
+    inputs = {"roughness": formula("view", view=View()), "metallic": formula("view * view", view=View())}
+    striped = formula("(view * st[0])", view=View(), st=Coordinates("st"))
+    values = preview_values([Layer("Base", "disney", inputs | {"baseColor": striped})])
+    assert values["roughness"] == pytest.approx(2.0 / 3.0, abs=1e-3)
+    assert values["metallic"] == pytest.approx(0.5, abs=1e-3)
+    assert values["diffuseColor"] == pytest.approx([1.0 / 3.0] * 3, abs=2e-3)
 
 
 def test_presence_counts_as_a_mask() -> None:

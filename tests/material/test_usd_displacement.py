@@ -82,6 +82,14 @@ def test_heights_come_from_nodes(write: Write, output: str, more: str, kind: typ
             "/M/Moved.inputs:scale",
             "it must be a constant",
         ),
+        (
+            displaced(
+                "float inputs:height.connect = </M/X.outputs:result>",
+                shader("X", "LookdevExpression", 'string inputs:expression = "0.1 * view"\nfloat outputs:result'),
+            ),
+            "/M/Moved.inputs:height",
+            "depends on the view",
+        ),
     ],
 )
 def test_faults(tmp_path: Path, write: Write, body: str, where: str, what: str) -> None:

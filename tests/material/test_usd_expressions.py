@@ -9,7 +9,8 @@ from look_files import BASE, LAYER1, STACK, disney, faults_of, shader, stack, te
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import SymbolicArray
-from lookdev.material import Coordinates, Formula, Primvar, Texture
+from lookdev.material import Coordinates, Formula, Primvar, Texture, View
+from lookdev.material.look import depends_on_view
 from lookdev.material.textures import sample_texture
 from lookdev.material.usd import read_look
 from lookdev.material.validate.examine import examine
@@ -64,6 +65,32 @@ def test_a_parameter_may_be_an_expression(write) -> None:
     np.testing.assert_array_equal(Values(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
 
 
+@pytest.mark.parametrize("declared", ["", "float inputs:view"])
+def test_the_view_needs_no_source(write, declared: str) -> None:
+    file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float inputs:a = 0.5\n{declared}")), STACK)
+    mask = read_look(file).layers[1].mask
+    assert isinstance(mask, Formula)
+    assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
+    assert examine(file).findings == ()
+
+
+def test_an_input_named_view_is_that_input(write) -> None:
+    connected = "color3f inputs:view.connect = </M/Tex.outputs:rgb>"
+    assert mask_of(write, expression("view", "float inputs:view = 0.25")).inputs == {"view": 0.25}
+    assert isinstance(mask_of(write, expression("view[0]", connected), TEX).inputs["view"], Texture)
+
+
+def test_every_kind_of_parameter_may_depend_on_the_view(write) -> None:
+    links = """color3f inputs:baseColor.connect = </M/Color.outputs:result>
+        float inputs:roughness.connect = </M/Expr.outputs:result>
+        normal3f inputs:normal.connect = </M/Normal.outputs:result>"""
+    nodes = expression("[view, 0, 1 - view]", name="Color", kind="color3f") + expression("view ^ 2")
+    normal = expression("[0.2 * view, 0, 1]", name="Normal", kind="normal3f")
+    look = read_look(write(disney(body=links) + nodes + normal))
+    assert all(depends_on_view(source) for source in look.layers[0].inputs.values())
+    assert len(look.layers[0].inputs) == 3
+
+
 FAULTS = {
     "no text": (expression(""), "/M/Expr.inputs:expression", "holds no expression"),
     "syntax": (expression("1 +"), "/M/Expr.inputs:expression", "^"),
@@ -71,6 +98,7 @@ FAULTS = {
     "unknown function": (expression("smothstep(1, 0, 1)"), "/M/Expr.inputs:expression", "smoothstep"),
     "unused input": (expression("1", "float inputs:dirt = 1"), "/M/Expr.inputs:dirt", "unknown input"),
     "unset input": (expression("dirt", "float inputs:dirt"), "/M/Expr.inputs:dirt", "neither set nor connected"),
+    "a view of another type": (expression("view", "color3f inputs:view"), "/M/Expr.inputs:view", "it must be float"),
     "wrong type": (expression("dirt", "int inputs:dirt = 1"), "/M/Expr.inputs:dirt", "has type int"),
     "a color for a mask": (expression("[1, 0, 0]"), "/M/Expr.inputs:expression", "luminance"),
     "a color for a float": (

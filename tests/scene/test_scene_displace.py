@@ -11,7 +11,7 @@ from lookdev.asset import Asset, Instance, Mesh, Slot, load_asset
 from lookdev.asset.normals import area_vectors, flat_normals
 from lookdev.asset.store import make_asset
 from lookdev.errors import AssetError
-from lookdev.material import Displacement, Layer, Look, Primvar
+from lookdev.material import Displacement, Layer, Look, Primvar, View
 from lookdev.material.expression import parse
 from lookdev.material.look import Coordinates, Formula
 from lookdev.scene.displace import displace
@@ -136,6 +136,10 @@ def test_an_expression_of_coordinates_displaces(sphere: Asset) -> None:
         (
             Displacement(Formula(parse("st[0]"), {"st": Coordinates("map1")}, {"st": "color"})),
             "reads the UV set 'map1'; it has: st",
+        ),
+        (
+            Displacement(Formula(parse("view"), {"view": View()}, {"view": "float"})),
+            "a displacement depends on the view",
         ),
         (Displacement(10.0, scale=1e308), "'look' is not finite"),
         (Displacement(Primvar("h", (0.0, 0.0, 0.0))), "primvar 'h' has 1 numbers; the displacement reads 3"),
