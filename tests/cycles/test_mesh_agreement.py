@@ -56,6 +56,30 @@ def painted(folder: Path) -> tuple[Layer, ...]:
     )
 
 
+def sparkling(folder: Path) -> tuple[Layer, ...]:
+    """Flakes: the specular and the clearcoat lobe have normal maps of their own, under a film, with a longer tail."""
+    grain = image(folder / "grain.png", 2)
+
+    def flakes(repeat: float) -> Texture:
+        transform = (repeat, 0.0, 0.0, 0.0, repeat, 0.0)
+        return Texture(
+            grain, "rgb", "raw", transform=transform, scale=(0.8, 0.8, 0.2, 1.0), bias=(-0.4, -0.4, 0.8, 0.0)
+        )
+
+    inputs = {
+        "baseColor": (0.5, 0.1, 0.2),
+        "metallic": 0.6,
+        "roughness": 0.5,
+        "gamma": 1.6,
+        "filmThickness": 450.0,
+        "clearcoat": 1.0,
+        "clearcoatGloss": 0.2,
+        "specularNormal": flakes(3.0),
+        "clearcoatNormal": flakes(2.0),
+    }
+    return (Layer("Flakes", "disney", inputs),)
+
+
 def embossed(folder: Path) -> tuple[Layer, ...]:
     """Pixar's model, half metal, whose highlights follow a height map."""
     height = Texture(image(folder / "height.png", 3), "g", "raw", transform=(2.0, 1.0, 0.0, -1.0, 2.0, 0.0))
@@ -71,6 +95,8 @@ def embossed(folder: Path) -> tuple[Layer, ...]:
         pytest.param("shaderball", painted, marks=pytest.mark.slow),
         pytest.param("suzanne", embossed, marks=pytest.mark.slow),
         ("shaderball", embossed),
+        ("suzanne", sparkling),
+        pytest.param("shaderball", sparkling, marks=pytest.mark.slow),
     ],
 )
 def test_meshes_agree_within_their_own_noise(name: str, look, render: RenderScene, light_of, tmp_path: Path) -> None:
