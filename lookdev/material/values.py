@@ -156,11 +156,13 @@ def seen(text: str, parameter: Parameter, view: Array) -> Array:
     Raises
     ------
     ExpressionError
-        The text is wrong, reads another name, or has a result of another type.
+        The text is wrong, does not read the view or reads another name, or has a result of another type.
     """
     expression = parse(text)
     kinds: dict[str, Kind] = {VIEW: "float"}
     kind = expression.check(kinds)
+    if VIEW not in expression.names:
+        raise ExpressionError(text, 0, "does not depend on the view", "a number would be right")
     gray = (kind, parameter.kind) == ("float", "color")
     if not gray and (kind == "float") != (parameter.kind == "float"):
         raise ExpressionError(text, 0, f"the result is a {kind}", f"'{parameter.name}' is a {parameter.kind}")

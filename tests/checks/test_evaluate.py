@@ -35,6 +35,7 @@ def _line(**changes: object) -> str:
             "'view + dirt', no expression of the view: unknown",
         ),
         (_line(params={"roughness": "[view, 0, 0]"}), "the result is a color ('roughness' is a float)"),
+        (_line(params={"roughness": "0.5"}), "does not depend on the view (a number would be right)"),
         (_line(params={"normal": "view"}), "the result is a float ('normal' is a normal)"),
         (_line(params={"variant": "view"}), "disney.variant is 'view'; one of 2014, 2012"),
         (_line(params={"mask": "view"}), "unknown parameter 'mask'"),
@@ -57,7 +58,7 @@ _SEEN = (
     [
         {
             "model": "disney",
-            "params": {"roughness": "mix(.6, .1, 1 - view)", "baseColor": "[view, .5, .2]", "metallic": "9"},
+            "params": {"roughness": "mix(.6, .1, 1 - view)", "baseColor": "[view, .5, .2]", "metallic": "9 * view"},
         }
     ],
     [{"model": "disney", "params": {"roughness": 0.5, "baseColor": [0.8, 0.5, 0.2], "metallic": 1.0}}],

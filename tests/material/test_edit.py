@@ -245,6 +245,10 @@ def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
     mask = read_look(paint).layers[1].mask
     assert isinstance(mask, Formula)
     assert mask.inputs == {"view": View()}
+    declared = "float inputs:view\n        string inputs:expression"
+    paint.write_text(paint.read_text().replace("string inputs:expression", declared))
+    set_mask(paint, "1", parse_mask("view ^ 2"))
+    assert "inputs:view" not in paint.read_text()
     set_mask(paint, "1", parse_mask("view", ["view=0.5"]))
     set_mask(paint, "1", parse_mask("view * 2"))  # a name without a new source keeps its own
     mask = read_look(paint).layers[1].mask

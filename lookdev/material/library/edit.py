@@ -26,7 +26,7 @@ from lookdev.material.library.nodes import clear_input, delete, free_path, prune
 from lookdev.material.library.preview import author_preview
 from lookdev.material.look import Look
 from lookdev.material.usd import find_material, read_look, read_material
-from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, shader_id
+from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source, is_set, shader_id
 from lookdev.stage import open_stage, reading
 
 _TYPES = Sdf.ValueTypeNames
@@ -272,7 +272,7 @@ def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
     return {
         name: Held(attribute.GetTypeName(), tuple(attribute.GetConnections()), attribute.Get())
         for name, attribute in inputs.items()
-        if name != "expression"
+        if name != "expression" and is_set(attribute)
     }
 
 
