@@ -222,9 +222,9 @@ def test_normals_of_the_lobes() -> None:
         assert (np.abs(got - wanted)[seen] <= (tolerance * wanted)[seen]).all()
 
 
-@pytest.mark.parametrize("model", ["disney", "pixar"])
-def test_the_oracle(model: str) -> None:
-    lines = (Path(__file__).parents[1] / "oracles" / f"{model}.jsonl").read_text().splitlines()
+@pytest.mark.parametrize("oracle", ["disney", "pixar", pytest.param("pixar_stacks", marks=pytest.mark.slow)])
+def test_the_oracle(oracle: str) -> None:
+    lines = (Path(__file__).parents[1] / "oracles" / f"{oracle}.jsonl").read_text().splitlines()
     # Cycles gets float32 directions; the oracle's are float64 (see above for what that can change).
     wanted = np.array([json.loads(line)["f"] for line in lines])
     got = np.array([json.loads(line)["f"] for line in evaluate_lines(lines, "cycles")])
