@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, complete_parameters, evaluate, pdf, stack_bsdf
 from lookdev.brdf.frames import ZENITH
-from lookdev.brdf.parameters import as_numbers, with_followers
+from lookdev.brdf.fresnel import conductor_fresnel
+from lookdev.brdf.metal import INTERFACE
+from lookdev.brdf.parameters import as_numbers, complete, with_followers
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shortened
 from lookdev.material.expression import ExpressionError
@@ -29,6 +31,7 @@ Floats = NDArray[np.float64]
 _UNIT_TOLERANCE = 1e-4
 _WORKER_PATIENCE = 600.0
 _LAYER_KEYS = ("model", "params", "mask", "mode")
+_FRESNEL = "fresnel"
 
 
 @dataclass(frozen=True)
@@ -62,22 +65,23 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     ----------
     lines
         One case a line: ``{"model", "params", "wo", "wi"}``, or ``{"model": "stack", "layers", "wo", "wi"}`` with
-        layers ``{"model", "params", "mask", "mode"}``, base first; other keys and blank lines are kept. A number may be
-        the text of an expression of the view.
+        layers ``{"model", "params", "mask", "mode"}``, base first; or ``{"model": "fresnel", "params", "cosTheta"}``.
+        Other keys and blank lines are kept. A number may be the text of an expression of the view.
     backend
         ``"numpy"``: the float64 reference; ``"cycles"``: the generated OSL inside Cycles, float32.
 
     Yields
     ------
     str
-        The same lines in the same order, with `f` (three numbers, 1/sr) and `pdf` (1/sr).
+        The same lines in the same order, with `f` (three numbers, 1/sr) and `pdf` (1/sr), or of Fresnel's equations
+        `F`.
 
     Raises
     ------
     ModelError
-        A line is not a case; the message has its number.
+        A line is not a case, or not one of the backend; the message has its number.
     """
-    cases = [_parse(number, line) for number, line in enumerate(lines, start=1)]
+    cases = [_parse(number, line, backend) for number, line in enumerate(lines, start=1)]
     run = {"numpy": evaluate_numpy, "cycles": evaluate_cycles}[backend]
     results: dict[int, tuple[list[float], float]] = {}
     for members, batch in _batches(cases):
@@ -86,6 +90,8 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
     for index, case in enumerate(cases):
         if case is None:
             yield ""
+        elif isinstance(case, _Reflectance):
+            yield json.dumps(case.line | {"F": case.value})
         else:
             f, density = results[index]
             yield json.dumps(case.line | {"f": f, "pdf": density})
@@ -136,7 +142,13 @@ class _Case:
     wi: Floats
 
 
-def _parse(number: int, line: str) -> _Case | None:
+@dataclass(frozen=True)
+class _Reflectance:
+    line: dict[str, Any]
+    value: float
+
+
+def _parse(number: int, line: str, backend: Backend) -> _Case | _Reflectance | None:
     if not line.strip():
         return None
     try:
@@ -145,11 +157,15 @@ def _parse(number: int, line: str) -> _Case | None:
         raise ModelError(str(error)) from None
     if not isinstance(case, dict):
         raise ModelError(f"line {number}: a JSON object with model, params, wo and wi would be right")
-    needed = ("model", "layers" if case.get("model") == "stack" else "params", "wo", "wi")
+    needed: tuple[str, ...] = ("model", "layers" if case.get("model") == "stack" else "params", "wo", "wi")
+    if case.get("model") == _FRESNEL:
+        needed = "model", "params", "cosTheta"
     missing = [key for key in needed if key not in case]
     if missing:
         raise ModelError(f"line {number}: {', '.join(missing)} missing; {', '.join(needed)} are needed")
     try:
+        if case["model"] == _FRESNEL:
+            return _reflectance(case, backend)
         if case["model"] == "stack":
             layers, numbers = _parse_stack(case["layers"])
         else:
@@ -158,6 +174,17 @@ def _parse(number: int, line: str) -> _Case | None:
         return _Case(case, layers, numbers, _direction("wo", case["wo"]), _direction("wi", case["wi"]))
     except LookdevError as error:
         raise ModelError(f"line {number}: {error}") from error
+
+
+def _reflectance(case: dict[str, Any], backend: Backend) -> _Reflectance:
+    if backend != "numpy":
+        raise ModelError(f"'{_FRESNEL}' is no surface that Cycles could render; --backend numpy would be right")
+    values = complete(_FRESNEL, INTERFACE, _object(case["params"]))
+    cosine = as_numbers(case["cosTheta"])
+    if cosine is None or cosine.shape or not 0.0 <= cosine <= 1.0:
+        raise ModelError(f"cosTheta is {case['cosTheta']!r}; a number from 0 to 1 would be right")
+    arguments = (values[name] for name in ("eta", "k", "externalIor", "polarisation"))
+    return _Reflectance(case, float(np.asarray(conductor_fresnel(cosine, *arguments))))
 
 
 def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, Any], ...]]:
@@ -189,11 +216,9 @@ def _parse_stack(given: Any) -> tuple[tuple[PointLayer, ...], tuple[dict[str, An
 
 def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -> tuple[PointLayer, dict[str, Any]]:
     """Return a layer, and its numbers with its mask."""
-    if not isinstance(params, dict):
-        raise ModelError("params must be an object of names and values")
     if not isinstance(model, str) or model not in MODELS:
-        raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack'])})")
-    known = MODELS[model].parameters
+        raise ModelError(f"unknown model '{model}' ({nearest_hint(str(model), [*MODELS, 'stack', _FRESNEL])})")
+    params, known = _object(params), MODELS[model].parameters
     formulas = {
         name: value
         for name, value in with_followers(known, params).items()
@@ -219,6 +244,12 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
     return PointLayer(model, tokens, mode, folds, formulas=formulas), numbers
 
 
+def _object(params: Any) -> dict[str, Any]:
+    if not isinstance(params, dict):
+        raise ModelError("params must be an object of names and values")
+    return params
+
+
 def _direction(name: str, value: Any) -> Floats:
     vector = as_numbers(value)
     if vector is None or vector.shape != (3,) or not abs(float(np.linalg.norm(vector)) - 1.0) < _UNIT_TOLERANCE:
@@ -226,14 +257,14 @@ def _direction(name: str, value: Any) -> Floats:
     return vector
 
 
-def _batches(cases: Sequence[_Case | None]) -> Iterator[tuple[list[int], Batch]]:
+def _batches(cases: Sequence[_Case | _Reflectance | None]) -> Iterator[tuple[list[int], Batch]]:
     """Group cases by all but their numbers: each group is one array evaluation, or one shader."""
     groups: dict[str, list[int]] = {}
     for index, case in enumerate(cases):
-        if case is not None:
+        if isinstance(case, _Case):
             groups.setdefault(repr(case.layers), []).append(index)
     for members in groups.values():
-        chosen = [case for index in members if (case := cases[index]) is not None]
+        chosen = [case for index in members if isinstance(case := cases[index], _Case)]
         first = chosen[0]
         numbers = tuple(
             {name: np.stack([case.numbers[place][name] for case in chosen]) for name in first.numbers[place]}

@@ -96,7 +96,10 @@ def evaluate(
         Evaluator, typer.Option("--backend", help="numpy: the float64 models; cycles: the generated OSL.")
     ] = Evaluator.numpy,
 ) -> None:
-    """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout."""
+    """Evaluate models: JSON lines with model, params, wo, wi on stdin; the same with f and pdf on stdout.
+
+    Of the model "fresnel": lines with cosTheta; the same with F.
+    """
     from lookdev.checks.evaluate import evaluate_lines
     from lookdev.text import decoded
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,13 @@ from lookdev.checks.evaluate import Backend, evaluate_lines
 from lookdev.errors import ModelError
 
 _CASE = {"model": "disney", "params": {}, "wo": [0, 0, 1], "wi": [0, 0, 1]}
+
+
+_FRESNEL = {"model": "fresnel", "params": {"eta": 1.5}, "cosTheta": 1}
+
+
+def _fresnel(**changes: object) -> str:
+    return json.dumps(_FRESNEL | changes)
 
 
 def _line(**changes: object) -> str:
@@ -40,6 +48,16 @@ def _line(**changes: object) -> str:
         (_line(params={"variant": "view"}), "disney.variant is 'view'; one of 2014, 2012"),
         (_line(params={"mask": "view"}), "unknown parameter 'mask'"),
         (_line(model="stack", layers=[{"model": "pixar", "mask": "vew"}]), "layer 0: pixar.mask is 'vew'"),
+        (_line(model="fresnel"), "cosTheta missing; model, params, cosTheta are needed"),
+        (_line(model="fresnle"), "did you mean 'fresnel'"),
+        (_fresnel(cosTheta=1.5), "cosTheta is 1.5; a number from 0 to 1 would be right"),
+        (_fresnel(cosTheta=[1, 1, 1]), "cosTheta is [1, 1, 1]; a number from 0 to 1"),
+        (_fresnel(cosTheta=float("nan")), "cosTheta is nan; a number"),
+        (_fresnel(cosTheta=True), "cosTheta is True; a number"),
+        (_fresnel(params=[]), "params must be an object"),
+        (_fresnel(params={"n": 1.5}), "fresnel: unknown parameter 'n'"),
+        (_fresnel(params={"eta": 0.0}), "fresnel.eta is 0.0; its range is 0.05 to 10"),
+        (_fresnel(params={"eta": [1, 1, 1]}), "fresnel.eta is [1, 1, 1]; a number would be right"),
         ("[" * 100_000, "deep"),
         ("9" * 5000, "not JSON: Exceeds the limit"),
         ('{"model" 1}', "column 10: not JSON"),
@@ -90,3 +108,25 @@ def test_numbers_may_be_expressions_of_the_view(backend: Backend) -> None:
     assert (f > 0.0).all()
     np.testing.assert_allclose(f[0::2], f[1::2], rtol=2e-6 if backend == "cycles" else 1e-12)
     np.testing.assert_allclose(density[0::2], density[1::2], rtol=2e-6 if backend == "cycles" else 1e-12)
+
+
+def test_fresnel_answers_with_the_reflectance() -> None:
+    lines = (Path(__file__).parents[1] / "oracles" / "fresnel.jsonl").read_text().splitlines()
+    cases = [json.loads(line) for line in lines]
+    wanted = [case.pop("F") for case in cases]
+    # Among other lines, with keys of its own.
+    given = [_line(), *(json.dumps(case | {"mine": number}) for number, case in enumerate(cases)), "", _fresnel()]
+    disney, *answers, blank, glass = evaluate_lines(given, "numpy")
+    assert "f" in json.loads(disney)
+    assert blank == ""
+    assert json.loads(glass) == _FRESNEL | {"F": pytest.approx(0.04, rel=1e-12)}
+    found = [json.loads(answer) for answer in answers]
+    assert [answer | {"F": None} for answer in found] == [
+        case | {"mine": number, "F": None} for number, case in enumerate(cases)
+    ]
+    np.testing.assert_allclose([answer["F"] for answer in found], wanted, rtol=1e-9, atol=1e-12)
+
+
+def test_fresnel_is_not_for_cycles() -> None:
+    with pytest.raises(ModelError, match=r"line 1: 'fresnel' is no surface .*; --backend numpy would be right"):
+        list(evaluate_lines([_fresnel()], "cycles"))
