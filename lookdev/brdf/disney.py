@@ -5,9 +5,9 @@
 - Hanrahan, P. and Krueger, W. 1993. Reflection from Layered Surfaces due to Subsurface Scattering. SIGGRAPH.
 
 Three lobes: `diffuse` (diffuse, subsurface shape and sheen), `specular` (GTR2) and `clearcoat` (GTR1). As published,
-``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. `presence`, which
-is not of the model, is the part of the surface that is there at all. Normals of single lobes, the general GTR and thin
-films are what section 6 and appendix B suggest.
+``specular = 0`` does not remove the specular lobe: Schlick's term still rises to 1 at grazing angles. Normals of single
+lobes, the general GTR and thin films are what section 6 and appendix B suggest. Not of the model: `presence` is the
+part of the surface that is there at all, and metals may have their exact Fresnel term.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from lookdev.brdf.film import film_reflectance
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
+from lookdev.brdf.metal import is_exact, metal_fresnel, metal_parameters
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter
-from lookdev.brdf.reflectance import ggx_reflectance
+from lookdev.brdf.reflectance import ggx_albedo, ggx_reflectance
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, mix, mix_color, reflect, same, scale
 
 COAT_F0 = 0.04
@@ -76,21 +77,24 @@ def _alphas(p: Parameters) -> tuple[Array, Array]:
     return np.maximum(0.001, square / aspect), np.maximum(0.001, square * aspect)
 
 
-# Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals take the base colour.
+# Section 5.5 and figure 14: specular maps to [0, 0.08], tinted; metals take the base colour, unless they are exact.
 def _f0(p: Parameters) -> Array:
     dielectric = scale(mix_color(np.ones(3), _tint(p["baseColor"]), p["specularTint"]), 0.08 * p["specular"])
-    return mix_color(dielectric, p["baseColor"], p["metallic"])
+    return dielectric if is_exact(p) else mix_color(dielectric, p["baseColor"], p["metallic"])
+
+
+def _fresnel(p: Parameters, cos_theta: Array) -> Array:
+    """Return the specular lobe's term (..., 3) at a cosine (...)."""
+    schlick = mix_color(_f0(p), np.ones(3), schlick_weight(cos_theta))
+    bare = mix_color(schlick, metal_fresnel(p, cos_theta), p["metallic"]) if is_exact(p) else schlick
+    if same(p["filmThickness"], 0.0):
+        return bare
+    return film_reflectance(bare, cos_theta, p["filmThickness"], p["filmIor"])
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
-    roughness, f0 = p["roughness"], _f0(p)
+    roughness = p["roughness"]
     alpha_x, alpha_y = _alphas(p)
-
-    def fresnel(cos_theta: Array) -> Array:
-        bare = mix_color(f0, np.ones(3), schlick_weight(cos_theta))
-        if same(p["filmThickness"], 0.0):
-            return bare
-        return film_reflectance(bare, cos_theta, p["filmThickness"], p["filmIor"])
 
     def shadowing(cos_theta: Array, w: Array) -> Array:
         if p["variant"] == "2012":
@@ -108,7 +112,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def evaluate(d: Directions) -> Array:
         # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
         g = shadowing(d.cos_theta_i, d.wi) * shadowing(d.cos_theta_o, d.wo)
-        return scale(fresnel(d.cos_theta_d), distribution(d.wm) * g)
+        return scale(_fresnel(p, d.cos_theta_d), distribution(d.wm) * g)
 
     def density(d: Directions) -> Array:
         if ggx:
@@ -124,13 +128,13 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         "disney",
         "specular",
         # Microfacets lean away from the normal: with F0 = 0 the lobe is not black as seen along the normal.
-        np.maximum(mean(fresnel(wo[..., 2])), 0.001),
+        np.maximum(mean(_fresnel(p, wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=density,
         sample=sample,
         group="specular",
         frame=frame,
-        values={**p, "f0": f0, "alpha_x": alpha_x, "alpha_y": alpha_y},
+        values={**p, "f0": _f0(p), "alpha_x": alpha_x, "alpha_y": alpha_y},
     )
 
 
@@ -218,6 +222,7 @@ _PARAMETERS: dict[str, Parameter] = {
             choices=("2014", "2012"),
             help="2014: Smith G with the lobe's own alpha (addenda). 2012: isotropic G with remapped roughness.",
         ),
+        *metal_parameters("apart"),
     )
 }
 
@@ -245,7 +250,11 @@ def _reflectance(p: Parameters, wo: Array) -> Real:
     cos_theta = frame_of(p["specularNormal"]).facing(wo).to_local(wo)[..., 2]
     alpha_x, alpha_y = _alphas(p)
     # A lobe of both alphas resembles one of their mean.
-    return ggx_reflectance(cos_theta, np.minimum(np.sqrt(alpha_x * alpha_y), 1.0), mean(_f0(p)))
+    alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
+    if is_exact(p):
+        whole, typical = ggx_albedo(cos_theta, alpha)
+        return whole * mean(_fresnel(p, typical))
+    return ggx_reflectance(cos_theta, alpha, mean(_f0(p)))
 
 
 def _preview(p: Parameters) -> dict[str, Real]:

@@ -1,8 +1,15 @@
-"""Parameters of Fresnel's equations."""
+"""Parameters of Fresnel's equations, and metals that reflect by them."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Literal
+
+import numpy as np
+
+from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import Array, Parameters
 
 INTERFACE: dict[str, Parameter] = {
     parameter.name: parameter
@@ -14,3 +21,31 @@ INTERFACE: dict[str, Parameter] = {
     )
 }
 """Between a dielectric and what may be a conductor, for one wavelength."""
+
+CONDUCTOR = "conductor"
+
+
+def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
+    """Return the parameters of a model whose metal may be exact; `among` is that of the choice."""
+    return (
+        Parameter(
+            "fresnel",
+            "token",
+            "schlick",
+            choices=("schlick", CONDUCTOR),
+            among=among,
+            help="Of metals. schlick: as published. conductor: the exact curve of eta and k.",
+        ),
+        replace(INTERFACE["eta"], kind="color", default=(1.5, 1.5, 1.5)),
+        replace(INTERFACE["k"], kind="color", default=(0.0, 0.0, 0.0)),
+    )
+
+
+def is_exact(p: Parameters) -> bool:
+    """Return whether metals follow the exact curve."""
+    return bool(p["fresnel"] == CONDUCTOR)
+
+
+def metal_fresnel(p: Parameters, cos_theta: Array) -> Array:
+    """Return the exact reflectance (..., 3) of a metal, in air and for unpolarised light, at a cosine (...)."""
+    return conductor_fresnel(np.expand_dims(cos_theta, -1), p["eta"], p["k"])

@@ -121,6 +121,16 @@ class Model:
         optional = {name: each.default for name, each in self.parameters.items() if each.optional}
         return {name: default for name, default in optional.items() if isinstance(default, float)}
 
+    def apart(self, one: Parameters, other: Parameters) -> bool:
+        """Return whether layers with these parameters differ in a token by which they cannot be combined."""
+        return any(
+            parameter.among == "apart" and one[name] != other[name] for name, parameter in self.parameters.items()
+        )
+
+    def tokens(self, given: Mapping[str, str]) -> dict[str, str]:
+        """Return all tokens of the model, by name: those that are given, and defaults."""
+        return {each.name: str(each.default) for each in self.parameters.values() if each.kind == "token"} | dict(given)
+
     def complete(self, given: Mapping[str, object]) -> dict[str, Any]:
         """Return `lookdev.brdf.parameters.complete` of this model."""
         return complete(self.name, self.parameters, given)

@@ -26,8 +26,10 @@ class Parameter:
     `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
     in the frame of tangent, bitangent and shading normal, of any length but zero. A `directed` number makes the model
     anisotropic unless it is 0. Where it is not given, it has the value of the parameter that it `follows`, whose
-    default is the same. `optional` numbers belong to parts of the model that
-    their defaults leave out.
+    default is the same. `optional` numbers belong to parts of the model that their defaults leave out.
+
+    `among` layers that one model combines, a token must be ``"alike"``; layers that differ in it are blended
+    ``"apart"``, as those of two models are; or it is each layer's ``"own"``.
     """
 
     name: str
@@ -40,6 +42,7 @@ class Parameter:
     directed: bool = False
     follows: str = ""
     optional: bool = False
+    among: Literal["alike", "apart", "own"] = "alike"
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:

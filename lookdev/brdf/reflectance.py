@@ -24,9 +24,15 @@ def ggx_reflectance(cos_theta: Array, alpha: Array, f0: Array) -> Real:
 
     The lobe is GGX with Smith's separable shadowing; its Fresnel term rises from `f0` to 1.
     """
+    whole, typical = ggx_albedo(cos_theta, alpha)
+    return whole * mix(f0, 1.0, schlick_weight(typical))
+
+
+def ggx_albedo(cos_theta: Array, alpha: Array) -> tuple[Array, Array]:
+    """Return what that lobe reflects without a Fresnel term, and the cosine at which Schlick's is its mean, (...)."""
     whole = np.clip(_fit("whole")(relative_cosine(cos_theta, alpha), alpha), 0.0, 1.0)
     typical = np.clip(_fit("cosine")(cos_theta, alpha), 0.0, 1.0)
-    return whole * mix(f0, 1.0, schlick_weight(typical))
+    return whole, typical
 
 
 def relative_cosine(cos_theta: Array, alpha: Array) -> Array:

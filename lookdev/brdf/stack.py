@@ -1,7 +1,7 @@
 """Stacks of layers as one BSDF, whatever their models.
 
 From the base up, layers of the base's model are combined by that model's rule. From the first layer of another model,
-or coat, on, evaluated BSDFs are blended by the masks.
+or coat, or that differs in a token by which layers are apart, on, evaluated BSDFs are blended by the masks.
 """
 
 from __future__ import annotations
@@ -43,7 +43,13 @@ def stack_bsdf(layers: Sequence[StackLayer]) -> Bsdf:
 def runs(layers: Sequence[StackLayer]) -> list[Sequence[StackLayer]]:
     """Split layers into those that one model combines: the base and those like it, then one by one."""
     base, *others = layers
-    like = takewhile(lambda each: each.model == base.model and each.mode != "coat", others)
+    model = model_named(base.model)
+    like = takewhile(
+        lambda each: (
+            each.model == base.model and each.mode != "coat" and not model.apart(base.parameters, each.parameters)
+        ),
+        others,
+    )
     count = 1 + len(list(like))
     return [layers[:count], *([layer] for layer in layers[count:])]
 

@@ -242,7 +242,7 @@ def _columns(f: Floats, density: Floats) -> Floats:
 
 
 def _most(layers: Sequence[PointLayer]) -> float:
-    return max(MODELS[layer.model].energy(layer.tokens) for layer in layers)
+    return max(model.energy(model.tokens(layer.tokens)) for layer in layers for model in [MODELS[layer.model]])
 
 
 def _largest_albedo(layers: Sequence[PointLayer], rng: np.random.Generator, depth: Depth) -> float:

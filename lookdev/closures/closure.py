@@ -18,14 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.brdf.frames import ZENITH, Frame, Upright
-from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.fresnel import conductor_fresnel, schlick_weight
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.microfacet import gtr2_aniso
 from lookdev.brdf.vectors import TINY, Array, Real, dot, mix_color, normalize, scale
 
 Kind = Literal[
     "diffuse", "rough_diffuse", "translucent",
-    "ggx", "beckmann", "metal", "sheen", "ggx_refraction", "beckmann_refraction",
+    "ggx", "beckmann", "metal", "conductor", "sheen", "ggx_refraction", "beckmann_refraction",
 ]  # fmt: skip
 
 Floats = NDArray[np.float64]
@@ -38,10 +38,10 @@ class Closure:
     kind
         ``"diffuse"`` (Lambert), ``"rough_diffuse"`` (Oren and Nayar), ``"translucent"`` (Lambert on the other side),
         ``"ggx"`` and ``"beckmann"`` (reflecting microfacets, single scattering, height-correlated shadowing),
-        ``"metal"`` (GGX with Schlick's Fresnel), ``"sheen"`` (a metal of alpha 1 and `f0` 0), ``"ggx_refraction"`` and
-        ``"beckmann_refraction"`` (microfacets that transmit all light).
+        ``"metal"`` (GGX with Schlick's Fresnel), ``"conductor"`` (GGX with the exact one), ``"sheen"`` (a metal of
+        alpha 1 and `f0` 0), ``"ggx_refraction"`` and ``"beckmann_refraction"`` (microfacets that transmit all light).
     weight : (..., 3)
-        At least 0; of a metal and of a rough diffuse one grey and at most 1.
+        At least 0; of a metal, a conductor and a rough diffuse one grey and at most 1.
     alpha_x, alpha_y : (...)
         Along the first two axes of `frame`, in [0.001, 1], the first 1 to 10 times the second; without meaning for
         Lambert's and sheen. Where their product is below 2e-10, Cycles renders a mirror.
@@ -53,6 +53,8 @@ class Closure:
         Of a metal, its reflectance at normal incidence, in [0, 1]; of a rough diffuse one its colour, at least 0.
     roughness : (...)
         Of a rough diffuse one, in [0, 1].
+    eta, k : (..., 3)
+        Of a conductor, its index of refraction.
     """
 
     kind: Kind
@@ -63,6 +65,8 @@ class Closure:
     ior: Real = 1.0
     f0: Array = field(default_factory=lambda: np.zeros(3))
     roughness: Real = 0.0
+    eta: Array = field(default_factory=lambda: np.ones(3))
+    k: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def transmits(self) -> bool:
@@ -95,6 +99,10 @@ def closure_cosine(closure: Closure, wo: Floats, wi: Floats) -> Floats:
         color = color * _oren_nayar(closure, o, i)
     if closure.kind in ("metal", "sheen"):
         color = color * mix_color(closure.f0, np.ones(3), schlick_weight(dot(o, normalize(o + i))))
+    if closure.kind == "conductor":
+        # As in Cycles 5.2; Cycles 4.5 approximates it.
+        cos_theta_d = np.expand_dims(dot(o, normalize(o + i)), -1)
+        color = color * conductor_fresnel(np.minimum(cos_theta_d, 1.0), closure.eta, closure.k)
     return np.asarray(scale(color, np.where(valid, value, 0.0)))
 
 

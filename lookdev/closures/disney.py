@@ -7,7 +7,7 @@ to the lobe's normal, weights are colours.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from lookdev.brdf.film import film_reflectance
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Lobe
+from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.microfacet import smith_ggx
 from lookdev.brdf.vectors import TINY, Array, Real, mix, mix_color, same, scale
 from lookdev.closures.closure import Closure, StandIn, rough_diffuse_albedo
@@ -86,7 +87,10 @@ def _subsurface(color: Array, cos_theta: Array, roughness: Array, frame: Frame) 
 
 
 def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
-    """Return closures for the specular lobe: a metal and GGX with its alphas; another gamma raises CodegenError."""
+    """Return closures for the specular lobe: a metal and GGX with its alphas, of exact metals a conductor too.
+
+    Another gamma than 2 raises CodegenError.
+    """
     p, wo = lobe.values, lobe.frame.to_local(wo)
     if not same(p["gamma"], 2.0):
         raise CodegenError(
@@ -125,10 +129,23 @@ def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     # All microfacets reflect alike what f in [0, 1] does not reach.
     rest = np.maximum(reflected - np.expand_dims(grazing, -1), 0.0)
     weight = np.expand_dims(grazing, -1) * np.ones(3)
-    return (
+    closures = (
         Closure("metal", weight, x, y, lobe.frame, f0=np.clip(own_f0, 0.0, 1.0)),
         Closure("ggx", rest, x, y, lobe.frame),
     )
+    if not is_exact(p):
+        return closures
+    # With the same B, a conductor reflects B g F(c) of its own typical cosine c: where Schlick's weight is its mean.
+    own, wanted = (metal_fresnel(p, 1.0 - np.power(np.clip(each, 0.0, 1.0), 0.2)) for each in (own_mean, mean))
+    exact = scale(wanted, ratio)
+    channels = exact / np.maximum(own, TINY)
+    grey = np.clip(np.minimum(np.minimum(channels[..., 0], channels[..., 1]), channels[..., 2]), 0.0, 1.0)
+    metals = (
+        Closure("conductor", np.expand_dims(grey, -1) * np.ones(3), x, y, lobe.frame, eta=p["eta"], k=p["k"]),
+        Closure("ggx", np.maximum(exact - scale(own, grey), 0.0), x, y, lobe.frame),
+    )
+    parts = (closures, 1.0 - p["metallic"]), (metals, p["metallic"])
+    return tuple(replace(each, weight=scale(each.weight, share)) for part, share in parts for each in part)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from random_parameters import EVERY, VARIANTS, directions, near_the_mirror_image
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.errors import ModelError
 from lookdev.reference.albedo import integrate_albedo
 
@@ -254,6 +255,28 @@ def _blended(below: Any, above: Any, mask: Any) -> Any:
     return MODELS["disney"].blended([StackLayer("disney", below), StackLayer("disney", above, mask)])
 
 
+def test_an_exact_metal_is_disneys_with_another_fresnel_term() -> None:
+    rng = np.random.default_rng(8)
+    wo, wi = directions(rng, 300), directions(rng, 300)
+    eta, k = (0.15, 0.45, 1.35), (3.5, 2.4, 1.9)
+    given = {"roughness": 0.4, "anisotropic": 0.5, "specular": 0.7, "specularTint": 0.5, "baseColor": (0.2, 0.6, 0.9)}
+
+    def f(**more: object) -> Floats:
+        return evaluate(MODELS["disney"].bsdf(complete_parameters("disney", given | more)), wo, wi)
+
+    exact = {"fresnel": "conductor", "eta": eta, "k": k}
+    # Where Schlick's term is 1.
+    white = f(metallic=1.0, baseColor=(1.0, 1.0, 1.0))
+    wm = (wo + wi) / np.linalg.norm(wo + wi, axis=-1, keepdims=True)
+    curve = conductor_fresnel((wo * wm).sum(axis=-1, keepdims=True), np.array(eta), np.array(k))
+    np.testing.assert_allclose(f(metallic=1.0, **exact), white * curve, rtol=1e-11)
+    # The dielectric is as it was, and metallic blends the two linearly.
+    np.testing.assert_array_equal(f(metallic=0.0, **exact), f(metallic=0.0))
+    np.testing.assert_allclose(
+        f(metallic=0.3, **exact), 0.7 * f(metallic=0.0) + 0.3 * f(metallic=1.0, **exact), rtol=1e-11
+    )
+
+
 def test_a_mask_of_0_or_1_is_exact() -> None:
     rng = np.random.default_rng(6)
     # Three points: a float's (3,) is no colour.
@@ -295,6 +318,9 @@ def test_layers_agree_on_tokens() -> None:
         ("disney", {"baseColor": (True, "x", None)}, "three numbers would be right"),
         ("disney", {"variant": "2013"}, "disney.variant is '2013'; one of 2014, 2012 would be right"),
         ("disney", {"variant": [1]}, r"disney.variant is \[1\]; one of"),
+        ("disney", {"fresnel": "exact"}, "disney.fresnel is 'exact'; one of schlick, conductor would be right"),
+        ("disney", {"eta": (0.04, 1.0, 1.0)}, r"disney.eta is .*; its range is 0.05 to 10"),
+        ("disney", {"k": (0.0, 0.0, 21.0)}, r"disney.k is .*; its range is 0 to 20"),
         ("pixar", {"ior": 0.9}, r"pixar.ior is 0.9; its range is 1 to 10"),
         ("pixar", {"energy": "free"}, "pixar.energy is 'free'; one of published, conserving would be right"),
         ("pixar", {"diffuseNormal": 1.0}, "pixar.diffuseNormal is 1.0; three numbers would be right"),

@@ -30,6 +30,8 @@ _VIEWS = {
     "80": (80.0, 110.0),
     "grazing": (89.0, 200.0),
 }
+_GOLD = {"fresnel": "conductor", "eta": (0.15, 0.45, 1.35), "k": (3.5, 2.4, 1.9)}
+_GLASS = {"fresnel": "conductor", "eta": (1.5, 0.05, 10.0), "k": (0.0, 0.0, 20.0)}
 # Roughness 0 is alpha at its floor, the narrowest lobe. A model without settings is tested by its probe.
 _SETTINGS: dict[str, list[dict[str, object]]] = {
     "disney": [
@@ -47,6 +49,9 @@ _SETTINGS: dict[str, list[dict[str, object]]] = {
         {"roughness": 0.4, "gamma": 0.5, "clearcoatNormal": (0.3, 0.2, 1.0)},
         {"roughness": 0.5, "gamma": 4.0, "anisotropic": 1.0, "variant": "2012"},
         {"roughness": 1.0, "gamma": 3.0},
+        {"roughness": 0.0, "metallic": 1.0, "clearcoat": 0.0, **_GOLD},
+        {"roughness": 0.4, "metallic": 1.0, "clearcoat": 0.0, "anisotropic": 0.6, **_GOLD},
+        {"roughness": 0.7, "metallic": 0.5, "variant": "2012", **_GLASS},
     ],
     # Roughness 0 is a cone of 0.25 degrees; from 0.5 on reflection has share 0, at 1 all but diffuse lobes.
     "pixar": [

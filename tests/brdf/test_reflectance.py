@@ -35,6 +35,17 @@ def test_it_is_the_albedo_of_the_specular_lobe(degrees: float, roughness: float,
     assert reflectance(layer, wo) == pytest.approx(albedo, abs=largest + 0.002)
 
 
+@pytest.mark.parametrize("degrees", [0.0, 45.0, 75.0, 85.0])
+@pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
+def test_it_is_that_of_an_exact_metal(degrees: float, roughness: float) -> None:
+    wo = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+    layer = coat(roughness=roughness, fresnel="conductor", eta=(1.5, 0.15, 1.0), k=(0.0, 3.5, 7.0))
+    (lobe,) = (each for each in model_named("disney").bsdf(layer.parameters).lobes(wo) if each.name == "specular")
+    wi, weight = half_vector_grid(wo, max(roughness * roughness, 0.001), _CELLS)
+    albedo = ((np.asarray(lobe.evaluate(Directions.of(wo, wi))) * wi[:, 2:]).T @ weight).mean()
+    assert reflectance(layer, wo) == pytest.approx(albedo, abs=0.015)
+
+
 def test_it_is_that_of_the_lobes_own_normal() -> None:
     wo = np.array([0.6, 0.0, 0.8])
     facing, upright = coat(normal=(0.6, 0.0, 0.8)), coat()

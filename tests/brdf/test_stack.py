@@ -38,6 +38,22 @@ def test_disney_layers_are_blended_as_parameters() -> None:
     np.testing.assert_array_equal(pdf(stack, wo, wi), pdf(blended, wo, wi))
 
 
+def test_disney_layers_with_other_metals_are_blended_as_evaluated() -> None:
+    rng = np.random.default_rng(48)
+    plain, exact = _random(rng, "disney", presence=1.0), _random(rng, "disney", presence=1.0, fresnel="conductor")
+    mask = rng.random(_COUNT)
+    wo, wi = _directions(rng)
+    for below, above in ((plain, exact), (exact, plain)):
+        stack = stack_bsdf([StackLayer("disney", below), StackLayer("disney", above, mask)])
+        parts = (evaluate(MODELS["disney"].bsdf(each), wo, wi) for each in (below, above))
+        wanted = (1.0 - mask)[:, None] * next(parts) + mask[:, None] * next(parts)
+        np.testing.assert_allclose(evaluate(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
+    # Metals of one kind are blended as parameters.
+    alike = [StackLayer("disney", exact), StackLayer("disney", exact | {"eta": plain["eta"]}, mask)]
+    blended = MODELS["disney"].bsdf(MODELS["disney"].blended(alike))
+    np.testing.assert_array_equal(evaluate(stack_bsdf(alike), wo, wi), evaluate(blended, wo, wi))
+
+
 def test_presence_of_a_disney_layer_is_coverage_as_its_mask_is() -> None:
     rng = np.random.default_rng(46)
     wo, wi = _directions(rng)
@@ -73,7 +89,8 @@ def test_two_models_are_blended_as_they_are_evaluated(base: str, top: str) -> No
     for function in (evaluate, evaluate_cosine):
         wanted = mask[:, None] * function(parts[top], wo, wi) + (1.0 - covered)[:, None] * function(parts[base], wo, wi)
         np.testing.assert_allclose(function(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
-    np.testing.assert_allclose(stack.presence, covered + (1.0 - covered) * parts[base].presence, rtol=1e-12)
+    presence = covered + (1.0 - covered) * parts[base].presence
+    np.testing.assert_allclose(stack.presence, presence, rtol=1e-12, atol=1e-15)
     assert stack.two_sided == (MODELS[base].two_sided or MODELS[top].two_sided)
     if stack.two_sided:
         np.testing.assert_array_equal(evaluate(stack, -wo, -wi), evaluate(stack, wo, wi))

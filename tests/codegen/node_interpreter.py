@@ -132,7 +132,12 @@ class Interpreter:
             elif node.kind == "Group":
                 values[node.name] = self.given(node) or self.run(node.group, raw)
             else:
-                sockets = {socket: shape_input(socket, value) for socket, value in raw.items()}
+                # Of a conductor it is a vector.
+                vector = "IOR" if "Extinction" in raw else ""
+                sockets = {
+                    socket: shape_input(socket, value, scalar=False if socket == vector else None)
+                    for socket, value in raw.items()
+                }
                 values[node.name] = self.given(node) or _node(node, sockets)
         return taken
 

@@ -45,7 +45,8 @@ def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
             if rng.random() < 0.3:
                 inputs[name] = (*rng.uniform(-0.4, 0.4, 2), 1.0)
         elif parameter.kind == "color":
-            inputs[name] = (0.0, 0.0, 0.0) if rng.random() < 0.1 else tuple(rng.uniform(0.05, 1.0, 3))
+            low = parameter.hard[0]
+            inputs[name] = (low, low, low) if rng.random() < 0.1 else tuple(rng.uniform(0.05, parameter.soft[1], 3))
         elif rng.random() < 0.5 and not parameter.optional:
             inputs[name] = float(rng.choice(parameter.soft) if rng.random() < 0.5 else rng.uniform(*parameter.soft))
     return inputs
@@ -83,11 +84,15 @@ def closures_of(shader: list[Any], axes: Any, side: Any) -> list[Closure]:
                     np.testing.assert_allclose(tangent, frame.from_local(np.array([1.0, 0.0, 0.0])), atol=1e-5)
                 if kind == "BsdfMetallic":
                     assert distribution == "GGX"
-                    assert (sockets["Edge Tint"] == 1.0).all()
                     assert (a >= 0.0).all()
                     aspect = np.sqrt(1.0 - 0.9 * a)
-                    f0 = np.clip(sockets["Base Color"], 0.0, 1.0)
-                    found.append(Closure("metal", weight, alpha / aspect, alpha * aspect, frame, f0=f0))
+                    metal = Closure("conductor", weight, alpha / aspect, alpha * aspect, frame)
+                    if "Extinction" in sockets:
+                        metal = replace(metal, eta=sockets["IOR"], k=sockets["Extinction"])
+                    else:
+                        assert (sockets["Edge Tint"] == 1.0).all()
+                        metal = replace(metal, kind="metal", f0=np.clip(sockets["Base Color"], 0.0, 1.0))
+                    found.append(metal)
                 else:
                     assert (a <= 0.0).all()
                     x, y = alpha / (1.0 + a), alpha * (1.0 + a)

@@ -151,6 +151,7 @@ _STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
     "over": [("pixar", {"energy": "published"}, "over")] * 3,
     "transmit": [("pixar", {"energy": "published"}, mode) for mode in ("over", "transmit", "transmit")],
     "mixed": [("pixar", {"energy": "conserving"}, "over"), ("disney", {"variant": "2012"}, "over")],
+    "apart": [("disney", {}, "over"), ("disney", {"fresnel": "conductor"}, "over"), ("disney", {}, "over")],
 }
 
 
@@ -170,8 +171,8 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
     numbers: dict[str, Any] = {"u1": rng.random(count), "u2": rng.random(count)}
     direct, traced = [], []
     for place, (model, tokens, mode) in enumerate(_STACKS[name]):
-        values: dict[str, Any] = dict(tokens)
-        symbolic: dict[str, Any] = dict(tokens)
+        values: dict[str, Any] = MODELS[model].tokens(tokens)
+        symbolic: dict[str, Any] = dict(values)
         for number, (key, parameter) in enumerate(MODELS[model].parameters.items()):
             if parameter.kind == "token":
                 continue

@@ -104,8 +104,9 @@ def assert_values_close(got: Floats, wanted: Floats, tolerance: float = RELATIVE
     np.testing.assert_allclose(got[~visible], wanted[~visible], atol=tolerance * VISIBLE)
 
 
-def disney(variant: str = "2014", mode: Any = "over", options: bool = False) -> PointLayer:
-    return PointLayer("disney", {"variant": variant}, mode, {} if options else MODELS["disney"].options_left_out())
+def disney(variant: str = "2014", mode: Any = "over", options: bool = False, **tokens: str) -> PointLayer:
+    left_out = {} if options else MODELS["disney"].options_left_out()
+    return PointLayer("disney", {"variant": variant, **tokens}, mode, left_out)
 
 
 def pixar(mode: Any = "over", energy: str = "published") -> PointLayer:
@@ -116,6 +117,7 @@ STACKS = {
     "disney 2014": (disney(),),
     "disney 2012": (disney("2012"),),
     "disney with options": (disney(options=True),),
+    "disney, exact metals": (disney(fresnel="conductor"),),
     "disney over disney": (disney(), disney()),
     "pixar": (pixar(),),
     "pixar conserving": (pixar(energy="conserving"),),

@@ -212,6 +212,14 @@ def test_modes_and_mixed_models(write) -> None:
     ]
 
 
+def test_metals_of_layers_may_differ(write) -> None:
+    body = 'token inputs:fresnel = "conductor"\ncolor3f inputs:eta = (0.25, 0.5, 1.5)\ncolor3f inputs:k = (4, 2, 2)'
+    file = write(stack(f"{BASE}\n{LAYER1}", disney(), disney("Coat", body)), STACK)
+    base, top = read_look(file).layers
+    assert base.inputs == {}
+    assert top.inputs == {"fresnel": "conductor", "eta": (0.25, 0.5, 1.5), "k": (4.0, 2.0, 2.0)}
+
+
 def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
     (tmp_path / "preset.usda").write_text("#usda 1.0\n" + disney("Gold", "float inputs:metallic = 1"))
     file = write(

@@ -29,7 +29,11 @@ def shade(graph: Graph, builder: TreeBuilder, bsdf: Bsdf, frame: Array) -> tuple
     Return the output of their sum, None without closures, and whether light passes through.
     """
     closures = _merged(_traced(graph, bsdf))
-    vectors = [vector for each, _ in closures for vector in (each.weight, each.f0, _to_world(frame, each.frame.normal))]
+    vectors = [
+        vector
+        for each, _ in closures
+        for vector in (each.weight, each.f0, each.eta, each.k, _to_world(frame, each.frame.normal))
+    ]
     builder.prepare(elements_of(vector) for vector in vectors)
     total: Link | None = None
     for closure, label in closures:
@@ -65,7 +69,7 @@ def _merged(closures: Iterable[tuple[Closure, str]]) -> list[tuple[Closure, str]
     for closure, label in closures:
         if same(closure.weight, 0.0):
             continue
-        shape = closure.alpha_x, closure.alpha_y, closure.ior, closure.f0, closure.roughness
+        shape = closure.alpha_x, closure.alpha_y, closure.ior, closure.f0, closure.roughness, closure.eta, closure.k
         key = (closure.kind, *(element for value in (*shape, closure.frame.normal) for element in elements_of(value)))
         if key in merged:
             known, labels = merged[key]
@@ -80,7 +84,7 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
     properties = {}
     color = built(builder, closure.weight)
     match closure.kind:
-        case "metal":
+        case "metal" | "conductor":
             return _add_metal(builder, closure, frame, label, inputs)
         case "sheen":
             return _add_sheen(builder, color, label, inputs)
@@ -108,10 +112,14 @@ def _add(graph: Graph, builder: TreeBuilder, closure: Closure, frame: Array, lab
 
 
 def _add_metal(builder: TreeBuilder, closure: Closure, frame: Array, label: str, inputs: dict[str, Any]) -> Link:
-    """Add a metal, whose node has no socket for a weight."""
-    inputs |= {"Base Color": built(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
+    """Add a metal or a conductor, whose node has no socket for a weight."""
+    exact = closure.kind == "conductor"
+    if exact:
+        inputs |= {"IOR": built(builder, closure.eta), "Extinction": built(builder, closure.k)}
+    else:
+        inputs |= {"Base Color": built(builder, closure.f0), "Edge Tint": (1.0, 1.0, 1.0)}
     inputs |= _glossy(builder, closure, frame)
-    properties = {"distribution": "GGX", "fresnel_type": "F82"}
+    properties = {"distribution": "GGX", "fresnel_type": "PHYSICAL_CONDUCTOR" if exact else "F82"}
     return _faded(builder, closure, builder.add("BsdfMetallic", properties, inputs, label))
 
 
@@ -144,7 +152,7 @@ def _glossy(builder: TreeBuilder, closure: Closure, frame: Array) -> dict[str, A
     if same(x, y):
         return {"Roughness": built(builder, np.sqrt(x))}
     aspect2 = y / x
-    anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind == "metal" else np.sqrt(aspect2) - 1.0
+    anisotropy = (1.0 - aspect2) * (1.0 / 0.9) if closure.kind in ("metal", "conductor") else np.sqrt(aspect2) - 1.0
     return {
         "Roughness": built(builder, np.sqrt(np.sqrt(x * y))),
         "Anisotropy": built(builder, anisotropy),

@@ -24,9 +24,9 @@ from lookdev.material.values import seen
 class PointLayer:
     """The part of a layer at listed points that its code depends on.
 
-    `constants` has the numbers that are the same at every point: they fold as in the shader of a look. Those
-    `following` have the value of the number that they follow, and `formulas` has expressions of the view alone. All
-    others are read from a table.
+    `tokens` that are not given have their defaults. `constants` has the numbers that are the same at every point: they
+    fold as in the shader of a look. Those `following` have the value of the number that they follow, and `formulas` has
+    expressions of the view alone. All others are read from a table.
     """
 
     model: str
@@ -51,7 +51,7 @@ class PointLayer:
         known = dict(MODELS[self.model].parameters)
         constants = {name: np.asarray(value, dtype=np.float64) for name, value in self.constants.items()}
         computed = {name: seen(text, (known | {"mask": MASK})[name], view) for name, text in self.formulas.items()}
-        values = {**self.tokens, **constants, **numbers, **computed}
+        values = {**MODELS[self.model].tokens(self.tokens), **constants, **numbers, **computed}
         mask = values.pop("mask")
         return StackLayer(self.model, with_followers(known, values), mask, self.mode)
 

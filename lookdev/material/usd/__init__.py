@@ -270,7 +270,7 @@ def _check_stack(network: Network, layers: list[tuple[Usd.Attribute, Layer]]) ->
 def _check_tokens(network: Network, place: Usd.Attribute, layer: Layer, base: Layer) -> None:
     for name, parameter in MODELS[layer.model].parameters.items():
         own, others = (each.inputs.get(name, parameter.default) for each in (layer, base))
-        if parameter.kind == "token" and own != others:
+        if parameter.kind == "token" and parameter.among == "alike" and own != others:
             what = f"{name} of {layer.name} is '{own}', but that of {base.name} beneath is '{others}'"
             network.fault(place, what, "layers of one model on each other must agree")
 
