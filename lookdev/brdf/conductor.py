@@ -18,9 +18,7 @@ References
   aluminum, Appl. Opt. 34, 4755 (1995).
 - A. D. Rakić, A. B. Djurišić, J. M. Elazar, M. L. Majewski, Optical properties of metallic films for
   vertical-cavity optoelectronic devices, Appl. Opt. 37, 5271 (1998), Brendel-Bormann model.
-- C. Wyman, P.-P. Sloan, P. Shirley, Simple analytic approximations to the CIE XYZ color matching functions,
-  JCGT 2(2) (2013).
-- CIE 015:2018, Colorimetry: the standard illuminant D65.
+- CIE 015:2018, Colorimetry: the standard illuminant D65 and the standard observer of 1931.
 """
 
 from __future__ import annotations
@@ -64,12 +62,23 @@ _D65 = np.array([
     66.8054, 63.3828,
 ])  # fmt: skip
 
-# Wyman, Sloan and Shirley 2013, table 1, the fit by several lobes. Each: peak, centre, width below and above it, in nm.
-_LOBES = (
-    ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
-    ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
-    ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
-)
+# CIE 015:2018, table of the CIE 1931 2 degree colour matching functions, at `_WAVELENGTHS`: x, y and z.
+_OBSERVER = np.array([
+    [
+        0.001368, 0.004243, 0.01431, 0.04351, 0.13438, 0.2839, 0.34828, 0.3362, 0.2908, 0.19536, 0.09564, 0.03201,
+        0.0049, 0.0093, 0.06327, 0.1655, 0.2904, 0.43345, 0.5945, 0.7621, 0.9163, 1.0263, 1.0622, 1.0026, 0.85445,
+        0.6424, 0.4479, 0.2835, 0.1649, 0.0874, 0.04677, 0.0227, 0.011359, 0.00579, 0.002899, 0.00144, 0.00069,
+        0.000332, 0.000166, 0.000083, 0.000042,
+    ], [
+        0.000039, 0.00012, 0.000396, 0.00121, 0.004, 0.0116, 0.023, 0.038, 0.06, 0.09098, 0.13902, 0.20802, 0.323,
+        0.503, 0.71, 0.862, 0.954, 0.99495, 0.995, 0.952, 0.87, 0.757, 0.631, 0.503, 0.381, 0.265, 0.175, 0.107, 0.061,
+        0.032, 0.017, 0.00821, 0.004102, 0.002091, 0.001047, 0.00052, 0.000249, 0.00012, 0.00006, 0.00003, 0.000015,
+    ], [
+        0.00645, 0.02005, 0.06785, 0.2074, 0.6456, 1.3856, 1.74706, 1.77211, 1.6692, 1.28764, 0.81295, 0.46518, 0.272,
+        0.1582, 0.07825, 0.04216, 0.0203, 0.00875, 0.0039, 0.0021, 0.00165, 0.0011, 0.0008, 0.00034, 0.00019, 0.00005,
+        0.00002, *[0.0] * 14,
+    ],
+])  # fmt: skip
 
 # ITU-R BT.709, primaries and white, inverted.
 _XYZ_TO_REC709 = np.array([
@@ -90,35 +99,31 @@ def metal_indices(name: str, wavelengths: Array) -> tuple[Array, Array]:
     return np.interp(wavelengths, measured, eta), np.interp(wavelengths, measured, k)
 
 
+def metal_curve(name: str, cos_theta: Array) -> Array:
+    """Return the colour, (..., 3), of the light that one of `METALS` reflects at cosines of incidence (...).
+
+    Linear Rec.709, not clipped: red of gold is above 1. An unknown metal raises ModelError.
+    """
+    spectrum = conductor_fresnel(np.expand_dims(cos_theta, -1), *metal_indices(name, _WAVELENGTHS))
+    # Ten nanometres give D65 a white that is not exactly that of Rec.709.
+    white: Array = _rec709(np.ones_like(_WAVELENGTHS))
+    return _rec709(spectrum) / white
+
+
 @cache
 def metal_reflectance(name: str) -> NDArray[np.float64]:
     """Return the colour at normal incidence of one of `METALS`: linear Rec.709, (3,), clipped to [0, 1].
 
     An unknown metal raises ModelError.
     """
-    spectrum = np.asarray(conductor_fresnel(1.0, *metal_indices(name, _WAVELENGTHS)))
-    # The white of the fitted observer is not exactly that of Rec.709.
-    color = np.clip(_rec709(spectrum) / _rec709(np.ones_like(spectrum)), 0.0, 1.0)
+    color: NDArray[np.float64] = np.clip(np.asarray(metal_curve(name, np.ones(()))), 0.0, 1.0)
     color.setflags(write=False)  # it is cached
     return color
 
 
-def _rec709(spectrum: NDArray[np.float64]) -> NDArray[np.float64]:
-    xyz: NDArray[np.float64] = (_D65 * spectrum) @ np.asarray(color_matching(_WAVELENGTHS))
-    return _XYZ_TO_REC709 @ xyz
-
-
-def color_matching(wavelengths: Array) -> Array:
-    """Return the CIE 1931 2 degree colour matching functions, (..., 3), at wavelengths (...) in nanometres.
-
-    A fit: it deviates from the tabulated functions by at most 0.03.
-    """
-
-    def lobe(peak: float, centre: float, below: float, above: float) -> Array:
-        t = (wavelengths - centre) / np.where(wavelengths < centre, below, above)
-        return peak * np.exp(-0.5 * t * t)
-
-    return np.stack([sum(lobe(*numbers) for numbers in lobes) for lobes in _LOBES], axis=-1)
+def _rec709(spectrum: Array) -> Array:
+    color: Array = (_D65 * np.asarray(spectrum)) @ _OBSERVER.T @ _XYZ_TO_REC709.T
+    return color
 
 
 @cache

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from lookdev.brdf import conductor
-from lookdev.brdf.conductor import color_matching
 
 Floats = NDArray[np.float64]
 
@@ -16,7 +16,8 @@ WAVELENGTHS = np.arange(380.0, 780.01, 0.5)
 def color_weights() -> Floats:
     """Return the weights (3, n) of `WAVELENGTHS` in linear Rec.709, under D65; white is exactly 1."""
     daylight = np.interp(WAVELENGTHS, conductor._WAVELENGTHS, conductor._D65)
-    weights = conductor._XYZ_TO_REC709 @ (np.asarray(color_matching(WAVELENGTHS)) * daylight[:, None]).T
+    observer = CubicSpline(conductor._WAVELENGTHS, conductor._OBSERVER, axis=1)(WAVELENGTHS)
+    weights = conductor._XYZ_TO_REC709 @ (observer * daylight)
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 

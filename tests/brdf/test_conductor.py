@@ -6,9 +6,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from film_reference import WAVELENGTHS, color_weights
 
 import lookdev.brdf.conductor as conductor
-from lookdev.brdf.conductor import METALS, color_matching, metal_indices, metal_reflectance
+from lookdev.brdf.conductor import METALS, metal_curve, metal_indices, metal_reflectance
 from lookdev.errors import ModelError
 
 # S. Lagarde, Feeding a physically based shading model (2011), and Hoffman's course notes (2019): linear Rec.709.
@@ -20,18 +21,52 @@ TABLES = {
 }
 
 
+def fitted_observer(wavelengths: np.ndarray) -> np.ndarray:
+    """Return x, y and z as of Wyman, Sloan and Shirley, JCGT 2(2) (2013), table 1, the fit by several lobes."""
+    lobes = (
+        ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
+        ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
+        ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
+    )
+
+    def lobe(peak: float, centre: float, below: float, above: float) -> np.ndarray:
+        return peak * np.exp(-0.5 * ((wavelengths - centre) / np.where(wavelengths < centre, below, above)) ** 2)
+
+    return np.stack([sum(lobe(*numbers) for numbers in each) for each in lobes])
+
+
 def test_the_observer_is_the_cie_s() -> None:
-    # CIE 1931: x, y and z at three wavelengths, and the integral of each, 106.86 in steps of 1 nm. The fit's authors
-    # state errors of up to 0.03.
-    tabulated = {450.0: (0.3362, 0.0380, 1.77211), 550.0: (0.43345, 0.99495, 0.00875), 600.0: (1.0622, 0.631, 0.0008)}
-    for wavelength, values in tabulated.items():
-        np.testing.assert_allclose(color_matching(wavelength), values, atol=0.03)
-    np.testing.assert_allclose(color_matching(np.arange(360.0, 831.0)).sum(axis=0), 106.86, rtol=0.005)
+    # Its authors state errors of up to 0.03.
+    np.testing.assert_allclose(conductor._OBSERVER, fitted_observer(conductor._WAVELENGTHS), atol=0.03)
+    # The integral of each from 360 to 830 nm is 106.86 nm.
+    np.testing.assert_allclose(10.0 * conductor._OBSERVER.sum(axis=1), 106.86, rtol=1e-3)
 
 
 def test_the_light_is_d65() -> None:
-    x, y, z = color_matching(conductor._WAVELENGTHS).T @ conductor._D65
-    np.testing.assert_allclose((x / y, z / y), (0.95047, 1.08883), rtol=2e-3)
+    x, y, z = conductor._OBSERVER @ conductor._D65
+    np.testing.assert_allclose((x / y, z / y), (0.95047, 1.08883), rtol=1e-3)
+
+
+def test_the_primaries_are_those_of_rec709() -> None:
+    # ITU-R BT.709: x and y of red, green, blue and white. The inverse of the matrix is rounded to white's four digits.
+    *primaries, white = (
+        np.array([x / y, 1.0, (1.0 - x - y) / y]) for x, y in ((0.64, 0.33), (0.3, 0.6), (0.15, 0.06), (0.3127, 0.329))
+    )
+    to_xyz = np.stack(primaries, axis=1)
+    to_xyz *= np.linalg.solve(to_xyz, white)
+    np.testing.assert_allclose(conductor._XYZ_TO_REC709 @ to_xyz, np.eye(3), atol=6e-4)
+
+
+@pytest.mark.parametrize("name", METALS)
+def test_a_curve_is_what_complex_amplitudes_give(name: str) -> None:
+    # Every half nanometre; Born and Wolf, 1.5 (21a), with a complex index.
+    cosines = np.cos(np.radians([0.0, 30.0, 60.0, 75.0, 85.0, 89.0]))[:, None]
+    eta, k = metal_indices(name, WAVELENGTHS)
+    n = np.asarray(eta) + 1j * np.asarray(k)
+    inside = np.sqrt(1.0 - (1.0 - cosines**2) / n**2)
+    s, p = (cosines - n * inside) / (cosines + n * inside), (inside - n * cosines) / (inside + n * cosines)
+    wanted = 0.5 * (np.abs(s) ** 2 + np.abs(p) ** 2) @ color_weights().T
+    np.testing.assert_allclose(metal_curve(name, cosines[:, 0]), wanted, atol=1e-3)
 
 
 @pytest.mark.parametrize("name", METALS)
