@@ -17,11 +17,11 @@ Floats = NDArray[np.float64]
 # Every token of a model, in every combination; with and without optional numbers, which `random_parameters` draws where
 # the tokens have the key "options".
 VARIANTS = [
-    (name, dict(zip((token.name for token in tokens), values, strict=True)) | options)
+    (name, dict(zip(forms, values, strict=True)) | options)
     for name, model in CONTINUOUS.items()
-    for tokens in [[each for each in model.parameters.values() if each.kind == "token"]]
+    for forms in [model.forms()]
     for options in ({}, {"options": "drawn"})[: 1 + bool(model.options_left_out())]
-    for values in product(*(token.choices for token in tokens))
+    for values in product(*forms.values())
 ]
 EVERY = pytest.mark.parametrize(("model", "tokens"), VARIANTS, ids=str)
 

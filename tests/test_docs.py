@@ -18,12 +18,14 @@ import typer.main
 
 from lookdev.batch.doctor import SYSTEM_LIBRARIES
 from lookdev.brdf import MODELS, Parameter
+from lookdev.brdf.conductor import METALS
+from lookdev.brdf.metal import METAL_COLORS, metal_table
 from lookdev.cli import app
 from lookdev.job import json_schema, load_job, parse_job
 from lookdev.light.rig import load_rig
 from lookdev.light.rig.attributes import OURS
 from lookdev.light.rig.kinds import KINDS
-from lookdev.material.library import read_library
+from lookdev.material.library import SHIPPED, read_library
 from lookdev.material.usd import read_look
 
 ROOT = Path(__file__).parents[1]
@@ -69,13 +71,27 @@ def tables() -> dict[str, str]:
     made = dict(_job_tables("job", schema, schema))
     made["presets"] = _preset_table()
     made["nodes.gaps"] = _gap_table()
+    made["metals"] = _metal_table()
     return made | {f"models.{model}": _model_table(MODELS[model].parameters.values()) for model in MODELS}
 
 
 def _preset_table() -> str:
-    presets = read_library([ROOT / "materials" / "presets"]).presets
-    rows = [(f"[{p.name}](../materials/presets/{p.file.name})", p.category, p.model, p.doc) for p in presets]
+    presets = read_library([ROOT / folder for folder in SHIPPED]).presets
+    rows = [(f"[{p.name}](../{p.file.relative_to(ROOT)})", p.category, p.model, p.doc) for p in presets]
     return _markdown([("preset", "category", "model", "what it is"), *rows])
+
+
+def _metal_table() -> str:
+    def row(name: str, source: str) -> tuple[str, ...]:
+        entry = metal_table()[name]
+        eta, k = (", ".join(f"{value:.3g}" for value in entry["nearest"][key]) for key in ("eta", "k"))
+        worst = (f"{max(entry[color]['deviation']):.5f}" for color in METAL_COLORS)
+        below, above = entry["outside"]
+        outside = f"{above:.3f} above 1" * (above > 0.0) + f"{below:.3f} below 0" * (below > 0.0)
+        return f"`{name}`", source, eta, k, *worst, outside
+
+    heads = "metal", "eta and k by", "eta", "k", "deviation", "of `bands`", "outside"
+    return _markdown([heads, *(row(*each) for each in METALS.items())])
 
 
 def _gap_table() -> str:

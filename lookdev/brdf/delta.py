@@ -19,6 +19,7 @@ import numpy as np
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Bsdf, Delta
+from lookdev.brdf.metal import named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter
 from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, scale, vector
@@ -110,6 +111,7 @@ MIRROR = _model(
     _color("eta", 1.5, "Real part of the index of refraction, by channel.", (0.05, 10.0)),
     _color("k", 0.0, "Imaginary part of the index of refraction, by channel.", (0.0, 20.0)),
     _color("tint", 1.0, "Factor of the reflected light; linear."),
+    *named_metal(),
 )
 
 GLASS = _model(

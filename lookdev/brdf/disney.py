@@ -258,7 +258,10 @@ def _reflectance(p: Parameters, wo: Array) -> Real:
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
-    return {
+    exact: dict[str, Real] = {}
+    if is_exact(p):
+        exact["diffuseColor"] = mix_color(p["baseColor"], metal_fresnel(p, np.ones(())), p["metallic"])
+    return exact | {
         # The model's weight of the clearcoat, and the root of its alpha.
         "clearcoat": 0.25 * p["clearcoat"],
         "clearcoatRoughness": np.sqrt(mix(0.1, 0.001, p["clearcoatGloss"])),

@@ -1,14 +1,22 @@
-"""Parameters of Fresnel's equations, and metals that reflect by them."""
+"""Parameters of Fresnel's equations, and metals that reflect by them.
+
+`METAL_TABLE` has eta and k of metals by name; `lookdev.brdf.metal_fits` makes it.
+"""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Literal
+from functools import cache
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
+from lookdev.brdf.conductor import METALS
 from lookdev.brdf.fresnel import conductor_fresnel
-from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.parameters import Parameter, Value
 from lookdev.brdf.vectors import Array, Parameters
 
 INTERFACE: dict[str, Parameter] = {
@@ -22,7 +30,57 @@ INTERFACE: dict[str, Parameter] = {
 }
 """Between a dielectric and what may be a conductor, for one wavelength."""
 
+METAL_TABLE = Path(__file__).parent / "data" / "metal_indices.json"
+"""The file of eta and k of metals by name, of each channel."""
+
 CONDUCTOR = "conductor"
+
+
+METAL_COLORS = ("nearest", "bands")
+"""How the index of a channel follows from a metal's spectra."""
+
+_NONE = "none"
+
+
+@cache
+def metal_table() -> Any:
+    """Return what `METAL_TABLE` has: by metal and color, eta, k and the deviation of each channel."""
+    return json.loads(METAL_TABLE.read_text())
+
+
+def metal_index(name: str, color: str = METAL_COLORS[0]) -> dict[str, Value]:
+    """Return eta and k of one of `METALS`, by one of `METAL_COLORS`."""
+    entry = metal_table()[name][color]
+    return {index: tuple(entry[index]) for index in ("eta", "k")}
+
+
+def named_metal(**also: str) -> tuple[Parameter, ...]:
+    """Return the parameters by which a model with eta and k takes metals by name; a metal stands for `also`, too."""
+
+    def stands(tokens: Mapping[str, str]) -> Mapping[str, Value]:
+        name = tokens["metal"]
+        return {} if name == _NONE else {**also, **metal_index(name, tokens["metalColor"])}
+
+    return (
+        Parameter(
+            "metal",
+            "token",
+            _NONE,
+            choices=(_NONE, *METALS),
+            help=f"Stands for {', '.join([*also, 'eta and k'])} of a metal.",
+            among="own",
+            stands=stands,
+        ),
+        Parameter(
+            "metalColor",
+            "token",
+            METAL_COLORS[0],
+            choices=METAL_COLORS,
+            help="Of a metal by name. nearest: as its spectra reflect red, green, blue. bands: means over wavelengths.",
+            among="own",
+            stands=stands,
+        ),
+    )
 
 
 def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
@@ -38,6 +96,7 @@ def metal_parameters(among: Literal["apart", "own"]) -> tuple[Parameter, ...]:
         ),
         replace(INTERFACE["eta"], kind="color", default=(1.5, 1.5, 1.5)),
         replace(INTERFACE["k"], kind="color", default=(0.0, 0.0, 0.0)),
+        *named_metal(fresnel=CONDUCTOR),
     )
 
 

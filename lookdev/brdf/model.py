@@ -38,7 +38,7 @@ class Preview:
 
     `same` maps its inputs to the parameters that have the same meaning, ``opacity`` to the presence of a layer.
     `derived` computes other inputs where they are not the defaults, and ``f0``, the reflectance at normal incidence,
-    for the index of refraction, from all parameters as float64 arrays, () or (3,).
+    for the index of refraction, from all parameters: tokens, and float64 arrays, () or (3,).
     """
 
     same: Mapping[str, str] = field(default_factory=dict)
@@ -126,6 +126,10 @@ class Model:
         return any(
             parameter.among == "apart" and one[name] != other[name] for name, parameter in self.parameters.items()
         )
+
+    def forms(self) -> dict[str, tuple[str, ...]]:
+        """Return the choices of each token that chooses a form of the model, by name."""
+        return {each.name: each.choices for each in self.parameters.values() if each.choices and not each.stands}
 
     def tokens(self, given: Mapping[str, str]) -> dict[str, str]:
         """Return all tokens of the model, by name: those that are given, and defaults."""

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeVar
 
@@ -29,7 +29,8 @@ class Parameter:
     default is the same. `optional` numbers belong to parts of the model that their defaults leave out.
 
     `among` layers that one model combines, a token must be ``"alike"``; layers that differ in it are blended
-    ``"apart"``, as those of two models are; or it is each layer's ``"own"``.
+    ``"apart"``, as those of two models are; or it is each layer's ``"own"``. A token that `stands` for values of other
+    parameters, by all tokens of the layer, is no form of the model: once they have their values, it has its default.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Parameter:
     follows: str = ""
     optional: bool = False
     among: Literal["alike", "apart", "own"] = "alike"
+    stands: Callable[[Mapping[str, str]], Mapping[str, Value]] | None = None
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
@@ -63,6 +65,32 @@ def with_followers(parameters: Mapping[str, Parameter], given: Mapping[str, _T])
     return dict(given) | {name: given[followed] for name, followed in following.items() if followed in given}
 
 
+def spelled_out(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str, _T]) -> dict[str, _T | Value]:
+    """Replace tokens among given values by the values that they stand for.
+
+    Raises ModelError where a token is none of its choices, or another value is given for what it stands for.
+    """
+    short = {name for name in given if name in parameters and parameters[name].stands}
+    if not short:
+        return dict(given)
+    tokens = {name: str(each.default) for name, each in parameters.items() if each.kind == "token"}
+    tokens |= {name: _checked(f"{owner}.{name}", parameters[name], given[name]) for name in tokens if name in given}
+    spelled: dict[str, _T | Value] = {name: value for name, value in given.items() if name not in short}
+    for name in short:
+        stands = parameters[name].stands
+        for meant, value in (stands(tokens) if stands else {}).items():
+            if meant in given and not _is(given[meant], value):
+                both = f"{owner}.{meant} is {given[meant]!r}, but {name} '{tokens[name]}' stands for {value!r}"
+                raise ModelError(f"{both}; one of the two would be right")
+            spelled[meant] = value
+    return spelled
+
+
+def _is(value: object, wanted: Value) -> bool:
+    numbers = as_numbers(value)
+    return value == wanted if numbers is None or isinstance(wanted, str) else np.array_equal(numbers, wanted)
+
+
 def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str, object]) -> dict[str, Any]:
     """Check constant values of `parameters` and fill in the defaults; `owner` names them in messages.
 
@@ -76,7 +104,7 @@ def complete(owner: str, parameters: Mapping[str, Parameter], given: Mapping[str
     for name in given:
         if name not in parameters:
             raise ModelError(f"{owner}: unknown parameter '{name}' ({nearest_hint(name, list(parameters))})")
-    values = with_followers(parameters, given)
+    values = with_followers(parameters, spelled_out(owner, parameters, given))
     return {
         name: _checked(f"{owner}.{name}", parameter, values.get(name, parameter.default))
         for name, parameter in parameters.items()

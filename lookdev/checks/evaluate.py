@@ -18,7 +18,7 @@ from lookdev.brdf import MASK, MODELS, Array, Bsdf, Mode, complete_parameters, e
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE
-from lookdev.brdf.parameters import as_numbers, complete, with_followers
+from lookdev.brdf.parameters import as_numbers, complete, spelled_out, with_followers
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shortened
 from lookdev.material.expression import ExpressionError
@@ -224,6 +224,7 @@ def _parse_layer(model: Any, params: Any, mode: Any = "over", mask: Any = 1.0) -
         for name, value in with_followers(known, params).items()
         if isinstance(value, str) and name in known and known[name].kind != "token"
     }
+    spelled_out(model, known, params)  # or an expression could take the place of what a token stands for
     parameters = complete_parameters(model, {name: value for name, value in params.items() if name not in formulas})
     tokens = {name: value for name, value in parameters.items() if isinstance(value, str)}
     # At its default, an optional number folds: the code is that of looks without it.

@@ -88,7 +88,7 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
         tokens = {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
         return PointLayer(name, tokens, constants=MODELS[name].options_left_out())
 
-    choices = {each.name: each.choices for each in MODELS[model].parameters.values() if each.choices}
+    choices = MODELS[model].forms()
     stacks: dict[str, tuple[PointLayer, ...]] = {}
     for values in product(*choices.values()):
         form = dict(zip(choices, values, strict=True))

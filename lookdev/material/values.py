@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from lookdev.brdf import MASK, MODELS, Array, Bsdf, Parameter, Real, StackLayer, stack_bsdf
-from lookdev.brdf.parameters import complete, with_followers
+from lookdev.brdf.parameters import complete, spelled_out, with_followers
 from lookdev.brdf.vectors import same, vector
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.look import (
@@ -82,12 +82,13 @@ def look_layers(look: Look, surface: Surface) -> list[StackLayer]:
 
 def _parameters(layer: Layer, values: Values) -> dict[str, Any]:
     known = layer_parameters(layer.model)
-    varying = {name: source for name, source in layer.inputs.items() if isinstance(source, Varying)}
-    constants = {name: source for name, source in layer.inputs.items() if name not in varying}
+    inputs = spelled_out(layer.model, known, layer.inputs)
+    varying = {name: source for name, source in inputs.items() if isinstance(source, Varying)}
+    constants = {name: source for name, source in inputs.items() if name not in varying}
     parameters = complete(layer.model, known, constants)
     normals = {name: values.handed(parameters[name]) for name in constants if known[name].kind == "normal"}
     parameters |= normals | {name: values.of(source, known[name]) for name, source in varying.items()}
-    return parameters | with_followers(known, {name: parameters[name] for name in layer.inputs})
+    return parameters | with_followers(known, {name: parameters[name] for name in inputs})
 
 
 @dataclass(frozen=True)

@@ -48,6 +48,7 @@ def _line(**changes: object) -> str:
         (_line(params={"variant": "view"}), "disney.variant is 'view'; one of 2014, 2012"),
         (_line(params={"mask": "view"}), "unknown parameter 'mask'"),
         (_line(model="stack", layers=[{"model": "pixar", "mask": "vew"}]), "layer 0: pixar.mask is 'vew'"),
+        (_line(params={"metal": "gold", "k": "[view, 1, 1]"}), "k is '[view, 1, 1]', but metal 'gold' stands for"),
         (_line(model="fresnel"), "cosTheta missing; model, params, cosTheta are needed"),
         (_line(model="fresnle"), "did you mean 'fresnel'"),
         (_fresnel(cosTheta=1.5), "cosTheta is 1.5; a number from 0 to 1 would be right"),

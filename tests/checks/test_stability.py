@@ -84,7 +84,7 @@ def test_what_a_look_fixes_stays() -> None:
     inputs = {"metallic": 0.1, "baseColor": (0.1, 0.2, 0.3), "variant": "2012"}
     look = Look("rusty", (Layer("Metal", "disney", inputs),))
     (layer,) = look_stack(look)
-    assert layer.tokens == {"variant": "2012", "fresnel": "schlick"}
+    assert layer.tokens == {"variant": "2012", "fresnel": "schlick", "metal": "none", "metalColor": "nearest"}
     assert layer.constants["metallic"] == np.float32(0.1)
     cases = extreme_cases((layer,), 100, rng())
     assert cases.batch.numbers == ({},)

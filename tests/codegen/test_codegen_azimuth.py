@@ -67,7 +67,7 @@ def test_a_parameter_that_varies_is_taken_for_any_value(model: str, tokens: dict
     for name, parameter in MODELS[model].parameters.items():
         match parameter.kind:
             case "token":
-                values[name] = tokens[name]
+                values[name] = tokens.get(name, parameter.default)
             case "normal":
                 values[name] = ZENITH
             case "float":

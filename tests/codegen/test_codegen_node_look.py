@@ -40,7 +40,8 @@ def random_inputs(model: str, rng: np.random.Generator) -> dict[str, Any]:
     inputs: dict[str, Any] = {}
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
-            inputs[name] = str(rng.choice(parameter.choices))
+            if not parameter.stands:
+                inputs[name] = str(rng.choice(parameter.choices))
         elif parameter.kind == "normal":
             if rng.random() < 0.3:
                 inputs[name] = (*rng.uniform(-0.4, 0.4, 2), 1.0)

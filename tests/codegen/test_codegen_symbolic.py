@@ -143,10 +143,9 @@ def test_every_operation_that_stays_has_code() -> None:
 # Stacks of every model, with every token, of both layerings, and of both models.
 _STACKS: dict[str, list[tuple[str, dict[str, str], Any]]] = {
     **{
-        "-".join((model, *values)): [(model, dict(zip(tokens, values, strict=True)), "over")]
-        for model, parameters in ((name, each.parameters) for name, each in CONTINUOUS.items())
-        for tokens in [[p.name for p in parameters.values() if p.kind == "token"]]
-        for values in product(*(parameters[name].choices for name in tokens))
+        "-".join((name, *values)): [(name, dict(zip(forms, values, strict=True)), "over")]
+        for name, forms in ((name, model.forms()) for name, model in CONTINUOUS.items())
+        for values in product(*forms.values())
     },
     "over": [("pixar", {"energy": "published"}, "over")] * 3,
     "transmit": [("pixar", {"energy": "published"}, mode) for mode in ("over", "transmit", "transmit")],

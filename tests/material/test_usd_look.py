@@ -220,6 +220,14 @@ def test_metals_of_layers_may_differ(write) -> None:
     assert top.inputs == {"fresnel": "conductor", "eta": (0.25, 0.5, 1.5), "k": (4.0, 2.0, 2.0)}
 
 
+def test_a_metal_beside_what_it_stands_for_is_a_fault(write) -> None:
+    named = 'token inputs:metal = "gold"'
+    assert read_look(write(disney(body=named))).layers[0].inputs == {"metal": "gold"}
+    [(where, what, _)] = faults_of(write(disney(body=f"{named}\ncolor3f inputs:k = (4, 2, 2)")))
+    assert where == "/M/Base"
+    assert what.startswith("disney.k is (4.0, 2.0, 2.0), but metal 'gold' stands for (")
+
+
 def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
     (tmp_path / "preset.usda").write_text("#usda 1.0\n" + disney("Gold", "float inputs:metallic = 1"))
     file = write(

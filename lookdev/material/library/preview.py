@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pxr import Sdf, UsdShade
 
 from lookdev.brdf import MASK, MODELS, Parameter, Real
-from lookdev.brdf.parameters import with_followers
+from lookdev.brdf.parameters import spelled_out, with_followers
 from lookdev.errors import Fault, LookError
 from lookdev.material.library.nodes import clear_input, free_path
 from lookdev.material.look import Layer, Primvar, Texture
@@ -146,12 +146,13 @@ def _cover(layer: Layer) -> float:
 def _values(layer: Layer) -> dict[str, Value]:
     """Map one layer, by the means of all its numbers and colours."""
     model = MODELS[layer.model]
-    inputs = with_followers(model.parameters, layer.inputs)
-    given = {
+    inputs = with_followers(model.parameters, spelled_out(model.name, model.parameters, layer.inputs))
+    given: dict[str, Any] = {
         name: _mean(inputs.get(name, parameter.default), parameter)
         for name, parameter in model.parameters.items()
         if parameter.kind in ("float", "color")
     }
+    given |= model.tokens({name: value for name, value in inputs.items() if isinstance(value, str)})
     preview = model.preview
     same = {name: given[own] for name, own in preview.same.items()}
     derived = {name: np.asarray(value) for name, value in (_DERIVED | preview.derived(given)).items()}

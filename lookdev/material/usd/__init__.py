@@ -12,7 +12,8 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import MASK, MODELS, Mode, layer_shaders, stranger
-from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.brdf.parameters import spelled_out
+from lookdev.errors import Fault, LookError, ModelError, nearest_hint
 from lookdev.material.look import Formula, Input, Layer, Look, Mask, Primvar, Texture
 from lookdev.material.usd.displacement import read_displacement
 from lookdev.material.usd.inputs import read_input
@@ -306,4 +307,8 @@ def _read_layer(
             value = read_input(network, each.GetAttr(), parameter)
             if value is not None:
                 inputs[parameter.name] = value
+    try:
+        spelled_out(model, parameters, inputs)
+    except ModelError as error:
+        network.fault(source.path, str(error))
     return Layer(source.shader.GetPrim().GetName(), model, inputs, mask, mode)

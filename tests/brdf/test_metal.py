@@ -1,0 +1,106 @@
+"""Metals by name: their table against the spectra, and the parameters that take them."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import complete_parameters, model_named
+from lookdev.brdf.conductor import METALS, metal_curve
+from lookdev.brdf.metal import INTERFACE, METAL_COLORS, METAL_TABLE, metal_fresnel, metal_index
+from lookdev.brdf.metal_fits import COSINES, bands, deviation, nearest
+from lookdev.errors import ModelError
+from lookdev.reference.albedo import integrate_albedo
+
+TABLE = json.loads(METAL_TABLE.read_text())
+
+
+@pytest.mark.parametrize("name", METALS)
+def test_a_metal_reflects_as_its_spectra_do(name: str) -> None:
+    curve = np.asarray(metal_curve(name, COSINES))
+    for color in METAL_COLORS:
+        entry, index = TABLE[name][color], metal_index(name, color)
+        shown = metal_fresnel({key: np.array(value) for key, value in index.items()}, COSINES)
+        worst = np.abs(shown - np.clip(curve, 0.0, 1.0)).max(axis=0)
+        # Five digits of eta and k.
+        np.testing.assert_allclose(worst, entry["deviation"], atol=3e-5)
+        assert max(entry["deviation"]) <= (0.01 if color == "nearest" else 0.11)
+        for key, (low, high) in ((key, INTERFACE[key].hard) for key in ("eta", "k")):
+            assert np.all((np.array(index[key]) >= low) & (np.array(index[key]) <= high))
+    np.testing.assert_allclose([max(-curve.min(), 0.0), max(curve.max() - 1.0, 0.0)], TABLE[name]["outside"], atol=1e-6)
+
+
+def test_the_table_has_all_metals_and_no_other() -> None:
+    assert list(TABLE) == list(METALS)
+
+
+@pytest.mark.parametrize("index", [(0.2, 3.0), (3.0, 3.3), (1.5, 0.0), (0.05, 20.0)])
+def test_the_nearest_index_of_a_curve_is_its_own(index: tuple[float, float]) -> None:
+    target = np.asarray(metal_fresnel({"eta": np.array(index[:1]), "k": np.array(index[1:])}, COSINES))[:, 0]
+    assert deviation(nearest(target), target) < 1e-7
+
+
+def test_no_index_beside_the_nearest_is_nearer() -> None:
+    target = np.clip(np.asarray(metal_curve("brass", COSINES))[:, 0], 0.0, 1.0)
+    found = nearest(target)
+    beside = found * (1.0 + 1e-3 * np.random.default_rng(1).uniform(-1.0, 1.0, (200, 2)))
+    assert (deviation(beside, target) >= deviation(found, target)).all()
+
+
+def test_bands_are_weighted_means() -> None:
+    # eta of brass grows steadily from 620 to 740 nm; p is symmetric about the middle, 0.78 at the ends.
+    (eta, k), *_ = bands("brass")
+    np.testing.assert_allclose((eta, k), (0.4465, 3.939), rtol=1e-3)
+
+
+@pytest.mark.parametrize(("model", "film"), [("disney", {}), ("disney", {"filmThickness": 400.0}), ("pixar", {})])
+def test_no_metal_reflects_more_than_a_white_one(model: str, film: dict[str, float]) -> None:
+    for name, roughness in (("silver", 0.0), ("gold", 0.2), ("brass", 0.5), ("tungsten", 1.0)):
+        given, color = {"metallic": 1.0, "roughness": roughness}, "baseColor" if model == "disney" else "surfaceColor"
+        exact, white = (
+            model_named(model).bsdf(complete_parameters(model, given | more))
+            for more in (film | {"metal": name}, {color: (1.0, 1.0, 1.0)})
+        )
+        for degrees in np.linspace(0.0, 89.0, 20):
+            wo = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
+            albedo, most = (integrate_albedo(bsdf, wo, (64, 48)) for bsdf in (exact, white))
+            assert albedo.value.sum() > 0.3
+            error = (albedo.error + most.error).sum(axis=0)
+            assert (albedo.value.sum(axis=0) <= np.minimum(most.value.sum(axis=0), 1.0) + error).all()
+
+
+def test_a_name_stands_for_its_index() -> None:
+    named = complete_parameters("disney", {"metal": "gold", "metallic": 1.0})
+    spelled = complete_parameters("disney", {"fresnel": "conductor", "metallic": 1.0, **metal_index("gold")})
+    assert named["metal"] == "none"
+    for name, value in spelled.items():
+        np.testing.assert_array_equal(named[name], value)
+    in_bands = complete_parameters("disney", {"metal": "gold", "metalColor": "bands"})
+    np.testing.assert_array_equal(in_bands["eta"], TABLE["gold"]["bands"]["eta"])
+    # A completed set is complete.
+    again = model_named("disney").complete(named)
+    np.testing.assert_array_equal(again["eta"], named["eta"])
+
+
+def test_a_mirror_is_of_a_metal_by_name() -> None:
+    mirror = model_named("mirror")
+    (delta,) = mirror.bsdf(mirror.complete({"metal": "copper"})).deltas(np.array([0.6, 0.0, 0.8]), np.array(False))
+    wanted = np.asarray(metal_curve("copper", np.array(0.8)))
+    np.testing.assert_allclose(delta.value, wanted, atol=max(TABLE["copper"]["nearest"]["deviation"]) + 3e-5)
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"metal": "gould"}, "disney.metal is 'gould'; one of none, aluminium, brass, "),
+        ({"metal": "gold", "metalColor": "rgb"}, "disney.metalColor is 'rgb'; one of nearest, bands"),
+        ({"metal": "gold", "eta": (1.0, 1.0, 1.0)}, r"disney.eta is \(1.0, 1.0, 1.0\), but metal 'gold' stands for \("),
+        ({"metal": "gold", "k": "k"}, "disney.k is 'k', but metal 'gold' stands for"),
+        ({"metal": "gold", "fresnel": "schlick"}, "fresnel is 'schlick', but metal 'gold' stands for 'conductor'"),
+    ],
+)
+def test_a_name_beside_what_it_stands_for_is_an_error(given: dict[str, object], message: str) -> None:
+    with pytest.raises(ModelError, match=message):
+        complete_parameters("disney", given)
