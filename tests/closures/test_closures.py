@@ -29,7 +29,7 @@ pytestmark = pytest.mark.alike
 
 ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"
-PRESETS = sorted((MATERIALS / "presets").glob("*.usda"))
+PRESETS = sorted([*(MATERIALS / "presets").glob("*.usda"), *(MATERIALS / "metals").glob("*.usda")])
 LOOKS = sorted(MATERIALS.glob("*.usda"))
 STOOD_IN = dict.fromkeys(model for model, _ in STAND_INS)
 # 1 %, and 0.001 of albedos below 0.1. The errors of the quadratures are a twentieth of that.

@@ -70,13 +70,15 @@ def test_what_is_no_preset(tmp_path: Path, text: str, where: str, what: str) -> 
 
 
 def test_folders_given_named_here_and_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    here, shipped = tmp_path / SHIPPED, tmp_path / "checkout" / SHIPPED
-    with pytest.raises(LookError, match=r"no folder .*materials/presets or .*checkout/materials/presets"):
+    here, shipped = tmp_path / SHIPPED[0], tmp_path / "checkout" / SHIPPED[0]
+    with pytest.raises(LookError, match=r"no folder .*materials/presets or .*checkout/materials/metals"):
         library_folders()
     shipped.mkdir(parents=True)
     assert library_folders() == (shipped,)
     here.mkdir(parents=True)
     assert library_folders() == (here, shipped)
+    (tmp_path / SHIPPED[1]).mkdir()
+    assert library_folders() == (here, tmp_path / SHIPPED[1], shipped)
     (tmp_path / "a").mkdir()
     monkeypatch.setenv(LIBRARY_VARIABLE, os.pathsep.join(["a", "", str(here)]))
     assert library_folders() == (tmp_path / "a", here)
@@ -115,7 +117,7 @@ def test_an_empty_library(tmp_path: Path) -> None:
 
 
 def test_the_shipped_library_reads_without_a_fault() -> None:
-    library = read_library([Path(__file__).parents[2] / SHIPPED])
+    library = read_library([Path(__file__).parents[2] / folder for folder in SHIPPED])
     assert library.faults == ()
     assert len(library.presets) >= 32
     assert all(preset.category and preset.doc for preset in library.presets)

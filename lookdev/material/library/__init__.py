@@ -20,8 +20,8 @@ from lookdev.stage import open_stage
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
 
-SHIPPED = Path("materials", "presets")
-"""The folder of presets below the current folder and below `lookdev.shipped.shipped_folder`."""
+SHIPPED = (Path("materials", "presets"), Path("materials", "metals"))
+"""The folders of presets below the current folder and below `lookdev.shipped.shipped_folder`."""
 
 SUFFIXES = (".usda", ".usd", ".usdc")
 
@@ -54,7 +54,8 @@ def library_folders(given: Path | None = None) -> tuple[Path, ...]:
     """
     named = [Path(entry) for entry in os.environ.get(LIBRARY_VARIABLE, "").split(os.pathsep) if entry]
     wanted = [given] if given else named
-    folders = dict.fromkeys(folder.absolute() for folder in wanted or (SHIPPED, shipped_folder() / SHIPPED))
+    shipped = [above / folder for above in (Path(), shipped_folder()) for folder in SHIPPED]
+    folders = dict.fromkeys(folder.absolute() for folder in wanted or shipped)
     missing = [folder for folder in folders if not folder.is_dir()]
     if wanted and missing:
         origin = "--library" if given else f"${LIBRARY_VARIABLE}"
