@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
-from lookdev.brdf.film import film_reflectance
+from lookdev.brdf.film import film_reflectance, metal_film_reflectance
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
@@ -83,13 +83,16 @@ def _f0(p: Parameters) -> Array:
     return dielectric if is_exact(p) else mix_color(dielectric, p["baseColor"], p["metallic"])
 
 
-def _fresnel(p: Parameters, cos_theta: Array) -> Array:
+def specular_fresnel(p: Parameters, cos_theta: Array) -> Array:
     """Return the specular lobe's term (..., 3) at a cosine (...)."""
-    schlick = mix_color(_f0(p), np.ones(3), schlick_weight(cos_theta))
-    bare = mix_color(schlick, metal_fresnel(p, cos_theta), p["metallic"]) if is_exact(p) else schlick
-    if same(p["filmThickness"], 0.0):
-        return bare
-    return film_reflectance(bare, cos_theta, p["filmThickness"], p["filmIor"])
+    term = mix_color(_f0(p), np.ones(3), schlick_weight(cos_theta))
+    film = () if same(p["filmThickness"], 0.0) else (cos_theta, p["filmThickness"], p["filmIor"])
+    if film:
+        term = film_reflectance(term, *film)
+    if is_exact(p):
+        exact = metal_film_reflectance(p["eta"], p["k"], *film) if film else metal_fresnel(p, cos_theta)
+        term = mix_color(term, exact, p["metallic"])
+    return term
 
 
 def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
@@ -112,7 +115,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     def evaluate(d: Directions) -> Array:
         # D F G / (4 cos_theta_i cos_theta_o), the denominator absorbed by both shadowing terms.
         g = shadowing(d.cos_theta_i, d.wi) * shadowing(d.cos_theta_o, d.wo)
-        return scale(_fresnel(p, d.cos_theta_d), distribution(d.wm) * g)
+        return scale(specular_fresnel(p, d.cos_theta_d), distribution(d.wm) * g)
 
     def density(d: Directions) -> Array:
         if ggx:
@@ -128,7 +131,7 @@ def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         "disney",
         "specular",
         # Microfacets lean away from the normal: with F0 = 0 the lobe is not black as seen along the normal.
-        np.maximum(mean(_fresnel(p, wo[..., 2])), 0.001),
+        np.maximum(mean(specular_fresnel(p, wo[..., 2])), 0.001),
         evaluate=evaluate,
         pdf=density,
         sample=sample,
@@ -251,9 +254,9 @@ def _reflectance(p: Parameters, wo: Array) -> Real:
     alpha_x, alpha_y = _alphas(p)
     # A lobe of both alphas resembles one of their mean.
     alpha = np.minimum(np.sqrt(alpha_x * alpha_y), 1.0)
-    if is_exact(p):
+    if is_exact(p) or not same(p["filmThickness"], 0.0):
         whole, typical = ggx_albedo(cos_theta, alpha)
-        return whole * mean(_fresnel(p, typical))
+        return whole * mean(specular_fresnel(p, typical))
     return ggx_reflectance(cos_theta, alpha, mean(_f0(p)))
 
 

@@ -1,9 +1,12 @@
-"""Iridescence: a thin film of a clear dielectric on a surface whose reflectance is known, in colour.
+"""Iridescence: a thin film of a clear dielectric on a surface whose reflectance, or index, is known, in colour.
 
 Light that has crossed the film m times interferes with what the film's face reflects. Its amplitudes are summed to all
-orders (Airy), once for each polarisation; spectra become colour by the CIE 1931 observer under D65, linear Rec.709. A
-surface reflects amplitudes of the phase of a dielectric's, the same for both polarisations, and its reflectance without
-a film is what it is at the same angle: without an index of its own, a film has no effect, nor has one of no thickness.
+orders (Airy), once for each polarisation; spectra become colour by the CIE 1931 observer under D65, linear Rec.709.
+Without an index of its own, a film has no effect, nor has one of no thickness.
+
+A surface whose reflectance alone is known reflects amplitudes of the phase of a dielectric's, the same for both
+polarisations, and its reflectance without a film is what it is at the same angle. A metal of an index of refraction
+reflects the complex amplitudes of Fresnel's equations between film and metal, as in Belcour and Barla, section 3.
 
 The series of Airy's sum over m has the colours of ``cos(2 pi m x / wavelength)``, x being the optical path: functions
 of m x alone, here sums of Gaussians of wavenumber, evenly spaced. Two approximations remain: those sums, and that the
@@ -21,6 +24,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from lookdev.brdf.fresnel import square_root
 from lookdev.brdf.vectors import TINY, Array, Real
 
 _ORDERS = 10
@@ -44,9 +48,7 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
     thickness : (...), in nanometres.
     ior : (...), index of refraction of the film, at least 1.
     """
-    cos_theta = np.maximum(cos_theta, TINY)
-    # ior times the cosine in the film.
-    inside = np.sqrt((ior - 1.0) * (ior + 1.0) + cos_theta * cos_theta)
+    cos_theta, inside = _cosines(cos_theta, ior)
     colors = _path_colors(2.0 * inside * thickness)
     root = np.sqrt(np.minimum(bare, 1.0))
     whole = (1.0 - root) / (1.0 + root)
@@ -61,22 +63,75 @@ def film_reflectance(bare: Array, cos_theta: Array, thickness: Real, ior: Real) 
         product = (a - 1.0) * below / ((a + 1.0) * (1.0 + b))
         # By powers of minus the product of the faces' amplitudes.
         series: Real = 0.0
-        for color in reversed(colors):
+        for color, _ in reversed(colors):
             series = product * (color + series)
         total = total + 0.5 * (incoherent - 2.0 * transmitted * series)
     reflectance: Array = np.clip(total, 0.0, 1.0)
     return reflectance
 
 
-def _path_colors(path: Array) -> list[Array]:
-    """Return the colours (..., 3) of ``cos(2 pi m path / wavelength)`` for each order m; paths (...) in nanometres."""
+def metal_film_reflectance(eta: Array, k: Array, cos_theta: Array, thickness: Real, ior: Real) -> Array:
+    """Return the reflectance (..., 3), in [0, 1], of a metal under a film, in air.
+
+    eta, k : (..., 3), of the metal, by channel.
+    cos_theta, thickness, ior : as of `film_reflectance`.
+    """
+    cos_theta, inside = _cosines(cos_theta, ior)
+    colors = _path_colors(2.0 * inside * thickness)
+    c, film, square = (np.expand_dims(each, -1) for each in (cos_theta, inside, ior * ior))
+    # u + iv is the metal's index times the cosine in it.
+    u, v = square_root((eta - 1.0) * (eta + 1.0) - k * k + c * c, eta * k)
+    # Amplitudes are (a - b) / (a + b): at the upper face both are real, at the lower one a + ia' and b + ib'.
+    perpendicular = c, film, (film, 0.0), (u, v)
+    parallel = film, square * c, (square * u, square * v), (film * (eta - k) * (eta + k), 2.0 * film * eta * k)
+    total: Real = 0.0
+    for over, under, (a, ia), (b, ib) in (perpendicular, parallel):
+        amplitude = (over - under) / (over + under)
+        enters = 4.0 * (over / (over + under)) * (under / (over + under))
+        norm = np.maximum((a + b) * (a + b) + (ia + ib) * (ia + ib), TINY * TINY)
+        reflected, absorbed = ((a - b) * (a - b) + (ia - ib) * (ia - ib)) / norm, 4.0 * (a * b + ia * ib) / norm
+        twice = amplitude * amplitude
+        both = np.maximum(enters + twice * absorbed, TINY)
+        # By powers of minus the product of the faces' amplitudes.
+        real = amplitude * ((b - a) * (b + a) + (ib - ia) * (ib + ia)) / norm
+        imaginary = amplitude * 2.0 * (a * ib - ia * b) / norm
+        series: Real = 0.0
+        iseries: Real = 0.0
+        for cosine, sine in reversed(colors):
+            next_real, next_imaginary = cosine + series, sine + iseries
+            series = real * next_real - imaginary * next_imaginary
+            iseries = real * next_imaginary + imaginary * next_real
+        total = total + 0.5 * (enters * reflected + twice * absorbed - 2.0 * enters * absorbed * series) / both
+    reflectance: Array = np.clip(total, 0.0, 1.0)
+    return reflectance
+
+
+def _cosines(cos_theta: Array, ior: Real) -> tuple[Array, Array]:
+    """Return the cosine of incidence, above 0, and ior times the cosine in the film."""
+    cos_theta = np.maximum(cos_theta, TINY)
+    return cos_theta, np.sqrt((ior - 1.0) * (ior + 1.0) + cos_theta * cos_theta)
+
+
+def _path_colors(path: Array) -> list[tuple[Array, Array]]:
+    """Return the colours (..., 3) of cosine and sine of ``2 pi m path / wavelength`` for each order m.
+
+    Paths (...) are in nanometres.
+    """
     decay = 2.0 * np.square(np.pi * _WIDTH * path)
-    now = [np.cos(2.0 * np.pi * centre * path) for centre in _CENTRES]
-    twice, before = [2.0 * cosine for cosine in now], [1.0 + 0.0 * path for _ in now]
+    waves = [2.0 * np.pi * centre * path for centre in _CENTRES]
+    now = [(np.cos(wave), np.sin(wave)) for wave in waves]
+    twice, before = [2.0 * cosine for cosine, _ in now], [(1.0 + 0.0 * path, 0.0 * path) for _ in now]
     colors = []
     for order in range(1, _ORDERS + 1):
-        summed = sum(np.expand_dims(cosine, -1) * weight for cosine, weight in zip(now, _WEIGHTS, strict=True))
-        colors.append(np.expand_dims(np.exp(-float(order * order) * decay), -1) * summed)
-        # Chebyshev's recurrence for cosines of multiples.
-        now, before = [t * n - b for t, n, b in zip(twice, now, before, strict=True)], now
+        fades = np.expand_dims(np.exp(-float(order * order) * decay), -1)
+        cosine, sine = (
+            fades * sum(np.expand_dims(wave[part], -1) * weight for wave, weight in zip(now, _WEIGHTS, strict=True))
+            for part in (0, 1)
+        )
+        colors.append((cosine, sine))
+        # Chebyshev's recurrence for cosines and sines of multiples.
+        now, before = (
+            [(t * c - a, t * s - b) for t, (c, s), (a, b) in zip(twice, now, before, strict=True)],
+            now,
+        )
     return colors

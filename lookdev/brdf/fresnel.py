@@ -58,12 +58,9 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     # Of the relative index: its square less 1, which cancels for like media, and half the imaginary part of its square.
     inverse = 1.0 / (external_ior * external_ior)
     excess, cross = ((eta - external_ior) * (eta + external_ior) - k * k) * inverse, eta * k * inverse
-    # a^2 - b^2 = real and a b = cross: the larger part first, as the other is a small difference of squares.
     real = excess + cos2
-    large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * cross * cross) + np.absolute(real)))
-    small = cross / np.maximum(large, TINY)
+    a, b = square_root(real, cross)
     travels = real >= 0.0
-    a, b = np.where(travels, large, small), np.where(travels, small, large)
     b2, plus = b * b, cos_theta + a
     # Where b is small so is cos - a, for like media: cos^2 - a^2 = -(excess + b^2).
     minus = np.where(travels, (excess + b2) / np.maximum(plus, TINY), cos_theta - a)
@@ -73,3 +70,12 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     ratio = (less * less + b2_cos2) / np.maximum(more * more + b2_cos2, TINY)
     reflectance: Array = reflectance_s * (1.0 - polarisation + polarisation * ratio)
     return reflectance
+
+
+def square_root(real: Real, half: Real) -> tuple[Array, Array]:
+    """Return a and b, at least 0, of ``a + ib``, the root of ``real + 2i half``; half is at least 0."""
+    # a^2 - b^2 = real and a b = half: the larger part first, as the other is a small difference of squares.
+    large = np.sqrt(0.5 * (np.sqrt(real * real + 4.0 * half * half) + np.absolute(real)))
+    small = half / np.maximum(large, TINY)
+    first = real >= 0.0
+    return np.where(first, large, small), np.where(first, small, large)

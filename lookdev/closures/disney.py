@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lookdev.brdf.disney import COAT_F0
-from lookdev.brdf.film import film_reflectance
+from lookdev.brdf.film import film_reflectance, metal_film_reflectance
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import schlick_blend, schlick_weight
 from lookdev.brdf.lobes import Lobe
@@ -120,7 +120,10 @@ def specular(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     fresnel = mix_color(p["f0"], np.ones(3), mean)
     if not same(p["filmThickness"], 0.0):
         # The colour of a film at the typical cosine, as that of all microfacets.
-        color = film_reflectance(fresnel, typical, p["filmThickness"], p["filmIor"])
+        film = typical, p["filmThickness"], p["filmIor"]
+        color = film_reflectance(fresnel, *film)
+        if is_exact(p):
+            color = mix_color(color, metal_film_reflectance(p["eta"], p["k"], *film), p["metallic"])
         return (Closure("ggx", scale(color, ratio), x, y, lobe.frame),)
     reflected = scale(fresnel, ratio)
     own_f0 = (reflected / np.expand_dims(grazing, -1) - np.expand_dims(own_mean, -1)) / np.expand_dims(

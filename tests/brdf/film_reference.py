@@ -21,6 +21,34 @@ def color_weights() -> Floats:
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
+def metal_film_by_quadrature(eta: Floats, k: Floats, cos_theta: Floats, thickness: Floats, ior: Floats) -> Floats:
+    """Return what `lookdev.brdf.film.metal_film_reflectance` approximates, for indices (n, 3) and numbers (n,).
+
+    Indices (n, 1, `WAVELENGTHS`) are those of spectra.
+    """
+    index = np.asarray(eta) + 1j * np.asarray(k)
+    cos_theta, thickness, ior = (each[:, None, None] for each in (cos_theta, thickness, ior))
+    spectra = index if index.shape[-1] == len(WAVELENGTHS) else index[..., None]
+    sin2 = 1.0 - cos_theta**2
+    inside, beneath = np.sqrt(1.0 - sin2 / ior**2), np.sqrt(1.0 - sin2 / spectra**2)
+    phase = np.exp(4.0j * np.pi * ior * inside * thickness / WAVELENGTHS)
+    found = np.zeros(1)
+    # Born and Wolf, 1.5 (20) and (21), at both faces, s and p; 1.6 (55) and (56).
+    for r12, r23 in (
+        (
+            (cos_theta - ior * inside) / (cos_theta + ior * inside),
+            (ior * inside - spectra * beneath) / (ior * inside + spectra * beneath),
+        ),
+        (
+            (inside - ior * cos_theta) / (inside + ior * cos_theta),
+            (ior * beneath - spectra * inside) / (ior * beneath + spectra * inside),
+        ),
+    ):
+        wave = r23 * phase
+        found = found + 0.5 * np.abs((r12 + wave) / (1.0 + r12 * wave)) ** 2
+    return np.asarray((found * color_weights()).sum(axis=-1))
+
+
 def film_by_quadrature(bare: Floats, cos_theta: Floats, thickness: Floats, ior: Floats) -> Floats:
     """Return what `lookdev.brdf.film.film_reflectance` approximates, not clipped, for bare (n, 3) and numbers (n,)."""
     inside = np.sqrt(1.0 - (1.0 - cos_theta**2) / ior**2)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from film_reference import WAVELENGTHS, color_weights, film_by_quadrature
+from film_reference import WAVELENGTHS, color_weights, film_by_quadrature, metal_film_by_quadrature
 from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, complete_parameters, evaluate, film
-from lookdev.brdf.film import film_reflectance
-from lookdev.brdf.fresnel import schlick_weight
+from lookdev.brdf.conductor import METALS, metal_indices
+from lookdev.brdf.film import film_reflectance, metal_film_reflectance
+from lookdev.brdf.fresnel import conductor_fresnel, schlick_weight
+from lookdev.brdf.metal import metal_index
 
 Floats = NDArray[np.float64]
 
@@ -50,6 +52,47 @@ def test_the_table_is_the_fit_that_it_is_said_to_be() -> None:
     np.testing.assert_allclose(basis @ film._WEIGHTS, wanted, atol=0.013)
 
 
+def _metals() -> tuple[Floats, Floats]:
+    rng = np.random.default_rng(8)
+    eta = np.exp(rng.uniform(np.log(0.05), np.log(10.0), (_COUNT, 3)))
+    return eta, np.where(rng.random((_COUNT, 1)) < 0.1, 0.0, 20.0 * rng.random((_COUNT, 3)) ** 2)
+
+
+def test_a_film_on_a_metal_is_what_quadrature_gives() -> None:
+    (eta, k), (_, cos_theta, thickness, ior) = _metals(), _cases()
+    error = np.zeros((0, 3))
+    for part in np.array_split(np.arange(_COUNT), 16):
+        given = eta[part], k[part], cos_theta[part], thickness[part], ior[part]
+        found, wanted = metal_film_reflectance(*given), metal_film_by_quadrature(*given)
+        error = np.concatenate([error, np.abs(found - np.clip(wanted, 0.0, 1.0))])
+    # docs/models.md has the numbers.
+    assert np.sqrt(np.mean(error**2)) < 1.5e-3
+    assert np.quantile(error, 0.99) < 3.1e-3
+    assert error.max() < 0.05
+    assert error[cos_theta > np.cos(np.radians(80.0))].max() < 0.03
+
+
+@pytest.mark.parametrize("name", METALS)
+def test_a_film_on_a_metal_by_name_is_near_that_of_its_spectra(name: str) -> None:
+    rng = np.random.default_rng(9)
+    cos_theta, thickness, ior = rng.uniform(0.1, 1.0, 60), rng.uniform(50.0, 800.0, 60), rng.uniform(1.2, 2.4, 60)
+    spectra = (np.asarray(each)[None, None] for each in metal_indices(name, WAVELENGTHS))
+    wanted = np.clip(metal_film_by_quadrature(*spectra, cos_theta, thickness, ior), 0.0, 1.0)
+    eta, k = (np.asarray(value, dtype=np.float64) for value in metal_index(name).values())
+    error = metal_film_reflectance(eta, k, cos_theta, thickness, ior) - wanted
+    # docs/models.md has the number.
+    assert np.sqrt(np.mean(error**2)) < 0.03
+
+
+def test_a_film_without_effect_on_a_metal() -> None:
+    (eta, k), (_, cos_theta, thickness, ior) = _metals(), _cases()
+    bare = np.asarray(conductor_fresnel(cos_theta[:, None], eta, k))
+    np.testing.assert_allclose(metal_film_reflectance(eta, k, cos_theta, thickness, 1.0), bare, rtol=1e-12, atol=1e-14)
+    found = metal_film_reflectance(eta, k, cos_theta, 0.0, ior)
+    np.testing.assert_allclose(found, bare, atol=0.05)
+    np.testing.assert_allclose(found[cos_theta > 0.2], bare[cos_theta > 0.2], atol=0.03)
+
+
 @pytest.mark.parametrize("thickness", [0.0, 1.0, 300.0, 3000.0])
 def test_a_film_of_the_index_of_air_is_none(thickness: float) -> None:
     bare, cos_theta, _, _ = _cases()
@@ -79,6 +122,28 @@ def test_no_input_gives_what_is_no_reflectance(dtype: type) -> None:
     found = film_reflectance(np.repeat(bare[:, None], 3, axis=1), cos_theta, thickness, ior)
     assert ((found >= 0.0) & (found <= 1.0)).all()
     np.testing.assert_array_equal(found[bare >= 1.0], 1.0)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_no_metal_gives_what_is_no_reflectance(dtype: type) -> None:
+    grid = np.meshgrid([0.0, 1e-18, 1e-4, 0.3, 1.0], [0.05, 1.0, 10.0], [0.0, 1e-9, 20.0], [0.0, 3000.0], [1.0, 3.0])
+    cos_theta, eta, k, thickness, ior = (axis.ravel().astype(dtype) for axis in grid)
+    found = metal_film_reflectance(eta[:, None], k[:, None], cos_theta, thickness, ior)
+    assert ((found >= 0.0) & (found <= 1.0)).all()
+
+
+def test_disneys_exact_metals_have_the_colours_of_a_film() -> None:
+    wi = np.array([0.6, 0.0, 0.8])
+    wo = wi * [-1.0, 1.0, 1.0]
+
+    def lobe(**given: object) -> Floats:
+        gold = {"metal": "gold", "metallic": 1.0}
+        return evaluate(MODELS["disney"].bsdf(complete_parameters("disney", gold | given)), wo, wi)
+
+    eta, k = (np.asarray(value, dtype=np.float64) for value in metal_index("gold").values())
+    films = {"filmThickness": 300.0, "filmIor": 1.6}
+    wanted = metal_film_reflectance(eta, k, np.array(0.8), *films.values())
+    np.testing.assert_allclose(lobe(**films) / lobe(), wanted / conductor_fresnel(0.8, eta, k), rtol=1e-12)
 
 
 def test_disneys_specular_lobe_has_the_colours_of_a_film() -> None:

@@ -66,7 +66,8 @@ def test_every_lobe_has_stand_ins_or_an_error_that_names_it(model: str) -> None:
 @pytest.mark.parametrize(("roughness", "allowed"), [(0.1, 0.035), (0.3, 0.1)])
 def test_the_albedo_under_a_film(roughness: float, allowed: float) -> None:
     film = {"filmThickness": 400.0, "filmIor": 1.5, "roughness": roughness}
-    for base in ({"baseColor": (0.02, 0.02, 0.02)}, {"baseColor": (0.9, 0.8, 0.5), "metallic": 1.0}):
+    gold = {"metal": "gold", "metallic": 1.0}
+    for base in ({"baseColor": (0.02, 0.02, 0.02)}, {"baseColor": (0.9, 0.8, 0.5), "metallic": 1.0}, gold):
         bsdf = MODELS["disney"].bsdf(complete_parameters("disney", base | film))
         assert max(deviation(bsdf, view(angle)) for angle in (0.0, 45.0, 75.0)) <= allowed
 

@@ -118,6 +118,7 @@ STACKS = {
     "disney 2012": (disney("2012"),),
     "disney with options": (disney(options=True),),
     "disney, exact metals": (disney(fresnel="conductor"),),
+    "disney, exact metals with options": (disney(options=True, fresnel="conductor"),),
     "disney over disney": (disney(), disney()),
     "pixar": (pixar(),),
     "pixar conserving": (pixar(energy="conserving"),),
@@ -143,7 +144,7 @@ def test_random_cases(layers: tuple[PointLayer, ...]) -> None:
     tolerance = AVERAGED if [layer.mode for layer in layers].count("transmit") > 1 else RELATIVE
     if "filmThickness" not in layers[0].constants and layers[0].model == "disney":
         # Where a film reflects next to nothing, its terms cancel: four roundings of what a mirror reflects.
-        ones = {"baseColor": np.ones((COUNT, 3)), "metallic": np.ones(COUNT)}
+        ones = {"baseColor": np.ones((COUNT, 3)), "metallic": np.ones(COUNT), "k": np.full((COUNT, 3), 20.0)}
         mirror, _ = evaluate_numpy(replace(batch, numbers=(batch.numbers[0] | ones,)))
         f = np.where(np.abs(f - f_wanted) <= 4.0 * 2.0**-24 * mirror, f_wanted, f)
     assert_close(f, f_wanted, tolerance)
