@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from lookdev.brdf import CONTINUOUS, MODELS
 from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.metal import CONDUCTOR
 
 Floats = NDArray[np.float64]
 
@@ -46,12 +47,15 @@ def random_parameters(
 ) -> dict[str, Any]:
     """Draw parameters: half of the numbers at an end of their range, where formulas have special cases.
 
-    Of the normals, the fraction `leaning` leans anywhere, the rest are upright. Tokens not given have their defaults.
+    Of the normals, the fraction `leaning` leans anywhere, the rest are upright. Tokens not given have their defaults,
+    and so has the index of metals that have none.
     """
     values: dict[str, Any] = {}
-    for name, parameter in MODELS[model].parameters.items():
-        if parameter.optional and "options" not in tokens:
-            values[name] = np.full(count, parameter.default)
+    parameters = MODELS[model].parameters
+    without = ("eta", "k") if "fresnel" in parameters and tokens.get("fresnel") != CONDUCTOR else ()
+    for name, parameter in parameters.items():
+        if (parameter.optional and "options" not in tokens) or name in without:
+            values[name] = np.repeat(np.expand_dims(np.asarray(parameter.default), 0), count, axis=0)
             continue
         if parameter.kind == "token":
             values[name] = tokens.get(name, parameter.default)

@@ -72,6 +72,19 @@ def conductor_fresnel(cos_theta: Real, eta: Real, k: Real, external_ior: Real = 
     return reflectance
 
 
+# Born and Wolf, 1.5 (34) and 14.2: 1 less both reflectances, in which r_p / r_s is as above.
+def conductor_absorptance(cos_theta: Real, eta: Real, k: Real) -> Array:
+    """Return ``1 - conductor_fresnel(cos_theta, eta, k)``, in air, of unpolarised light, exact where it is small."""
+    cos2 = cos_theta * cos_theta
+    sin2 = np.maximum(1.0 - cos2, 0.0)
+    a, b = square_root((eta - 1.0) * (eta + 1.0) - k * k + cos2, eta * k)
+    b2, plus, more = b * b, cos_theta + a, cos_theta * a + sin2
+    perpendicular = 4.0 * cos_theta * a / np.maximum(plus * plus + b2, TINY)
+    less = 4.0 * cos_theta * a * sin2 / np.maximum(more * more + b2 * cos2, TINY)
+    absorptance: Array = perpendicular + 0.5 * (1.0 - perpendicular) * less
+    return absorptance
+
+
 def square_root(real: Real, half: Real) -> tuple[Array, Array]:
     """Return a and b, at least 0, of ``a + ib``, the root of ``real + 2i half``; half is at least 0."""
     # a^2 - b^2 = real and a b = half: the larger part first, as the other is a small difference of squares.

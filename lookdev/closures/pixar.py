@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 
 from lookdev.brdf.frames import Frame, Leaning
-from lookdev.brdf.fresnel import fresnel_blend
 from lookdev.brdf.lobes import Lobe
 from lookdev.brdf.reflectance import relative_cosine
 from lookdev.brdf.vectors import Array, dot, same, scale
@@ -50,7 +49,7 @@ def highlight(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
     # In the last half degree the fits are far off.
     ratio = np.clip(ratio, 0.0, _LARGEST_RATIO)
     typical = np.clip(fit("highlight_cosine")(cos_theta, alpha), 0.0, 1.0)
-    fresnel = fresnel_blend(p["at_normal"], p["at_grazing"], typical)
+    fresnel = p["term"].weight(typical)
     mix = highlight_mix(alpha, view, lobe.frame, lobe.transmits, shape("highlight"))
     return tuple(replace(each, weight=scale(fresnel, ratio * each.weight)) for each in mix)
 

@@ -61,6 +61,10 @@ _SETTINGS: dict[str, list[dict[str, object]]] = {
         {"roughness": 0.5, "ior": 1.5, "highlightNormal": (-1.0, 0.5, 0.2), "diffuseNormal": (0.9, 0.5, -1.0)},
         {"roughness": 0.9, "ior": 1.0, "specularConeScale": 2.0, "highlightNormal": (0.0, 0.4, 1.0)},
         {"roughness": 1.0, "diffuseNormal": (0.3, 0.0, 1.0), "energy": "conserving"},
+        {"roughness": 0.0, "metallic": 1.0, "clear": 0.0, "back": 0.0, **_GOLD},
+        {"roughness": 0.3, "metallic": 0.8, "grazingScale": 0.5, "highlightNormal": (0.3, 0.2, 1.0), **_GOLD},
+        {"roughness": 0.6, "metallic": 1.0, **_GLASS},
+        {"roughness": 0.4, "metallic": 0.5, "energy": "conserving", **_GLASS},
     ],
 }
 _EVERYWHERE: dict[str, dict[str, object]] = {

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf.fresnel import conductor_fresnel
+from lookdev.brdf.fresnel import conductor_absorptance, conductor_fresnel
 
 Floats = NDArray[np.float64]
 
@@ -82,3 +82,17 @@ def test_fresnel_stays_within_bounds() -> None:
     reflectance = conductor_fresnel(cos_theta, eta, k)
     assert np.all((reflectance >= 0.0) & (reflectance <= 1.0 + 1e-15))
     assert np.all(conductor_fresnel(np.array([0.0, 0.3, 1.0]), 1.0, 0.0) == 0.0)  # air in air
+
+
+def test_what_is_not_reflected_is_exact_where_it_is_little() -> None:
+    rng = np.random.default_rng(2)
+    cos_theta, eta, k = rng.uniform(0.0, 1.0, 1000), rng.uniform(0.05, 10.0, 1000), rng.uniform(0.0, 20.0, 1000)
+    k[:300] = 0.0
+    found = np.asarray(conductor_absorptance(cos_theta, eta, k))
+    np.testing.assert_allclose(found, 1.0 - np.asarray(conductor_fresnel(cos_theta, eta, k)), atol=1e-14)
+    single = conductor_absorptance(*(each.astype(np.float32) for each in (cos_theta, eta, k)))
+    moved = conductor_absorptance(*(each.astype(np.float32).astype(np.float64) for each in (cos_theta, eta, k)))
+    beyond = found == 0.0
+    assert np.count_nonzero(beyond) > 10  # of total reflection
+    np.testing.assert_allclose(single[~beyond], moved[~beyond], rtol=1e-4)
+    np.testing.assert_array_equal(np.asarray(single)[beyond], 0.0)

@@ -69,8 +69,8 @@ def _leaving(layers: Sequence[StackLayer], wo: Floats) -> Floats:
     return np.broadcast_to(everything, wo.shape).max(axis=-1)
 
 
-def _random_layer(rng: np.random.Generator, count: int, energy: str, mode: Any) -> StackLayer:
-    parameters = random_parameters(rng, "pixar", {"energy": energy}, count, leaning=0.15)
+def _random_layer(rng: np.random.Generator, count: int, energy: str, mode: Any, **tokens: str) -> StackLayer:
+    parameters = random_parameters(rng, "pixar", {"energy": energy, **tokens}, count, leaning=0.15)
     for name, parameter in MODELS["pixar"].parameters.items():
         if name.endswith(("Scale", "Tint")) or name == "presence":
             # Half of the scales, tints and presences are 1, none is above.
@@ -144,6 +144,22 @@ def test_no_conserving_stack_sends_more_than_it_receives() -> None:
     assert leaving.max() <= 1.0 + _ROUNDING
     # Some stacks lose nearly nothing.
     assert np.count_nonzero(leaving > 1.0 - _ROUNDING) > 100
+
+
+def test_no_conserving_stack_of_exact_metals_sends_more_than_it_receives() -> None:
+    rng = np.random.default_rng(2007)
+    found = []
+    for number in range(120):
+        layers = [
+            _random_layer(rng, 1, "conserving", mode, fresnel="conductor") for mode in _MODES[number % len(_MODES)]
+        ]
+        wo = view_at(_VIEWS[number % len(_VIEWS)], rng.uniform(0.0, 360.0))[None]
+        partition = _partition(layers, wo)
+        leaving = sum(np.array(_integral(lobe, wo)) for lobe in partition_lobes(partition))
+        found.append(np.max(leaving + 1.0 - partition.presence))
+    # The error of the quadrature.
+    assert max(found) <= 1.0 + 1e-4
+    assert np.count_nonzero(np.array(found) > 0.9) > 10
 
 
 def test_published_stacks_conserve_energy_if_opaque_and_upright() -> None:

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 from random_parameters import directions, random_parameters
 
-from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
+from lookdev.brdf import StackLayer, complete_parameters, evaluate, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, family, layer_partition
@@ -172,6 +172,51 @@ def test_simple_layering_mixes_every_weight() -> None:
     wo, mask = directions(rng, _COUNT), rng.random(_COUNT)
     above, below = _random(rng, _COUNT, wo, presence=np.ones(_COUNT)), _random(rng, _COUNT, wo)
     _assert_weights(_layered(above, below, mask, "over"), _mixed(above, below, mask, 1.0 - mask))
+
+
+_INDICES = {"gold": ((0.1, 0.4, 1.6), (10.0, 2.3, 1.7)), "glass": ((1.5, 1.6, 1.7), (0.0, 0.0, 0.0))}
+
+
+def _exact(name: str, **given: Any) -> dict[str, Any]:
+    eta, k = _INDICES[name]
+    return _parameters(metallic=1.0, fresnel="conductor", eta=eta, k=k, **given)
+
+
+def test_layers_of_different_metals_are_mixed() -> None:
+    rng = np.random.default_rng(35)
+    wo = directions(rng, _COUNT)
+    wi = wo * [-1.0, -1.0, 1.0] + rng.normal(0.0, 0.1, wo.shape)
+    wi /= np.linalg.norm(wi, axis=-1, keepdims=True)
+    layers = [_exact("gold"), _parameters(metallic=1.0), _exact("glass"), _exact("gold")]
+    stack = stack_bsdf([StackLayer("pixar", each, 0.4) for each in layers])
+    parts = (evaluate(stack_bsdf([StackLayer("pixar", each)]), wo, wi) for each in layers)
+    # All cones are alike.
+    wanted = sum(w * f for w, f in zip((0.216, 0.144, 0.24, 0.4), parts, strict=True))
+    np.testing.assert_allclose(evaluate(stack, wo, wi), wanted, rtol=1e-11, atol=1e-30)
+    # Twice the same metal is one.
+    partition = compose([(layer_partition(each, wo), 0.4, "over") for each in layers])
+    assert [len(term.metals) for term in partition.terms.values()] == [2, 2, 0, 0, 0, 0]
+
+
+def test_what_a_layer_transmits_meets_the_curve_of_a_metal() -> None:
+    rng = np.random.default_rng(36)
+    wo = directions(rng, _COUNT)
+    lacquer, metal = (
+        layer_partition(each, wo)
+        for each in (_parameters(roughness=0.3, clear=0.7, back=0.5), _exact("gold", roughness=0.2))
+    )
+    result = _layered(lacquer, metal, 1.0, "transmit")
+    narrow, broad, diffuse = (lacquer.terms[name] for name in THROUGH)
+    (mirror,), (glossy,) = (metal.terms[name].metals for name in FRONT[:2])
+    for kind in ("normal", "grazing"):
+        a, b, c, m, g = (getattr(each, kind) for each in (narrow, broad, diffuse, mirror, glossy))
+        # The table, by which every reflection of the metal is the metal's.
+        wanted = {"reflection": a * m, "specular": a * g + b * (m + g), "diffuse": c * (m + g)}
+        for name in FRONT:
+            (sole,) = result.terms[name].metals
+            np.testing.assert_allclose(getattr(sole, kind), wanted[name], rtol=1e-12)
+            np.testing.assert_array_equal((sole.eta, sole.k), _INDICES["gold"])
+    assert all(not result.terms[name].metals for name in THROUGH)
 
 
 @pytest.mark.parametrize("mode", ["over", "transmit"])

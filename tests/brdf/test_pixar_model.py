@@ -13,8 +13,9 @@ from scipy.integrate import dblquad
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, pdf, sample, stack_bsdf
 from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions
-from lookdev.brdf.pixar.partition import THROUGH, layer_partition
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, layer_partition
 from lookdev.closures.setups import view_at
 
 Floats = NDArray[np.float64]
@@ -102,6 +103,36 @@ def test_transmission_through_an_index_of_1_is_reciprocal() -> None:
     f = evaluate(bsdf, wo, wi)
     assert np.count_nonzero(f.max(axis=-1) > 1e-6) > 200
     np.testing.assert_allclose(f, evaluate(bsdf, wi, wo), rtol=1e-9, atol=1e-12)
+
+
+_COPPER = {"fresnel": "conductor", "eta": (0.2, 1.0, 1.3), "k": (3.2, 2.6, 2.4)}
+
+
+@pytest.mark.parametrize("energy", ["published", "conserving"])
+def test_an_exact_metal_is_pixars_with_another_fresnel_term(energy: str) -> None:
+    rng = np.random.default_rng(23)
+    wo = directions(rng, 400)
+    wi = near_the_mirror_image(rng, wo)
+    eta, k = np.array(_COPPER["eta"]), np.array(_COPPER["k"])
+    given = {"roughness": 0.3, "metallic": 1.0, "energy": energy}
+    front, rest = FRONT[:2], (FRONT[2], *THROUGH)
+
+    def f(lobes: tuple[str, ...], **more: Any) -> Floats:
+        return evaluate(_only(_pixar(**given | more), *lobes), wo, wi)
+
+    # A white metal reflects all light at all angles: its term is 1.
+    white = f(front, surfaceColor=(1.0, 1.0, 1.0))
+    wm = (wo + wi) / np.linalg.norm(wo + wi, axis=-1, keepdims=True)
+    cosine = (wo * wm).sum(axis=-1, keepdims=True) if energy == "published" else wo[:, 2:]
+    np.testing.assert_allclose(f(front, **_COPPER), white * conductor_fresnel(cosine, eta, k), rtol=1e-9, atol=1e-30)
+    # Its colour is that at normal incidence.
+    color = tuple(conductor_fresnel(1.0, eta, k).tolist())
+    np.testing.assert_allclose(f(rest, **_COPPER), f(rest, surfaceColor=color), rtol=1e-12)
+    # The dielectric is as it was, and scales are factors, of which that of normal incidence counts as at most 1.
+    np.testing.assert_allclose(f(front, **_COPPER | {"metallic": 0.0}), f(front, metallic=0.0), rtol=1e-12)
+    np.testing.assert_array_equal(f(front, normalScale=5.0, **_COPPER), f(front, **_COPPER))
+    scaled = f(front, normalScale=0.5, grazingScale=0.5, **_COPPER)
+    np.testing.assert_allclose(scaled, 0.5 * f(front, **_COPPER), rtol=1e-12)
 
 
 _METAL = {"metallic": 1.0, "surfaceColor": (0.9, 0.6, 0.3), "roughness": 0.4}

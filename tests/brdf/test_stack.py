@@ -24,7 +24,8 @@ def _directions(rng: np.random.Generator) -> tuple[Floats, Floats]:
 
 
 def _random(rng: np.random.Generator, model: str, **given: Any) -> dict[str, Any]:
-    return random_parameters(rng, model, {}, _COUNT) | given
+    tokens = {name: value for name, value in given.items() if isinstance(value, str)}
+    return random_parameters(rng, model, tokens, _COUNT) | given
 
 
 def test_disney_layers_are_blended_as_parameters() -> None:
@@ -49,7 +50,7 @@ def test_disney_layers_with_other_metals_are_blended_as_evaluated() -> None:
         wanted = (1.0 - mask)[:, None] * next(parts) + mask[:, None] * next(parts)
         np.testing.assert_allclose(evaluate(stack, wo, wi), wanted, rtol=1e-12, atol=1e-15)
     # Metals of one kind are blended as parameters.
-    alike = [StackLayer("disney", exact), StackLayer("disney", exact | {"eta": plain["eta"]}, mask)]
+    alike = [StackLayer("disney", exact), StackLayer("disney", exact | {"eta": 0.5 * exact["k"] + 1.0}, mask)]
     blended = MODELS["disney"].bsdf(MODELS["disney"].blended(alike))
     np.testing.assert_array_equal(evaluate(stack_bsdf(alike), wo, wi), evaluate(blended, wo, wi))
 

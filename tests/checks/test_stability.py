@@ -244,7 +244,7 @@ def test_a_look_of_constants_passes(render: Render) -> None:
 
 @pytest.mark.cycles
 def test_a_formula_that_cancels_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    layers = STACKS["pixar published"]
+    layers = STACKS["pixar published schlick"]
     assert check_stack("pixar", layers, rng(), "default").passed
     monkeypatch.setattr(
         partition, "fresnel_blend", lambda normal, grazing, cos: mix_color(normal, grazing, schlick_weight(cos))

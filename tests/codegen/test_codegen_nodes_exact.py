@@ -50,6 +50,8 @@ LOOKS: dict[str, tuple[Layer, ...]] = {
         layer("pixar", of_view("smoothstep(1 - view, 0.3, 0.9)"), clear=of_view("view"), surfaceColor=(0.9, 0.5, 0.2)),
     ),
     "lacquered": (LEAF, layer("pixar", 0.8, "transmit", surfaceColor=(0.9, 0.5, 0.2), roughness=0.15, clear=0.9)),
+    "gold": (layer("disney", metal="gold", metallic=0.9, roughness=0.3, filmThickness=300.0),),
+    "gilded": (LEAF, layer("pixar", 0.7, metal="gold", metallic=1.0, roughness=0.3)),
     "mixed": (LEAF, COAT),
 }
 
@@ -139,7 +141,7 @@ def test_nodes_sample_as_numpy_does(name: str, given: dict[str, Any]) -> None:
     source = assert_samples(LOOKS[name], given)
     assert source.exact
     assert not source.see_through
-    assert source.transmits == (name in ("painted", "bent", "lacquered", "mixed", "seen"))
+    assert source.transmits == (name in ("painted", "bent", "lacquered", "gilded", "mixed", "seen"))
 
 
 def test_what_varies_over_the_surface_is_read(given: dict[str, Any]) -> None:

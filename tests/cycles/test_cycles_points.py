@@ -109,8 +109,8 @@ def disney(variant: str = "2014", mode: Any = "over", options: bool = False, **t
     return PointLayer("disney", {"variant": variant, **tokens}, mode, left_out)
 
 
-def pixar(mode: Any = "over", energy: str = "published") -> PointLayer:
-    return PointLayer("pixar", {"energy": energy}, mode)
+def pixar(mode: Any = "over", energy: str = "published", **tokens: str) -> PointLayer:
+    return PointLayer("pixar", {"energy": energy, **tokens}, mode)
 
 
 STACKS = {
@@ -122,6 +122,9 @@ STACKS = {
     "disney over disney": (disney(), disney()),
     "pixar": (pixar(),),
     "pixar conserving": (pixar(energy="conserving"),),
+    "pixar, exact metals": (pixar(fresnel="conductor"),),
+    "pixar, exact metals, conserving": (pixar(energy="conserving", fresnel="conductor"),),
+    "pixar transmitting to exact metals": (pixar(fresnel="conductor"), pixar("transmit", fresnel="conductor")),
     "pixar over pixar": (pixar(), pixar()),
     "pixar transmitting to pixar": (pixar(), pixar("transmit")),
     "three pixar layers": (pixar(), pixar("transmit"), pixar("transmit")),

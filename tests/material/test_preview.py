@@ -12,6 +12,7 @@ import pytest
 from look_files import BASE, LAYER1, STACK, disney, pixar, rough, shader, stack, texture
 from pxr import Sdf, Sdr, Usd
 
+from lookdev.brdf.conductor import metal_reflectance
 from lookdev.errors import LookError
 from lookdev.material.expression import parse
 from lookdev.material.library.edit import write_preview
@@ -54,6 +55,16 @@ def test_disney_is_mapped() -> None:
         "ior": 1.5,  # of F0 = .04
         "opacity": 1.0,
     }
+
+
+@pytest.mark.parametrize("model", ["disney", "pixar"])
+def test_an_exact_metal_has_its_own_colour(model: str) -> None:
+    given = {"metallic": 1.0, "baseColor" if model == "disney" else "surfaceColor": (0.1, 0.2, 0.3)}
+    found = rounded([Layer("Metal", model, given | {"metal": "silver"})])
+    assert found["diffuseColor"] == pytest.approx(tuple(metal_reflectance("silver")), abs=1e-3)
+    found = rounded([Layer("Metal", model, given | {"metal": "silver", "metallic": 0.5})])
+    wanted = 0.5 * metal_reflectance("silver") + 0.5 * np.array([0.1, 0.2, 0.3])
+    assert found["diffuseColor"] == pytest.approx(tuple(wanted), abs=1e-3)
 
 
 def test_pixar_is_mapped() -> None:

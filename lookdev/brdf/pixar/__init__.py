@@ -6,10 +6,11 @@ from collections.abc import Sequence
 
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf
+from lookdev.brdf.metal import is_exact
 from lookdev.brdf.model import Model, Preview, StackLayer
 from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.parameters import PARAMETERS
-from lookdev.brdf.pixar.partition import FRONT, Partition, layer_partition, partition_lobes
+from lookdev.brdf.pixar.partition import FRONT, Partition, layer_color, layer_partition, partition_lobes
 from lookdev.brdf.vectors import Array, Parameters, Real
 from lookdev.errors import ModelError
 
@@ -30,7 +31,8 @@ def _combine(layers: Sequence[StackLayer]) -> Bsdf:
 
 
 def _preview(p: Parameters) -> dict[str, Real]:
-    return {"f0": 0.05 * p["normalScale"], "opacity": 1.0 - p["clear"] * (1.0 - p["metallic"])}
+    exact: dict[str, Real] = {"diffuseColor": layer_color(p)} if is_exact(p) else {}
+    return exact | {"f0": 0.05 * p["normalScale"], "opacity": 1.0 - p["clear"] * (1.0 - p["metallic"])}
 
 
 PIXAR = Model(

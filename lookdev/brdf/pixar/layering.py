@@ -8,16 +8,16 @@ averaged: once, over all contributions.
 
 from __future__ import annotations
 
-import functools
 import operator
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial, reduce
 
 import numpy as np
 
 from lookdev.brdf.frames import ZENITH, Frame, Leaning, Upright
 from lookdev.brdf.model import Mode
-from lookdev.brdf.pixar.partition import FRONT, THROUGH, Partition, Term, family
+from lookdev.brdf.pixar.partition import FRONT, THROUGH, Metal, Partition, Term, family
 from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, same, scale
 
 _LOBES = (*FRONT, *THROUGH)
@@ -34,7 +34,7 @@ class _Share:
 
     def scaled(self, weight: Real) -> _Share:
         """Return the contribution of a weight (...) of the light."""
-        term = replace(self.term, normal=scale(self.term.normal, weight), grazing=scale(self.term.grazing, weight))
+        term = self.term.changed(lambda each: scale(each, weight), lambda each: scale(each, weight))
         return replace(self, term=term, energy=self.energy * weight)
 
 
@@ -91,7 +91,8 @@ def _interactions(incoming: Mapping[str, Term], partition: Partition) -> Iterato
             a, b = THROUGH.index(above), (FRONT if name in FRONT else THROUGH).index(name)
             cone = entering.cone if b < a else np.maximum(entering.cone, term.cone) if b == a else term.cone
             # The lobe beneath "replaces the direction": index of refraction and normal are its.
-            made = Term(entering.normal * term.normal, entering.grazing * term.grazing, cone, term.bend)
+            normal, grazing = partial(operator.mul, entering.normal), partial(operator.mul, entering.grazing)
+            made = replace(term.changed(normal, grazing), cone=cone)
             yield _Share(result, made, partition.frames[family(result)], made.energy(partition.cosine(result)))
 
 
@@ -102,11 +103,25 @@ def _terms(shares: Sequence[_Share]) -> dict[str, Term]:
         mine = [share for share in shares if share.name == name]
         if mine:
             terms[name] = Term(
-                functools.reduce(operator.add, (share.term.normal for share in mine)),
-                functools.reduce(operator.add, (share.term.grazing for share in mine)),
+                reduce(operator.add, (share.term.normal for share in mine)),
+                reduce(operator.add, (share.term.grazing for share in mine)),
                 _mean([share.term.cone for share in mine], [share.energy for share in mine]),
+                metals=_metals([metal for share in mine for metal in share.term.metals]),
             )
     return terms
+
+
+def _metals(parts: Sequence[Metal]) -> tuple[Metal, ...]:
+    """Sum what the same metal reflects."""
+    sums: list[Metal] = []
+    for part in parts:
+        known = next((n for n, each in enumerate(sums) if same(each.eta, part.eta) and same(each.k, part.k)), None)
+        if known is None:
+            sums.append(part)
+        else:
+            whole = sums[known]
+            sums[known] = replace(whole, normal=whole.normal + part.normal, grazing=whole.grazing + part.grazing)
+    return tuple(sums)
 
 
 def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
@@ -116,7 +131,7 @@ def _mean(values: Sequence[Real], energies: Sequence[Array]) -> Real:
     if not kept or all(same(value, kept[0][0]) for value, _ in kept):
         return kept[0][0] if kept else values[0]
     total, lit = _total([energy for _, energy in kept])
-    weighted = functools.reduce(operator.add, (value * energy for value, energy in kept))
+    weighted = reduce(operator.add, (value * energy for value, energy in kept))
     mean: Array = np.where(lit, weighted / total, kept[0][0])
     return mean
 
@@ -129,12 +144,12 @@ def _mean_frame(shares: Sequence[_Share]) -> Frame:
     if all(same(share.frame.normal, kept[0].frame.normal) for share in kept):
         return kept[0].frame
     total, lit = _total([share.energy for share in kept])
-    weighted = functools.reduce(operator.add, (scale(share.frame.normal, share.energy) for share in kept))
+    weighted = reduce(operator.add, (scale(share.frame.normal, share.energy) for share in kept))
     return Leaning(normalize(np.where(np.expand_dims(lit, -1), scale(weighted, 1.0 / total), ZENITH)))
 
 
 def _total(energies: Sequence[Array]) -> tuple[Array, Mask]:
     """Return the sum of energies, 1 where there is none, and where there is some."""
-    total = functools.reduce(operator.add, energies)
+    total = reduce(operator.add, energies)
     lit = total > TINY * TINY
     return np.where(lit, total, 1.0), lit

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from lookdev.brdf.metal import metal_parameters
 from lookdev.brdf.parameters import Parameter, normal_parameter
 
 _WHITE = (1.0, 1.0, 1.0)
@@ -67,5 +68,6 @@ PARAMETERS: dict[str, Parameter] = {
             choices=("published", "conserving"),
             help="published: Smits' rules. conserving: Fresnel by the view's angle; no more light leaves than arrives.",
         ),
+        *metal_parameters("own"),
     )
 }

@@ -11,16 +11,19 @@ of highlights. A `Partition` holds all of that for a view; layers are combined a
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+import functools
+import operator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import Frame, Upright, frame_of
-from lookdev.brdf.fresnel import fresnel_blend, schlick_blend
+from lookdev.brdf.fresnel import conductor_absorptance, conductor_fresnel, fresnel_blend, schlick_blend
 from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.metal import is_exact, metal_fresnel
 from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, mix, mix_color, reflect, scale, vector
 
 FRONT = ("reflection", "specular", "diffuse")
@@ -35,22 +38,61 @@ _CONES = (0.25, 54.0)
 
 
 @dataclass(frozen=True)
+class Metal:
+    """The part of a lobe that exact metal reflects: its reflectance, times weights as those of a `Term`.
+
+    eta, k : (..., 3), its index of refraction.
+    """
+
+    normal: Array
+    grazing: Array
+    eta: Array
+    k: Array
+
+    def weight(self, cos_theta: Array) -> Array:
+        """Weight (..., 3) at a cosine (...)."""
+        reflectance = conductor_fresnel(np.expand_dims(cos_theta, -1), self.eta, self.k)
+        return fresnel_blend(self.normal, self.grazing, cos_theta) * reflectance
+
+
+@dataclass(frozen=True)
 class Term:
     """One lobe of a partition.
 
     normal, grazing : (..., 3), weights at normal and at grazing incidence.
     cone : (...), degrees at which a highlight has fallen to a tenth; without meaning for diffuse lobes.
     bend : (...), of a transmitted highlight, the index of refraction minus 1, which is exact in float32 near 0; else 0.
+    metals : what is added by exact metals, on the viewer's side.
     """
 
     normal: Array
     grazing: Array
     cone: Real = 0.0
     bend: Real = 0.0
+    metals: tuple[Metal, ...] = ()
+
+    def weight(self, cos_theta: Array) -> Array:
+        """Weight (..., 3) at a cosine (...)."""
+        blend = fresnel_blend(self.normal, self.grazing, cos_theta)
+        return functools.reduce(operator.add, (metal.weight(cos_theta) for metal in self.metals), blend)
+
+    def ends(self) -> tuple[Array, Array]:
+        """Weights (..., 3) at normal and at grazing incidence, exact metals included."""
+        normal, grazing = self.normal, self.grazing
+        for metal in self.metals:
+            normal, grazing = normal + metal.weight(np.ones(())), grazing + metal.grazing
+        return normal, grazing
+
+    def changed(self, normal: Callable[[Array], Array], grazing: Callable[[Array], Array]) -> Term:
+        """Return the term with functions of its weights at normal and at grazing incidence."""
+        metals = tuple(
+            replace(metal, normal=normal(metal.normal), grazing=grazing(metal.grazing)) for metal in self.metals
+        )
+        return replace(self, normal=normal(self.normal), grazing=grazing(self.grazing), metals=metals)
 
     def energy(self, cos_theta: Array) -> Array:
         """Mean over RGB of the weight at a cosine (...); cones and normals are averaged by it."""
-        return mean(fresnel_blend(self.normal, self.grazing, cos_theta))
+        return mean(self.weight(cos_theta))
 
 
 @dataclass(frozen=True)
@@ -88,8 +130,8 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     frames = {name: frame_of(p[f"{name}Normal"]) for name in ("diffuse", "highlight")}
     cosines = {name: view_cosine(frame, wo) for name, frame in frames.items()}
     conserving = p["energy"] == "conserving"
-    color, rough, clear, back = p["surfaceColor"], p["roughness"], p["clear"], p["back"]
-    smooth = 1.0 - rough
+    rough, clear, back = p["roughness"], p["clear"], p["back"]
+    smooth, color = 1.0 - rough, layer_color(p)
 
     # Smits, "Diffuse" and "Transmission". A scaled reflectance is at most 1.
     n_diffuse = np.minimum(p["normalScale"] * mix(0.05, 1.0, p["metallic"]), 1.0)
@@ -97,34 +139,37 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     # Conserving, light enters by the Fresnel term of the highlights for the diffuse lobes too.
     at_interface = cosines["highlight" if conserving else "diffuse"]
     enters = (1.0 - clear) * schlick_blend(1.0 - n_diffuse, 1.0 - g_refl, at_interface)
-    d_n = scale(color, mix(enters * (1.0 - n_diffuse), 1.0, rough))
-    d_g = scale(color, mix(enters * (1.0 - g_refl), 1.0, rough))
+    d_n, d_g = (scale(color, mix(enters * (1.0 - each), 1.0, rough)) for each in (n_diffuse, g_refl))
+    scattered = Term(d_n, d_g)
 
     # Smits, "Specular" and "Transmission": "reflRatio".
     m = np.maximum(1.0 - 2.0 * rough, 0.0)
     ratio = m * m * m
     # 1 - ratio, without cancellation where the surface is smooth.
     rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
-    n_refl = np.minimum(scale(mix_color(0.05 * np.ones(3), color, p["metallic"]), p["normalScale"]), 1.0)
-    reflected: tuple[Array, Array] = n_refl, np.expand_dims(g_refl, -1) * np.ones(3)
-    through = scale(color * (1.0 - n_refl), clear), scale(color, clear * (1.0 - g_refl))
+    reflected = _reflected(p)
+    through = Term(scale(color * (1.0 - reflected.ends()[0]), clear), scale(color, clear * (1.0 - g_refl)))
     if conserving:
-        reflected, through = (
-            (fresnel_blend(normal, grazing, cosines["highlight"]),) * 2 for normal, grazing in (reflected, through)
-        )
+        at_view = reflected.weight(cosines["highlight"])
+        # An exact curve is not a blend of its ends.
+        view = cosines["highlight"]
+        passed = scale(color * _unreflected(p, view), clear) if is_exact(p) else through.weight(view)
+        reflected, through = Term(at_view, at_view), Term(passed, passed)
 
-    def term(weights: tuple[Array, Array], factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> Term:
-        n, g = (scale(tint * weight, factor * p["presence"]) for weight in weights)
-        return Term(n, g, np.clip(cone, *_CONES), bend)
+    def term(of: Term, factor: Real, tint: Array, cone: Real = 0.0, bend: Real = 0.0) -> Term:
+        def scaled(weight: Array) -> Array:
+            return scale(tint * weight, factor * p["presence"])
+
+        return replace(of.changed(scaled, scaled), cone=np.clip(cone, *_CONES), bend=bend)
 
     broad, tight = smooth * rest, smooth * ratio
     wide, narrow = 30.0 * rough + 5.0, 10.0 * rough
     white, tint, tint_t = np.ones(3), p["specularTint"], p["transmissionTint"]
     terms = {
-        "diffuse": term((d_n, d_g), (1.0 - back) * p["diffuseScale"], white),
+        "diffuse": term(scattered, (1.0 - back) * p["diffuseScale"], white),
         "specular": term(reflected, broad * p["specularScale"], tint, wide * p["specularConeScale"]),
         "reflection": term(reflected, tight * p["reflectionScale"], tint, narrow * p["reflectionConeScale"]),
-        "diffuseTransmission": term((d_n, d_g), back * p["diffuseTransmissionScale"], white),
+        "diffuseTransmission": term(scattered, back * p["diffuseTransmissionScale"], white),
         "specularTransmission": term(
             through,
             broad * p["specularTransmissionScale"],
@@ -137,6 +182,39 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
         ),
     }
     return Partition(wo, terms, frames, p["presence"])
+
+
+def layer_color(p: Parameters) -> Array:
+    """Return what is left of the light that enters, (..., 3): of exact metal, what it reflects along its normal."""
+    color: Array = p["surfaceColor"]
+    return mix_color(color, metal_fresnel(p, np.ones(())), p["metallic"]) if is_exact(p) else color
+
+
+# Smits, "Specular". A scaled reflectance is at most 1.
+def _reflected(p: Parameters) -> Term:
+    """Return what the surface reflects where it is smooth."""
+    white, rises, metallic = np.ones(3), p["normalScale"], p["metallic"]
+    grazing = np.expand_dims(p["grazingScale"], -1) * white
+    if not is_exact(p):
+        return Term(np.minimum(scale(mix_color(0.05 * white, p["surfaceColor"], metallic), rises), 1.0), grazing)
+    dielectric, metal = _scaled(p)
+    exact = Metal(scale(white, metal * metallic), scale(grazing, metallic), p["eta"], p["k"])
+    return Term(scale(white, dielectric * (1.0 - metallic)), scale(grazing, 1.0 - metallic), metals=(exact,))
+
+
+def _scaled(p: Parameters) -> tuple[Real, Real]:
+    """Return the scaled reflectance at normal incidence of a dielectric, and the factor of that of an exact metal."""
+    return np.minimum(0.05 * p["normalScale"], 1.0), np.minimum(p["normalScale"], 1.0)
+
+
+def _unreflected(p: Parameters, cos_theta: Array) -> Array:
+    """Return 1 less what a smooth surface with exact metal reflects, (..., 3), without cancellation."""
+    dielectric, metal = _scaled(p)
+    absorbed = conductor_absorptance(np.expand_dims(cos_theta, -1), p["eta"], p["k"])
+    # Neither reflects it by its scales; or metal absorbs it.
+    missed = schlick_blend(mix(1.0 - dielectric, 1.0 - metal, p["metallic"]), 1.0 - p["grazingScale"], cos_theta)
+    met = p["metallic"] * schlick_blend(metal, p["grazingScale"], cos_theta)
+    return np.expand_dims(missed, -1) + scale(absorbed, met)
 
 
 def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
@@ -152,10 +230,11 @@ def partition_lobes(partition: Partition) -> tuple[Lobe, ...]:
 def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) -> Lobe:
     def evaluate(d: Directions) -> Array:
         # Smits, "Diffuse", where f of a perfect diffuser is 1: divided by pi.
-        return fresnel_blend(term.normal, term.grazing, d.cos_theta_i) * (1.0 / np.pi)
+        return term.weight(d.cos_theta_i) * (1.0 / np.pi)
 
     # The directional albedo: the cosine-weighted mean of (1 - cos)^5 is 1/21.
-    share = mean(term.normal) * (20.0 / 21.0) + mean(term.grazing) * (1.0 / 21.0)
+    at_normal, at_grazing = term.ends()
+    share = mean(at_normal) * (20.0 / 21.0) + mean(at_grazing) * (1.0 / 21.0)
     return Lobe(
         "pixar",
         name,
@@ -168,7 +247,7 @@ def _diffuse(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) ->
         transmits=transmits,
         own_side=True,
         broad=True,
-        values={"at_normal": term.normal, "at_grazing": term.grazing},
+        values={"at_normal": at_normal, "at_grazing": at_grazing},
     )
 
 
@@ -184,7 +263,7 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
         # Smits, "Specular": D F / (4 (cos_i^2 + cos_o^2 - cos_i cos_o)), whose squares the scan lost.
         i, o = d.cos_theta_i, d.cos_theta_o
         factor = 0.25 * mf.sin_gaussian(d.wm, power) / np.maximum((i - o) * (i - o) + i * o, TINY)
-        return scale(fresnel_blend(term.normal, term.grazing, d.cos_theta_d), factor)
+        return scale(term.weight(d.cos_theta_d), factor)
 
     def density(d: Directions) -> Array:
         d = seen(d)
@@ -197,7 +276,8 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
         return reflect(view, mf.sample_sin_gaussian(power, u1, u2))
 
     # Half vectors lean away from the normal: where the weight at the view is 0, the lobe is not black.
-    share = term.energy(view[..., 2]) + 0.001 * mean(term.normal + term.grazing)
+    at_normal, at_grazing = term.ends()
+    share = term.energy(view[..., 2]) + 0.001 * mean(at_normal + at_grazing)
     return Lobe(
         "pixar",
         name,
@@ -209,7 +289,7 @@ def _highlight(name: str, term: Term, wo: Array, frame: Frame, transmits: bool) 
         frame,
         transmits,
         own_side=True,
-        values={"at_normal": term.normal, "at_grazing": term.grazing, "power": power, "view": view},
+        values={"term": term, "power": power, "view": view},
     )
 
 

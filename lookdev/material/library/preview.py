@@ -129,10 +129,14 @@ def _connections(name: str, layers: Sequence[tuple[Layer, UsdShade.Shader]]) -> 
     decisive = int(np.argmax(weights))
     layer, shader = layers[decisive]
     parameter = MODELS[layer.model].preview.same.get(name, "")
-    tinted = name == "diffuseColor" and any(each.mode == "transmit" for each, _ in layers[decisive + 1 :])
+    # The colour is that of an exact metal, or tinted from above.
+    another = name == "diffuseColor" and (
+        name in MODELS[layer.model].preview.derived(_given(layer))
+        or any(each.mode == "transmit" for each, _ in layers[decisive + 1 :])
+    )
     value = layer.inputs.get(parameter)
     shown = isinstance(value, Texture | Primvar) or (isinstance(value, float | tuple) and name != "opacity")
-    if not shown or tinted or weights[decisive] <= 0.5:
+    if not shown or another or weights[decisive] <= 0.5:
         return []
     connections: list[Sdf.Path] = shader.GetInput(parameter).GetAttr().GetConnections()
     return connections
@@ -143,17 +147,21 @@ def _cover(layer: Layer) -> float:
     return float(_mean(layer.mask, MASK) * _mean(presence(layer), MASK))
 
 
-def _values(layer: Layer) -> dict[str, Value]:
-    """Map one layer, by the means of all its numbers and colours."""
+def _given(layer: Layer) -> dict[str, Any]:
+    """Return the tokens of a layer, and the means of all its numbers and colours."""
     model = MODELS[layer.model]
     inputs = with_followers(model.parameters, spelled_out(model.name, model.parameters, layer.inputs))
-    given: dict[str, Any] = {
+    means: dict[str, Any] = {
         name: _mean(inputs.get(name, parameter.default), parameter)
         for name, parameter in model.parameters.items()
         if parameter.kind in ("float", "color")
     }
-    given |= model.tokens({name: value for name, value in inputs.items() if isinstance(value, str)})
-    preview = model.preview
+    return means | model.tokens({name: value for name, value in inputs.items() if isinstance(value, str)})
+
+
+def _values(layer: Layer) -> dict[str, Value]:
+    """Map one layer."""
+    given, preview = _given(layer), MODELS[layer.model].preview
     same = {name: given[own] for name, own in preview.same.items()}
     derived = {name: np.asarray(value) for name, value in (_DERIVED | preview.derived(given)).items()}
     derived["ior"] = _ior(derived.pop("f0"))
