@@ -7,11 +7,12 @@ from typing import Any
 
 from lookdev.brdf.delta import GLASS, MIRROR
 from lookdev.brdf.disney import DISNEY
+from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.model import Model
 from lookdev.brdf.pixar import PIXAR
 from lookdev.errors import ModelError, nearest_hint
 
-MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, GLASS, MIRROR, PIXAR)}
+MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, GLASS, MEASURED, MIRROR, PIXAR)}
 """Every model by its name."""
 
 CONTINUOUS: dict[str, Model] = {name: model for name, model in MODELS.items() if not model.delta}

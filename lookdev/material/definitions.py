@@ -117,6 +117,8 @@ def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "su
 
 def _parameter(parameter: Parameter) -> str:
     kind, name, text = USD_TYPES[parameter.kind], parameter.name, parameter.help
+    if parameter.file:
+        return _input("asset", name, text, "@@", constant=True)
     if parameter.kind == "token":
         return _input(kind, name, text, json.dumps(parameter.default), parameter.choices, constant=True)
     return _input(kind, name, text, repr(parameter.default), ranges=parameter.hard + parameter.soft)

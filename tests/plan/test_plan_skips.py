@@ -105,7 +105,8 @@ def test_no_input_of_any_model_has_a_direction_unknown_here(model: str, name: st
         known.kind, known.soft[0] + 0.7 * (known.soft[1] - known.soft[0])
     )
     value = value[0] if known.kind == "token" else value
-    given: dict[str, Any] = {"roughness": 0.4, "metallic": 0.5, name: value}
+    given: dict[str, Any] = {"roughness": 0.4, "metallic": 0.5, **MODELS[model].probe, name: value}
+    given = {each: number for each, number in given.items() if each in MODELS[model].parameters}
     # Every lobe is there.
     given = {"pixar": {"clear": 0.4, "back": 0.4}, "disney": {"clearcoat": 0.5}}.get(model, {}) | given
     bsdf = MODELS[model].bsdf(complete_parameters(model, given))
