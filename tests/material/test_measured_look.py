@@ -108,18 +108,28 @@ def test_the_preview_has_the_mean_albedo(write) -> None:
     assert values["ior"] == 1.0
 
 
-def test_the_shader_has_each_table_once(write) -> None:
-    def source(name: str) -> Any:
-        return generate_surface(
-            read_look(name),
-            lambda texture: Path(),
-            brdf_samples=2,
-            ibl_samples=0,
-            bounces=0,
-            lights=[_LIGHT],
-            resolution=(8, 8),
-        )
+def source(file: Path) -> Any:
+    return generate_surface(
+        read_look(file),
+        lambda texture: Path(),
+        brdf_samples=2,
+        ibl_samples=0,
+        bounces=0,
+        lights=[_LIGHT],
+        resolution=(8, 8),
+    )
 
+
+def test_a_digest_depends_on_the_samples_not_on_their_path(write, tmp_path: Path) -> None:
+    file = write(measured())
+    before = source(file).digest
+    even(tmp_path / "even.dat", (0.1, 0.2, 0.4))
+    assert source(file).digest != before
+    even(tmp_path / "copy.dat", (0.1, 0.2, 0.3))
+    assert source(write(measured(body="asset inputs:file = @./copy.dat@"))).digest == before
+
+
+def test_the_shader_has_each_table_once(write) -> None:
     generated = source(write(measured()))
     names = [table.parameter for table in generated.tables]
     assert len(names) == len(set(names)) == 6

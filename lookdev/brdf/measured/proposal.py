@@ -157,7 +157,8 @@ def make_proposal(grid: Grid) -> Proposal:
         weight *= (solid / prod(inside))[:, None, None, None] / len(views)
         color = (f * weight[..., None]).sum(axis=(0, 1, 2, 3, 4))
         bright = f.mean(axis=-1)
-        floor = _quantile(bright, weight, _FLOOR)
+        # What rounding alone lifts above the floor is none of a highlight.
+        floor = _quantile(bright, weight, _FLOOR) * (1.0 + 1e-9)
         shares = (np.maximum(bright - floor, 0.0) * weight).sum(axis=(0, 2, 4))
         total, least, most = color.mean(), *_COSINE
         cosine.append(np.clip(np.pi * floor / total, least, most) if total > 0.0 else most)
@@ -187,7 +188,7 @@ def _met(met: Floats, mean: Floats, solid: Floats) -> Floats:
     found = np.maximum(met, beside)
     # Of a view without any highlight every cell is as good.
     found = found if found.any() else np.ones_like(found)
-    return np.asarray(found / ((found[1:] + found[:-1]) @ solid * 0.5))
+    return np.asarray(found / (0.5 * (found[1:] + found[:-1]) * solid).sum())
 
 
 def _quantile(values: Floats, weights: Floats, part: float) -> float:
