@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from lookdev.asset import Asset
 from lookdev.asset.bounds import bounding_sphere
 from lookdev.asset.mesh import Instance, Mesh
-from lookdev.asset.silhouette import outline
 from lookdev.asset.usd_camera import UsdCamera
+from lookdev.job.kept import kept_outline
 from lookdev.job.schema import Job
 from lookdev.scene import Camera, frame_camera, frame_fill
 from lookdev.scene.framing import DEFAULT_FILL, Arc
@@ -72,7 +72,7 @@ def _framed(job: Job, assets: list[Asset]) -> Camera:
 
 
 def _outlines(assets: list[Asset]) -> Floats:
-    return np.concatenate([outline(asset) for asset in assets])
+    return np.concatenate([kept_outline(asset) for asset in assets])
 
 
 def _sphere(assets: list[Asset]) -> tuple[tuple[float, float, float], float]:

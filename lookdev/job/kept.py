@@ -1,12 +1,13 @@
-"""Refined assets, and levels of refinement, that are kept in the cache from one run to the next.
+"""Refined assets, levels of refinement and outlines that are kept in the cache from one run to the next.
 
-What is kept is the levels, or the name of the file of a refined asset, which the render worker reads too. The key is
-that of all that the result depends on, the code that makes it included.
+What is kept is the levels, or the name of the file of a refined asset, which the render worker reads too, or of an
+outline. The key is that of all that the result depends on, the code that makes it included.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -14,12 +15,14 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 import lookdev.asset
 from lookdev.asset import Asset, read_asset, save_asset
+from lookdev.asset.silhouette import outline
 from lookdev.asset.store import asset_digest
 from lookdev.asset.subdivision import Refinement
-from lookdev.cache import Content, keep, kept
+from lookdev.cache import Content, derived, keep, kept
 
 _ROOM = "refined"
 
@@ -59,6 +62,20 @@ def kept_refined(key: str, cages: Asset) -> Asset | None:
     # The file has no more than pixels depend on.
     meshes = [replace(mesh, default_uv=cage.default_uv) for mesh, cage in zip(read.meshes, cages.meshes, strict=True)]
     return replace(read, meshes=tuple(meshes), instances=cages.instances, unit=cages.unit, notes=cages.notes)
+
+
+def kept_outline(asset: Asset) -> NDArray[np.float64]:
+    """Return the `outline` of an asset, (n, 3), which is found once where it is of several instances."""
+    if len(asset.instances) == 1:
+        return outline(asset)
+
+    def found() -> tuple[Content, ...]:
+        data = io.BytesIO()
+        np.save(data, outline(asset))
+        return (Content.holding(data.getvalue(), ".npy"),)
+
+    (file,) = derived("outlines", key_of(asset, (), ()), found)
+    return np.asarray(np.load(file.path))
 
 
 @cache

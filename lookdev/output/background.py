@@ -8,8 +8,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import oaconvolve
-from scipy.stats import qmc
 
 from lookdev.light import Dome, Light, Turned
 from lookdev.render.task import FrameTask
@@ -35,6 +33,8 @@ def environment_background(task: FrameTask) -> Floats:
     edge = len(disc) // 2
     total = _seen(task, far, edge=edge)
     if edge:
+        from scipy.signal import oaconvolve  # takes half a second, which few jobs need
+
         # By Fourier transforms, whose rounding can be negative.
         total = np.maximum(oaconvolve(total, disc[..., None], mode="valid", axes=(0, 1)), 0.0)
     if near:
@@ -52,13 +52,19 @@ def _seen(task: FrameTask, lights: Sequence[Light], *, edge: int = 0, lens: bool
     rows, columns = np.mgrid[-edge : height + edge, -edge : width + edge]
     total = np.zeros((*rows.shape, 3))
     turned = [each.emission.turns * pose.lighting - pose.element for each in lights]
-    on_lens = qmc.Sobol(2, scramble=False).random(1 << (grid * grid).bit_length())[1:]
+    on_lens = _places_on_lens(grid * grid) if lens else None
     for number, (dy, dx) in enumerate(product((np.arange(grid) + 0.5) / grid, repeat=2)):
-        u = np.broadcast_to(on_lens[number], (*rows.shape, 2)) if lens else None
+        u = None if on_lens is None else np.broadcast_to(on_lens[number], (*rows.shape, 2))
         origin, direction = camera_rays(camera, pose, (width, height), columns + dx, rows + dy, u)
         for light, degrees in zip(lights, turned, strict=True):
             total += Turned(light, degrees, camera.pivot).radiance(origin, direction)
     return total / grid**2
+
+
+def _places_on_lens(count: int) -> Floats:
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.Sobol(2, scramble=False).random(1 << count.bit_length())[1:])
 
 
 def _disc_of_confusion(camera: Camera, width: int) -> Floats:

@@ -9,9 +9,11 @@ import pytest
 
 from lookdev.asset import Asset, Instance, Mesh, Slot, load_asset
 from lookdev.asset.mesh import Subdivision
+from lookdev.asset.silhouette import outline
 from lookdev.asset.store import make_asset
 from lookdev.cache import take_notes
 from lookdev.job import refinery
+from lookdev.job.kept import kept_outline
 from lookdev.job.refinery import Refinery
 from lookdev.scene import Camera
 
@@ -128,3 +130,14 @@ def test_one_flipped_byte_of_the_arrays_is_seen(cages, calls, tmp_path) -> None:
     file.write_bytes(content)
     again, _ = Refinery(1, 400).refined(cages, CAMERA)
     assert same(first.meshes[0], again.meshes[0])
+
+
+def test_the_outline_of_several_instances_is_found_once(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path))
+    monkey = load_asset(builtin="suzanne").meshes[0]
+    turned = np.array([[0.0, -1.0, 0.0, 2.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    pair = make_asset("pair", [monkey], [Instance(0, np.eye(4)), Instance(0, turned)], [])
+    expected = outline(pair)
+    np.testing.assert_array_equal(kept_outline(pair), expected)
+    monkeypatch.delattr("lookdev.job.kept.outline")
+    np.testing.assert_array_equal(kept_outline(pair), expected)
