@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lookdev.asset import Asset, load_asset, make_asset
 from lookdev.cache import take_notes
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.osl.share import shared_programs
 from lookdev.errors import EnvironmentMapError, Fault, LookdevError
 from lookdev.job import Job, load_job
 from lookdev.job.faults import collected, raise_all
@@ -104,4 +106,13 @@ def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
                 continue
             setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation))
     raise_all(faults)
-    return JobSetups(job, tuple(setups), (*shown.notes, *take_notes()))
+    return JobSetups(job, tuple(_sharing(setups)), (*shown.notes, *take_notes()))
+
+
+def _sharing(setups: Sequence[Setup]) -> Iterator[Setup]:
+    """Yield setups of the same pictures, whose sources share programs."""
+    shaders = [shader for setup in setups for shader in setup.task.shaders]
+    shared = shared_programs(shader for shader in shaders if isinstance(shader, ShaderSource))
+    for setup in setups:
+        own = tuple(shared[each] if isinstance(each, ShaderSource) else each for each in setup.task.shaders)
+        yield replace(setup, task=replace(setup.task, shaders=own))

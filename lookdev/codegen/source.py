@@ -6,7 +6,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 from lookdev.cache import Content
@@ -109,8 +109,9 @@ class Source(Protocol):
 class ShaderSource:
     """A `Source` of OSL.
 
-    `directions` are the numbers drawn at a shading point from the BSDF and from the light; with `shadows`, rays are
-    traced along them.
+    The text reads the look's `constants` by their names `look_0`, `look_1`, ...; those of the places `varying` are not
+    compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
+    a shading point from the BSDF and from the light; with `shadows`, rays are traced along them.
     """
 
     name: str
@@ -123,6 +124,14 @@ class ShaderSource:
     directions: tuple[int, int] = (0, 0)
     shadows: bool = True
     tables: tuple[TableBinding, ...] = ()
+    constants: tuple[float, ...] = ()
+    varying: tuple[int, ...] = ()
+
+    @property
+    def program(self) -> ShaderSource:
+        """What is compiled: it has neither name nor digest, and 0 for constants that vary."""
+        fixed = tuple(0.0 if place in self.varying else each for place, each in enumerate(self.constants))
+        return replace(self, name="", digest="", constants=fixed)
 
     @property
     def images(self) -> tuple[Content, ...]:

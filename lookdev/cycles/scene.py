@@ -16,7 +16,7 @@ from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.principled import configure_as_users_do, principled_material, shade_by_normals
-from lookdev.cycles.shaders import surface_material
+from lookdev.cycles.shaders import surface_material, varying_values
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
@@ -116,7 +116,7 @@ class Scene:
             case ShaderSource():
                 x, y, z = self._asset.center
                 stand = Stand((x, y, z), self.task.camera.pivot)
-                return surface_material(source, self.task.lights_of(number), stand)
+                return surface_material(source, number, self.task.lights_of(number), stand)
             case NodeSource():
                 return build_material(source, self._groups)
             case PrincipledSource():
@@ -134,6 +134,16 @@ class Scene:
         self.root, self.objects = shown.root, shown.objects
         if self.by_user:
             shade_by_normals(shown)
+        self._pass_constants()
+
+    def _pass_constants(self) -> None:
+        """Pass the constants of the looks that are not compiled into their shaders."""
+        for number, source in enumerate(self.task.shaders):
+            if isinstance(source, ShaderSource) and (values := varying_values(source, number)):
+                for item in self.objects:
+                    for name, value in values.items():
+                        item[name] = value
+                    item.update_tag()
 
     def fits(self, task: SceneTask) -> bool:
         """Return whether another task can be shown without a rebuild; asset, camera and samples may differ."""
@@ -149,6 +159,8 @@ class Scene:
             self._asset = read_asset(task.asset.path)
             data.batch_remove([*objects, *data.meshes, *data.collections, *trees])
             self._add_asset()
+        if task.shaders != before.shaders:
+            self._pass_constants()
 
     def compile_shaders(self) -> None:
         """Compile what frames of the task need, and read its images, as the first frame would."""
@@ -193,7 +205,8 @@ class Scene:
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    built = (task.shaders, task.lights, task.lit, task.resolution, task.sampling.bounces, task.device)
+    shaders = tuple(each.program if isinstance(each, ShaderSource) else each for each in task.shaders)
+    built = (shaders, task.lights, task.lit, task.resolution, task.sampling.bounces, task.device)
     # The shaders of a rig contain where its lights stand about the asset.
     return built if coded(task.lights) else (*built, task.asset, task.camera)
 

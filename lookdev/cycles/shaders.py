@@ -37,7 +37,7 @@ def compile_osl(source: ShaderSource) -> Path:
     Each text has a file of its own: Blender compiles a script beside itself, where two processes can collide. A
     RenderError has the compiler's first message, and the file of a text that it refuses.
     """
-    text = "\n".join((*version.OSL_DEFINES, source.osl))
+    text = "\n".join((*version.OSL_DEFINES, *_constants(source), source.osl))
     name = hashlib.sha256(f"{version.VERSION}\n{text}".encode()).hexdigest()
 
     def compile_text(compiled: Path) -> None:
@@ -57,8 +57,26 @@ def compile_osl(source: ShaderSource) -> Path:
     return content.path
 
 
-def surface_material(source: ShaderSource, lights: Sequence[Light], stand: Stand) -> Any:
-    """Make the material of a look's light integral."""
+def _constants(source: ShaderSource) -> list[str]:
+    """Define the constants of a look: as numbers, or, where they vary, as elements of parameters."""
+    values = {place: repr(value) for place, value in enumerate(source.constants)}
+    values |= {place: f"look_values_{i // 3}[{i % 3}]" for i, place in enumerate(source.varying)}
+    parameters = " ".join(f"color look_values_{i} = 0," for i in range(-(-len(source.varying) // 3)))
+    return [f"#define LOOK_PARAMETERS {parameters}", *(f"#define look_{place} {values[place]}" for place in values)]
+
+
+def varying_values(source: ShaderSource, number: int) -> dict[str, tuple[float, ...]]:
+    """Return the constants that vary, of the shader of a number, as properties of the objects that wear it."""
+    values = [source.constants[place] for place in source.varying]
+    values += [0.0] * (-len(values) % 3)
+    return {f"look_{number}_{i}": tuple(values[3 * i : 3 * i + 3]) for i in range(len(values) // 3)}
+
+
+def surface_material(source: ShaderSource, number: int, lights: Sequence[Light], stand: Stand) -> Any:
+    """Make the material of a look's light integral; its varying constants are `varying_values` of that number.
+
+    Cycles reads a property of an object anew for each render, and compiles nothing.
+    """
     code = lights_code(lights, sampled=source.directions[1] > 0, stand=stand)
     given = {**code.parameters, **{binding.parameter: binding.file for binding in source.textures}}
     values = {name: str(value.path) if isinstance(value, Content) else value for name, value in given.items()}
@@ -72,6 +90,9 @@ def surface_material(source: ShaderSource, lights: Sequence[Light], stand: Stand
     _link_attribute(tree, script, "shading_normal", "lookdev_normal", "vector")
     for attribute in source.attributes:
         _link_attribute(tree, script, attribute.parameter, attribute.stored, attribute.kind)
+    for i, name in enumerate(varying_values(source, number)):
+        # Of the object that shows the instances, or of the object itself.
+        _link_attribute(tree, script, f"look_values_{i}", name, "color", of="INSTANCER")
     return material
 
 
@@ -143,9 +164,9 @@ def with_arrays(oso: str, arrays: Mapping[str, str]) -> str:
     return "\n".join(lines)
 
 
-def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str) -> None:
+def _link_attribute(tree: Any, script: Any, parameter: str, attribute: str, kind: str, of: str = "GEOMETRY") -> None:
     node = tree.nodes.new("ShaderNodeAttribute")
-    node.attribute_type = "GEOMETRY"
+    node.attribute_type = of
     node.attribute_name = attribute
     socket = script.inputs.new(type=_ATTRIBUTE_SOCKETS[kind], name=parameter, identifier=parameter)
     tree.links.new(node.outputs["Fac" if kind == "float" else "Vector"], socket)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf.table import Table
-from lookdev.codegen.trace.graph import Node, Scalar, in_order, reachable
+from lookdev.codegen.trace.graph import Node, Scalar, Uniform, in_order, reachable
 from lookdev.errors import CodegenError
 
 CODE: dict[str, str] = {
@@ -67,8 +67,13 @@ def bare(code: str) -> str:
     return code[1:-1] if code.startswith("(") and code.endswith(")") else code
 
 
-Spell = Callable[[str], str]
-"""Returns the text of a symbol; it is called when the symbol is written."""
+Spell = Callable[["str | Uniform"], str]
+"""Returns the text of a symbol, or of a uniform; it is called when that is written."""
+
+
+def by_name(value: str | Uniform) -> str:
+    """Spell a symbol by its name, a uniform as the number that it is."""
+    return literal(value) if isinstance(value, Uniform) else value
 
 
 def fits(table: Table) -> bool:
@@ -91,7 +96,7 @@ class Block:
     """One scope of emitted code: nodes used more than once become variables, which are `named`, others are inline."""
 
     def __init__(
-        self, prefix: str, indent: int, named: Mapping[Node, str] | None = None, spell: Spell = lambda symbol: symbol
+        self, prefix: str, indent: int, named: Mapping[Node, str] | None = None, spell: Spell = by_name
     ) -> None:
         self.lines: list[str] = []
         self.named = dict(named or {})
@@ -142,6 +147,8 @@ class Block:
         inline: dict[Any, str] = {}
 
         def shown(part: Any) -> str:
+            if isinstance(part, Uniform):
+                return self._spell(part)
             if not isinstance(part, Node):
                 return literal(part)
             return self.named.get(part) or inline[part]

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 
 from lookdev.brdf import Array, Delta, Lobe
 from lookdev.brdf.table import Table
-from lookdev.codegen.osl.block import Block, Spell, bare
+from lookdev.codegen.osl.block import Block, Spell, bare, by_name
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -135,7 +135,7 @@ def _side(lobe: Lobe, wo: Array, wi: Array) -> Node | None:
 def emit_brdf(
     mixture: TracedMixture,
     presence: Scalar = 1.0,
-    spell: Spell = lambda symbol: symbol,
+    spell: Spell = by_name,
     *,
     by_group: bool = False,
     deltas: Sequence[Delta] = (),

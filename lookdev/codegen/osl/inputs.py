@@ -1,24 +1,37 @@
-"""Look-ups of textures as OSL."""
+"""Look-ups of textures, and constants of a look, as OSL."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
 from lookdev.codegen.inputs import Inputs, LookUp
+from lookdev.codegen.osl.block import literal
 from lookdev.codegen.source import TextureBinding
+from lookdev.codegen.trace.graph import Uniform
 
 _WRAP = {"black": "black", "clamp": "clamp", "repeat": "periodic", "mirror": "mirror"}
 
 
 @dataclass
-class LookUpNames:
-    """Names of look-ups in a shader, `given` by look-up in the order in which the text first reads them."""
+class Names:
+    """Names of look-ups in a shader, `given` by look-up in the order in which the text first reads them.
+
+    Those of the look's constants are ``look_0``, ``look_1``, ... in the same order; `constants` are their values.
+    """
 
     inputs: Inputs
     given: dict[str, str] = field(default_factory=dict)
+    constants: list[float] = field(default_factory=list)
+    _numbers: dict[int, str] = field(default_factory=dict)
 
-    def spell(self, symbol: str) -> str:
-        """Return the text of a symbol."""
+    def spell(self, symbol: str | Uniform) -> str:
+        """Return the text of a symbol, or of a uniform."""
+        if isinstance(symbol, Uniform):
+            if symbol.place not in self._numbers:
+                self._numbers[symbol.place] = f"look_{len(self.constants)}"
+                literal(symbol)  # finite
+                self.constants.append(float(symbol))
+            return self._numbers[symbol.place]
         source = self.inputs.look_up_of(symbol)
         if source is None:
             return symbol

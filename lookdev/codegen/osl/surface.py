@@ -7,26 +7,30 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from lookdev.brdf import Lobe
+import numpy as np
+
+from lookdev.brdf import Lobe, StackLayer, stack_bsdf
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.frame import emit_frame
-from lookdev.codegen.osl.inputs import LookUpNames, emit_look_up
+from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import continuous_lobes, present_deltas
-from lookdev.codegen.trace.symbolic import elements_of
+from lookdev.codegen.trace.symbolic import elements_of, uniforms
 from lookdev.errors import CodegenError
 from lookdev.light import Light, coded, lights_code
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
-from lookdev.material.values import look_bsdf
+from lookdev.material.values import look_layers
 from lookdev.scene.shading import LIFT
 
+_MASK = "mask of the layer"
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
 # Share of a broad lobe in the directions drawn from the BSDF, without and with bounces: light-sampled, it needs
@@ -85,7 +89,7 @@ def generate_surface(
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    bsdf = look_bsdf(look, inputs)
+    bsdf = stack_bsdf([_of_look(graph, number, layer) for number, layer in enumerate(look_layers(look, inputs))])
     lobes = continuous_lobes(graph, bsdf)
     deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
@@ -105,7 +109,7 @@ def generate_surface(
         return ibl_samples > 0 and lobe.broad and (from_behind or not behind)
 
     traced = trace_lobes(graph, lobes, light_sampled)
-    names = LookUpNames(inputs)
+    names = Names(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
     split = rig is not None and rig.split
     code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split, deltas=deltas)
@@ -155,23 +159,27 @@ def generate_surface(
             **code.sections,
         },
     )
-    digest = hashlib.sha256(osl.encode())
+    constants = tuple(names.constants)
+    digest = hashlib.sha256(f"{osl}{constants}".encode())
     for binding in bound:
         digest.update(binding.file.digest.encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
     passing, directions = (code.transmits or passes, code.see_through), (brdf_samples, ibl_samples)
-    return ShaderSource(
-        look.name,
-        osl,
-        bound,
-        tuple(attributes),
-        digest.hexdigest(),
-        *passing,
-        directions,
-        shadows,
-        tables.bindings,
-    )
+    known = bound, tuple(attributes), digest.hexdigest(), *passing, directions, shadows, tables.bindings, constants
+    return ShaderSource(look.name, osl, *known)
+
+
+def _of_look(graph: Graph, number: int, layer: StackLayer) -> StackLayer:
+    """Return a layer, its constants as uniforms."""
+    # By identity: a parameter that follows another has the same object.
+    found: dict[int, Any] = {}
+    values = {**layer.parameters, _MASK: layer.mask}
+    for name, value in values.items():
+        plain = isinstance(value, np.ndarray | float)
+        found.setdefault(id(value), uniforms(graph, value, number, name) if plain else value)
+    parameters = {name: found[id(value)] for name, value in layer.parameters.items()}
+    return replace(layer, parameters=parameters, mask=found[id(layer.mask)])
 
 
 def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:

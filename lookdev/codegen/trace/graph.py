@@ -18,6 +18,15 @@ from lookdev.errors import CodegenError
 Scalar: TypeAlias = "Node | float | bool"
 
 
+class Uniform(float):
+    """A number that depends on constants of a look alone; `place` is that of its expression among the graph's.
+
+    It folds as every constant does, but is written by a name: looks whose code differs in such numbers alone share it.
+    """
+
+    place: int
+
+
 @dataclass(frozen=True, eq=False)
 class Node:
     """One operation on earlier nodes and constants, or a named symbol (``op == "symbol"``).
@@ -40,6 +49,9 @@ OPERATIONS = frozenset({
     "less_equal", "equal", "logical_and", "logical_or", "logical_not", "where",
 })  # fmt: skip
 
+# No uniform has one of these values: they simplify code.
+_SIMPLE = frozenset({0.0, 1.0, -1.0, 2.0})
+
 # `&`, `|` and `~` on boolean arrays are NumPy's bitwise ufuncs.
 _ALIASES = {"bitwise_and": "logical_and", "bitwise_or": "logical_or", "invert": "logical_not"}
 
@@ -50,6 +62,7 @@ class Graph:
     def __init__(self) -> None:
         self._nodes: dict[tuple[Any, ...], Node] = {}
         self._facts: dict[Node, bool] = {}
+        self._places: dict[tuple[Any, ...], int] = {}
 
     def assume(self, condition: Node, value: bool = True) -> None:
         """Fold a condition to a constant from now on: it has that value wherever the traced code runs."""
@@ -60,6 +73,14 @@ class Graph:
         node = self._intern("symbol", (name,))
         assert isinstance(node, Node), "only conditions are assumed"
         return node
+
+    def uniform(self, value: float, *expression: Any) -> float:
+        """Return a uniform that has a value in this look; an `expression` is the same one in every look."""
+        if value in _SIMPLE:
+            return value
+        found = Uniform(value)
+        found.place = self._places.setdefault(expression, len(self._places))
+        return found
 
     def apply(self, op: str, *args: Any) -> Any:
         """Return the node, or the constant, that is `op` of `args`.
@@ -73,9 +94,17 @@ class Graph:
         if op not in OPERATIONS:
             known = ", ".join(sorted(OPERATIONS))
             raise CodegenError(f"a model uses numpy.{op}, which has no generated counterpart; known: {known}")
+        if op == "where" and not isinstance(args[0], Node):
+            return args[1] if args[0] else args[2]
         if not any(isinstance(arg, Node) for arg in args):
-            function: Any = np.where if op == "where" else getattr(np, op)
-            return function(*args).item()
+            function: Any = getattr(np, op)
+            value = function(*args).item()
+            uniforms = [arg for arg in args if isinstance(arg, Uniform)] if isinstance(value, float) else []
+            if not uniforms:
+                return value
+            # What an operation leaves as it is, such as a product with 1, is still the same expression.
+            same = (each for each in uniforms if each == value)
+            return next(same, None) or self.uniform(value, op, *map(_known, args))
         simple = _simplify(op, args)
         return self._intern(op, args) if simple is None else simple
 
@@ -87,12 +116,19 @@ class Graph:
         return float(found if channel is None else found[channel])
 
     def _intern(self, op: str, args: tuple[Any, ...]) -> Node | bool:
-        # The type is part of the key because True == 1.0 in Python; the sign because 0.0 == -0.0.
-        key = (op, *((type(arg), str(arg)) if not isinstance(arg, Node) else arg for arg in args))
+        key = (op, *map(_known, args))
         node = self._nodes.get(key)
         if node is None:
             node = self._nodes[key] = Node(op, args, self)
         return self._facts.get(node, node)
+
+
+def _known(value: Any) -> Any:
+    """Return a key of an argument."""
+    # The type is part of it because True == 1.0 in Python; the sign because 0.0 == -0.0.
+    if isinstance(value, Uniform):
+        return Uniform, value.place
+    return value if isinstance(value, Node) else (type(value), str(value))
 
 
 def _is(value: Any, constant: float) -> bool:
@@ -122,7 +158,7 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
             if _is(a, 0.0):
                 return 0.0
             if not isinstance(b, Node):
-                return graph.apply("multiply", a, 1.0 / b)
+                return graph.apply("multiply", a, graph.apply("divide", 1.0, b))
         case "positive", (a,):
             return a
         case "negative", (a,) if a.op == "negative":
@@ -135,10 +171,8 @@ def _simplify(op: str, args: tuple[Any, ...]) -> Any:
             return graph.apply("multiply", a, a)
         case (("maximum" | "minimum"), (a, b)) if a is b:
             return a
-        case "where", (condition, a, b):
-            if not isinstance(condition, Node):
-                return a if condition else b
-            if a is b or (not isinstance(a, Node) and not isinstance(b, Node) and a == b):
+        case "where", (_, a, b):
+            if _known(a) == _known(b):
                 return a
         case "logical_and", (a, b):
             if not isinstance(a, Node):

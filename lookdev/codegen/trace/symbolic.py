@@ -1,7 +1,8 @@
 """Symbolic arrays: the values of textured parameters and of directions while a model is traced.
 
 A `SymbolicArray` implements ``__array_ufunc__`` (NEP 13) and ``__array_function__`` (NEP 18), so the NumPy code of a
-model runs on it unchanged. An operation whose every element folds to a constant returns an ordinary array.
+model runs on it unchanged. An operation whose every element folds to a constant returns an ordinary array, or, where
+some are uniforms, an ordinary one that knows them.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from lookdev.brdf.table import Table, look_up
-from lookdev.codegen.trace.graph import Graph, Node
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform
 from lookdev.errors import CodegenError
 
 
@@ -57,6 +58,43 @@ class SymbolicArray(NDArrayOperatorsMixin):
         return _FUNCTIONS[func](self.graph, *args, **kwargs)
 
 
+class UniformArray(np.ndarray[Any, Any]):
+    """An ordinary array of constants, some of which are uniforms; what NumPy does to it otherwise loses them."""
+
+    graph: Graph
+    elements: NDArray[np.object_] | None = None
+
+    def __getitem__(self, index: Any) -> Any:
+        return super().__getitem__(index) if self.elements is None else _wrap(self.graph, self.elements[index])
+
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *inputs: Any, **kwargs: Any) -> Any:
+        if any(isinstance(value, SymbolicArray) for value in inputs):
+            return NotImplemented
+        if method != "__call__" or kwargs or ufunc.__name__ not in OPERATIONS:
+            return getattr(ufunc, method)(*map(_plain, inputs), **kwargs)
+        return _elementwise(self.graph, ufunc.__name__, *inputs)
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        if SymbolicArray in types:
+            return NotImplemented
+        if func in _FUNCTIONS:
+            return _FUNCTIONS[func](self.graph, *args, **kwargs)
+        return func(*map(_plain, args), **kwargs)
+
+
+def uniforms(graph: Graph, value: Any, *expression: Any) -> Any:
+    """Return an array of floats as uniforms, but for those of simple values; `expression` as of `Graph.uniform`."""
+    array = np.asarray(value)
+    elements = [graph.uniform(each, *expression, place) for place, each in enumerate(array.ravel().tolist())]
+    return _wrap(graph, np.array([*elements, None], dtype=object)[:-1].reshape(array.shape))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return type(value)(map(_plain, value))
+    return value.view(np.ndarray) if isinstance(value, UniformArray) else value
+
+
 def symbols(graph: Graph, names: Sequence[str]) -> SymbolicArray:
     """Return a vector of named symbols, shape (len(names),)."""
     return SymbolicArray(graph, np.array([graph.symbol(name) for name in names], dtype=object))
@@ -73,7 +111,7 @@ def elements_of(value: Any) -> list[Any]:
 
 
 def _elements(value: Any) -> NDArray[np.object_]:
-    if isinstance(value, SymbolicArray):
+    if isinstance(value, SymbolicArray | UniformArray) and value.elements is not None:
         return value.elements
     return np.asarray(value).astype(object)
 
@@ -82,7 +120,12 @@ def _wrap(graph: Graph, elements: Any) -> Any:
     array = np.asarray(elements, dtype=object)
     if any(isinstance(element, Node) for element in array.ravel()):
         return SymbolicArray(graph, array)
-    return np.array(array.tolist())
+    constants = np.array(array.tolist())
+    if any(isinstance(element, Uniform) for element in array.ravel()):
+        found = constants.view(UniformArray)
+        found.graph, found.elements = graph, array
+        return found
+    return constants
 
 
 def _elementwise(graph: Graph, op: str, *inputs: Any) -> Any:
