@@ -63,7 +63,7 @@ class Scene:
         self._groups: Groups = {} if groups is None else groups
         self._configure()
         self._asset = read_asset(task.asset.path)
-        self._materials = [self._material(number, source) for number, source in enumerate(task.shaders)]
+        self._add_materials()
         # Blender's own BSDF reads no attribute by name, but the first UV set.
         self._apart = apart or self.by_user
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
@@ -111,6 +111,9 @@ class Scene:
             # A lamp that a ray passes counts as one of them, seen from either side where it is a mesh.
             self.scene.cycles.transparent_max_bounces += 2 * sum(not isinstance(each, Dome) for each in task.lights)
 
+    def _add_materials(self) -> None:
+        self._materials = [self._material(number, source) for number, source in enumerate(self.task.shaders)]
+
     def _material(self, number: int, source: Source) -> Any:
         match source:
             case ShaderSource():
@@ -146,20 +149,28 @@ class Scene:
                     item.update_tag()
 
     def fits(self, task: SceneTask) -> bool:
-        """Return whether another task can be shown without a rebuild; asset, camera and samples may differ."""
+        """Return whether another task can be shown in this scene.
+
+        Asset, camera and samples may differ, and where OSL shaders integrate the light, which are replaced, shaders and
+        lights.
+        """
         return _built_from(task) == _built_from(self.task)
 
     def show(self, task: SceneTask) -> None:
         """Show another task that fits, and delete the asset shown before where it is another one, in all scenes."""
         before, self.task = self.task, task
-        if (task.asset, task.worn, task.groups) != (before.asset, before.worn, before.groups):
+        made, wanted = _materials(before), _materials(task)
+        if (task.asset, task.worn, task.groups, wanted) != (before.asset, before.worn, before.groups, made):
             data = bpy.data
             trees = [tree for tree in data.node_groups if tree.type == "GEOMETRY"]
             objects = [item for item in data.objects if item != self.camera]
-            self._asset = read_asset(task.asset.path)
             data.batch_remove([*objects, *data.meshes, *data.collections, *trees])
+            self._asset = read_asset(task.asset.path)
+            if wanted != made:
+                data.batch_remove(data.materials)
+                self._add_materials()
             self._add_asset()
-        if task.shaders != before.shaders:
+        elif task.shaders != before.shaders:
             self._pass_constants()
 
     def compile_shaders(self) -> None:
@@ -205,10 +216,20 @@ class Scene:
 
 
 def _built_from(task: SceneTask) -> tuple[object, ...]:
-    shaders = tuple(each.program if isinstance(each, ShaderSource) else each for each in task.shaders)
-    built = (shaders, task.lights, task.lit, task.resolution, task.sampling.bounces, task.device)
-    # The shaders of a rig contain where its lights stand about the asset.
-    return built if coded(task.lights) else (*built, task.asset, task.camera)
+    by_shaders = isinstance(task.shaders[0], ShaderSource)
+    fixed = "OSL" if by_shaders else (task.shaders, task.lights, task.lit, *_stand(task))
+    return fixed, task.resolution, task.sampling.bounces, task.device
+
+
+def _materials(task: SceneTask) -> tuple[object, ...]:
+    """Return what materials are made of, where they can be replaced."""
+    ours = [(number, each) for number, each in enumerate(task.shaders) if isinstance(each, ShaderSource)]
+    return *((each.program, task.lights_of(number)) for number, each in ours), *(_stand(task) if ours else ())
+
+
+def _stand(task: SceneTask) -> tuple[object, ...]:
+    # The shaders of a rig contain where its lights stand about the asset; lamps are objects.
+    return () if coded(task.lights) else (task.asset, task.camera)
 
 
 def _place_camera(item: Any, camera: Camera) -> None:

@@ -44,8 +44,8 @@ def assets() -> tuple[Asset, Asset]:
     )
 
 
-def scene_of(asset: Asset, light: Dome, backend: str) -> SceneTask:
-    scene = Scene.of_look(asset, LOOK, light, SIZE, orbit_camera(asset.center, asset.radius))
+def scene_of(asset: Asset, light: Dome, backend: str, look: Look = LOOK) -> SceneTask:
+    scene = Scene.of_look(asset, look, light, SIZE, orbit_camera(asset.center, asset.radius))
     return scene_task(scene, Sampling(samples=4), backend)
 
 
@@ -69,6 +69,20 @@ def test_another_asset_in_the_same_look_needs_no_new_worker(
     first, second, third = (render(worker, scene) for scene in (card, balls, card))
     assert_same(first, third)
     assert_same(second, render(new_worker(), balls))
+
+
+@pytest.mark.parametrize("backend", ["exact", "nodes", "nodes-exact"])
+def test_another_look_or_light_needs_no_new_worker(
+    new_worker: Callable[[], Worker], assets: tuple[Asset, Asset], light_of: Callable[[str], Dome], backend: str
+) -> None:
+    red = Look("red", (Layer("Red", "pixar", {"surfaceColor": (0.6, 0.1, 0.1)}),))
+    studio, city = light_of("studio"), light_of("city")
+    scenes = [scene_of(assets[1], *each) for each in ((studio, backend), (studio, backend, red), (city, backend, red))]
+    worker = new_worker()
+    shown = [render(worker, scene) for scene in (*scenes, scenes[0])]
+    assert_same(shown[0], shown[3])
+    for scene, found in zip(scenes, shown, strict=False):
+        assert_same(found, render(new_worker(), scene))
 
 
 def test_a_scene_that_was_prepared_shows_in_no_picture(
