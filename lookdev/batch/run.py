@@ -332,7 +332,11 @@ class _Run:
             "version.numpy": np.__version__,
             "time": datetime.now(UTC).isoformat(timespec="seconds"),
         }
-        write_shared(task.files, lambda path: write_frame(path, beauty, rendered.alpha, header))
+        layers = {}
+        if rendered.raw is not None:
+            layers["raw"] = rendered.raw * np.float32(2.0**task.exposure)
+            header["raw.relmse"] = repr(rendered.raw_relmse)
+        write_shared(task.files, lambda path: write_frame(path, beauty, rendered.alpha, header, layers))
         self._pictures.write(task, beauty, rendered.alpha)
         self._done.update(task.files)
         self._rendered += 1

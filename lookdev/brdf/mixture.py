@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.lobes import Bsdf, Directions, Lobe
-from lookdev.brdf.vectors import TINY, Array, Mask, Real, scale
+from lookdev.brdf.vectors import TINY, Array, Mask, Real, normalize, scale
 
 Floats = NDArray[np.float64]
 
@@ -109,6 +109,28 @@ class Mixture:
             stretched = np.minimum(np.clip(rest, 0.0, width) / width, BELOW_ONE)
             yield Choice(lobe, place < upper, stretched)
             rest = rest - lobe.share
+
+
+def middle_albedo(mixture: Mixture) -> Array:
+    """Return a colour (..., 3) near the albedo, without noise: the sum of the lobes' f cos / pdf in a middle direction.
+
+    Lobes whose pdf is in proportion to f times the cosine have their albedo.
+    """
+    total: Array = np.zeros(3)
+    for lobe in mixture.lobes:
+        alone = Mixture([lobe], mixture.wo)
+        (term,) = alone.terms(lobe.draw(*np.full(2, 0.5)))
+        there = term.density > 0.0
+        total = total + scale(term.value, np.where(there, 1.0, 0.0) / np.where(there, term.density, 1.0))
+    return total
+
+
+def middle_normal(mixture: Mixture) -> Array:
+    """Return the mean of the lobes' normals by their shares, (..., 3), in the shading frame."""
+    total: Array = np.zeros(3)
+    for lobe in mixture.lobes:
+        total = total + scale(lobe.frame.normal, lobe.share)
+    return normalize(total)
 
 
 def _directions(lobe: Lobe, wo: Array, wi: Array) -> tuple[Directions, Mask]:

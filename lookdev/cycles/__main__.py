@@ -66,7 +66,7 @@ def _serve(answers: Answers) -> None:
             scene.show(task.scene)
             with finer_progress(task.scene.sampling.samples, progress) as report:
                 frame = render_frame(scene, task, report)
-            arrays = save_arrays(frame.a, frame.b, frame.alpha)
+            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
             kept = _log_size()
@@ -74,8 +74,15 @@ def _serve(answers: Answers) -> None:
             continue
         if _log_size() > kept + _LONGEST_CHATTER:
             os.ftruncate(2, kept)
-        figures = {"seconds": frame.seconds, "relmse": frame.relmse}
-        answers.done(task.digest, arrays, samples=frame.samples, notes=take_notes(), **figures)
+        answers.done(
+            task.digest,
+            arrays,
+            samples=frame.samples,
+            seconds=frame.seconds,
+            relmse=frame.relmse,
+            raw_relmse=frame.raw_relmse,
+            notes=take_notes(),
+        )
 
 
 def _log_size() -> int:

@@ -1,4 +1,4 @@
-"""A frame: two independent halves, in rounds until they reach the target error."""
+"""A frame: two independent halves, in rounds until they reach the target error, denoised if that is wanted."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cycles import engine
-from lookdev.cycles.scene import Scene
+from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
 from lookdev.metrics import relmse_of_halves
+from lookdev.render.denoise import Denoised, denoised
+from lookdev.render.oidn import denoiser
 from lookdev.render.task import FrameTask
 from lookdev.scene import Sampling
 
@@ -22,13 +24,16 @@ Image = NDArray[np.float32]
 _SEEDS_PER_FRAME = 64
 # Samples of a half in the first round towards a target error.
 _FIRST_ROUND = 8
+# Samples of the pictures that guide a denoiser: they have no noise but that of edges, lenses and textures.
+_FEATURE_SAMPLES = 16
 
 
 @dataclass(frozen=True)
 class RenderedFrame:
     """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
 
-    A frame as a user of Cycles would have it is one render: `a` and `b` are equal, and `relmse` is nan.
+    A frame as a user of Cycles would have it is one render: `a` and `b` are equal, and `relmse` is nan. `raw` is the
+    mean of the halves before they were denoised, `raw_relmse` its error.
     """
 
     a: Image
@@ -37,6 +42,8 @@ class RenderedFrame:
     samples: int
     seconds: float
     relmse: float
+    raw: Image | None = None
+    raw_relmse: float | None = None
 
 
 Progress = Callable[[int, int, float | None], None]
@@ -61,7 +68,9 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     sums = np.zeros((2, height, width, 3))
     coverage = np.zeros((height, width))
     done = 0
-    error = math.nan
+    error = raw_error = math.nan
+    smooth = _denoiser(scene, task) if sampling.denoise != "off" else None
+    result: Denoised | None = None
     for number, size in enumerate(_rounds(sampling)):
         for half in (0, 1):
             seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + half
@@ -72,12 +81,31 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
             done += size
             progress(done, sampling.samples, None if math.isnan(error) else error)
         a, b = (2.0 / done) * sums
-        error = relmse_of_halves(a * gain, b * gain, coverage)
+        error = raw_error = relmse_of_halves(a * gain, b * gain, coverage)
+        if smooth is not None:
+            result = denoised(a * gain, b * gain, coverage / done, smooth)
+            error = result.relmse
         progress(done, sampling.samples, error)
         if sampling.error is not None and error <= sampling.error:
             break
+    raw = None if result is None else (0.5 * (a + b)).astype(np.float32)
+    if result is not None:
+        a, b = result.a / gain, result.b / gain
     a, b, alpha = (array.astype(np.float32) for array in (a, b, coverage / done))
-    return RenderedFrame(a, b, alpha, done, time.perf_counter() - started, error)
+    seconds, measured = time.perf_counter() - started, None if result is None else raw_error
+    return RenderedFrame(a, b, alpha, done, seconds, error, raw, measured)
+
+
+def _denoiser(scene: Scene, task: FrameTask) -> Callable[[Image], Image]:
+    """Return a denoiser that is guided by the albedos and normals of the frame."""
+
+    def shown(feature: float) -> Image:
+        scene.control(task.pose, 0, feature)
+        return engine.render_passes(scene.scene, _FEATURE_SAMPLES)["Combined"][::-1]
+
+    # Normals are shown in [0, 1], and black where there is no surface.
+    normals = shown(NORMALS)
+    return denoiser(shown(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
 
 
 def _rounds(sampling: Sampling) -> Iterator[int]:

@@ -25,6 +25,8 @@ from lookdev.light.native import still_domes, varied_domes
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Pose
 
+ALBEDOS, NORMALS = 0.25, 0.5
+
 
 class Scene:
     """The Blender data of a scene task, kept between its frames.
@@ -200,8 +202,10 @@ class Scene:
         for lamp in self.lamps:
             lamp.stand(pose.lighting, frame, camera.pivot)
 
-    def control(self, pose: Pose, seed: int, samples: int) -> None:
+    def control(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass the values that change from render to render to OSL shaders, by the colour of the objects.
+
+        For `ALBEDOS` or `NORMALS` in place of samples, shaders generated with features show these.
 
         Unlike a shader parameter, that does not recompile the shader. Channels are not negative: the angle is in
         [0, 2 pi). The fourth is the depth of the near clip, at which the camera's rays start.

@@ -201,6 +201,11 @@ class JobRender(Table):
     seed: Annotated[int, Field(ge=0, le=2**18 - 1)] = Field(
         default=Sampling.seed, description="Seed of all random choices."
     )
+    denoise: Literal["off", "measured"] = Field(
+        default=Sampling.denoise,
+        description="'measured': by Open Image Denoise, mixed with the raw picture so that no frame is worse; the "
+        "error is that of the result, bias included. Exact backend only.",
+    )
     background: Background = Field(
         default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
     )
@@ -224,6 +229,15 @@ class JobRender(Table):
         if backend is not None and not backend.directions:
             others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.directions)
             raise wrong(f"has no meaning with backend '{backend.name}'", f"it goes with backend = {others}")
+        return value
+
+    @field_validator("denoise")
+    @classmethod
+    def _features_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
+        backend = BACKENDS.get(info.data.get("backend", ""))
+        if backend is not None and value != "off" and not backend.features:
+            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.features)
+            raise wrong(f"backend '{backend.name}' renders no albedos and normals to denoise by", f"backend = {others}")
         return value
 
     @property

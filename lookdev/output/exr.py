@@ -35,16 +35,26 @@ _NO_CHECKSUM = b"00000000"
 _STRIP = 1 << 20  # bytes read at once
 
 
-def write_frame(path: Path, beauty: ArrayLike, alpha: ArrayLike, header: Mapping[str, str | float | int]) -> None:
+def write_frame(
+    path: Path,
+    beauty: ArrayLike,
+    alpha: ArrayLike,
+    header: Mapping[str, str | float | int],
+    layers: Mapping[str, ArrayLike] | None = None,
+) -> None:
     """Write a frame, whole or not at all; makes folders.
 
-    `beauty` is premultiplied linear Rec.709 radiance, (H, W, 3); `alpha` is coverage in [0, 1], (H, W). `read_header`
-    returns `header` as strings. Raises OutputError where the shapes differ or the file cannot be written.
+    `beauty` is premultiplied linear Rec.709 radiance, (H, W, 3), as are the other `layers` by their names; `alpha` is
+    coverage in [0, 1], (H, W). `read_header` returns `header` as strings. Raises OutputError where the shapes differ or
+    the file cannot be written.
     """
     rgb, coverage = np.asarray(beauty, np.float32), np.asarray(alpha, np.float32)
     if rgb.shape != (*coverage.shape, 3) or coverage.ndim != 2:
         raise OutputError(f"{path}: beauty {rgb.shape} and alpha {coverage.shape} must be (H, W, 3) and (H, W)")
-    planes = {name: np.ascontiguousarray(rgb[..., i]) for i, name in enumerate("RGB")}
+    pictures = {"": rgb, **{f"{name}.": np.asarray(each, np.float32) for name, each in (layers or {}).items()}}
+    planes = {
+        f"{k}{name}": np.ascontiguousarray(p[..., i]) for k, p in pictures.items() for i, name in enumerate("RGB")
+    }
     planes["A"] = np.ascontiguousarray(coverage)
     attributes: dict[str, object] = {PREFIX + key: str(value) for key, value in header.items()}
     attributes |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}

@@ -38,13 +38,23 @@ class Answers:
         self.send(type="progress", digest=digest, samples=samples, of=of, relmse=relmse)
 
     def done(
-        self, digest: str, arrays: str, *, samples: int, seconds: float, relmse: float, notes: Sequence[str] = ()
+        self,
+        digest: str,
+        arrays: str,
+        *,
+        samples: int,
+        seconds: float,
+        relmse: float,
+        raw_relmse: float | None = None,
+        notes: Sequence[str] = (),
     ) -> None:
         """Report a rendered frame, notes for the user, and the peak memory of this process.
 
         `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
+        `raw_relmse` is that of the picture before it was denoised.
         """
         figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
+        figures |= {"raw_relmse": raw_relmse} if raw_relmse is not None else {}
         self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:
@@ -55,8 +65,12 @@ class Answers:
             self.send(type="failed", digest=digest, message=f"{type(error).__name__}: {error}")
 
 
-def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[np.float32]) -> str:
+def save_arrays(
+    a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[np.float32], raw: NDArray[np.float32] | None = None
+) -> str:
     """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.
+
+    Of a denoised frame, `raw` (H, W, 3) is the picture before.
 
     Raises OutputError where it cannot be written; nothing is left then.
     """
@@ -65,7 +79,7 @@ def save_arrays(a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[n
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
         try:
             with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, a=a, b=b, alpha=alpha)
+                np.savez(stream, a=a, b=b, alpha=alpha, **({} if raw is None else {"raw": raw}))
         except OSError:
             Path(path).unlink()
             raise

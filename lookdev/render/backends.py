@@ -73,6 +73,7 @@ class Backend:
     any_light: bool = False  # renders lights of every kind, by OSL
     cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
+    features: bool = False  # renders what a denoiser is guided by
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
@@ -90,6 +91,7 @@ def _exact(look: Look, setting: Setting) -> Source:
         lights=setting.lights,
         shadows=setting.shadows,
         resolution=setting.resolution,
+        features=setting.sampling.denoise != "off",
     )
 
 
@@ -152,6 +154,7 @@ BACKENDS: dict[str, Backend] = {
             in_jobs=True,
             any_light=True,
             directions=True,
+            features=True,
             ahead=True,
         ),
         Backend(

@@ -58,6 +58,7 @@ class Done(BaseModel):
     relmse: float
     memory: int
     notes: tuple[str, ...] = ()
+    raw_relmse: float | None = None
 
 
 class Failed(BaseModel):
@@ -84,6 +85,8 @@ class Rendered:
     blender: str
     memory: int  # peak of the worker so far, bytes
     notes: tuple[str, ...] = ()  # for the user
+    raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before
+    raw_relmse: float | None = None
 
 
 class Worker:
@@ -306,6 +309,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
     """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
     width, height = resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
+    shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in shapes}
@@ -325,6 +329,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
         blender=blender,
         memory=done.memory,
         notes=done.notes,
+        raw_relmse=done.raw_relmse,
     )
 
 

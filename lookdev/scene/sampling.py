@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 SAMPLE_CAP = 4096
 """Default of the most samples per pixel of a frame with a target error."""
@@ -22,3 +23,4 @@ class Sampling:
     ibl_samples: int | None = None
     bounces: int = 2  # indirect
     seed: int = 0
+    denoise: Literal["off", "measured"] = "off"  # after which its error is measured again

@@ -72,11 +72,12 @@ class BrdfCode:
     see_through: bool
     light_sampled: bool
     deltas: tuple[Delta, ...] = ()
+    features: tuple[str, ...] = ()
 
     @property
     def sections(self) -> dict[str, Sequence[str]]:
         """The fragments by their names in templates."""
-        return {"setup": self.setup, "evaluate": self.evaluate, "sample": self.sample}
+        return {"setup": self.setup, "evaluate": self.evaluate, "sample": self.sample, "features": self.features}
 
 
 @dataclass(frozen=True)
@@ -139,10 +140,12 @@ def emit_brdf(
     *,
     by_group: bool = False,
     deltas: Sequence[Delta] = (),
+    features: Mapping[str, Sequence[Scalar]] | None = None,
 ) -> BrdfCode:
     """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`.
 
-    `by_group`: evaluate sets ``f_diffuse``, too.
+    `by_group`: evaluate sets ``f_diffuse``, too. `features` are triples of numbers that depend on the view alone, by
+    the names of the colours that they become in a fragment of their own.
     """
     lobes = mixture.lobes
     see_through = isinstance(presence, Node) or presence < 1.0
@@ -169,7 +172,13 @@ def emit_brdf(
     for assigned, triple in triples:
         setup.write(f"{assigned}({', '.join(map(setup.expression, triple))});")
 
-    read = reachable([*values, *(lobe.share for lobe in lobes), presence, *followed])
+    others = [each for triple in (features or {}).values() for each in triple]
+    shown = setup.inner("a", indent=2)
+    shown.prepare(others)
+    for name, feature in (features or {}).items():
+        shown.write(f"color {name} = color({', '.join(map(shown.expression, feature))});")
+
+    read = reachable([*values, *(lobe.share for lobe in lobes), presence, *followed, *others])
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - {*WO, INSIDE}
     tables = {node.args[0].digest: node.args[0] for node in read if node.op == "look_up"}
     return BrdfCode(
@@ -183,6 +192,7 @@ def emit_brdf(
         see_through=see_through,
         light_sampled=any(lobe.light_sampled for lobe in lobes),
         deltas=tuple(deltas),
+        features=tuple(shown.lines),
     )
 
 

@@ -11,7 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import Lobe, StackLayer, stack_bsdf
+from lookdev.brdf import Delta, Lobe, StackLayer, stack_bsdf
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.frame import emit_frame
@@ -21,8 +23,8 @@ from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.lobes import continuous_lobes, present_deltas
-from lookdev.codegen.trace.symbolic import elements_of, uniforms
+from lookdev.codegen.trace.lobes import WO, continuous_lobes, present_deltas
+from lookdev.codegen.trace.symbolic import elements_of, symbols, uniforms
 from lookdev.errors import CodegenError
 from lookdev.light import Light, coded, lights_code
 from lookdev.light.lamps import CodedRig
@@ -67,6 +69,7 @@ def generate_surface(
     lights: Sequence[Light],
     shadows: bool = True,
     resolution: tuple[int, int],
+    features: bool = False,
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
 
@@ -86,6 +89,8 @@ def generate_surface(
         Whether rays towards the light are traced; without, there are no `bounces` either.
     resolution
         Width and height of the picture in pixels: each pixel has a scramble of its own.
+    features
+        Whether the shader can show, instead, what a denoiser is guided by: near albedos and normals.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
@@ -112,7 +117,9 @@ def generate_surface(
     names = Names(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
     split = rig is not None and rig.split
-    code = emit_brdf(traced, elements_of(bsdf.presence)[0], spell=names.spell, by_group=split, deltas=deltas)
+    guides = _guides(graph, continuous_lobes(graph, bsdf), deltas) if features else None
+    presence = elements_of(bsdf.presence)[0]
+    code = emit_brdf(traced, presence, spell=names.spell, by_group=split, deltas=deltas, features=guides)
     passes = any(delta.transmits for delta in deltas)
     if code.see_through and rig is not None and (rig.shadowed or rig.spared):
         raise CodegenError(
@@ -145,6 +152,7 @@ def generate_surface(
                 f"#define DELTAS {len(deltas)}",
                 f"#define DELTAS_TRANSMIT {int(passes)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
+                f"#define FEATURES {int(features)}",
                 *lights_code(lights, sampled=ibl_samples > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
@@ -168,6 +176,16 @@ def generate_surface(
     passing, directions = (code.transmits or passes, code.see_through), (brdf_samples, ibl_samples)
     known = bound, tuple(attributes), digest.hexdigest(), *passing, directions, shadows, tables.bindings, constants
     return ShaderSource(look.name, osl, *known)
+
+
+def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Any]]:
+    """Return what the features are, by their names in the template: numbers in [0, 1]."""
+    mixture = Mixture(lobes, symbols(graph, WO))
+    albedo: Any = middle_albedo(mixture) if lobes else np.zeros(3)
+    for delta in deltas:
+        albedo = albedo + delta.value
+    normal: Any = middle_normal(mixture) if lobes else ZENITH
+    return {"feature_albedo": elements_of(np.clip(albedo, 0.0, 1.0)), "feature_normal": elements_of(normal)}
 
 
 def _of_look(graph: Graph, number: int, layer: StackLayer) -> StackLayer:

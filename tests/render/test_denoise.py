@@ -1,0 +1,84 @@
+"""Halves that are smoothed by any filter: the error of the mixture is that which is measured, and never grows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter
+
+from lookdev.metrics import relmse, relmse_of_halves
+from lookdev.render.denoise import denoised
+from lookdev.render.oidn import denoiser
+
+Floats = NDArray[np.float64]
+SIDE = 96
+
+
+def picture() -> tuple[Floats, Floats]:
+    """Return a disc with a smooth and a checkered half, and its alpha."""
+    y, x = np.mgrid[:SIDE, :SIDE] / SIDE - 0.5
+    alpha = (x * x + y * y < 0.2).astype(np.float64)
+    checks = ((x * 24).astype(int) + (y * 24).astype(int)) % 2
+    grey = np.where(x < 0.0, 0.5 + x, 0.2 + 0.6 * checks)
+    return np.stack([grey, 0.7 * grey, 0.4 * grey], axis=-1) * alpha[..., None], alpha
+
+
+def halves(truth: Floats, sigma: float, rng: np.random.Generator) -> tuple[Floats, Floats]:
+    """Return two noisy renders, whose noise is skewed as that of paths is."""
+    noise = rng.gamma(0.5, 2.0, (2, *truth.shape)) - 1.0
+    a, b = truth * (1.0 + sigma * noise)
+    return a, b
+
+
+def blurred(radius: float):
+    return lambda image: gaussian_filter(image, (radius, radius, 0))
+
+
+@pytest.mark.parametrize("sigma", [0.1, 0.5, 1.0])
+@pytest.mark.parametrize("radius", [0.7, 3.0])
+def test_the_error_of_the_mixture_is_measured(sigma: float, radius: float) -> None:
+    truth, alpha = picture()
+    rng = np.random.default_rng(1)
+    measured, true, raw = [], [], []
+    for _ in range(12):
+        a, b = halves(truth, sigma, rng)
+        found = denoised(a, b, alpha, blurred(radius))
+        measured.append(found.relmse)
+        true.append(relmse(0.5 * (found.a + found.b), truth, alpha))
+        raw.append(relmse(0.5 * (a + b), truth, alpha))
+    assert np.mean(measured) == pytest.approx(np.mean(true), rel=0.25)
+    assert (np.array(true) < np.array(raw)).all()
+    # Where noise is strong, a blur helps much.
+    assert np.mean(true) < (0.5 if sigma > 0.3 else 0.8) * np.mean(raw)
+
+
+def test_a_filter_that_ruins_the_picture_is_not_used() -> None:
+    truth, alpha = picture()
+    a, b = halves(truth, 0.2, np.random.default_rng(2))
+    found = denoised(a, b, alpha, lambda image: np.full_like(image, 0.9))
+    assert relmse(0.5 * (found.a + found.b), truth, alpha) < 1.02 * relmse(0.5 * (a + b), truth, alpha)
+    assert found.relmse == pytest.approx(relmse_of_halves(a, b, alpha), rel=0.3)
+
+
+def test_halves_without_noise_stay_as_they_are() -> None:
+    truth, alpha = picture()
+    found = denoised(truth, truth, alpha, blurred(2.0))
+    np.testing.assert_array_equal(found.a, truth)
+    assert found.relmse == 0.0
+
+
+def test_nothing_on_the_asset_has_no_error() -> None:
+    empty = np.zeros((8, 8, 3))
+    assert denoised(empty, empty, np.zeros((8, 8)), blurred(1.0)).relmse == 0.0
+
+
+def test_open_image_denoise_is_guided() -> None:
+    truth, alpha = picture()
+    a, _ = halves(truth, 1.0, np.random.default_rng(3))
+    flat = np.zeros((SIDE, SIDE, 3), np.float32)
+    upright = flat + np.float32([0.0, 0.0, 1.0]) * alpha[..., None].astype(np.float32)
+    guided = denoiser(truth.astype(np.float32), upright)(a.astype(np.float32))
+    unguided = denoiser(flat, flat)(a.astype(np.float32))
+    raw, without, with_ = (relmse(image, truth, alpha) for image in (a, unguided, guided))
+    assert with_ < 0.5 * without < 0.5 * raw
