@@ -167,5 +167,6 @@ class Bsdf:
     deltas: Callable[[Array, Mask], tuple[Delta, ...]] = lambda wo, inside: ()
 
     def transmits(self, wo: Array) -> bool:
-        """Whether a lobe transmits, seen along any of some views (..., 3); an opaque surface is not lit from behind."""
-        return any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))
+        """Return whether light passes, seen along any of some views (..., 3); what is opaque is lit from its front."""
+        lobes = any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))
+        return lobes or any(each.transmits for each in self.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)))
