@@ -21,12 +21,12 @@ CELLS = (112, 96)
 _NODES = 2
 # Midpoints along each side of a cell that the horizon crosses.
 _EDGE_NODES = 12
-BINS = (28, 12)
+BINS = (56, 24)
 
 
 @dataclass(frozen=True)
 class Integral:
-    """The integral of a function over each bin (28 * 12,), its sum, and a bound of the sum's error."""
+    """The integral of a function over each bin (56 * 24,), its sum, and a bound of the sum's error."""
 
     bins: Floats
     total: float
