@@ -82,7 +82,7 @@ def stress(
 
 
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
-    """Return a model with every choice of its tokens, with options, over itself, and over each other model, by name."""
+    """Return a model with every choice of its tokens, with options, over itself, and over others of several modes, by name."""
 
     def plain(name: str) -> PointLayer:
         tokens = {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
@@ -99,7 +99,8 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
     for mode in MODELS[model].modes[1:]:
         above = replace(plain(model), mode=mode)
         stacks[f"{model} over {model}, twice in mode {mode}"] = (plain(model), above, above)
-    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in CONTINUOUS if other != model}
+    layered = [name for name, each in MODELS.items() if len(each.modes) > 1 and name != model]
+    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in layered}
 
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:

@@ -111,7 +111,7 @@ def _layers(titles: list[str]) -> str:
 
 def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
     return _SHADER.format(
-        name=name, doc=json.dumps(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
+        name=name, doc=_quoted(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
     )
 
 
@@ -137,8 +137,13 @@ def _input(
     if constant:
         lines.append('        connectability = "interfaceOnly"')
     bounds = zip(("hardMin", "hardMax", "softMin", "softMax"), map(repr, ranges), strict=False)
-    metadata = [f"            string {key} = {json.dumps(value)}" for key, value in [("help", text), *bounds]]
+    metadata = [f"            string {key} = {_quoted(value)}" for key, value in [("help", text), *bounds]]
     return "\n".join([*lines, "        sdrMetadata = {", *metadata, "        }", "    )", ""])
+
+
+def _quoted(text: str) -> str:
+    # USD reads UTF-8, and no escapes of JSON beyond ASCII.
+    return json.dumps(text, ensure_ascii=False)
 
 
 if __name__ == "__main__":
