@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from node_interpreter import Carried, Interpreter
 
-from lookdev.brdf import CONTINUOUS, MODELS
+from lookdev.brdf import MODELS
 from lookdev.brdf.frames import Leaning
 from lookdev.closures import STAND_INS, Closure, closure_cosine, lobe_closures
 from lookdev.codegen import HANDEDNESS, TANGENT, Link, NodeSource, NodeTree, ShaderNode
@@ -268,7 +268,7 @@ def test_the_view_reaches_parameters_masks_and_presence() -> None:
 
     paint = {"baseColor": of_view("[view, 0.3, 1 - view]"), "roughness": of_view("0.2 + 0.5 * view")}
     base = Layer("base", "disney", paint | {"presence": of_view("1 - 0.5 * view")})
-    for model in CONTINUOUS:
+    for model in SHOWN:
         source = check((base, Layer("top", model, {}, mask=of_view("smoothstep(1 - view, 0.3, 0.9)"))))
         assert source.attributes == ()
 
