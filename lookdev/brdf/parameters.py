@@ -27,6 +27,9 @@ class Parameter:
     in the frame of tangent, bitangent and shading normal, of any length but zero. Where it is not given, it has the
     value of the parameter that it `follows`, whose default is the same. `optional` numbers belong to parts of the
     model that their defaults leave out.
+    in the frame of tangent, bitangent and shading normal, of any length but zero. Where it is not given, it has the
+    value of the parameter that it `follows`, whose default is the same. `optional` numbers belong to parts of the
+    model that their defaults leave out.
 
     `among` layers that one model combines, a token must be ``"alike"``; layers that differ in it are blended
     ``"apart"``, as those of two models are; or it is each layer's ``"own"``. A token that `stands` for values of other
