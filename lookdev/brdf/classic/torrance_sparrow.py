@@ -90,7 +90,13 @@ def _specular(name: str, roughness: str, part: Callable[[Parameters], Real]) -> 
 
 def _preview(p: Parameters) -> dict[str, Real]:
     normal = np.asarray(conductor_fresnel(1.0, p["eta"], p["k"], p["externalIor"]))
-    return {"roughness": np.sqrt(p["roughness"]), "f0": np.mean(p["specular"] * normal)}
+    color, metallic = p["specular"] * normal, np.any(p["k"] > 0.0)
+    return {
+        "diffuseColor": color if metallic else p["diffuse"],
+        "metallic": 1.0 if metallic else 0.0,
+        "roughness": np.sqrt(p["roughness"]),
+        "f0": np.mean(color),
+    }
 
 
 def _roughness(name: str, help: str) -> Parameter:
@@ -152,5 +158,5 @@ TORRANCE_SPARROW = Model(
     energy=_energy,
     reciprocal=lambda tokens: ("diffuse", "specular", "specular2"),
     probe={"diffuse": (0.2, 0.2, 0.2), "weight2": 0.3, "roughness2": 0.1},
-    preview=Preview({"diffuseColor": "diffuse"}, _preview),
+    preview=Preview({}, _preview),
 )
