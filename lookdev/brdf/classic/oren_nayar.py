@@ -126,7 +126,8 @@ OREN_NAYAR = Model(
     ),
     bsdf=one_normal(_diffuse, _retroreflection),
     identifier="LookdevOrenNayar",
-    energy=lambda tokens: 1.05 if tokens["interreflection"] == "included" else 1.0,
+    # A + B / 2 at grazing views.
+    energy=lambda tokens: 1.05 if tokens["interreflection"] == "included" else 1.016,
     reciprocal=lambda tokens: ("diffuse", "retroreflection"),
     preview=Preview({"diffuseColor": "reflectance"}, lambda p: {"roughness": 1.0, "f0": 0.0}),
 )

@@ -95,8 +95,8 @@ WARD = Model(
     ),
     bsdf=one_normal(lambertian("ward", "diffuse"), _specular),
     identifier="LookdevWard",
-    # Diffuse and specular may both be white; the specular part of Dür's reaches 2.8 at alpha 1.
-    energy=lambda tokens: 3.8 if tokens["variant"] == "dur" else 2.0,
+    # Diffuse and specular may both be white; Dür's grows without bound as the view grazes.
+    energy=lambda tokens: np.inf if tokens["variant"] == "dur" else 2.0,
     reciprocal=lambda tokens: ("diffuse", "specular"),
     probe={"alphaX": 0.2, "alphaY": 0.2},
     preview=Preview({"diffuseColor": "diffuse"}, _preview),

@@ -131,9 +131,10 @@ def _only_layer(prim: Usd.Prim) -> Usd.Prim | None:
     material = UsdShade.Material(prim)
     surface = material.GetOutput("lookdev:surface") if material else None
     sources = surface.GetConnectedSources()[0] if surface else []
-    shader = UsdShade.Shader(sources[0].source.GetPrim()) if sources else None
-    constant = shader and not any(each.HasConnectedSource() for each in shader.GetInputs())
-    return shader.GetPrim() if constant and shader.GetShaderId() in layer_shaders() else None
+    shader = UsdShade.Shader(sources[0].source.GetPrim() if sources else Usd.Prim())
+    if not shader or any(each.HasConnectedSource() for each in shader.GetInputs()):
+        return None
+    return shader.GetPrim() if shader.GetShaderId() in layer_shaders() else None
 
 
 def library_text(library: Library) -> str:
