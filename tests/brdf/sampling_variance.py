@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 
 from lookdev.brdf import CONTINUOUS, complete_parameters, evaluate_cosine, pdf, sample
@@ -28,9 +30,7 @@ def cells(model: str) -> list[str]:
 
 
 if __name__ == "__main__":
-    print(
-        "| model |", " | ".join(f"{angle:g} degrees: own, cosine, greatest" for angle in ANGLES), "|\n|---|---|---|---|"
-    )
-    for model in CONTINUOUS:
-        if model not in ("disney", "pixar", "lambert"):
-            print(f"| {model} |", " | ".join(cells(model)), "|")
+    names = [name for name in CONTINUOUS if name not in ("disney", "pixar", "lambert")]
+    head = ["model", *(f"{angle:g} degrees: own, cosine, greatest" for angle in ANGLES)]
+    rows = [head, ["---"] * len(head), *([name, *cells(name)] for name in names)]
+    sys.stdout.writelines(f"| {' | '.join(row)} |\n" for row in rows)
