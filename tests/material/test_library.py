@@ -79,9 +79,7 @@ def test_what_is_no_preset(tmp_path: Path, text: str, where: str, what: str) -> 
 
 def test_folders_given_named_here_and_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     here, shipped = tmp_path / SHIPPED[0], tmp_path / "checkout" / SHIPPED[0]
-    with pytest.raises(
-        LookError, match=r"no folder .*materials/presets or .*classic or .*checkout/materials/presets"
-    ):
+    with pytest.raises(LookError, match=r"no folder .*materials/presets or .*classic or .*checkout/materials/presets"):
         library_folders()
     shipped.mkdir(parents=True)
     assert library_folders() == (shipped,)
