@@ -58,7 +58,7 @@ def random_parameters(
             values[name] = np.repeat(np.expand_dims(np.asarray(parameter.default), 0), count, axis=0)
             continue
         if parameter.kind == "token":
-            values[name] = tokens.get(name, parameter.default)
+            values[name] = tokens.get(name, parameter.choices[0] if parameter.file else parameter.default)
             continue
         shape = (count,) if parameter.kind == "float" else (count, 3)
         low, high = parameter.hard

@@ -14,6 +14,7 @@ from lookdev.brdf.classic.torrance_sparrow import TORRANCE_SPARROW
 from lookdev.brdf.classic.ward import WARD
 from lookdev.brdf.delta import GLASS, MIRROR
 from lookdev.brdf.disney import DISNEY
+from lookdev.brdf.measured import MEASURED
 from lookdev.brdf.model import Model
 from lookdev.brdf.pixar import PIXAR
 from lookdev.errors import ModelError, nearest_hint
@@ -23,6 +24,7 @@ MODELS: dict[str, Model] = {
     for model in (
         DISNEY,
         PIXAR,
+        MEASURED,
         MIRROR,
         GLASS,
         LAMBERT,

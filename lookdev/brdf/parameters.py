@@ -26,10 +26,8 @@ class Parameter:
     `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
     in the frame of tangent, bitangent and shading normal, of any length but zero. Where it is not given, it has the
     value of the parameter that it `follows`, whose default is the same. `optional` numbers belong to parts of the
-    model that their defaults leave out.
-    in the frame of tangent, bitangent and shading normal, of any length but zero. Where it is not given, it has the
-    value of the parameter that it `follows`, whose default is the same. `optional` numbers belong to parts of the
-    model that their defaults leave out.
+    model that their defaults leave out. A token with `file` may be the path of a file, too, which that function reads,
+    and must be given.
 
     `among` layers that one model combines, a token must be ``"alike"``; layers that differ in it are blended
     ``"apart"``, as those of two models are; or it is each layer's ``"own"``. A token that `stands` for values of other
@@ -47,6 +45,7 @@ class Parameter:
     optional: bool = False
     among: Literal["alike", "apart", "own"] = "alike"
     stands: Callable[[Mapping[str, str]], Mapping[str, Value]] | None = None
+    file: Callable[[str], object] | None = None
 
 
 def normal_parameter(name: str, help: str, follows: str = "") -> Parameter:
@@ -126,6 +125,11 @@ def as_numbers(value: object) -> NDArray[np.float64] | None:
 
 def _checked(place: str, parameter: Parameter, value: object) -> Any:
     if parameter.kind == "token":
+        if parameter.file:
+            if not isinstance(value, str) or not value or "\0" in value:
+                raise ModelError(f"{place} is {value!r}; the path of a file would be right")
+            parameter.file(value)
+            return value
         if value not in parameter.choices:
             raise ModelError(f"{place} is {value!r}; one of {', '.join(parameter.choices)} would be right")
         return value

@@ -121,8 +121,10 @@ def evaluate_cycles(
     table = np.stack([columns[name] for name in point_columns(batch.layers)], axis=-1).astype(np.float32)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
         request = Path(folder) / "request.npz"
-        osl = alter(generate_points(batch.layers, lobes).osl)
-        np.savez(request, osl=np.array(osl), cells=point_cells(batch.layers), table=table)
+        source = generate_points(batch.layers, lobes)
+        tables = json.dumps([(each.parameter, each.file.digest, each.file.suffix) for each in source.tables])
+        osl = np.array(alter(source.osl))
+        np.savez(request, osl=osl, tables=np.array(tables), cells=point_cells(batch.layers), table=table)
         command = [sys.executable, "-m", "lookdev.cycles", "--points", str(request)]
         process = subprocess.run(command, capture_output=True, text=True, timeout=_WORKER_PATIENCE, check=False)
         result = request.with_suffix(".result.npz")

@@ -26,7 +26,8 @@ VISIBLE = 1e-4
 """1/sr: below it the tolerance is absolute, that of this value."""
 
 _WORST = 5
-# Rounding of a direction in the frame of a tilted normal, or refracted by an averaged index: units in the last place.
+# Rounding of a direction in the frame of a tilted normal, refracted by an averaged index, or of its angles, by which a
+# table is looked up: units in the last place.
 _TURN = 4.0 * 2.0**-24
 _EDGES = np.linspace(-9.0, 0.0, 37)
 
@@ -48,8 +49,8 @@ def check_points(
     got = _columns(*evaluate_cycles(batch, alter=alter))
     expected = _columns(*_reference(batch, batch.wo, batch.wi))
     allowed = tolerance * np.maximum(expected, VISIBLE)
-    leans = _leans(batch)
-    if leans:
+    turns = _turns(batch)
+    if turns:
         allowed += _rounding(batch, expected)
     allowed += _option_rounding(batch, expected)
     sound = np.isfinite(got) & (got >= 0.0)
@@ -61,7 +62,7 @@ def check_points(
     worst = np.argsort(-excess.max(axis=-1), kind="stable")[:_WORST]
     failed = int(np.count_nonzero((excess > 1.0).any(axis=-1)))
     largest = float(relative.max(initial=0.0))
-    extra = ", more where a normal or an averaged index turns directions" if leans else ""
+    extra = ", more where a normal, an averaged index or a look-up rounds directions" if turns else ""
     summary = (
         f"{count} cases, {failed} beyond {tolerance:.0e}{extra}; "
         f"relative error at most {largest:.1e}, median {float(np.median(relative)) if relative.size else 0.0:.1e}"
@@ -155,9 +156,11 @@ def _columns(f: Floats, density: Floats) -> Floats:
     return np.concatenate([f, density[:, None]], axis=-1)
 
 
-def _leans(batch: Batch) -> bool:
-    """Return whether directions are transformed before evaluation: tilted normals, indices averaged over layers."""
+def _turns(batch: Batch) -> bool:
+    """Return whether directions are rounded before evaluation: by tilted normals, averaged indices, look-ups."""
     for layer, numbers in zip(batch.layers, batch.numbers, strict=True):
+        if any(parameter.file for parameter in MODELS[layer.model].parameters.values()):
+            return True
         for name in layer.shapes():
             normal = numbers.get(name, np.asarray(layer.constants.get(name, ZENITH)))
             if name.lower().endswith("normal") and np.any(normal[..., :2] != 0.0):
@@ -166,12 +169,16 @@ def _leans(batch: Batch) -> bool:
 
 
 def _rounding(batch: Batch, expected: Floats) -> Floats:
-    """Return the first-order change of values by a rounding of directions by `_TURN`."""
+    """Return how far values change, to first order or over a step of a table, as directions are rounded by `_TURN`."""
     total = np.zeros_like(expected)
     for axis in range(3):
         step = _TURN * np.eye(3)[axis]
-        for wo, wi in ((batch.wo + step, batch.wi), (batch.wo, batch.wi + step)):
-            total += np.abs(_columns(*_reference(batch, wo, wi)) - expected)
+        for of_wo, of_wi in ((step, 0.0), (0.0, step)):
+            changed = [
+                np.abs(_columns(*_reference(batch, batch.wo + sign * of_wo, batch.wi + sign * of_wi)) - expected)
+                for sign in (1.0, -1.0)
+            ]
+            total += np.maximum(*changed)
     return total
 
 

@@ -155,10 +155,26 @@ def preview(look: LookFile, prim: Prim = None) -> None:
 
 @app.command("import")
 def import_document(
-    document: Annotated[Path, typer.Argument(metavar="FILE.mtlx", help="A MaterialX document.", show_default=False)],
-    look: LookFile,
+    document: Annotated[
+        Path,
+        typer.Argument(
+            metavar="FILE",
+            help="A MaterialX document (.mtlx), a MERL binary or anisotropic data of Ngan et al.",
+            show_default=False,
+        ),
+    ],
+    look: Annotated[
+        Path | None,
+        typer.Argument(metavar="[LOOK]", help="The look, a USD file; default: FILE with .usda.", show_default=False),
+    ] = None,
 ) -> None:
-    """Write a new look from MaterialX: its disney_principled materials as Disney layers."""
+    """Write a new look from MaterialX, its disney_principled materials, or from measured reflectance."""
+    look = look or document.with_suffix(".usda")
+    if document.suffix.lower() not in (".mtlx", ".xml"):
+        from lookdev.material.library.edit import measured_look
+
+        say(f"{look}: {measured_look(look, document)} is {document.name}")
+        return
     from lookdev.material.materialx import import_materialx, write_usda
 
     imported = import_materialx(document)

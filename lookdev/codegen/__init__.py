@@ -12,6 +12,7 @@ from lookdev.codegen.source import (
     ShaderNode,
     ShaderSource,
     Source,
+    TableBinding,
     TextureBinding,
     short_name,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "ShaderNode",
     "ShaderSource",
     "Source",
+    "TableBinding",
     "TextureBinding",
     "short_name",
 ]

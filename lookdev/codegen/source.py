@@ -40,6 +40,17 @@ class TextureBinding:
 
 
 @dataclass(frozen=True)
+class TableBinding:
+    """A table that a shader looks up: a parameter, and the file of its values.
+
+    Of an .npy the parameter is an array of all its float32 numbers, of an EXR it takes the path.
+    """
+
+    parameter: str
+    file: Content
+
+
+@dataclass(frozen=True)
 class AttributeBinding:
     """A mesh attribute, and the parameter of a shader that takes it.
 
@@ -111,6 +122,7 @@ class ShaderSource:
     see_through: bool = False
     directions: tuple[int, int] = (0, 0)
     shadows: bool = True
+    tables: tuple[TableBinding, ...] = ()
 
     @property
     def images(self) -> tuple[Content, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,8 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from lookdev.cache import atomic_path, cache_dir
-from lookdev.codegen import ShaderSource
+from lookdev.cache import Content, atomic_path, cache_dir
+from lookdev.codegen import ShaderSource, TableBinding
 from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import array_text, script_node
@@ -90,7 +91,9 @@ def add_plane(scene: Any, height: float) -> Any:
 def evaluate_file(request: Path) -> None:
     """Answer a request of `lookdev.checks.evaluate`, an .npz: write f and pdf to an .npz beside it."""
     with np.load(request, allow_pickle=False) as stored:
-        source = ShaderSource("points", str(stored["osl"]), (), (), digest="")
+        named = json.loads(str(stored["tables"]))
+        tables = tuple(TableBinding(name, Content(digest, suffix)) for name, digest, suffix in named)
+        source = ShaderSource("points", str(stored["osl"]), (), (), digest="", tables=tables)
         f, pdf = evaluate_points(source, stored["table"], int(stored["cells"]))
     with atomic_path(request.with_suffix(".result.npz")) as path:
         np.savez(path, f=f, pdf=pdf)

@@ -85,6 +85,12 @@ def script_node(
     """
     script = tree.nodes.new("ShaderNodeScript")
     compiled = compile_osl(source)
+    values, arrays = dict(values), dict(arrays or {})
+    for table in source.tables:
+        if table.file.suffix == ".npy":
+            arrays[table.parameter] = _kept_text(table.file)
+        else:
+            values[table.parameter] = str(table.file.path)
     if arrays:
         script.mode = "INTERNAL"
         script.bytecode = with_arrays(compiled.read_text(encoding="utf-8"), arrays)

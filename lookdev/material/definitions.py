@@ -90,11 +90,10 @@ def shader_definitions() -> str:
 
 def _layer_inputs(name: str, beneath: str) -> list[str]:
     combined = [model.title for model in MODELS.values() if model.combine]
-    blended = [model.title for model in MODELS.values() if not model.combine]
     takers = [model.title for model in MODELS.values() if "transmit" in model.modes]
     mode = (
-        f"over: covers what is beneath by the mask; {_layers(blended)} blend parameters, {_layers(combined)} blend "
-        f"lobes. transmit: what the layer transmits meets the layers beneath; for {_layers(takers)} over nothing but "
+        f"over: covers what is beneath by the mask; {_layers(combined)} blend lobes, those of other models parameters. "
+        f"transmit: what the layer transmits meets the layers beneath; for {_layers(takers)} over nothing but "
         f"{_layers(takers)}."
     )
     return [
@@ -117,6 +116,8 @@ def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "su
 
 def _parameter(parameter: Parameter) -> str:
     kind, name, text = USD_TYPES[parameter.kind], parameter.name, parameter.help
+    if parameter.file:
+        return _input("asset", name, text, "@@", constant=True)
     if parameter.kind == "token":
         return _input(kind, name, text, json.dumps(parameter.default), parameter.choices, constant=True)
     return _input(kind, name, text, repr(parameter.default), ranges=parameter.hard + parameter.soft)

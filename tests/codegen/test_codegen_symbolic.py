@@ -118,6 +118,10 @@ def compute(value: Any, symbols: dict[str, Any], done: dict[Node, Any]) -> Any:
     if value not in done:
         if value.op == "symbol":
             done[value] = symbols[value.args[0]]
+        elif value.op == "look_up":
+            table, channel, *place = value.args
+            row, column = (np.asarray(compute(each, symbols, done)).astype(np.intp) for each in place)
+            done[value] = table.values[row, column] if channel is None else table.values[row, column, channel]
         else:
             function: Any = getattr(np, value.op)
             done[value] = function(*(compute(arg, symbols, done) for arg in value.args))

@@ -18,7 +18,7 @@ from lookdev.text import decoded
 _SINGLES: list[dict[str, Any]] = [
     {
         "model": name,
-        "params": {each.name: each.default for each in model.parameters.values()},
+        "params": {each.name: each.choices[0] if each.file else each.default for each in model.parameters.values()},
         "wo": [0.6, 0.0, 0.8],
         "wi": [0.0, 0.6, 0.8],
     }

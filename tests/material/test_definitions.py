@@ -45,10 +45,13 @@ def test_nodes_and_inputs(nodes: dict[str, Sdr.ShaderNode]) -> None:
 def test_input_agrees_with_its_parameter(nodes: dict[str, Sdr.ShaderNode], node: str, parameter: Parameter) -> None:
     given = nodes[node].GetShaderInput(parameter.name)
     usd_types = {"float": "float", "color": "color3f", "normal": "normal3f", "token": "token"}
-    assert str(given.GetTypeAsSdfType().GetSdfType()) == usd_types[parameter.kind]
+    assert str(given.GetTypeAsSdfType().GetSdfType()) == ("asset" if parameter.file else usd_types[parameter.kind])
     assert given.GetHelp() == parameter.help != ""
     default, metadata = given.GetDefaultValueAsSdfType(), given.GetMetadata()
-    if parameter.kind == "token":
+    if parameter.file:
+        assert default.path == parameter.default == ""
+        assert not given.IsConnectable()
+    elif parameter.kind == "token":
         assert default == parameter.default
         assert [name for name, _ in given.GetOptions()] == list(parameter.choices)
         assert not given.IsConnectable()

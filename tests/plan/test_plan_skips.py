@@ -108,8 +108,9 @@ def test_no_input_of_any_model_has_a_direction_unknown_here(
     )
     value = value[0] if known.kind == "token" else value
     given: dict[str, Any] = {**MODELS[model].probe, name: value}
-    given |= {"clear": 0.4, "back": 0.4} if model == "pixar" and name not in ("clear", "back") else {}
-    given |= {"metallic": 0.5} if model == "disney" and name != "metallic" else {}
+    # Every lobe is there.
+    usual = {"pixar": {"clear": 0.4, "back": 0.4, "roughness": 0.4}, "disney": {"metallic": 0.5, "clearcoat": 0.5}}
+    given = usual.get(model, {}) | given
     bsdf = MODELS[model].bsdf(complete_parameters(model, given))
     wo, wi = np.random.default_rng(0).normal(size=(2, 200, 3))
     wo, wi = (w / np.linalg.norm(w, axis=-1, keepdims=True) for w in (np.abs(wo) * [-1.0, 1.0, 1.0], wi))

@@ -24,6 +24,7 @@ from lookdev.brdf.classic.parts import DIM, Build, color, lambertian, one_normal
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.metal import named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
@@ -146,6 +147,7 @@ TORRANCE_SPARROW = Model(
             "eta", "color", (1.5, 1.5, 1.5), hard=(0.05, 10.0), soft=(0.2, 3.0), help="Index of refraction, a channel."
         ),
         Parameter("k", "color", (0.0, 0.0, 0.0), hard=(0.0, 20.0), soft=(0.0, 8.0), help="Extinction, a channel."),
+        *named_metal(),
         Parameter("externalIor", "float", 1.0, hard=(1.0, 4.0), soft=(1.0, 2.0), help="Index of what surrounds it."),
         Parameter("polarisation", "float", 0.5, help="0 all light perpendicular, 1 all parallel to the plane."),
     ),

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias
 
 from lookdev.codegen.trace.graph import Node, in_order
 from lookdev.codegen.trace.vectors import is_inverse_root
+from lookdev.errors import CodegenError
 
 Match: TypeAlias = tuple[Any, ...]
 """An operation and its operands; ``"MIX", a, b, t`` is a (1 - t) + b t."""
@@ -49,6 +50,8 @@ def match(node: Node, known: Container[Any] = ()) -> Match:
     """
     apply = node.graph.apply
     match node.op, node.args:
+        case "look_up", _:
+            raise CodegenError("nodes cannot look up measured data; backend 'exact' would be right")
         case "add", (a, b):
             return _match_mix(a, b) or _match_mix(b, a) or _match_multiply_add(a, b, known) or ("ADD", a, b)
         case "subtract", (a, b) if _is_product(a, known) and not isinstance(b, Node):

@@ -1,4 +1,6 @@
-"""Expression graphs as OSL text, by scopes."""
+"""Expression graphs as OSL text, by scopes.
+
+A table is an array of the shader's parameters where `fits`, else a texture."""
 
 from __future__ import annotations
 
@@ -8,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.brdf.table import Table
 from lookdev.codegen.trace.graph import Node, Scalar, in_order, reachable
 from lookdev.errors import CodegenError
 
@@ -43,6 +46,9 @@ CODE: dict[str, str] = {
 
 _BOOLEAN = {"greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not"}
 
+# Ten million numbers are loaded in four seconds.
+_LARGEST_ARRAY = 10_000_000
+
 # Longer expressions get a name, so that the generated shader can be read.
 _MAX_INLINE = 70
 
@@ -65,6 +71,22 @@ Spell = Callable[[str], str]
 """Returns the text of a symbol; it is called when the symbol is written."""
 
 
+def fits(table: Table) -> bool:
+    """Return whether a table is an array: a look-up takes a fortieth of one in a texture, but its text is loaded."""
+    return table.values.size <= _LARGEST_ARRAY
+
+
+def table_name(table: Table) -> str:
+    """Return the name of a shader's parameter that has a table, or the path of its texture."""
+    return f"table_{table.digest[:16]}{'' if fits(table) else '_file'}"
+
+
+def texture_size(table: Table) -> tuple[int, int]:
+    """Return width and height of a table's texture, powers of two, so that texel centres are exact in float32."""
+    rows, columns = (1 << (each - 1).bit_length() for each in table.values.shape[:2])
+    return columns, rows
+
+
 class Block:
     """One scope of emitted code: nodes used more than once become variables, which are `named`, others are inline."""
 
@@ -78,10 +100,13 @@ class Block:
         self._spell = spell
         self._uses: Counter[Node] = Counter()
         self._chosen: dict[Node, str] = {}
+        self._cells: dict[tuple[Any, ...], str] = {}
 
     def inner(self, prefix: str, indent: int) -> Block:
         """Return a scope inside this one, with the names that this one has now."""
-        return Block(prefix, indent, self.named, self._spell)
+        inner = Block(prefix, indent, self.named, self._spell)
+        inner._cells = dict(self._cells)
+        return inner
 
     def write(self, text: str) -> None:
         """Append one line of code as it is."""
@@ -125,12 +150,32 @@ class Block:
             if node.op == "symbol":
                 inline[node] = self._spell(str(node.args[0]))
                 continue
+            if node.op == "look_up":
+                table, channel, *place = node.args
+                inline[node] = self._looked_up(table, channel, *map(shown, place))
+                continue
             code = CODE[node.op].format(*(shown(arg) for arg in node.args))
             if self._uses[node] > 1 or len(code) > _MAX_INLINE:
                 self._define(node, code)
             else:
                 inline[node] = code
         return shown(value)
+
+    def _looked_up(self, table: Table, channel: int | None, row: str, column: str) -> str:
+        """Return code for a number of a table, writing the place, or the look-up, that all channels of it share."""
+        name, key = table_name(table), (table.digest, row, column)
+        cell = self._cells.get(key)
+        if cell is None:
+            cell = self._cells[key] = f"{self._prefix}cell{len(self._cells)}"
+            if fits(table):
+                factor = 1 if channel is None else 3
+                self.write(f"int {cell} = {factor} * (int({row}) * {table.values.shape[1]} + int({column}));")
+            else:
+                width, height = texture_size(table)
+                self.write(f"color {cell} = lookdev_texel({name}, {column}, {row}, {width}, {height});")
+        if fits(table):
+            return f"{name}[{cell}{f' + {channel}' if channel else ''}]"
+        return f"{cell}[{channel or 0}]"
 
     def _define(self, node: Node, code: str) -> None:
         name = self._chosen.get(node, f"{self._prefix}{len(self.named)}")

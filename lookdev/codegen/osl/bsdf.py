@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lookdev.brdf import Array, Delta, Lobe
+from lookdev.brdf.table import Table
 from lookdev.codegen.osl.block import Block, Spell, bare
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
@@ -55,7 +56,7 @@ class TracedLobe:
 
 @dataclass(frozen=True)
 class BrdfCode:
-    """Emitted fragments, a list of lines each, and the run-time symbols they read.
+    """Emitted fragments, a list of lines each, and the run-time symbols and tables they read.
 
     `transmits` where light can come from the back; `crosses` where lobes lean across the horizon; `see_through` where
     setup defines a ``float presence``; `light_sampled` where some lobes are.
@@ -65,6 +66,7 @@ class BrdfCode:
     evaluate: tuple[str, ...]
     sample: tuple[str, ...]
     inputs: frozenset[str]
+    tables: tuple[Table, ...]
     transmits: bool
     crosses: bool
     see_through: bool
@@ -169,11 +171,13 @@ def emit_brdf(
 
     read = reachable([*values, *(lobe.share for lobe in lobes), presence, *followed])
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - {*WO, INSIDE}
+    tables = {node.args[0].digest: node.args[0] for node in read if node.op == "look_up"}
     return BrdfCode(
         setup=tuple(setup.lines),
         evaluate=tuple(_evaluate(mixture, setup, varying, by_group)),
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
+        tables=tuple(tables.values()),
         transmits=any(lobe.transmits for lobe in lobes),
         crosses=any(lobe.side is not None for lobe in lobes),
         see_through=see_through,

@@ -13,6 +13,7 @@ from lookdev.brdf import MASK, MODELS, Array, Mode, StackLayer, stack_bsdf
 from lookdev.brdf.parameters import with_followers
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.surface import expand_template
+from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.source import ShaderSource
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WI, WO, present_lobes
@@ -83,8 +84,11 @@ def generate_points(layers: Sequence[PointLayer], lobes: Sequence[str] | None = 
         f"#define TRANSMITS {int(code.transmits or code.crosses)}",
         f"#define TWO_SIDED {int(bsdf.two_sided)}",
     ]
-    osl = expand_template("points.osl", {"constants": constants, "columns": rows, **code.sections})
-    return ShaderSource("points", osl, (), (), hashlib.sha256(osl.encode()).hexdigest(), code.transmits)
+    tables = bind_tables(code.tables)
+    sections = {"constants": constants, "parameters": tables.parameters, "columns": rows, **code.sections}
+    osl = expand_template("points.osl", sections)
+    digest = hashlib.sha256(osl.encode()).hexdigest()
+    return ShaderSource("points", osl, (), (), digest, code.transmits, tables=tables.bindings)
 
 
 def point_columns(layers: Sequence[PointLayer]) -> tuple[str, ...]:

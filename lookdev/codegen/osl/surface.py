@@ -14,6 +14,7 @@ from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
 from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import LookUpNames, emit_look_up
 from lookdev.codegen.osl.light import light_sections
+from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
@@ -119,6 +120,7 @@ def generate_surface(
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
     emitted = [emit_look_up(name, inputs.look_up(source)) for source, name in names.given.items()]
     bound = tuple(binding for _, bindings in emitted for binding in bindings)
+    tables = bind_tables(code.tables)
     of_lights = light_sections(lights)
     osl = expand_template(
         "surface.osl",
@@ -145,6 +147,7 @@ def generate_surface(
             ],
             "parameters": [
                 *(f'    string {binding.parameter} = "",' for binding in bound),
+                *tables.parameters,
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
             "frame": emit_frame(directed=directed, leaning=leaning),
@@ -158,7 +161,17 @@ def generate_surface(
     for attribute in attributes:
         digest.update(repr(attribute).encode())
     passing, directions = (code.transmits or passes, code.see_through), (brdf_samples, ibl_samples)
-    return ShaderSource(look.name, osl, bound, tuple(attributes), digest.hexdigest(), *passing, directions, shadows)
+    return ShaderSource(
+        look.name,
+        osl,
+        bound,
+        tuple(attributes),
+        digest.hexdigest(),
+        *passing,
+        directions,
+        shadows,
+        tables.bindings,
+    )
 
 
 def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) -> list[str]:

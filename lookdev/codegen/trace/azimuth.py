@@ -1,8 +1,8 @@
 """Whether traced lobes change as the frame is turned about its normal: only then does a shader need a tangent.
 
 Expressions are polynomials in the x and y of the directions to viewer and light. One that no turn changes, a sum of
-terms ``c (a_x b_x + a_y b_y)``, counts as a constant of what is computed from it. All other expressions, such as the
-root of an x or its product with the x of a normal map, are taken to change.
+terms ``c (a_x b_x + a_y b_y)`` and ``c (a_x b_y - a_y b_x)``, counts as a constant of what is computed from it. All
+other expressions, such as the root of an x or its product with the x of a normal map, are taken to change.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def _form(graph: Graph, node: Node, forms: Mapping[Node, Form | None]) -> Form |
     if found is None:
         return None
     found = {factors: value for factors, value in found.items() if isinstance(value, Node) or value != 0.0}
-    return {(): node} if _is_unturned(found) else found
+    return {(): node} if _is_unturned(graph, found) else found
 
 
 def _combined(graph: Graph, node: Node, operands: Sequence[Form]) -> Form | None:
@@ -76,12 +76,14 @@ def _is_constant(form: Form | None) -> bool:
     return form is not None and form.keys() <= {()}
 
 
-def _is_unturned(form: Form) -> bool:
-    """Return whether a polynomial is a sum of ``c (a_x b_x + a_y b_y)``."""
+def _is_unturned(graph: Graph, form: Form) -> bool:
+    """Return whether a polynomial is a sum of ``c (a_x b_x + a_y b_y)`` and ``c (a_x b_y - a_y b_x)``."""
     for factors, value in form.items():
-        if factors and (len(factors) != 2 or len({name[-1] for name in factors}) > 1):
+        if factors and len(factors) != 2:
             return False
         across: Any = form.get(tuple(sorted(_ACROSS[name] for name in factors)))
+        if across is not None and len({name[-1] for name in factors}) > 1:
+            across = graph.apply("negative", across)
         if across is not value and (isinstance(value, Node) or isinstance(across, Node) or across != value):
             return False
     return True

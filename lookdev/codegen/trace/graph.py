@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from lookdev.brdf.table import Table
 from lookdev.errors import CodegenError
 
 Scalar: TypeAlias = "Node | float | bool"
@@ -19,7 +20,10 @@ Scalar: TypeAlias = "Node | float | bool"
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One operation on earlier nodes and constants, or a named symbol (``op == "symbol"``)."""
+    """One operation on earlier nodes and constants, or a named symbol (``op == "symbol"``).
+
+    The arguments of ``"look_up"`` are a table, the channel of its colours or None, row and column.
+    """
 
     op: str
     args: tuple[Any, ...]
@@ -74,6 +78,13 @@ class Graph:
             return function(*args).item()
         simple = _simplify(op, args)
         return self._intern(op, args) if simple is None else simple
+
+    def look_up(self, table: Table, channel: int | None, row: Scalar, column: Scalar) -> Scalar:
+        """Return the number, or the channel of the colour, in a cell of a table."""
+        if isinstance(row, Node) or isinstance(column, Node):
+            return self._intern("look_up", (table, channel, row, column))
+        found = table.values[int(row), int(column)]
+        return float(found if channel is None else found[channel])
 
     def _intern(self, op: str, args: tuple[Any, ...]) -> Node | bool:
         # The type is part of the key because True == 1.0 in Python; the sign because 0.0 == -0.0.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
+from lookdev.brdf.table import Table, look_up
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.errors import CodegenError
 
@@ -119,6 +120,14 @@ def _broadcast_arrays(graph: Graph, *arrays: Any) -> list[Any]:
     return [_wrap(graph, each) for each in np.broadcast_arrays(*map(_elements, arrays))]
 
 
+def _look_up(graph: Graph, table: Table, row: Any, column: Any) -> Any:
+    def channel(number: int | None) -> Any:
+        function = np.frompyfunc(lambda *place: graph.look_up(table, number, *place), 2, 1)
+        return _wrap(graph, function(_elements(row), _elements(column)))
+
+    return channel(None) if table.values.ndim == 2 else _stack(graph, [channel(i) for i in range(3)], axis=-1)
+
+
 _FUNCTIONS: dict[Any, Callable[..., Any]]
 _FUNCTIONS = {
     np.sum: _sum,
@@ -128,6 +137,7 @@ _FUNCTIONS = {
     np.clip: _clip,
     np.moveaxis: _moveaxis,
     np.broadcast_arrays: _broadcast_arrays,
+    look_up: _look_up,
     np.zeros_like: lambda graph, a: np.zeros(a.shape),
     np.ones_like: lambda graph, a: np.ones(a.shape),
 }

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from pathlib import Path
 from pxr import Sdf, Usd, UsdShade
 
 from lookdev.brdf import Mode, layer_shaders
+from lookdev.brdf.measured import MEASURED, grid_of
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
 from lookdev.material.library import SUFFIXES, Preset
@@ -37,6 +38,28 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
 
     The material is called `name`, by default as the file: ``WornPaint`` for ``worn_paint.usda``, which must not exist.
     """
+    return _new(file, name, lambda stage, path: _reference(stage, path, preset))
+
+
+def measured_look(file: Path, measurement: Path) -> str:
+    """Write a new look whose base is a file of measured reflectance; otherwise as `new_look`.
+
+    A ModelError reports what is wrong with the measurement.
+    """
+    grid_of(str(measurement))
+
+    def define(stage: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
+        shader = UsdShade.Shader.Define(stage, path)
+        shader.CreateIdAttr(MEASURED.identifier)
+        shader.CreateInput("file", _TYPES.Asset).Set(relative_asset(measurement, stage))
+        shader.CreateOutput("layer", _TYPES.Token)
+        return path
+
+    return _new(file, None, define)
+
+
+def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], Sdf.Path]) -> str:
+    """Write a new look whose base is defined at a path; the function returns it."""
     _check_suffix(file)
     if file.exists() or file.is_symlink():
         hint = "choose another name, or 'lookdev materials add' a layer to it"
@@ -49,7 +72,7 @@ def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
         stage.SetDefaultPrim(material.GetPrim())
-        base = _reference(stage, material.GetPath().AppendChild("Base"), preset)
+        base = define(stage, material.GetPath().AppendChild("Base"))
         _author_stack(material, base)
         _author_preview(material)
         _check(material)

@@ -311,4 +311,8 @@ def _read_layer(
         spelled_out(model, parameters, inputs)
     except ModelError as error:
         network.fault(source.path, str(error))
+    for parameter in parameters.values():
+        name = f"inputs:{parameter.name}"
+        if parameter.file and not source.shader.GetPrim().HasAttribute(name):
+            network.fault(f"{source.path}.{name}", "names no file", parameter.help)
     return Layer(source.shader.GetPrim().GetName(), model, inputs, mask, mode)

@@ -20,8 +20,6 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
     TextureError
         There is no such file.
     """
-    if not asset.path:
-        raise TextureError("names no image file")
     if UDIM in asset.path:
         layer = _layer_of(network, attribute)
         tiles = [path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layer)]
@@ -30,8 +28,15 @@ def image_path(network: Network, attribute: Usd.Attribute, asset: Sdf.AssetPath)
         if Ar.IsPackageRelativePath(tiles[0]):
             return unpacked(tiles).with_name(PurePosixPath(asset.path.rstrip("]")).name)
         return Path(UsdShade.UdimUtils.ResolveUdimPath(asset.path, layer))
+    return asset_file(asset, "image file")
+
+
+def asset_file(asset: Sdf.AssetPath, what: str = "file") -> Path:
+    """Return the file that a value names; raises TextureError where there is no such one."""
+    if not asset.path:
+        raise TextureError(f"names no {what}")
     if not asset.resolvedPath:
-        raise TextureError(f"no such image file: {asset.path}")
+        raise TextureError(f"no such {what}: {asset.path}")
     if Ar.IsPackageRelativePath(asset.resolvedPath):
         return unpacked([asset.resolvedPath])
     return Path(asset.resolvedPath)

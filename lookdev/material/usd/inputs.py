@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdShade
 
 from lookdev.brdf import Parameter
-from lookdev.errors import TextureError, nearest_hint
+from lookdev.errors import ModelError, TextureError, nearest_hint
 from lookdev.material.definitions import USD_TYPES
 from lookdev.material.expression import ExpressionError, Kind, parse
 from lookdev.material.look import (
@@ -28,7 +28,7 @@ from lookdev.material.look import (
 )
 from lookdev.material.look import Source as FormulaInput
 from lookdev.material.textures import image_header, resolved, udim_tiles
-from lookdev.material.usd.images import image_path
+from lookdev.material.usd.images import asset_file, image_path
 from lookdev.material.usd.network import Network, Source, is_set, shader_id
 
 _TYPES = {kind: Sdf.ValueTypeNames.Find(name) for kind, name in USD_TYPES.items()}
@@ -47,14 +47,29 @@ def read_input(
 
     `within` are the expressions that read it, the outermost first.
     """
-    expected = _TYPES[parameter.kind]
+    expected = Sdf.ValueTypeNames.Asset if parameter.file else _TYPES[parameter.kind]
     if not network.has_type(attribute, attribute, expected):
         return None
     holder = network.follow(attribute)
     if isinstance(holder, Source):
         return _read_varying(network, attribute, parameter, holder, within)
     value = None if holder is None else network.value(attribute, holder, expected)
+    if parameter.file and value is not None:
+        return _read_file(network, attribute, parameter, value)
     return None if value is None else _in_range(network, attribute, parameter, value)
+
+
+def _read_file(network: Network, place: Usd.Attribute, parameter: Parameter, asset: Sdf.AssetPath) -> str | None:
+    """Return the path of a file that a model reads; None, and a fault, where there is none or it is wrong."""
+    assert parameter.file is not None, "only such a parameter is an asset"
+    try:
+        file = asset.path if asset.path in parameter.choices else str(asset_file(asset))
+        if network.opens_images:
+            parameter.file(file)
+        return file
+    except (ModelError, TextureError) as error:
+        network.fault(place, str(error), "a path to a file, relative to the file that names it")
+        return None
 
 
 def _in_range(
@@ -85,7 +100,8 @@ def _read_varying(
 ) -> Input | None:
     kind = parameter.kind
     if kind == "token":
-        network.fault(place, f"is computed by <{source.path}>", f"choose one of {', '.join(parameter.choices)}")
+        hint = "name a file" if parameter.file else f"choose one of {', '.join(parameter.choices)}"
+        network.fault(place, f"is computed by <{source.path}>", hint)
         return None
     given = shader_id(source.shader)
     if given == "UsdUVTexture":

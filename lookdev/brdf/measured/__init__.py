@@ -1,0 +1,130 @@
+"""Measured reflectance: f by look-up in a file's samples, sampled by tables of the same samples.
+
+One lobe, in the data's own units: nothing is fitted. `grids` has the look-up, `proposal` the sampling, `files` the
+formats, `synthetic` makes files of known models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.brdf.frames import frame_of
+from lookdev.brdf.lobes import Bsdf, Directions, Lobe
+from lookdev.brdf.measured.files import read_grid
+from lookdev.brdf.measured.grids import Grid, Isotropic
+from lookdev.brdf.measured.proposal import Proposal, make_proposal
+from lookdev.brdf.measured.synthetic import plastic
+from lookdev.brdf.model import Model, Preview, StackLayer
+from lookdev.brdf.parameters import Parameter, normal_parameter
+from lookdev.brdf.vectors import Array, Parameters, Real, scale
+
+BUILT_IN = "builtin:plastic"
+"""The file that is none: `lookdev.brdf.measured.synthetic.plastic`."""
+
+
+def grid_of(file: str) -> Grid:
+    """Return the samples of a file; raises ModelError where it has none."""
+    return plastic() if file == BUILT_IN else read_grid(Path(file))
+
+
+@lru_cache(maxsize=8)
+def _proposal(grid: Grid) -> Proposal:
+    return make_proposal(grid)
+
+
+def _bsdf(p: Parameters) -> Bsdf:
+    grid = grid_of(p["file"])
+    proposal = _proposal(grid)
+
+    def evaluate(d: Directions) -> Array:
+        return scale(grid.f(d, p["interpolation"]), p["scale"])
+
+    def lobes(wo: Array) -> tuple[Lobe, ...]:
+        frame = frame_of(p["normal"]).facing(wo)
+        local = frame.to_local(wo)
+        lobe = Lobe(
+            "measured",
+            "measured",
+            share=p["scale"] * float(np.mean(proposal.albedo)),
+            evaluate=evaluate,
+            pdf=proposal.pdf,
+            sample=lambda u1, u2: proposal.sample(local, u1, u2),
+            group="specular",
+            frame=frame,
+        )
+        return (lobe,)
+
+    return Bsdf(lobes)
+
+
+def _over(layers: Sequence[StackLayer]) -> Bsdf:
+    """Blend f by the masks: two files have no parameters between them."""
+
+    def lobes(wo: Array) -> tuple[Lobe, ...]:
+        found: tuple[Lobe, ...] = ()
+        seen: Real = 1.0
+        for layer in layers[:0:-1]:
+            found = *(lobe.blended(seen * layer.mask) for lobe in _bsdf(layer.parameters).lobes(wo)), *found
+            seen = seen * (1.0 - layer.mask)
+        return *(lobe.blended(seen) for lobe in _bsdf(layers[0].parameters).lobes(wo)), *found
+
+    return Bsdf(lobes)
+
+
+def _reciprocal(tokens: Mapping[str, str]) -> tuple[str, ...]:
+    return ("measured",) if isinstance(grid_of(tokens["file"]), Isotropic) else ()
+
+
+def _energy(tokens: Mapping[str, str]) -> float:
+    # Between the views of the tables the albedo differs by less than a tenth from theirs.
+    return 1.1 * float(_proposal(grid_of(tokens["file"])).albedo.max())
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    # The mean of the tables' views, each as its part of the projected hemisphere.
+    proposal = _proposal(grid_of(p["file"]))
+    theta = (np.arange(len(proposal.albedo)) + 0.5) * 0.5 * np.pi / len(proposal.albedo)
+    weights = np.sin(2.0 * theta)
+    color = (proposal.albedo * weights[:, None]).sum(axis=0) / weights.sum()
+    return {"diffuseColor": np.minimum(p["scale"] * color, 1.0), "f0": 0.0}
+
+
+MEASURED = Model(
+    name="measured",
+    title="Measured",
+    text="Measured reflectance: a MERL binary (Matusik et al. 2003), or anisotropic data of Ngan et al. (2005).",
+    parameters={
+        parameter.name: parameter
+        for parameter in (
+            Parameter(
+                "file",
+                "token",
+                "",
+                choices=(BUILT_IN,),
+                among="own",
+                file=grid_of,
+                help="A MERL binary or anisotropic data of Ngan et al.; builtin:plastic is a synthetic measurement.",
+            ),
+            Parameter(
+                "interpolation",
+                "token",
+                "linear",
+                choices=("linear", "nearest"),
+                help="linear: between the samples beside the angles. nearest: the sample of their cell.",
+            ),
+            Parameter("scale", "float", 1.0, hard=(0.0, 100.0), help="A factor of all samples."),
+            normal_parameter("normal", "Normal of the lobe, in the frame of tangent, bitangent and shading normal."),
+        )
+    },
+    bsdf=_bsdf,
+    identifier="LookdevMeasured",
+    energy=_energy,
+    reciprocal=_reciprocal,
+    combine=_over,
+    probe={"file": BUILT_IN},
+    preview=Preview(derived=_preview),
+)

@@ -1,0 +1,180 @@
+"""Measured reflectance on a grid of angles, and its look-up.
+
+- Rusinkiewicz, S. 1998. A New Change of Variables for Efficient BRDF Representation. EGWR.
+- Matusik, W. et al. 2003. A Data-Driven Reflectance Model. ACM TOG 22(3): the grid of MERL's files.
+- Ngan, A. et al. 2005. Experimental Analysis of BRDF Models. EGSR: the grid of the anisotropic measurements.
+
+A sample stands at the centre of its cell. ``"nearest"`` takes the cell that contains the angles, ``"linear"``
+interpolates in every coordinate: beyond the first and last sample of an elevation the end one holds, azimuths wrap.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from itertools import product
+from operator import mul
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf.lobes import Directions
+from lookdev.brdf.table import Table, look_up
+from lookdev.brdf.vectors import TINY, Array, dot, scale
+
+Floats = NDArray[np.float64]
+Corner: TypeAlias = tuple[Array, Any]
+"""The index of a sample, and its weight, (...)."""
+
+HALF_PI = 0.5 * np.pi
+
+
+@dataclass(frozen=True, eq=False)
+class Isotropic:
+    """Samples (theta_h, theta_d, phi_d, 3), in 1/sr, none negative, of a surface without direction.
+
+    theta_h is that of the half vector, in steps of its root; theta_d and phi_d are those of the light's direction about
+    it. phi_d covers [0, pi): by reciprocity f is the same at phi_d + pi.
+    """
+
+    samples: NDArray[Any]
+
+    @cached_property
+    def table(self) -> Table:
+        """A row for each theta_h and theta_d."""
+        return Table(self.samples.reshape(-1, self.samples.shape[2], 3))
+
+    def f(self, d: Directions, interpolation: str) -> Array:
+        """Return f (..., 3)."""
+        halves, differences, azimuths = self.samples.shape[:3]
+        corners = _corners(interpolation)
+        theta_h = _elevation(d.wm)
+        # Half the chord between the directions is sin theta_d; their dot product would cancel.
+        chord = d.wi - d.wo
+        theta_d = arc_tangent(0.5 * np.sqrt(dot(chord, chord)), d.cos_theta_d)
+        # About the half vector, the light's direction is at (wo_z - wi_z, (wo x wi)_z / cos theta_d): both have the
+        # factor 2 sin theta_h sin theta_d.
+        across = (d.wo[..., 0] * d.wi[..., 1] - d.wo[..., 1] * d.wi[..., 0]) / d.cos_theta_d
+        phi_d = arc_tangent(across, d.wo[..., 2] - d.wi[..., 2])
+        folded = np.where(phi_d < 0.0, phi_d + np.pi, phi_d)
+        folded = np.where(folded >= np.pi, folded - np.pi, folded)
+        return _sum(
+            self.table,
+            lambda h, t: h * float(differences) + t,
+            lambda phi: phi,
+            (
+                corners(np.sqrt(theta_h / HALF_PI) * float(halves), halves, wraps=False),
+                corners(theta_d * (differences / HALF_PI), differences, wraps=False),
+            ),
+            (corners(folded * (azimuths / np.pi), azimuths, wraps=True),),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Anisotropic:
+    """Samples (theta_i, theta_o, phi_d, phi_i, 3), in 1/sr, of a surface with a direction, the tangent.
+
+    phi_i is the azimuth of the light from the tangent, phi_d that of the view from the light's. Where phi_d covers
+    [0, pi] alone, `half`, the rest follows by reciprocity. A negative sample counts as 0.
+    """
+
+    samples: NDArray[Any]
+    half: bool = False
+
+    @cached_property
+    def table(self) -> Table:
+        """A row for each theta_i and theta_o, a column for each phi_d and phi_i."""
+        lights, views, differences, azimuths = self.samples.shape[:4]
+        return Table(self.samples.reshape(lights * views, differences * azimuths, 3))
+
+    def f(self, d: Directions, interpolation: str) -> Array:
+        """Return f (..., 3)."""
+        lights, views, differences, azimuths = self.samples.shape[:4]
+        corners = _corners(interpolation)
+        phi_i, phi_o = (arc_tangent(w[..., 1], w[..., 0]) for w in (d.wi, d.wo))
+        theta_i, theta_o = _elevation(d.wi), _elevation(d.wo)
+        turn = phi_o - phi_i
+        if self.half:
+            turn = np.where(turn > np.pi, turn - 2.0 * np.pi, np.where(turn <= -np.pi, turn + 2.0 * np.pi, turn))
+            swapped = turn < 0.0
+            theta_i, theta_o = np.where(swapped, theta_o, theta_i), np.where(swapped, theta_i, theta_o)
+            phi_i, turn = np.where(swapped, phi_o, phi_i), np.absolute(turn)
+        across = corners(_turns(turn, 1.0 if self.half else 2.0) * differences, differences, wraps=not self.half)
+        return _sum(
+            self.table,
+            lambda i, o: i * float(views) + o,
+            lambda difference, phi: difference * float(azimuths) + phi,
+            (
+                corners(theta_i * (lights / HALF_PI), lights, wraps=False),
+                corners(theta_o * (views / HALF_PI), views, wraps=False),
+            ),
+            (across, corners(_turns(phi_i, 2.0) * azimuths, azimuths, wraps=True)),
+        )
+
+
+Grid: TypeAlias = Isotropic | Anisotropic
+
+
+def _elevation(w: Array) -> Array:
+    return arc_tangent(np.sqrt(w[..., 0] * w[..., 0] + w[..., 1] * w[..., 1]), w[..., 2])
+
+
+def arc_tangent(y: Array, x: Array) -> Array:
+    """Return the arc tangent of y / x by a step of Newton's: that of a shading language can be off by 1e-4."""
+    angle: Array = np.arctan2(y, x)
+    length = np.sqrt(x * x + y * y)
+    return angle + (y * np.cos(angle) - x * np.sin(angle)) / np.maximum(length, TINY)
+
+
+def _turns(angle: Array, period: float) -> Array:
+    """Return an angle above -2 pi, or from 0 to pi where the period is 1, as a part of ``period * pi``, in [0, 1]."""
+    part = angle * (1.0 / (period * np.pi))
+    return np.where(part < 0.0, part + 1.0, part)
+
+
+def _corners(interpolation: str) -> Callable[..., tuple[Corner, ...]]:
+    return {"nearest": _nearest, "linear": _linear}[interpolation]
+
+
+def _nearest(place: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
+    """Return the cell that contains a place, in cells from 0 on."""
+    return ((np.clip(np.floor(place), 0.0, count - 1.0), 1.0),)
+
+
+def _linear(place: Array, count: int, *, wraps: bool) -> tuple[Corner, ...]:
+    """Return the two samples beside a place, in cells from 0 on."""
+    last = count - 1.0
+    at = place - 0.5
+    if wraps:
+        low = np.floor(at)
+        part = at - low
+        return (np.where(low < 0.0, last, low), 1.0 - part), (np.where(low >= last, 0.0, low + 1.0), part)
+    at = np.clip(at, 0.0, last)
+    low = np.minimum(np.floor(at), max(last - 1.0, 0.0))
+    part = at - low
+    return (low, 1.0 - part), (np.minimum(low + 1.0, last), part)
+
+
+def _sum(
+    table: Table,
+    row: Callable[..., Array],
+    column: Callable[..., Array],
+    rows: tuple[tuple[Corner, ...], ...],
+    columns: tuple[tuple[Corner, ...], ...],
+) -> Array:
+    """Sum the samples of a table at all corners by the products of their weights."""
+    total: Any = 0.0
+    for chosen in product(*rows):
+        line = row(*(index for index, _ in chosen))
+        across: Any = 0.0
+        for place in product(*columns):
+            sample = look_up(table, line, column(*(index for index, _ in place)))
+            across = across + _weighted(sample, place)
+        total = total + _weighted(across, chosen)
+    return total  # type: ignore[no-any-return]
+
+
+def _weighted(color: Array, corners: tuple[Corner, ...]) -> Array:
+    return scale(color, reduce(mul, (weight for _, weight in corners)))

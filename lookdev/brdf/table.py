@@ -1,0 +1,39 @@
+"""Tables of numbers that a model looks up: the operation on arrays that no ufunc is."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.brdf.vectors import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """Numbers (rows, columns), or colours (rows, columns, 3); generated code has them in float32."""
+
+    values: NDArray[Any]
+
+    @cached_property
+    def digest(self) -> str:
+        """The SHA-256 of shape and numbers, in hexadecimal."""
+        data = np.ascontiguousarray(self.values, np.float32)
+        return hashlib.sha256(repr(data.shape).encode() + data.tobytes()).hexdigest()
+
+    def __str__(self) -> str:
+        return self.digest
+
+
+def look_up(table: Table, row: Array, column: Array) -> Array:
+    """Return a table's numbers (...), or colours (..., 3), in the cells of whole numbers `row` and `column` (...)."""
+    for index in (row, column):
+        if not isinstance(index, np.ndarray | np.generic | float):
+            # As NumPy's own functions do (NEP 18).
+            return index.__array_function__(look_up, (type(index),), (table, row, column), {})  # type: ignore[attr-defined,no-any-return]
+    found = table.values[np.asarray(row).astype(np.intp), np.asarray(column).astype(np.intp)]
+    return np.asarray(found, np.float64)

@@ -1,0 +1,51 @@
+"""Tables that a model looks up, in a shader: parameters of it, and the files that their values come from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+
+from lookdev.brdf.table import Table
+from lookdev.cache import Content, derived, from_memory
+from lookdev.codegen.osl.block import fits, table_name, texture_size
+from lookdev.codegen.source import TableBinding
+
+
+@dataclass(frozen=True)
+class BoundTables:
+    """Tables as parameters of a shader, and the lines that declare these."""
+
+    parameters: tuple[str, ...]
+    bindings: tuple[TableBinding, ...]
+
+
+def bind_tables(tables: Iterable[Table]) -> BoundTables:
+    """Put tables into the store, each once; raises OutputError where that fails."""
+    parameters, bindings = [], []
+    for table in tables:
+        name = table_name(table)
+        array, path = f"float {name}[{table.values.size}] = {{0}}", f'string {name} = ""'
+        parameters.append(f"    {array if fits(table) else path},")
+        bindings.append(TableBinding(name, _content(table)))
+    return BoundTables(tuple(parameters), tuple(bindings))
+
+
+def _content(table: Table) -> Content:
+    def save(path: Path) -> None:
+        np.save(path, np.asarray(table.values, np.float32).ravel())
+
+    def paint(path: Path) -> None:
+        width, height = texture_size(table)
+        image = np.zeros((height, width, 3), np.float32)
+        image[: table.values.shape[0], : table.values.shape[1]] = table.values.reshape(*table.values.shape[:2], -1)
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+        with OpenEXR.File(header, {"RGB": image}) as exr, from_memory(path) as name:
+            exr.write(name)
+
+    suffix, write = (".npy", save) if fits(table) else (".exr", paint)
+    (content,) = derived("tables", table.digest + suffix, lambda: (Content.written(suffix, write),))
+    return content

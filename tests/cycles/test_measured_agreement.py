@@ -1,0 +1,109 @@
+"""Measured reflectance inside Cycles, in float32: values beside float64 look-ups, and pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from agreement import assert_agreement
+from frames import RenderScene
+
+from lookdev.brdf import complete_parameters, model_named
+from lookdev.brdf.measured.synthetic import write_synthetic
+from lookdev.checks.evaluate import evaluate_lines
+from lookdev.checks.points import check_points
+from lookdev.codegen.osl import block
+from lookdev.material import Layer, Look
+
+pytestmark = pytest.mark.cycles
+
+_PLASTIC: dict[str, Any] = {"baseColor": (0.5, 0.2, 0.1), "roughness": 0.35}
+_SATIN: dict[str, Any] = {"baseColor": (0.5, 0.4, 0.1), "roughness": 0.6, "anisotropic": 0.7, "metallic": 0.8}
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("measured")
+    made = {"plastic": (folder / "plastic.binary", _PLASTIC), "satin": (folder / "satin.dat", _SATIN)}
+    for file, parameters in made.values():
+        write_synthetic(file, model_named("disney").bsdf(complete_parameters("disney", parameters)))
+    return {name: file for name, (file, _) in made.items()}
+
+
+def _lines(file: Path, interpolation: str) -> list[str]:
+    """Return cases in float32 numbers, half of them near the mirror direction, some grazing."""
+    rng = np.random.default_rng(8)
+    count = 6000
+    cos = rng.uniform(0.0, 1.0, (2, count))
+    cos[:, : count // 8] = 10.0 ** rng.uniform(-3.0, 0.0, (2, count // 8))
+    phi = rng.uniform(0.0, 2.0 * np.pi, (2, count))
+    sin = np.sqrt(1.0 - cos * cos)
+    wo, wi = np.stack([sin * np.cos(phi), sin * np.sin(phi), cos], axis=-1)
+    near = wo * [-1.0, -1.0, 1.0] + rng.normal(size=wo.shape) * 10.0 ** rng.uniform(-4.0, 0.0, (count, 1))
+    near[:, 2] = np.abs(near[:, 2])
+    wi[::2] = (near / np.linalg.norm(near, axis=-1, keepdims=True))[::2]
+    case = {"model": "measured", "params": {"file": str(file), "interpolation": interpolation}}
+    pairs = zip(wo.astype(np.float32).tolist(), wi.astype(np.float32).tolist(), strict=True)
+    return [json.dumps({**case, "wo": o, "wi": i}) for o, i in pairs]
+
+
+@pytest.mark.parametrize("arrays", [True, False], ids=["arrays", "textures"])
+@pytest.mark.parametrize(
+    ("name", "interpolation"),
+    [("plastic", "linear"), ("plastic", "nearest"), ("satin", "linear"), ("satin", "nearest")],
+)
+def test_values_in_float32(
+    name: str, interpolation: str, arrays: bool, files: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if not arrays:
+        monkeypatch.setattr(block, "_LARGEST_ARRAY", 300_000)
+    lines = _lines(files[name], interpolation)
+    wanted, got = (
+        np.array([json.loads(line)["f"] for line in evaluate_lines(lines, backend)]) for backend in ("numpy", "cycles")
+    )
+    error = np.abs(got - wanted) / np.maximum(wanted, 1e-4)
+    assert (error < 2e-4).mean() > 0.99
+    if interpolation == "linear":
+        assert error.max() < 0.05
+    else:
+        # Roundings of an angle put a few directions in a thousand into the cell beside.
+        assert (error < 0.05).mean() > 0.998
+    assert np.count_nonzero(wanted > 1e-4) > wanted.size // 2
+
+
+@pytest.mark.parametrize("name", ["plastic", "satin"])
+def test_a_sphere_agrees_with_the_reference(
+    name: str, files: dict[str, Path], render: RenderScene, light_of: Any
+) -> None:
+    layers, light = [Layer("base", "measured", {"file": str(files[name])})], light_of("studio")
+    frames = [render("sphere", layers, light, samples=32, seed=seed, size=40) for seed in range(8)]
+    assert_agreement(frames, layers, "sphere", light)
+
+
+def test_a_file_of_a_model_renders_as_the_model(files: dict[str, Path], render: RenderScene, light_of: Any) -> None:
+    light = light_of("city")
+    looks = {
+        "measured": Layer("base", "measured", {"file": str(files["plastic"])}),
+        "model": Layer("base", "disney", _PLASTIC),
+    }
+    frames = {name: render("sphere", [each], light, samples=1024, size=40) for name, each in looks.items()}
+    picture = {name: 0.5 * (frame.a.astype(np.float64) + frame.b) for name, frame in frames.items()}
+    noise = {name: 0.25 * (frame.a.astype(np.float64) - frame.b) ** 2 for name, frame in frames.items()}
+    seen = frames["model"].alpha == 1.0
+    difference = (picture["measured"] - picture["model"])[seen]
+    scale = picture["model"][seen] ** 2 + 0.01
+    # The error of interpolation is below 1 % of each pixel, but for noise.
+    excess = (difference**2 / scale).mean() - sum((noise[name][seen] / scale).mean() for name in looks)
+    assert excess < 1e-4
+    assert abs(difference.mean()) < 3e-3 * picture["model"][seen].mean()
+
+
+@pytest.mark.parametrize("name", ["plastic", "satin"])
+def test_points_of_a_look_agree(name: str, files: dict[str, Path]) -> None:
+    look = Look("look", (Layer("base", "measured", {"file": str(files[name])}),))
+    assert check_points(look, count=8000).passed
+    shifted = check_points(look, count=400, alter=lambda osl: osl.replace("0.5", "0.501"))
+    assert not shifted.passed
