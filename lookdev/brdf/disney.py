@@ -183,7 +183,7 @@ _PARAMETERS: dict[str, Parameter] = {
         ),
         Parameter("specularTint", "float", 0.0, help="Tints incident specular towards the base colour's hue."),
         Parameter("roughness", "float", 0.5, help="Controls both diffuse and specular response; alpha is its square."),
-        Parameter("anisotropic", "float", 0.0, help="Aspect ratio of the highlight, up to 10:1 at 1.", directed=True),
+        Parameter("anisotropic", "float", 0.0, help="Aspect ratio of the highlight, up to 10:1 at 1."),
         Parameter("sheen", "float", 0.0, help="An additional grazing component, for cloth."),
         Parameter("sheenTint", "float", 0.5, help="Tints sheen towards the base colour's hue."),
         Parameter("clearcoat", "float", 0.0, help="A second specular lobe, GTR1, with an index of 1.5."),

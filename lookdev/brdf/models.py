@@ -5,6 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lookdev.brdf.classic.ashikhmin_shirley import ASHIKHMIN_SHIRLEY
+from lookdev.brdf.classic.lafortune import LAFORTUNE
+from lookdev.brdf.classic.lambert import LAMBERT
+from lookdev.brdf.classic.oren_nayar import OREN_NAYAR
+from lookdev.brdf.classic.phong import BLINN_PHONG, MODIFIED_PHONG, PHONG
+from lookdev.brdf.classic.torrance_sparrow import TORRANCE_SPARROW
+from lookdev.brdf.classic.ward import WARD
 from lookdev.brdf.delta import GLASS, MIRROR
 from lookdev.brdf.disney import DISNEY
 from lookdev.brdf.measured import MEASURED
@@ -12,7 +19,25 @@ from lookdev.brdf.model import Model
 from lookdev.brdf.pixar import PIXAR
 from lookdev.errors import ModelError, nearest_hint
 
-MODELS: dict[str, Model] = {model.name: model for model in (DISNEY, GLASS, MEASURED, MIRROR, PIXAR)}
+MODELS: dict[str, Model] = {
+    model.name: model
+    for model in (
+        DISNEY,
+        PIXAR,
+        MEASURED,
+        MIRROR,
+        GLASS,
+        LAMBERT,
+        OREN_NAYAR,
+        PHONG,
+        BLINN_PHONG,
+        MODIFIED_PHONG,
+        WARD,
+        LAFORTUNE,
+        TORRANCE_SPARROW,
+        ASHIKHMIN_SHIRLEY,
+    )
+}
 """Every model by its name."""
 
 CONTINUOUS: dict[str, Model] = {name: model for name, model in MODELS.items() if not model.delta}

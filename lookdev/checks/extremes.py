@@ -112,7 +112,7 @@ def _numbers(layer: PointLayer, count: int, absurd: Mask, straight: Mask, rng: R
             else:
                 values = _values(parameter, count, absurd, rng)
                 values[nothing] = parameter.hard[0]
-                numbers[name] = _float32(values)
+                numbers[name] = _within(values, *parameter.hard)
     return numbers
 
 
@@ -130,6 +130,13 @@ def _normals(count: int, straight: Mask, rng: Rng) -> Floats:
     normals = np.where(rng.random((count, 1)) < 0.2, rng.choice([-1.0, 0.0, 1e-12, 1.0], (count, 3)), normals)
     normals[straight | ~normals.any(axis=-1)] = ZENITH
     return _float32(normals)
+
+
+def _within(values: Floats, low: float, high: float) -> Floats:
+    """Round to float32, never beyond a range."""
+    rounded = _float32(values)
+    inwards = np.where(rounded < low, np.inf, np.where(rounded > high, -np.inf, rounded))
+    return _float32(np.nextafter(rounded.astype(np.float32), inwards.astype(np.float32)))
 
 
 def _float32(values: Floats) -> Floats:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.asset import Asset, save_asset
-from lookdev.brdf import CONTINUOUS, MODELS, evaluate_cosine, pdf, sample
+from lookdev.brdf import MODELS, evaluate_cosine, pdf, sample
 from lookdev.cache import Content
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, moderate_numbers, scene_cases
@@ -82,7 +82,7 @@ def stress(
 
 
 def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
-    """Return a model with every choice of its tokens, with options, over itself, and over each other model, by name."""
+    """Return a model with every choice of its tokens, with options, over itself, and over some others, by name."""
 
     def plain(name: str) -> PointLayer:
         tokens = {each.name: each.choices[0] for each in MODELS[name].parameters.values() if each.choices}
@@ -99,7 +99,8 @@ def model_stacks(model: str) -> dict[str, tuple[PointLayer, ...]]:
     for mode in MODELS[model].modes[1:]:
         above = replace(plain(model), mode=mode)
         stacks[f"{model} over {model}, twice in mode {mode}"] = (plain(model), above, above)
-    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in CONTINUOUS if other != model}
+    layered = [name for name, each in MODELS.items() if len(each.modes) > 1 and name != model]
+    return stacks | {f"{model} over {other}": (plain(other), plain(model)) for other in layered}
 
 
 def look_stack(look: Look) -> tuple[PointLayer, ...]:

@@ -10,11 +10,12 @@ from dataclasses import replace
 
 from lookdev.brdf import Array, Lobe
 from lookdev.brdf.vectors import scale
-from lookdev.closures import disney, pixar
+from lookdev.closures import classic, disney, pixar
 from lookdev.closures.closure import Closure, Kind, StandIn, closure_cosine
 from lookdev.errors import CodegenError
 
 STAND_INS: dict[tuple[str, str], StandIn] = {
+    **classic.STAND_INS,
     **disney.STAND_INS,
     **pixar.STAND_INS,
 }

@@ -90,11 +90,10 @@ def shader_definitions() -> str:
 
 def _layer_inputs(name: str, beneath: str) -> list[str]:
     combined = [model.title for model in MODELS.values() if model.combine]
-    blended = [model.title for model in MODELS.values() if not model.combine]
     takers = [model.title for model in MODELS.values() if "transmit" in model.modes]
     mode = (
-        f"over: covers what is beneath by the mask; {_layers(blended)} blend parameters, {_layers(combined)} blend "
-        f"lobes. transmit: what the layer transmits meets the layers beneath; for {_layers(takers)} over nothing but "
+        f"over: covers what is beneath by the mask; {_layers(combined)} blend lobes, those of other models parameters. "
+        f"transmit: what the layer transmits meets the layers beneath; for {_layers(takers)} over nothing but "
         f"{_layers(takers)}."
     )
     return [
@@ -111,7 +110,7 @@ def _layers(titles: list[str]) -> str:
 
 def _shader(name: str, doc: str, inputs: list[str], output: str, role: str = "surface") -> str:
     return _SHADER.format(
-        name=name, doc=json.dumps(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
+        name=name, doc=_quoted(doc), role=role, file=DEFINITIONS.name, inputs="\n".join(inputs), output=output
     )
 
 
@@ -139,8 +138,13 @@ def _input(
     if constant:
         lines.append('        connectability = "interfaceOnly"')
     bounds = zip(("hardMin", "hardMax", "softMin", "softMax"), map(repr, ranges), strict=False)
-    metadata = [f"            string {key} = {json.dumps(value)}" for key, value in [("help", text), *bounds]]
+    metadata = [f"            string {key} = {_quoted(value)}" for key, value in [("help", text), *bounds]]
     return "\n".join([*lines, "        sdrMetadata = {", *metadata, "        }", "    )", ""])
+
+
+def _quoted(text: str) -> str:
+    # USD reads UTF-8, and no escapes of JSON beyond ASCII.
+    return json.dumps(text, ensure_ascii=False)
 
 
 if __name__ == "__main__":

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from lookdev.codegen import NodeSource, ShaderSource, Source
-from lookdev.material import Bump, Layer, Look, Texture
+from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaves
-from lookdev.material.translate import layer_parameters
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling
 
@@ -28,15 +26,13 @@ class Skip:
         return f"{self.what} ({self.why})"
 
 
-def same_all_around(looks: Iterable[Look], shaders: Iterable[Source]) -> bool:
+def same_all_around(shaders: Iterable[Source]) -> bool:
     """Return whether a surface of revolution shows the same picture however it is turned about its axis.
 
-    It does where its sources read no image and no attribute, and no layer of its looks, hidden ones included, depends
-    on a direction along the surface.
+    It does where its sources read no image and no attribute: one that depends on a direction along the surface reads
+    the tangents.
     """
-    uniform = not any(shader.images or shader.attributes for shader in shaders)
-    layers = [layer for look in {id(look): look for look in looks}.values() for layer in look.layers]
-    return uniform and not any(_has_direction(layer, *given) for layer in layers for given in layer.inputs.items())
+    return not any(shader.images or shader.attributes for shader in shaders)
 
 
 def scene_skips(scene: SceneTask, looks: Sequence[Look], requested: Sampling) -> Iterator[tuple[str, str]]:
@@ -84,10 +80,3 @@ def _lookups(source: object) -> Iterator[Texture | Bump]:
         yield replace(source, channel="rgb", scale=(1.0,) * 4, bias=(0.0,) * 4)
     elif isinstance(source, Bump):
         yield Bump(replace(source.height, bias=(0.0,) * 4))
-
-
-def _has_direction(layer: Layer, name: str, value: Any) -> bool:
-    parameter = layer_parameters(layer.model)[name]
-    if parameter.kind == "normal":
-        return not isinstance(value, tuple) or any(value[:2])
-    return parameter.directed and value != 0.0

@@ -13,9 +13,12 @@ Floats = NDArray[np.float64]
 
 def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
     """Return the view (3,) in the lobe's frame whose half vectors the lobe depends on."""
-    if lobe.name in ("specularTransmission", "refraction"):
-        # The middle of the highlight, where the half vector is the normal, mirrors the refracted view.
-        return np.ravel(lobe.sample(np.zeros(1), np.zeros(1))) * [-1.0, -1.0, 1.0]
+    if lobe.name in ("specularTransmission", "refraction") or lobe.model == "lafortune":
+        # The middle of the highlight, where the half vector is the normal, mirrors the refracted view; a lobe of
+        # Lafortune's has a direction of its own, which may be below the horizon.
+        middle = np.ravel(lobe.sample(np.zeros(1), np.zeros(1)))
+        if middle[2] > 0.0:
+            return middle * [-1.0, -1.0, 1.0]
     return np.ravel(lobe.frame.to_local(wo))
 
 

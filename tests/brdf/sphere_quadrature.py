@@ -17,16 +17,16 @@ Floats = NDArray[np.float64]
 
 # Half the smallest alpha that the models allow, squared.
 _T0 = 0.0005**2
-_CELLS = (112, 96)
+CELLS = (112, 96)
 _NODES = 2
 # Midpoints along each side of a cell that the horizon crosses.
 _EDGE_NODES = 12
-BINS = (28, 12)
+BINS = (56, 24)
 
 
 @dataclass(frozen=True)
 class Integral:
-    """The integral of a function over each bin (28 * 12,), its sum, and a bound of the sum's error."""
+    """The integral of a function over each bin (56 * 24,), its sum, and a bound of the sum's error."""
 
     bins: Floats
     total: float
@@ -34,14 +34,15 @@ class Integral:
 
 
 class HalfVectorGrid:
-    """Directions on the grid for one viewing direction `wo` (3,)."""
+    """Directions on the grid for one viewing direction `wo` (3,), with `cells`, multiples of `BINS`."""
 
-    def __init__(self, wo: Floats) -> None:
+    def __init__(self, wo: Floats, cells: tuple[int, int] = CELLS) -> None:
         self.wo = wo
+        self._cells = cells
         self._length = np.log1p((2.0 / wo[2]) ** 2 / _T0)
         nodes, weights = np.polynomial.legendre.leggauss(_NODES)
-        corner = np.stack(np.meshgrid(*(np.arange(n) for n in _CELLS), indexing="ij"), axis=-1).reshape(-1, 2)
-        self._bin = (corner // (_CELLS[0] // BINS[0], _CELLS[1] // BINS[1])) @ (BINS[1], 1)
+        corner = np.stack(np.meshgrid(*(np.arange(n) for n in cells), indexing="ij"), axis=-1).reshape(-1, 2)
+        self._bin = (corner // (cells[0] // BINS[0], cells[1] // BINS[1])) @ (BINS[1], 1)
         wi, weight = self._rule(corner, 0.5 * (nodes + 1.0), 0.5 * weights)
         above = (wi[..., 2] > 0.0) & (weight > 0.0)
         self._inside = above.all(axis=-1)
@@ -52,8 +53,8 @@ class HalfVectorGrid:
 
     def _rule(self, corner: NDArray[np.intp], nodes: Floats, weights: Floats) -> tuple[Floats, Floats]:
         """Return directions (cells, n, 3) and quadrature weights in steradians (cells, n)."""
-        a = (corner[:, 0, None] + nodes) / _CELLS[0]
-        phi = 2.0 * np.pi * (corner[:, 1, None] + nodes) / _CELLS[1]
+        a = (corner[:, 0, None] + nodes) / self._cells[0]
+        phi = 2.0 * np.pi * (corner[:, 1, None] + nodes) / self._cells[1]
         grown = np.exp(a * self._length)
         t = _T0 * (grown - 1.0)
         # d omega_h = sin theta_h d theta_h d phi = dt d phi / (2 (1 + t)^(3/2)).
@@ -65,7 +66,7 @@ class HalfVectorGrid:
         wm = np.concatenate([sin_part, np.broadcast_to(cos_h[:, :, None, None], (*shape, 1))], axis=-1)
         cos_d = wm @ self.wo
         # d omega_i = 4 (wi . wm) d omega_h, Walter et al. 2007, eq. 14.
-        area = (density * weights)[:, :, None] * weights * (2.0 * np.pi / (_CELLS[0] * _CELLS[1]))
+        area = (density * weights)[:, :, None] * weights * (2.0 * np.pi / (self._cells[0] * self._cells[1]))
         wi = 2.0 * cos_d[..., None] * wm - self.wo
         return wi.reshape(len(corner), -1, 3), (4.0 * np.maximum(cos_d, 0.0) * area).reshape(len(corner), -1)
 

@@ -23,6 +23,8 @@ from lookdev.material.expression import parse
 from lookdev.material.values import look_bsdf
 
 COUNT = 40
+# Models that backend "nodes" shows.
+SHOWN = sorted({model for model, _ in STAND_INS})
 PURE_SHEEN = {"Base Color": 0.0, "Metallic": 1.0, "Roughness": 1.0, "Specular Tint": 1.0, "Coat Weight": 1.0}
 PURE_SHEEN |= {"Coat Roughness": 1.0, "Coat IOR": 1.0, "Coat Normal": 0.0}
 
@@ -195,7 +197,7 @@ def sockets(source: NodeSource, name: str) -> list[str]:
     return [socket.name for socket in tree_of(source, name).inputs]
 
 
-@pytest.mark.parametrize("model", sorted({model for model, _ in STAND_INS}))
+@pytest.mark.parametrize("model", SHOWN)
 @pytest.mark.parametrize("seed", range(12))
 def test_a_layer_has_the_closures_of_its_model(model: str, seed: int) -> None:
     inputs = random_inputs(model, np.random.default_rng(seed))
@@ -255,7 +257,7 @@ def test_primvars_reach_parameters_and_masks() -> None:
         "rough": rng.uniform(0.2, 0.9, COUNT).astype(np.float32),
     }
     base = Layer("base", "disney", {"baseColor": Primvar("paint", (0.5, 0.5, 0.5)), "roughness": Primvar("rough", 0.5)})
-    for model in sorted({model for model, _ in STAND_INS}):
+    for model in SHOWN:
         source = check((base, Layer("top", model, {}, mask=Primvar("wear", 0.0))), values)
         assert [binding.attribute for binding in source.attributes] == ["paint", "rough", "wear"]
 
@@ -266,7 +268,7 @@ def test_the_view_reaches_parameters_masks_and_presence() -> None:
 
     paint = {"baseColor": of_view("[view, 0.3, 1 - view]"), "roughness": of_view("0.2 + 0.5 * view")}
     base = Layer("base", "disney", paint | {"presence": of_view("1 - 0.5 * view")})
-    for model in sorted({model for model, _ in STAND_INS}):
+    for model in SHOWN:
         source = check((base, Layer("top", model, {}, mask=of_view("smoothstep(1 - view, 0.3, 0.9)"))))
         assert source.attributes == ()
 

@@ -224,7 +224,9 @@ def test_a_traced_stack_computes_what_numpy_does(name: str, textured: str, graph
         agree(result.value, evaluate_cosine(Bsdf(lambda _, lobe=lobe: (lobe,)), wo, side), lobe.transmits, runs)
         share = lobe.share if len(lobes) > 1 else 1.0
         agree([result.density], np.where(valid, share * density, 0.0)[:, None], lobe.transmits, runs)
-        stretched = np.clip((u1 - upper) / np.where(lobe.share > 0.0, lobe.share, 1.0), 0.0, 0.99999994)
+        # Shares may be too far apart for a quotient.
+        width = np.where(lobe.share > 0.0, lobe.share, 1.0)
+        stretched = np.minimum(np.clip(u1 - upper, 0.0, width) / width, 0.99999994)
         drawn, upper = lobe.draw(stretched if len(lobes) > 1 else numbers["u1"], numbers["u2"]), upper + lobe.share
         # A lobe is only drawn from where it has a share.
         here = np.broadcast_to(lobe.share > 0.0, count)

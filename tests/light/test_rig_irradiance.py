@@ -1,4 +1,4 @@
-"""Irradiance of a Lambert plane in Cycles, against closed forms; a model of the test's own reflects exactly 1 / pi."""
+"""Irradiance of a white Lambert plane in Cycles, against closed forms."""
 
 from __future__ import annotations
 
@@ -12,12 +12,6 @@ from numpy.typing import NDArray
 from test_light_irradiance import AXES, FACING, NORMALS, PLACES, POSITION
 
 from lookdev.asset import load_asset
-from lookdev.brdf.lobes import Bsdf, Lobe
-from lookdev.brdf.microfacet import sample_cosine
-from lookdev.brdf.model import Model, Preview
-from lookdev.brdf.models import MODELS
-from lookdev.brdf.parameters import Parameter
-from lookdev.brdf.vectors import Array, Parameters, mean, scale
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, Falloff, Light, RectLight, SphereLight
 from lookdev.light.placement import checked_axes, to_world, vector
 from lookdev.material import Layer, Look
@@ -32,34 +26,6 @@ Floats = NDArray[np.float64]
 Render = Callable[[FrameTask], Rendered]
 
 FAR = 1000.0  # of the plane's size: the light is the same all over it
-
-
-def _lambert(p: Parameters) -> Bsdf:
-    def lobes(wo: Array) -> tuple[Lobe, ...]:
-        return (
-            Lobe(
-                "lambert",
-                "diffuse",
-                group="diffuse",
-                share=mean(p["albedo"]),
-                evaluate=lambda d: scale(p["albedo"], 1.0 / np.pi),
-                pdf=lambda d: d.cos_theta_i * (1.0 / np.pi),
-                sample=sample_cosine,
-                broad=True,
-                values={"albedo": p["albedo"]},
-            ),
-        )
-
-    return Bsdf(lobes)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _lambert_is_a_model() -> Iterator[None]:
-    parameters = {"albedo": Parameter("albedo", "color", (1.0, 1.0, 1.0), help="The reflected part of light.")}
-    model = Model("lambert", "Lambert", "Lambert 1760.", parameters, _lambert, "Lambert", Preview({}))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(MODELS, "lambert", model)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +55,7 @@ def irradiance(render: Render, light: Light, place: Floats, normal: Floats, samp
 
 def reflected(render: Render, light: Light, samples: int = 1024) -> float:
     """Return pi times the radiance that a plane of size 1 at the origin reflects."""
-    asset, look = load_asset(builtin="plane"), Look("look", (Layer("l", "lambert", {}),))
+    asset, look = load_asset(builtin="plane"), Look("look", (Layer("l", "lambert", {"reflectance": (1.0, 1.0, 1.0)}),))
     task = scene_task(Scene.of_look(asset, look, light, (8, 8)), Sampling(bounces=0, samples=samples, error=None))
     rendered = render(one_frame(task, Pose(0.0, 0.0), "plane"))
     return float(np.pi * ((rendered.a + rendered.b) / 2.0)[rendered.alpha == 1.0].astype(np.float64).mean())

@@ -19,7 +19,7 @@ from lookdev.material.textures import sample_slopes, sample_texture
 from lookdev.material.usd import read_look
 
 MATERIALS = Path(__file__).parents[2] / "materials"
-LOOKS = sorted(MATERIALS.glob("*.usda"))
+LOOKS = [*sorted(MATERIALS.glob("*.usda")), *sorted((MATERIALS / "classic").glob("*.usda"))]
 
 
 def variants_of(file: Path) -> list[dict[str, str]]:
@@ -162,3 +162,9 @@ def test_texture_is_what_the_script_makes(script: dict[str, object], name: str) 
     for image in (made, made.T):
         inside = [np.abs(a - b).mean() for a, b in pairwise(image)]
         assert np.abs(image[-1] - image[0]).mean() <= max(inside)
+
+
+def test_every_model_but_those_of_production_has_a_classic_look() -> None:
+    looks = {file.stem: read_look(file) for file in (MATERIALS / "classic").glob("*.usda")}
+    models = {name: [layer.model for layer in look.layers] for name, look in looks.items()}
+    assert models == {name.replace("-", "_"): [name] for name in MODELS if name not in ("disney", "pixar")}

@@ -9,7 +9,15 @@ import pytest
 from presets import write_preset
 
 from lookdev.errors import LookError
-from lookdev.material.library import LIBRARY_VARIABLE, SHIPPED, find_preset, library_folders, library_text, read_library
+from lookdev.material.library import (
+    LIBRARY_VARIABLE,
+    SHIPPED,
+    find_preset,
+    library_folders,
+    library_text,
+    read_library,
+    read_preset,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -71,7 +79,7 @@ def test_what_is_no_preset(tmp_path: Path, text: str, where: str, what: str) -> 
 
 def test_folders_given_named_here_and_shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     here, shipped = tmp_path / SHIPPED[0], tmp_path / "checkout" / SHIPPED[0]
-    with pytest.raises(LookError, match=r"no folder .*materials/presets or .*checkout/materials/metals"):
+    with pytest.raises(LookError, match=r"no folder .*materials/presets or .*classic or .*checkout/materials/presets"):
         library_folders()
     shipped.mkdir(parents=True)
     assert library_folders() == (shipped,)
@@ -98,6 +106,33 @@ def test_the_first_folder_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert find_preset("Gold").doc == "b"
     assert [preset.doc for preset in read_library(library_folders()).presets] == ["b"]
     assert find_preset("a/gold.usda").doc == "a"
+
+
+def test_a_look_of_one_constant_layer_is_a_preset(tmp_path: Path) -> None:
+    look = """#usda 1.0
+(defaultPrim = "M")
+def Material "M" (
+    doc = "Matte."
+    customData = {
+        string category = "classic"
+    }
+) {
+    float inputs:a = 0.3
+    token outputs:lookdev:surface.connect = </M/B.outputs:layer>
+    def Shader "B" {
+        uniform token info:id = "LookdevLambert"
+        %s
+        token outputs:layer
+    }
+}
+"""
+    (tmp_path / "matte.usda").write_text(look % "")
+    preset = read_preset(tmp_path / "matte.usda")
+    assert (preset.prim, preset.model, preset.category, preset.doc) == ("/M/B", "lambert", "classic", "Matte.")
+    # A reference to the layer alone would lose what it is connected to.
+    (tmp_path / "linked.usda").write_text(look % "color3f inputs:reflectance.connect = </M.inputs:a>")
+    with pytest.raises(LookError, match="is a Material"):
+        read_preset(tmp_path / "linked.usda")
 
 
 def test_an_unknown_name_is_reported_with_the_folders_and_the_nearest(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, 
 from lookdev.material.validate.report import Finding, Report
 
 ROOT = Path(__file__).parents[2]
-LOOKS = [*sorted((ROOT / "materials").glob("*.usda")), *sorted((ROOT / "materials" / "presets").glob("*.usda"))]
+LOOKS = [file for place in (".", "presets", "classic") for file in sorted((ROOT / "materials" / place).glob("*.usda"))]
 
 
 def findings(file: Path, **options: object) -> list[tuple[str, str, str]]:

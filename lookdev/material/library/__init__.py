@@ -1,4 +1,4 @@
-"""Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim.
+"""Finding presets: a library is a folder of USD files, each with one layer's shader as its default prim, or in a look.
 
 The name of a preset is that of its file. Looks reference it: a change of the preset changes them.
 """
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from pxr import UsdShade
+from pxr import Usd, UsdShade
 
 from lookdev.brdf import layer_shaders
 from lookdev.errors import Fault, LookError, nearest_hint
@@ -20,7 +20,7 @@ from lookdev.stage import open_stage
 LIBRARY_VARIABLE = "LOOKDEV_LIBRARY"
 """Environment variable with folders of presets, separated as in ``PATH``."""
 
-SHIPPED = (Path("materials", "presets"), Path("materials", "metals"))
+SHIPPED = tuple(Path("materials", folder) for folder in ("presets", "metals", "classic"))
 """The folders of presets below the current folder and below `lookdev.shipped.shipped_folder`."""
 
 SUFFIXES = (".usda", ".usd", ".usdc")
@@ -104,12 +104,14 @@ def read_preset(file: Path) -> Preset:
     Raises
     ------
     LookError
-        The file is missing, is not USD, or its default prim is not the shader of a layer.
+        The file is missing, is not USD, or its default prim is neither the shader of a layer nor a look whose only
+        layer is a shader of constants.
     """
     stage = open_stage(file)
-    prim = stage.GetDefaultPrim()
-    if not prim:
+    whole = stage.GetDefaultPrim()
+    if not whole:
         raise LookError([Fault(str(file), "", "has no default prim", "a preset is a shader: set defaultPrim to it")])
+    prim = _only_layer(whole) or whole
     shader = UsdShade.Shader(prim)
     model = (shader.GetShaderId() if shader else None) or ""
     place = str(prim.GetPath())
@@ -119,9 +121,20 @@ def read_preset(file: Path) -> Preset:
         raise LookError([Fault(str(file), place, what, hint)])
     if not shader.GetOutput("layer"):
         raise LookError([Fault(str(file), place, "has no outputs:layer", "declare it: token outputs:layer")])
-    doc = prim.GetDocumentation() or stage.GetRootLayer().documentation
-    category = str(prim.GetCustomDataByKey("category") or "")
+    doc = whole.GetDocumentation() or stage.GetRootLayer().documentation
+    category = str(whole.GetCustomDataByKey("category") or "")
     return Preset(file.stem, file, place, layer_shaders()[model], category, " ".join(doc.split()))
+
+
+def _only_layer(prim: Usd.Prim) -> Usd.Prim | None:
+    """Return the shader of a look's only layer, if all its inputs are constants."""
+    material = UsdShade.Material(prim)
+    surface = material.GetOutput("lookdev:surface") if material else None
+    sources = surface.GetConnectedSources()[0] if surface else []
+    shader = UsdShade.Shader(sources[0].source.GetPrim() if sources else Usd.Prim())
+    if not shader or any(each.HasConnectedSource() for each in shader.GetInputs()):
+        return None
+    return shader.GetPrim() if shader.GetShaderId() in layer_shaders() else None
 
 
 def library_text(library: Library) -> str:

@@ -57,7 +57,7 @@ _PARAMETERS = {
         Parameter("thickness", "float", 0.0, (0.0, inf)),
         Parameter("attenuation_distance", "float", 0.0, (0.0, inf)),
         Parameter("attenuation_color", "color", (1.0, 1.0, 1.0)),
-        Parameter("anisotropy_strength", "float", 0.0, directed=True),
+        Parameter("anisotropy_strength", "float", 0.0),
         Parameter("anisotropy_rotation", "float", 0.0, (0.0, 6.283185)),
         Parameter("dispersion", "float", 0.0, (0.0, inf)),
     )

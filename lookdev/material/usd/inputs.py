@@ -82,7 +82,9 @@ def _in_range(
             return None
         return value
     low, high = parameter.hard
-    numbers = (value,) if isinstance(value, float) else tuple(value)
+    # USD holds float32, to which an end of the range may have been rounded.
+    ends = {np.float32(end): end for end in parameter.hard}
+    numbers = tuple(ends.get(np.float32(each), each) for each in ((value,) if isinstance(value, float) else value))
     if parameter.kind == "normal" and not any(numbers):
         network.fault(place, "a normal cannot be the zero vector", "(0, 0, 1) is the surface's own")
         return None
@@ -90,7 +92,7 @@ def _in_range(
         shown = ", ".join(f"{number:g}" for number in numbers)
         network.fault(place, f"{shown} is out of range", f"it must be within [{low:g}, {high:g}]")
         return None
-    return value if isinstance(value, float) else (numbers[0], numbers[1], numbers[2])
+    return numbers[0] if isinstance(value, float) else (numbers[0], numbers[1], numbers[2])
 
 
 def _read_varying(

@@ -1,0 +1,112 @@
+"""Ashikhmin and Shirley's anisotropic Phong model, with a diffuse part that leaves room for the highlight.
+
+- Ashikhmin, M. and Shirley, P. 2000. An Anisotropic Phong BRDF Model. Journal of Graphics Tools 5(2). Equations 4 to 6,
+  sampling by equations 8 to 10.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lookdev.brdf.classic.parts import color, cosine_pdf, exponent, one_normal, parameters, power_sin2
+from lookdev.brdf.frames import Frame
+from lookdev.brdf.fresnel import fresnel_blend, schlick_weights
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.microfacet import sample_cosine
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.special import log1p_ratio
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, scale, vector
+
+
+def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    reflected = p["diffuse"] * (1.0 - p["specular"])
+
+    def rest(cosine: Array) -> Array:
+        """``1 - (1 - cosine / 2)^5``."""
+        return schlick_weights(0.5 * cosine)[0]
+
+    # Eq. 5. The cosine-weighted mean of `rest` is 23 / 28.
+    seen = scale(reflected, rest(wo[..., 2]))
+    return Lobe(
+        "ashikhmin-shirley",
+        "diffuse",
+        mean(seen),
+        evaluate=lambda d: scale(seen, 28.0 / (23.0 * np.pi) * rest(d.cos_theta_i)),
+        pdf=cosine_pdf,
+        sample=sample_cosine,
+        group="diffuse",
+        frame=frame,
+        broad=True,
+        values={"color": seen},
+    )
+
+
+def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    across, along = p["exponentU"] + 1.0, p["exponentV"] + 1.0
+    norm = np.sqrt(across * along)
+
+    def fresnel(cos_theta: Array) -> Array:
+        return fresnel_blend(p["specular"], np.ones(3), cos_theta)
+
+    def power(d: Directions) -> Array:
+        """``(n . h)^((nu hx^2 + nv hy^2) / (1 - hz^2))``; the logarithm of hz^2 is a multiple of 1 - hz^2."""
+        x2, y2, z = d.wm[..., 0] * d.wm[..., 0], d.wm[..., 1] * d.wm[..., 1], d.wm[..., 2]
+        weighted = p["exponentU"] * x2 + p["exponentV"] * y2
+        value: Array = np.exp(-0.5 * weighted * log1p_ratio(-(x2 + y2), z * z))
+        return value
+
+    def evaluate(d: Directions) -> Array:
+        # Eq. 4.
+        greater = np.maximum(d.cos_theta_i, d.cos_theta_o)
+        factor = power(d) * norm * (0.125 / np.pi) / np.maximum(d.cos_theta_d * greater, TINY)
+        return scale(fresnel(d.cos_theta_d), factor)
+
+    def sample(u1: Array, u2: Array) -> Array:
+        # Eq. 9 in all quadrants: tan phi = sqrt((nu + 1) / (nv + 1)) tan(2 pi u1).
+        x, y = np.sqrt(along) * np.cos(2.0 * np.pi * u1), np.sqrt(across) * np.sin(2.0 * np.pi * u1)
+        square = x * x + y * y
+        # Eq. 10; the exponent plus 1 is its denominator.
+        exponent = (across * x * x + along * y * y) / square
+        sin2 = power_sin2(2.0 / exponent, u2)
+        radius = np.sqrt(sin2 / square)
+        return reflect(wo, vector(x * radius, y * radius, np.sqrt(np.maximum(1.0 - sin2, 0.0))))
+
+    return Lobe(
+        "ashikhmin-shirley",
+        "specular",
+        # Microfacets lean away from the normal: with Rs = 0 the lobe is not black as seen along the normal.
+        np.maximum(mean(fresnel(wo[..., 2])), 0.001),
+        evaluate,
+        # Eq. 8.
+        pdf=lambda d: power(d) * norm * (0.125 / np.pi) / d.cos_theta_d,
+        sample=sample,
+        group="specular",
+        frame=frame,
+        values={"specular": p["specular"], "exponentU": p["exponentU"], "exponentV": p["exponentV"]},
+    )
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    typical = np.sqrt((p["exponentU"] + 1.0) * (p["exponentV"] + 1.0))
+    return {
+        "diffuseColor": p["diffuse"] * (1.0 - p["specular"]),
+        "roughness": np.sqrt(np.sqrt(2.0 / (typical + 1.0))),
+        "f0": mean(p["specular"]),
+    }
+
+
+ASHIKHMIN_SHIRLEY = Model(
+    name="ashikhmin-shirley",
+    title="Ashikhmin-Shirley",
+    text="Ashikhmin and Shirley's anisotropic Phong model (Ashikhmin and Shirley 2000).",
+    parameters=parameters(
+        color("diffuse", 0.5, "Rd, the colour of the body beneath the highlight; linear."),
+        color("specular", 0.05, "Rs, the reflectance at normal incidence; linear."),
+        exponent("exponentU", 100.0, "Of the cosine where the half vector leans along the tangent."),
+        exponent("exponentV", 100.0, "Of the cosine where the half vector leans along the bitangent."),
+    ),
+    bsdf=one_normal(_diffuse, _specular),
+    identifier="LookdevAshikhminShirley",
+    reciprocal=lambda tokens: ("diffuse", "specular"),
+    preview=Preview({}, _preview),
+)

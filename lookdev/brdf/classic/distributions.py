@@ -1,0 +1,117 @@
+"""Isotropic distributions of microfacets of roughness m, with their sampling, and Smith's G of Beckmann's.
+
+- Beckmann, P. and Spizzichino, A. 1963. The Scattering of Electromagnetic Waves from Rough Surfaces.
+- Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
+- Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
+- Burley, B. 2012. Physically Based Shading at Disney, appendix B.
+
+All but ``"gaussian"``, which is normalised as m goes to 0 and reflects less beyond, have an integral of D cos theta_h
+of 1. Formulas are by ``sin^2 theta_h = wm_x^2 + wm_y^2``, as in `lookdev.brdf.microfacet`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from lookdev.brdf.classic.parts import log_rest, polar, power_sin2, versine
+from lookdev.brdf.microfacet import gtr2_aniso
+from lookdev.brdf.special import expm1_ratio, log1p_ratio, scaled_erfc, squared_angle
+from lookdev.brdf.vectors import TINY, Array, Real
+
+Density = Callable[[Array, Real, Real], Array]
+"""From unit half vectors (..., 3), m and gamma to D, (...), in 1/sr."""
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """D, and half vectors from m, gamma and two uniform numbers, whose pdf is `drawn` times ``cos theta_h``."""
+
+    density: Density
+    sample: Callable[[Real, Real, Array, Array], Array]
+    drawn: Density
+
+
+def _sin2(wm: Array) -> Array:
+    return wm[..., 0] * wm[..., 0] + wm[..., 1] * wm[..., 1]
+
+
+# Walter et al. 2007, eq. 25 and 28.
+def _beckmann(wm: Array, m: Real, gamma: Real) -> Array:
+    # The floor: below it the exponential is 0, and its quotient would not be a number.
+    cos2 = np.maximum(wm[..., 2] * wm[..., 2], 1e-8)
+    return np.exp(-_sin2(wm) / (m * m * cos2)) / (np.pi * m * m * cos2 * cos2)
+
+
+def _sample_beckmann(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
+    tan2 = -m * m * log_rest(u2)
+    return polar(tan2 / (1.0 + tan2), u1)
+
+
+# Walter et al. 2007, eq. 33 and 35.
+def _ggx(wm: Array, m: Real, gamma: Real) -> Array:
+    return gtr2_aniso(wm, m, m)
+
+
+def _sample_ggx(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
+    square = m * m * u2
+    return polar(square / (1.0 - u2 + square), u1)
+
+
+# Burley 2012, eq. 1: (gamma - 1) (m^2 - 1) / (pi (1 - m^(2 - 2 gamma))) over t^gamma. With L = ln m^2 the factor is
+# expm1_ratio(L) / (pi expm1_ratio((1 - gamma) L)), which has no gap at gamma = 1, eq. 4, nor at m = 1, 1 / pi.
+def _gtr(wm: Array, m: Real, gamma: Real) -> Array:
+    log_m2 = 2.0 * np.log(m)
+    t = m * m * wm[..., 2] * wm[..., 2] + _sin2(wm)
+    factor: Array = expm1_ratio(log_m2) / (np.pi * expm1_ratio((1.0 - gamma) * log_m2))
+    return factor * np.exp(-gamma * np.log(t))
+
+
+# Burley 2012, appendix B, solved for t: ln t is -L R, with R = ln(1 + (1 - u) expm1(x)) / x and x = (1 - gamma) L; then
+# sin^2 = (t - m^2) / (1 - m^2).
+def _sample_gtr(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
+    log_m2, rest = 2.0 * np.log(m), 1.0 - u2
+    x = (1.0 - gamma) * log_m2
+    grown = rest * x * expm1_ratio(x)
+    left = 1.0 - rest * expm1_ratio(x) * log1p_ratio(grown, 1.0 + grown)
+    sin2 = m * m * left * expm1_ratio(-log_m2 * left) / expm1_ratio(log_m2)
+    return polar(np.clip(sin2, 0.0, 1.0), u1)
+
+
+# Blinn 1977, normalised; the exponent is 2 / m^2 - 2.
+def _blinn(wm: Array, m: Real, gamma: Real) -> Array:
+    sin2, inverse = _sin2(wm), 1.0 / (m * m)
+    return inverse / np.pi * np.exp((1.0 - inverse) * sin2 * log1p_ratio(-sin2, wm[..., 2] * wm[..., 2]))
+
+
+def _sample_blinn(m: Real, gamma: Real, u1: Array, u2: Array) -> Array:
+    return polar(power_sin2(m * m, u2), u1)
+
+
+def _gaussian(wm: Array, m: Real, gamma: Real) -> Array:
+    inverse = 1.0 / (m * m)
+    return inverse / np.pi * np.exp(-squared_angle(versine(wm)) * inverse)
+
+
+DISTRIBUTIONS: dict[str, Distribution] = {
+    "beckmann": Distribution(_beckmann, _sample_beckmann, _beckmann),
+    "ggx": Distribution(_ggx, _sample_ggx, _ggx),
+    "gtr": Distribution(_gtr, _sample_gtr, _gtr),
+    "blinn": Distribution(_blinn, _sample_blinn, _blinn),
+    # At most 1.5 times GGX.
+    "gaussian": Distribution(_gaussian, _sample_ggx, _ggx),
+}
+"""By the token of the parameter ``"distribution"``, the default first."""
+
+
+# Walter et al. 2007, section 5.2: Lambda = exp(-a^2) (1 / (a sqrt(pi)) - exp(a^2) erfc(a)) / 2, a = 1 / (m tan theta).
+def smith_beckmann(cos_theta: Array, m: Real) -> Array:
+    """Smith's G1 for Beckmann's distribution, divided by ``2 cos theta``."""
+    slope = m * np.sqrt(np.maximum((1.0 - cos_theta) * (1.0 + cos_theta), 0.0))
+    # Beyond 6 nothing is hidden.
+    a = np.minimum(cos_theta / np.maximum(slope, TINY), 6.0)
+    hidden = np.exp(-a * a) * (1.0 - np.sqrt(np.pi) * a * scaled_erfc(a))
+    g1: Array = 1.0 / (2.0 * cos_theta + slope * (1.0 / np.sqrt(np.pi)) * hidden)
+    return g1

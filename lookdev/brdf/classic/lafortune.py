@@ -1,0 +1,110 @@
+"""Lafortune's model: lobes that are powers of a generalised cosine.
+
+f = kd / pi + sum of weight_j (C_j . (wo * wi))^{e_j} over three lobes, where C * wo, taken componentwise, is a lobe's
+direction: (-1, -1, 1) is that of Phong, the mirror image of the view, and (1, 1, 1) is back to the viewer.
+
+- Lafortune, E. P., Foo, S.-C., Torrance, K. E. and Greenberg, D. P. 1997. Non-Linear Approximation of Reflectance
+  Functions. SIGGRAPH, eq. 7.
+
+A power counts at most `LARGEST`. A lobe is sampled exactly about its direction, unless it is cut off there: then by an
+exponent that halves the pdf where the plateau ends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lookdev.brdf.classic import parts
+from lookdev.brdf.frames import Frame
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.special import log1p_ratio
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, dot, mean, scale
+
+LARGEST = 1e30
+"""The value that a power counts at most."""
+
+LOBES = (1, 2, 3)
+"""The numbers of the lobes."""
+
+
+def _lobe(number: int) -> parts.Build:
+    def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+        weight, c, e = (p[f"{name}{number}"] for name in ("weight", "coefficients", "exponent"))
+        direction = c * wo
+        # The square of the direction's length less 1: a unit view is exact here, as rounding left it elsewhere.
+        excess = dot((c - 1.0) * (c + 1.0), wo * wo)
+        length2 = dot(direction, direction)
+        log_length = 0.5 * excess * log1p_ratio(excess, length2)
+        vanishes = length2 < TINY * TINY
+        axis = scale(direction, 1.0 / np.sqrt(np.where(vanishes, 1.0, length2)))
+        axis = np.where(np.expand_dims(vanishes, -1), np.array([0.0, 0.0, 1.0]), axis)
+        # With m the logarithm by which the peak is cut off, the plateau ends where cos^e is exp(-m).
+        drawn = e / np.maximum((e * log_length - np.log(LARGEST)) * (1.0 / np.log(2.0)), 1.0)
+
+        def evaluate(d: Directions) -> Array:
+            o, i = d.wo, d.wi
+            # C . (wo * wi) less 1 for unit vectors, without cancellation where C is (-1, -1, 1).
+            apart = o - np.where(c < 0.0, -i, i)
+            rest = 0.5 * (dot(np.absolute(c) - 1.0, o * o + i * i) - dot(np.absolute(c), apart * apart))
+            cosine = dot(c, o * i)
+            power = np.exp(np.minimum(e * rest * log1p_ratio(rest, cosine), np.log(LARGEST)))
+            return scale(weight, np.where(cosine > 0.0, power, 0.0))
+
+        # A peak below the horizon leaves what is highest along it.
+        x, y, z = (direction[..., k] for k in range(3))
+        across2 = x * x + y * y
+        peak2 = np.where(z > 0.0, length2, across2)
+        peak = np.exp(np.minimum(e * 0.5 * (peak2 - 1.0) * log1p_ratio(peak2 - 1.0, peak2), np.log(LARGEST)))
+        return Lobe(
+            "lafortune",
+            f"lobe{number}",
+            mean(weight) * peak * (2.0 * np.pi) / (drawn + 1.0),
+            evaluate,
+            pdf=lambda d: parts.power_cosine_pdf(axis, d.wi, drawn),
+            sample=lambda u1, u2: parts.sample_power_cosine(axis, drawn, u1, u2),
+            group="specular",
+            frame=frame,
+            values={"weight": weight, "coefficients": c, "exponent": e},
+        )
+
+    return build
+
+
+def _inputs(number: int) -> tuple[Parameter, ...]:
+    return (
+        parts.color(f"weight{number}", 0.1 if number == 1 else 0.0, f"What lobe {number} is multiplied by; linear."),
+        Parameter(
+            f"coefficients{number}",
+            "color",
+            (-1.0, -1.0, 1.0),
+            hard=(-4.0, 4.0),
+            soft=(-1.0, 1.0),
+            help=f"What the view is multiplied by, along x, y and z, to the direction of lobe {number}.",
+        ),
+        parts.exponent(f"exponent{number}", 32.0, f"Of the generalised cosine of lobe {number}."),
+    )
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    return {"roughness": np.sqrt(np.sqrt(2.0 / (p["exponent1"] + 2.0)))}
+
+
+LAFORTUNE = Model(
+    name="lafortune",
+    title="Lafortune",
+    text="Lafortune's generalised cosine lobes (Lafortune et al. 1997).",
+    parameters=parts.parameters(
+        parts.color("diffuse", 0.2, "kd, the colour of the body; linear."),
+        *(parameter for number in LOBES for parameter in _inputs(number)),
+    ),
+    bsdf=parts.one_normal(parts.lambertian("lafortune", "diffuse"), *map(_lobe, LOBES)),
+    identifier="LookdevLafortune",
+    # Lobes are not normalised: each may reach the largest power all over the hemisphere.
+    energy=lambda tokens: 1.0 + len(LOBES) * LARGEST * np.pi,
+    reciprocal=lambda tokens: ("diffuse", *(f"lobe{number}" for number in LOBES)),
+    probe={"weight1": (0.3, 0.3, 0.3), "weight2": (0.2, 0.2, 0.2), "weight3": (0.1, 0.1, 0.1)}
+    | {"coefficients2": (-0.8, -0.8, 0.9), "coefficients3": (0.6, 0.6, 0.6), "exponent2": 8.0, "exponent3": 4.0},
+    preview=Preview({"diffuseColor": "diffuse"}, _preview),
+)

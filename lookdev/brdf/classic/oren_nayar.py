@@ -1,0 +1,133 @@
+"""Oren and Nayar's rough diffuse reflection, their qualitative model: V-grooves of Lambertian facets.
+
+f = reflectance / pi (A + B max(0, cos(phi_i - phi_o)) sin(max theta) tan(min theta)).
+
+- Oren, M. and Nayar, S. K. 1994. Generalization of Lambert's Reflectance Model. SIGGRAPH, eq. 30.
+
+Two lobes: `diffuse` has A, `retroreflection` B. The latter is sampled in proportion to
+``max(0, cos(phi_i - phi_o)) cos_theta_i / max(cos_theta_i, cos_theta_o)``, which leaves the sines alone in the weight.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lookdev.brdf.classic.parts import color, cosine_pdf, one_normal, parameters
+from lookdev.brdf.frames import Frame
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.microfacet import sample_cosine
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, scale, vector
+
+
+def _factors(p: Parameters) -> tuple[Real, Real]:
+    """Return A and B."""
+    variance = p["sigma"] * p["sigma"]
+    within = 0.57 if p["interreflection"] == "included" else 0.33
+    return 1.0 - 0.5 * variance / (variance + within), 0.45 * variance / (variance + 0.09)
+
+
+def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    color = scale(p["reflectance"], _factors(p)[0])
+    return Lobe(
+        "oren-nayar",
+        "diffuse",
+        mean(color),
+        evaluate=lambda d: color * (1.0 / np.pi),
+        pdf=cosine_pdf,
+        sample=sample_cosine,
+        group="diffuse",
+        frame=frame,
+        broad=True,
+        values={"color": color},
+    )
+
+
+def _retroreflection(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    albedo = scale(p["reflectance"], _factors(p)[1])
+    color = albedo * (1.0 / np.pi)
+    cos_o, sin_o = wo[..., 2], _sine(wo)
+    # The integral of the density over the cosine.
+    whole = 1.0 - 0.5 * cos_o
+
+    def evaluate(d: Directions) -> Array:
+        # The greater sine times the smaller tangent, times the cosine of the azimuth.
+        return scale(color, np.maximum(_across(d), 0.0) / np.maximum(_greater(d), TINY))
+
+    def pdf(d: Directions) -> Array:
+        azimuth = np.clip(_across(d) / np.maximum(_sine(d.wo) * _sine(d.wi), TINY), 0.0, 1.0)
+        density: Array = 0.5 * azimuth * d.cos_theta_i / np.maximum(_greater(d), TINY) / whole
+        return density
+
+    def sample(u1: Array, u2: Array) -> Array:
+        place = u2 * whole
+        # Linear in the cosine up to that of the view, constant beyond.
+        cos_i = np.where(place < 0.5 * cos_o, np.sqrt(2.0 * cos_o * place), place + 0.5 * cos_o)
+        sin_i, sin_phi = np.sqrt(np.maximum((1.0 - cos_i) * (1.0 + cos_i), 0.0)), 2.0 * u1 - 1.0
+        cos_phi = np.sqrt(np.maximum(1.0 - sin_phi * sin_phi, 0.0))
+        # Along the normal the lobe is 0, and any azimuth will do.
+        upright = sin_o < TINY
+        x, y = (each / np.maximum(sin_o, TINY) for each in (wo[..., 0], wo[..., 1]))
+        x, y = np.where(upright, 1.0, x), np.where(upright, 0.0, y)
+        return vector(sin_i * (x * cos_phi - y * sin_phi), sin_i * (y * cos_phi + x * sin_phi), cos_i)
+
+    return Lobe(
+        "oren-nayar",
+        "retroreflection",
+        # The mean sine of what is drawn is about 3/4.
+        mean(color) * 1.5 * whole * sin_o,
+        evaluate,
+        pdf,
+        sample,
+        group="diffuse",
+        frame=frame,
+        broad=True,
+        values={"color": albedo},
+    )
+
+
+def _sine(w: Array) -> Array:
+    sine: Array = np.sqrt(w[..., 0] * w[..., 0] + w[..., 1] * w[..., 1])
+    return sine
+
+
+def _across(d: Directions) -> Array:
+    """Product of both sines and the cosine of the azimuth between them."""
+    return d.wo[..., 0] * d.wi[..., 0] + d.wo[..., 1] * d.wi[..., 1]
+
+
+def _greater(d: Directions) -> Array:
+    greater: Array = np.maximum(d.cos_theta_i, d.cos_theta_o)
+    return greater
+
+
+OREN_NAYAR = Model(
+    name="oren-nayar",
+    title="Oren-Nayar",
+    text="Oren and Nayar's rough diffuse reflection, the qualitative model (Oren and Nayar 1994).",
+    parameters=parameters(
+        color("reflectance", 0.8, "The part of light that a facet reflects; linear."),
+        Parameter(
+            "sigma",
+            "float",
+            0.3,
+            hard=(0.0, 0.5 * np.pi),
+            soft=(0.0, 1.0),
+            help="Standard deviation of the facets' slope angle, in radians; 0 is Lambert's reflection.",
+        ),
+        Parameter(
+            "interreflection",
+            "token",
+            "included",
+            choices=("included", "none"),
+            help="included: the constant 0.57, for what facets reflect to each other. none: 0.33.",
+        ),
+    ),
+    bsdf=one_normal(_diffuse, _retroreflection),
+    identifier="LookdevOrenNayar",
+    # A + B / 2 at grazing views.
+    energy=lambda tokens: 1.05 if tokens["interreflection"] == "included" else 1.016,
+    reciprocal=lambda tokens: ("diffuse", "retroreflection"),
+    preview=Preview({"diffuseColor": "reflectance"}, lambda p: {"roughness": 1.0, "f0": 0.0}),
+)

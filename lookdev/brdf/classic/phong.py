@@ -1,0 +1,143 @@
+"""Phong's model and its descendants: a diffuse part, and a highlight that is a power of a cosine.
+
+phong: ``kd + ks (r . wi)^e / cos_theta_i``; blinn-phong: ``kd + ks (n . h)^e / cos_theta_i``; modified-phong, which is
+reciprocal and conserves energy: ``kd / pi + ks (e + 2) / (2 pi) (r . wi)^e``. The first two have no pi, as published.
+
+- Phong, B. T. 1975. Illumination for Computer Generated Pictures. CACM 18(6).
+- Blinn, J. F. 1977. Models of Light Reflection for Computer Synthesized Pictures. SIGGRAPH.
+- Lafortune, E. P. and Willems, Y. D. 1994. Using the Modified Phong Reflectance Model for Physically Based Rendering.
+  Report CW 197, KU Leuven.
+
+Highlights are sampled exactly: in proportion to the power of the cosine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from lookdev.brdf.classic import parts
+from lookdev.brdf.frames import Frame
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.special import cosine_power
+from lookdev.brdf.vectors import TINY, Array, Parameters, Real, mean, reflect, scale
+
+
+def _phong(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    e, r = p["exponent"], parts.mirror(wo)
+
+    def evaluate(d: Directions) -> Array:
+        return scale(p["specular"], parts.power_cosine(r, d.wi, e) / np.maximum(d.cos_theta_i, TINY))
+
+    return _about_mirror("phong", p, r, frame, mean(p["specular"]) * (2.0 * np.pi) / (e + 1.0), evaluate)
+
+
+def _modified(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    e, r = p["exponent"], parts.mirror(wo)
+    factor = (e + 2.0) * (0.5 / np.pi)
+
+    def evaluate(d: Directions) -> Array:
+        return scale(p["specular"], factor * parts.power_cosine(r, d.wi, e))
+
+    # The mean cosine of the light, about that of the view.
+    albedo = np.minimum(np.sqrt(wo[..., 2] * wo[..., 2] + 1.0 / (e + 2.0)), 1.0)
+    return _about_mirror("modified-phong", p, r, frame, mean(p["specular"]) * albedo, evaluate)
+
+
+def _about_mirror(
+    model: str, p: Parameters, r: Array, frame: Frame, share: Real, evaluate: Callable[[Directions], Array]
+) -> Lobe:
+    e = p["exponent"]
+    return Lobe(
+        model,
+        "specular",
+        share,
+        evaluate,
+        pdf=lambda d: parts.power_cosine_pdf(r, d.wi, e),
+        sample=lambda u1, u2: parts.sample_power_cosine(r, e, u1, u2),
+        group="specular",
+        frame=frame,
+        values={"specular": p["specular"], "exponent": e},
+    )
+
+
+def _blinn(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    e = p["exponent"]
+
+    def power(d: Directions) -> Array:
+        return cosine_power(d.wm[..., 2], parts.versine(d.wm), e)
+
+    def sample(u1: Array, u2: Array) -> Array:
+        return reflect(wo, parts.polar(parts.power_sin2(2.0 / (e + 1.0), u2), u1))
+
+    # 8 pi / (e + 4), as seen along the normal; the mean cosine of light and half vector is about that of the view.
+    typical = np.sqrt(wo[..., 2] * wo[..., 2] + (1.0 - wo[..., 2] * wo[..., 2]) / (e + 4.0))
+    return Lobe(
+        "blinn-phong",
+        "specular",
+        mean(p["specular"]) * (8.0 * np.pi) / (e + 4.0) * typical,
+        evaluate=lambda d: scale(p["specular"], power(d) / np.maximum(d.cos_theta_i, TINY)),
+        pdf=lambda d: power(d) * ((e + 1.0) * (0.125 / np.pi)) / d.cos_theta_d,
+        sample=sample,
+        group="specular",
+        frame=frame,
+        values={"specular": p["specular"], "exponent": e},
+    )
+
+
+def _preview(diffuse: float) -> Preview:
+    def derived(p: Parameters) -> dict[str, Real]:
+        return {
+            "diffuseColor": np.minimum(diffuse * p["diffuse"], 1.0),
+            # Beckmann's alpha^2 of a power e of the cosine to the half vector is about 2 / (e + 2).
+            "roughness": np.sqrt(np.sqrt(2.0 / (p["exponent"] + 2.0))),
+        }
+
+    return Preview({}, derived)
+
+
+_PARAMETERS = parts.parameters(
+    parts.color("diffuse", 0.2, "kd, the colour of the body; linear."),
+    parts.color("specular", 0.3, "ks, the colour of the highlight; linear."),
+    parts.exponent("exponent", 32.0, "Of the cosine: the higher, the smaller the highlight."),
+)
+
+PHONG = Model(
+    name="phong",
+    title="Phong",
+    text="Phong's model as published, without 1/pi (Phong 1975).",
+    parameters=_PARAMETERS,
+    bsdf=parts.one_normal(parts.lambertian("phong", "diffuse", np.pi), _phong),
+    identifier="LookdevPhong",
+    # Its diffuse part up to pi, the highlight up to 2 pi at exponent 0.
+    energy=lambda tokens: 3.0 * np.pi,
+    reciprocal=lambda tokens: ("diffuse",),
+    preview=_preview(np.pi),
+)
+
+BLINN_PHONG = Model(
+    name="blinn-phong",
+    title="Blinn-Phong",
+    text="Blinn's form of Phong's model, by the half vector (Blinn 1977).",
+    parameters=_PARAMETERS,
+    bsdf=parts.one_normal(parts.lambertian("blinn-phong", "diffuse", np.pi), _blinn),
+    identifier="LookdevBlinnPhong",
+    energy=lambda tokens: 3.0 * np.pi,
+    reciprocal=lambda tokens: ("diffuse",),
+    preview=_preview(np.pi),
+)
+
+MODIFIED_PHONG = Model(
+    name="modified-phong",
+    title="Modified Phong",
+    text="Phong's model, reciprocal and normalised (Lafortune and Willems 1994).",
+    parameters=_PARAMETERS,
+    bsdf=parts.one_normal(parts.lambertian("modified-phong", "diffuse"), _modified),
+    identifier="LookdevModifiedPhong",
+    # White in both parts; neither alone reflects more than it receives.
+    energy=lambda tokens: 2.0,
+    reciprocal=lambda tokens: ("diffuse", "specular"),
+    preview=_preview(1.0),
+)

@@ -1,0 +1,164 @@
+"""Torrance and Sparrow's microfacet model, as in Cook and Torrance's: exact Fresnel, a choice of D and of G.
+
+f = kd / pi + ks F D G / (q cos_theta_i cos_theta_o).
+
+- Torrance, K. E. and Sparrow, E. M. 1967. Theory for Off-Specular Reflection from Roughened Surfaces. JOSA 57(9).
+- Cook, R. L. and Torrance, K. E. 1982. A Reflectance Model for Computer Graphics. ACM TOG 1(1).
+- Walter, B. et al. 2007. Microfacet Models for Refraction through Rough Surfaces. EGSR.
+- Heitz, E. 2014. Understanding the Masking-Shadowing Function in Microfacet-Based BRDFs. JCGT 3(2).
+
+Multiscale roughness is two lobes, `specular` and `specular2`, with one G. Behind V-grooves, half vectors are drawn from
+D: the weight is at most 8 F / q. With Smith's G, normals are drawn that GGX of the same roughness shows to the viewer:
+every other D is at most 1.5 times that of GGX, but for ``"gtr"``, whose tail may be heavier, and which is drawn from D.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from lookdev.brdf import microfacet as mf
+from lookdev.brdf.classic.distributions import DISTRIBUTIONS, smith_beckmann
+from lookdev.brdf.classic.parts import DIM, Build, color, lambertian, one_normal, parameters
+from lookdev.brdf.frames import Frame
+from lookdev.brdf.fresnel import conductor_fresnel
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.metal import named_metal
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
+
+
+def _fresnel(p: Parameters, cos_theta: Array) -> Array:
+    cos_theta, ior, polarisation = (
+        np.expand_dims(each, -1) for each in (cos_theta, p["externalIor"], p["polarisation"])
+    )
+    return conductor_fresnel(cos_theta, p["eta"], p["k"], ior, polarisation)
+
+
+def _shadowing(p: Parameters) -> Callable[[Directions], Array]:
+    """Return G over the product of both cosines."""
+    if p["geometry"] == "v-groove":
+        return _v_groove
+    g1 = smith_beckmann if p["distribution"] == "beckmann" else mf.smith_ggx
+    # Both have absorbed 1 / (2 cos theta).
+    return lambda d: 4.0 * g1(d.cos_theta_i, p["roughness"]) * g1(d.cos_theta_o, p["roughness"])
+
+
+# Torrance and Sparrow 1967 as in Cook and Torrance 1982: min(1, 2 n.h c_o / (wo.h), 2 n.h c_i / (wo.h)).
+def _v_groove(d: Directions) -> Array:
+    i, o = d.cos_theta_i, d.cos_theta_o
+    grooves = 2.0 * d.wm[..., 2] / np.maximum(np.maximum(i, o) * d.cos_theta_d, DIM)
+    return np.minimum(1.0 / np.maximum(i * o, DIM), grooves)
+
+
+def _specular(name: str, roughness: str, part: Callable[[Parameters], Real]) -> Build:
+    def build(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+        m, gamma = p[roughness], p["gamma"]
+        distribution, shadowing = DISTRIBUTIONS[p["distribution"]], _shadowing(p)
+        tint = scale(p["specular"], part(p) * (1.0 / (np.pi if p["normalisation"] == "pi" else 4.0)))
+
+        def evaluate(d: Directions) -> Array:
+            return scale(tint * _fresnel(p, d.cos_theta_d), distribution.density(d.wm, m, gamma) * shadowing(d))
+
+        def visible_pdf(d: Directions) -> Array:
+            return mf.visible_ggx_pdf(d.wo, mf.gtr2_aniso(d.wm, m, m), m, m)
+
+        def drawn_pdf(d: Directions) -> Array:
+            return distribution.drawn(d.wm, m, gamma) * d.wm[..., 2] / (4.0 * d.cos_theta_d)
+
+        visible = p["geometry"] == "smith" and p["distribution"] != "gtr"
+        fresnel = _fresnel(p, wo[..., 2])
+        return Lobe(
+            "torrance-sparrow",
+            name,
+            # Microfacets lean away from the normal: F may be 0 at the angle of the view alone.
+            mean(tint * np.maximum(fresnel, 0.001)) * 4.0,
+            evaluate,
+            pdf=visible_pdf if visible else drawn_pdf,
+            sample=lambda u1, u2: reflect(
+                wo,
+                mf.sample_visible_ggx(wo, m, m, u1, u2) if visible else distribution.sample(m, gamma, u1, u2),
+            ),
+            group="specular",
+            frame=frame,
+            values={**p, "tint": tint, "alpha": m},
+        )
+
+    return build
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    normal = np.asarray(conductor_fresnel(1.0, p["eta"], p["k"], p["externalIor"]))
+    color, metallic = p["specular"] * normal, np.any(p["k"] > 0.0)
+    return {
+        "diffuseColor": color if metallic else p["diffuse"],
+        "metallic": 1.0 if metallic else 0.0,
+        "roughness": np.sqrt(p["roughness"]),
+        "f0": np.mean(color),
+    }
+
+
+def _roughness(name: str, help: str) -> Parameter:
+    return Parameter(name, "float", 0.3, hard=(0.001, 1.0), soft=(0.02, 1.0), help=help)
+
+
+def _energy(tokens: Mapping[str, str]) -> float:
+    # Smith's G1 of the smallest m hides nothing of a broad D, and G / (4 cos_theta_i cos_theta_o) reaches 1 / m, for
+    # Beckmann sqrt(pi) / m.
+    specular = 2000.0 if tokens["geometry"] == "smith" else 1.0
+    return 1.0 + specular * (4.0 / np.pi if tokens["normalisation"] == "pi" else 1.0)
+
+
+TORRANCE_SPARROW = Model(
+    name="torrance-sparrow",
+    title="Torrance-Sparrow",
+    text="Torrance and Sparrow's microfacet model (Torrance and Sparrow 1967, Cook and Torrance 1982).",
+    parameters=parameters(
+        color("diffuse", 0.0, "kd, the colour of the body; linear."),
+        color("specular", 1.0, "ks, multiplies what facets reflect; linear."),
+        Parameter(
+            "distribution",
+            "token",
+            "beckmann",
+            choices=tuple(DISTRIBUTIONS),
+            help="D: beckmann, ggx, gtr by gamma, blinn's power of the cosine, gaussian of the angle.",
+        ),
+        Parameter(
+            "geometry",
+            "token",
+            "v-groove",
+            choices=("v-groove", "smith"),
+            help="G: v-groove, Torrance and Sparrow's cavities. smith: separable, of Beckmann or else of GGX.",
+        ),
+        Parameter(
+            "normalisation",
+            "token",
+            "4",
+            choices=("4", "pi"),
+            help="What D is divided by: 4, which follows from geometry, or pi (Cook and Torrance 1982).",
+        ),
+        _roughness("roughness", "m, the root mean square slope times the root of 2; alpha of GGX."),
+        _roughness("roughness2", "m of the second scale."),
+        Parameter("weight2", "float", 0.0, help="The second scale's part of the facets."),
+        Parameter("gamma", "float", 2.0, hard=(0.5, 4.0), soft=(0.5, 4.0), help="The tail of gtr; 2 is ggx."),
+        Parameter(
+            "eta", "color", (1.5, 1.5, 1.5), hard=(0.05, 10.0), soft=(0.2, 3.0), help="Index of refraction, a channel."
+        ),
+        Parameter("k", "color", (0.0, 0.0, 0.0), hard=(0.0, 20.0), soft=(0.0, 8.0), help="Extinction, a channel."),
+        *named_metal(),
+        Parameter("externalIor", "float", 1.0, hard=(1.0, 4.0), soft=(1.0, 2.0), help="Index of what surrounds it."),
+        Parameter("polarisation", "float", 0.5, help="0 all light perpendicular, 1 all parallel to the plane."),
+    ),
+    bsdf=one_normal(
+        lambertian("torrance-sparrow", "diffuse"),
+        _specular("specular", "roughness", lambda p: 1.0 - p["weight2"]),
+        _specular("specular2", "roughness2", lambda p: p["weight2"]),
+    ),
+    identifier="LookdevTorranceSparrow",
+    energy=_energy,
+    reciprocal=lambda tokens: ("diffuse", "specular", "specular2"),
+    probe={"diffuse": (0.2, 0.2, 0.2), "weight2": 0.3, "roughness2": 0.1},
+    preview=Preview({}, _preview),
+)

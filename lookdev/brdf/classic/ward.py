@@ -1,0 +1,103 @@
+"""Ward's anisotropic model: a Gaussian of the half vector's slopes.
+
+f = kd / pi + ks exp(-tan^2 theta_h (cos^2 phi_h / ax^2 + sin^2 phi_h / ay^2)) / (4 pi ax ay N).
+
+- Ward, G. J. 1992. Measuring and Modeling Anisotropic Reflection. SIGGRAPH, eq. 5a.
+- Dür, A. 2006. An Improved Normalization for the Ward Reflectance Model. Journal of Graphics Tools 11(1).
+
+N is the root of the product of both cosines, or with ``variant = "dur"`` the product. Half vectors are sampled in
+proportion to the Gaussian of slopes (Ward 1992, eq. 6).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from lookdev.brdf.classic.parts import DIM, color, lambertian, log_rest, one_normal, parameters
+from lookdev.brdf.frames import Frame
+from lookdev.brdf.lobes import Directions, Lobe
+from lookdev.brdf.model import Model, Preview
+from lookdev.brdf.parameters import Parameter
+from lookdev.brdf.vectors import Array, Parameters, Real, mean, normalize, reflect, scale, vector
+
+
+def _specular(p: Parameters, wo: Array, frame: Frame) -> Lobe:
+    alpha_x, alpha_y = p["alphaX"], p["alphaY"]
+
+    def gaussian(d: Directions) -> Array:
+        x, y, z = d.wm[..., 0] / alpha_x, d.wm[..., 1] / alpha_y, _cosine(d)
+        value: Array = np.exp(-(x * x + y * y) / (z * z)) / (4.0 * np.pi * alpha_x * alpha_y)
+        return value
+
+    def evaluate(d: Directions) -> Array:
+        product = np.maximum(d.cos_theta_i * d.cos_theta_o, DIM)
+        return scale(p["specular"], gaussian(d) / (product if p["variant"] == "dur" else np.sqrt(product)))
+
+    def pdf(d: Directions) -> Array:
+        z = _cosine(d)
+        return gaussian(d) / (z * z * z * d.cos_theta_d)
+
+    def sample(u1: Array, u2: Array) -> Array:
+        r, phi = np.sqrt(-log_rest(u2)), 2.0 * np.pi * u1
+        x = alpha_x * r * np.cos(phi)
+        return reflect(wo, normalize(vector(x, alpha_y * r * np.sin(phi), 1.0 + 0.0 * x)))
+
+    return Lobe(
+        "ward",
+        "specular",
+        mean(p["specular"]),
+        evaluate,
+        pdf,
+        sample,
+        group="specular",
+        frame=frame,
+        values={"specular": p["specular"], "alpha_x": alpha_x, "alpha_y": alpha_y},
+    )
+
+
+def _cosine(d: Directions) -> Array:
+    # Below the floor the Gaussian is 0, and its quotient by the cube would not be a number.
+    cosine: Array = np.maximum(d.wm[..., 2], 1e-6)
+    return cosine
+
+
+def _alpha(name: str, along: str) -> Parameter:
+    return Parameter(
+        name,
+        "float",
+        0.15,
+        hard=(0.005, 1.0),
+        soft=(0.02, 0.5),
+        help=f"Standard deviation of the slope along the {along}, times the root of 2.",
+    )
+
+
+def _preview(p: Parameters) -> dict[str, Real]:
+    return {"roughness": np.sqrt(np.sqrt(p["alphaX"] * p["alphaY"])), "f0": mean(p["specular"])}
+
+
+WARD = Model(
+    name="ward",
+    title="Ward",
+    text="Ward's anisotropic model (Ward 1992), or with the normalisation of Dür 2006.",
+    parameters=parameters(
+        color("diffuse", 0.2, "kd, the colour of the body; linear."),
+        color("specular", 0.3, "ks, the colour of the highlight; linear."),
+        _alpha("alphaX", "tangent"),
+        _alpha("alphaY", "bitangent"),
+        Parameter(
+            "variant",
+            "token",
+            "1992",
+            choices=("1992", "dur"),
+            help="1992: divided by the root of the product of both cosines. dur: by the product (Dür 2006).",
+        ),
+    ),
+    bsdf=one_normal(lambertian("ward", "diffuse"), _specular),
+    identifier="LookdevWard",
+    # Diffuse and specular may both be white; Dür's grows without bound as the view grazes.
+    energy=lambda tokens: np.inf if tokens["variant"] == "dur" else 2.0,
+    reciprocal=lambda tokens: ("diffuse", "specular"),
+    probe={"alphaX": 0.2, "alphaY": 0.2},
+    preview=Preview({"diffuseColor": "diffuse"}, _preview),
+)

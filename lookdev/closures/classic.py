@@ -1,0 +1,18 @@
+"""Closures of Cycles that stand for lobes of the classic models (`lookdev.brdf.classic`): Lambert's is one of them."""
+
+from __future__ import annotations
+
+from lookdev.brdf.lobes import Lobe
+from lookdev.brdf.vectors import Array
+from lookdev.closures.closure import Closure, StandIn
+
+
+def lambert(lobe: Lobe, wo: Array) -> tuple[Closure, ...]:
+    """Return the closure that is the lobe."""
+    return (Closure("diffuse", lobe.values["color"], frame=lobe.frame),)
+
+
+STAND_INS: dict[tuple[str, str], StandIn] = {
+    ("lambert", "diffuse"): lambert,
+}
+"""By the names of the model and of a lobe."""
