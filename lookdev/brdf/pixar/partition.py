@@ -148,7 +148,8 @@ def layer_partition(p: Parameters, wo: Array) -> Partition:
     # 1 - ratio, without cancellation where the surface is smooth.
     rest = np.minimum(2.0 * rough, 1.0) * (1.0 + m + m * m)
     reflected = _reflected(p)
-    through = Term(scale(color * (1.0 - reflected.ends()[0]), clear), scale(color, clear * (1.0 - g_refl)))
+    unreflected = _unreflected(p, np.ones(())) if is_exact(p) else 1.0 - reflected.ends()[0]
+    through = Term(scale(color * unreflected, clear), scale(color, clear * (1.0 - g_refl)))
     if conserving:
         at_view = reflected.weight(cosines["highlight"])
         # An exact curve is not a blend of its ends.

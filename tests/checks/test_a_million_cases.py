@@ -1,0 +1,63 @@
+"""Every model at a million random and extreme inputs: finite, not negative, in float64, float32 and inside Cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import CONTINUOUS, sample
+from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
+from lookdev.checks.extremes import extreme_cases
+from lookdev.codegen.osl.points import PointLayer
+
+pytestmark = pytest.mark.slow
+
+COUNT = 1_000_000
+_PART = 50_000
+
+
+def parts(model: str) -> list[Batch]:
+    """Draw cases of all forms of a model, with its options."""
+    record = CONTINUOUS[model]
+    choices = record.forms()
+    forms = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
+    files = {each.name: "builtin:plastic" for each in record.parameters.values() if each.file}
+    rng = np.random.default_rng(2026)
+    layers = [PointLayer(model, record.tokens(form | files)) for form in forms]
+    number = -(-COUNT // _PART)
+    return [extreme_cases([layers[part % len(layers)]], _PART, rng).batch for part in range(number)]
+
+
+def float32(batch: Batch) -> Batch:
+    numbers = tuple({name: value.astype(np.float32) for name, value in each.items()} for each in batch.numbers)
+    return replace(batch, wo=batch.wo.astype(np.float32), wi=batch.wi.astype(np.float32), numbers=numbers)
+
+
+def sound(values: np.ndarray) -> bool:
+    return bool(np.isfinite(values).all() and (values >= 0.0).all())
+
+
+@pytest.mark.parametrize("model", sorted(CONTINUOUS))
+def test_numpy_is_finite(model: str) -> None:
+    rng = np.random.default_rng(1)
+    for batch in parts(model):
+        for each in (batch, float32(batch)):
+            with np.errstate(all="ignore"):
+                f, density = evaluate_numpy(each)
+                u = rng.random((_PART, 2)).astype(each.wo.dtype)
+                drawn = sample(each.bsdf(), each.wo, u)
+            assert sound(f)
+            assert sound(density)
+            assert np.isfinite(drawn).all()
+
+
+@pytest.mark.cycles
+@pytest.mark.parametrize("model", sorted(CONTINUOUS))
+def test_cycles_is_finite(model: str) -> None:
+    for batch in parts(model):
+        f, density = evaluate_cycles(batch)
+        assert sound(f)
+        assert sound(density)
