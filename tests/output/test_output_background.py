@@ -48,7 +48,9 @@ def test_a_lens_blurs_the_environment(aperture: float, light, frame_of: FrameOf)
 
 def test_a_small_aperture_blurs_nothing(frame_of: FrameOf) -> None:
     sharp = environment_background(frame_of(CAMERA))
-    np.testing.assert_array_equal(environment_background(frame_of(replace(CAMERA, lens=Lens(1e-4, 2.5)))), sharp)
+    small = environment_background(frame_of(replace(CAMERA, lens=Lens(1e-4, 2.5))))
+    # The same sums, which a library of linear algebra may order otherwise from call to call.
+    np.testing.assert_allclose(small, sharp, rtol=1e-13)
     blurred = environment_background(frame_of(replace(CAMERA, lens=Lens(2.0, 2.5))))
     assert blurred.shape == sharp.shape
     assert blurred.min() >= 0.0

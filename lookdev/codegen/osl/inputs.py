@@ -22,16 +22,16 @@ class Names:
     inputs: Inputs
     given: dict[str, str] = field(default_factory=dict)
     constants: list[float] = field(default_factory=list)
-    _numbers: dict[int, str] = field(default_factory=dict)
+    _numbers: dict[float, str] = field(default_factory=dict)
 
     def spell(self, symbol: str | Uniform) -> str:
         """Return the text of a symbol, or of a uniform."""
         if isinstance(symbol, Uniform):
-            if symbol.place not in self._numbers:
-                self._numbers[symbol.place] = f"look_{len(self.constants)}"
+            if symbol not in self._numbers:
+                self._numbers[symbol] = f"look_{len(self.constants)}"
                 literal(symbol)  # finite
                 self.constants.append(float(symbol))
-            return self._numbers[symbol.place]
+            return self._numbers[symbol]
         source = self.inputs.look_up_of(symbol)
         if source is None:
             return symbol

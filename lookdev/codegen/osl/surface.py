@@ -32,7 +32,6 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import LIFT
 
-_MASK = "mask of the layer"
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
 # Share of a broad lobe in the directions drawn from the BSDF, without and with bounces: light-sampled, it needs
@@ -94,7 +93,7 @@ def generate_surface(
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    bsdf = stack_bsdf([_of_look(graph, number, layer) for number, layer in enumerate(look_layers(look, inputs))])
+    bsdf = stack_bsdf([_of_look(graph, layer) for layer in look_layers(look, inputs)])
     lobes = continuous_lobes(graph, bsdf)
     deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
@@ -188,14 +187,11 @@ def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dic
     return {"feature_albedo": elements_of(np.clip(albedo, 0.0, 1.0)), "feature_normal": elements_of(normal)}
 
 
-def _of_look(graph: Graph, number: int, layer: StackLayer) -> StackLayer:
+def _of_look(graph: Graph, layer: StackLayer) -> StackLayer:
     """Return a layer, its constants as uniforms."""
     # By identity: a parameter that follows another has the same object.
-    found: dict[int, Any] = {}
-    values = {**layer.parameters, _MASK: layer.mask}
-    for name, value in values.items():
-        plain = isinstance(value, np.ndarray | float)
-        found.setdefault(id(value), uniforms(graph, value, number, name) if plain else value)
+    found = {id(each): each for each in (*layer.parameters.values(), layer.mask)}
+    found = {key: uniforms(graph, v) if isinstance(v, np.ndarray | float) else v for key, v in found.items()}
     parameters = {name: found[id(value)] for name, value in layer.parameters.items()}
     return replace(layer, parameters=parameters, mask=found[id(layer.mask)])
 

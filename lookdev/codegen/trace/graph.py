@@ -19,12 +19,10 @@ Scalar: TypeAlias = "Node | float | bool"
 
 
 class Uniform(float):
-    """A number that depends on constants of a look alone; `place` is that of its expression among the graph's.
+    """A number that depends on constants of a look alone.
 
     It folds as every constant does, but is written by a name: looks whose code differs in such numbers alone share it.
     """
-
-    place: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +60,6 @@ class Graph:
     def __init__(self) -> None:
         self._nodes: dict[tuple[Any, ...], Node] = {}
         self._facts: dict[Node, bool] = {}
-        self._places: dict[tuple[Any, ...], int] = {}
 
     def assume(self, condition: Node, value: bool = True) -> None:
         """Fold a condition to a constant from now on: it has that value wherever the traced code runs."""
@@ -73,14 +70,6 @@ class Graph:
         node = self._intern("symbol", (name,))
         assert isinstance(node, Node), "only conditions are assumed"
         return node
-
-    def uniform(self, value: float, *expression: Any) -> float:
-        """Return a uniform that has a value in this look; an `expression` is the same one in every look."""
-        if value in _SIMPLE:
-            return value
-        found = Uniform(value)
-        found.place = self._places.setdefault(expression, len(self._places))
-        return found
 
     def apply(self, op: str, *args: Any) -> Any:
         """Return the node, or the constant, that is `op` of `args`.
@@ -99,12 +88,8 @@ class Graph:
         if not any(isinstance(arg, Node) for arg in args):
             function: Any = getattr(np, op)
             value = function(*args).item()
-            uniforms = [arg for arg in args if isinstance(arg, Uniform)] if isinstance(value, float) else []
-            if not uniforms:
-                return value
-            # What an operation leaves as it is, such as a product with 1, is still the same expression.
-            same = (each for each in uniforms if each == value)
-            return next(same, None) or self.uniform(value, op, *map(_known, args))
+            of_look = isinstance(value, float) and any(isinstance(arg, Uniform) for arg in args)
+            return uniform(value) if of_look else value
         simple = _simplify(op, args)
         return self._intern(op, args) if simple is None else simple
 
@@ -123,11 +108,14 @@ class Graph:
         return self._facts.get(node, node)
 
 
+def uniform(value: float) -> float:
+    """Return a number as a uniform, unless it is one that simplifies code."""
+    return value if value in _SIMPLE else Uniform(value)
+
+
 def _known(value: Any) -> Any:
     """Return a key of an argument."""
     # The type is part of it because True == 1.0 in Python; the sign because 0.0 == -0.0.
-    if isinstance(value, Uniform):
-        return Uniform, value.place
     return value if isinstance(value, Node) else (type(value), str(value))
 
 

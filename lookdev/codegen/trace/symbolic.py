@@ -15,7 +15,7 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import NDArray
 
 from lookdev.brdf.table import Table, look_up
-from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform
+from lookdev.codegen.trace.graph import OPERATIONS, Graph, Node, Uniform, uniform
 from lookdev.errors import CodegenError
 
 
@@ -82,11 +82,10 @@ class UniformArray(np.ndarray[Any, Any]):
         return func(*map(_plain, args), **kwargs)
 
 
-def uniforms(graph: Graph, value: Any, *expression: Any) -> Any:
-    """Return an array of floats as uniforms, but for those of simple values; `expression` as of `Graph.uniform`."""
-    array = np.asarray(value)
-    elements = [graph.uniform(each, *expression, place) for place, each in enumerate(array.ravel().tolist())]
-    return _wrap(graph, np.array([*elements, None], dtype=object)[:-1].reshape(array.shape))
+def uniforms(graph: Graph, value: Any) -> Any:
+    """Return an array of floats as `uniform` numbers."""
+    elements: Callable[..., Any] = np.frompyfunc(uniform, 1, 1)
+    return _wrap(graph, elements(np.asarray(value).astype(object)))
 
 
 def _plain(value: Any) -> Any:
