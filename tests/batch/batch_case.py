@@ -14,6 +14,7 @@ from lookdev.batch.run import RunResult, run_plan
 from lookdev.cache import Content
 from lookdev.codegen import ShaderSource
 from lookdev.job import Job, parse_job
+from lookdev.lifetime import ending_at_signals
 from lookdev.light import Dome
 from lookdev.material import Look
 from lookdev.output.exr import read_header
@@ -111,7 +112,8 @@ def run(folder: Path, job: Job | None = None, **options: object) -> RunResult:
 
 
 if __name__ == "__main__":
-    result = run(Path(sys.argv[1]))
+    with ending_at_signals():  # as in the command line: a signal just before a wait would be seen after it
+        result = run(Path(sys.argv[1]))
     sys.stdout.write(result.summary() + "\n")
     sys.stdout.flush()
     os._exit(result.exit_code)
