@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, replace
 from functools import cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lookdev.asset import Asset
 from lookdev.bench.looks import LOOKS
@@ -56,11 +59,20 @@ def bench_lights(name: str, asset: Asset) -> tuple[Light, ...]:
 
 
 def bench_scene(
-    asset: Asset, look: Look, lights: Sequence[Light], resolution: int, bounces: int, backend: str = "exact"
+    asset: Asset,
+    look: Look,
+    lights: Sequence[Light],
+    resolution: int,
+    bounces: int,
+    backend: str = "exact",
+    *,
+    denoise: bool = False,
 ) -> SceneTask:
-    """Return a scene of one look, with the default sampling."""
+    """Return a scene of one look, with the default sampling; `denoise` where its backend can, else never."""
     scene = Scene.of_look(asset, look, lights[0], (resolution, resolution))
-    return scene_task(replace(scene, lights=tuple(lights)), Sampling(bounces=bounces), backend)
+    denoised = denoise and BACKENDS[backend].features
+    sampling = Sampling(bounces=bounces, denoise="measured" if denoised else "off")
+    return scene_task(replace(scene, lights=tuple(lights)), sampling, backend)
 
 
 @contextmanager
@@ -71,17 +83,23 @@ def open_candidates(cell: Cell, options: Options) -> Iterator[list[Candidate]]:
     with ExitStack() as stack:
         candidates = []
         for backend in options.backends_of(cell):
-            scene = bench_scene(asset, look, lights, options.resolution, SCENES[cell.scene].bounces, backend)
+            bounces = SCENES[cell.scene].bounces
+            scene = bench_scene(asset, look, lights, options.resolution, bounces, backend, denoise=options.denoise)
             render = stack.enter_context(renderer(PATIENCE))
 
             def shoot(
-                samples: int, seed: int, scene: SceneTask = scene, render: Callable[[FrameTask], Rendered] = render
+                samples: int,
+                seed: int,
+                scene: SceneTask = scene,
+                render: Callable[[FrameTask], Rendered] = render,
+                **sampling: Any,
             ) -> Shot:
-                name = f"{samples}.{seed}"
-                return shot_of(render(one_frame(scene, POSE, name, samples=samples, error=None, seed=seed)))
+                chosen = {"samples": samples, "seed": seed, "denoise": "off", **sampling}
+                return shot_of(render(one_frame(scene, POSE, f"{samples}.{seed}", **chosen)))
 
             key = picture_key(scene, look, cell.ibl)
-            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene)))
+            denoises = BACKENDS[backend].features
+            candidates.append(Candidate(backend, key, shoot, skips_of(cell, scene), denoises))
         yield candidates
 
 
@@ -97,7 +115,15 @@ def skips_of(cell: Cell, scene: SceneTask) -> tuple[str, ...]:
 def shot_of(rendered: Rendered) -> Shot:
     """Return the mean of a frame's halves, with its figures."""
     image = (rendered.a + rendered.b) * np.float32(0.5)
-    return Shot(image, rendered.alpha, rendered.seconds, rendered.memory, rendered.blender)
+
+    def shot(image: NDArray[np.float32], seconds: float, estimate: float | None, raw: Shot | None = None) -> Shot:
+        known = None if estimate is None or math.isnan(estimate) else estimate
+        figures = rendered.memory, rendered.blender, rendered.samples
+        return Shot(image, rendered.alpha, seconds, *figures, known, raw)
+
+    if rendered.raw is None or rendered.raw_seconds is None:
+        return shot(image, rendered.seconds, rendered.relmse)
+    return shot(image, rendered.seconds, rendered.relmse, shot(rendered.raw, rendered.raw_seconds, rendered.raw_relmse))
 
 
 def picture_key(scene: SceneTask, look: Look, ibl: str) -> str:

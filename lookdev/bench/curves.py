@@ -29,11 +29,19 @@ class Reached:
         return f"{self.mark}{self.value:.3g}"
 
 
-def reach(effort: Sequence[float], error: Sequence[float], target: float) -> Reached | None:
+def reach(
+    effort: Sequence[float],
+    error: Sequence[float],
+    target: float,
+    *,
+    limit: float | None = REACH,
+    slopes: tuple[float, float] = (0.0, math.inf),
+) -> Reached | None:
     """Return the effort (seconds, or samples) at which a curve first reaches an error `target`.
 
-    `effort` and `error` are its points by increasing samples, positive. None where the curve, extrapolated by the slope
-    of its last two points, does not reach the target within `REACH` times its last effort.
+    `effort` and `error` are its points by increasing samples, positive. Beyond them the curve falls, in logarithms, by
+    the slope of its last two points, within `slopes`: 1 is that of independent samples. None where it does not fall, or
+    does not reach the target within `limit` times its last effort.
     """
     if not error:
         return None
@@ -43,10 +51,12 @@ def reach(effort: Sequence[float], error: Sequence[float], target: float) -> Rea
     for start, end in pairwise(points):
         if end[1] <= target:
             return Reached(_along(start, end, target))
-    if len(points) < 2 or not (error[-1] < error[-2] and effort[-1] > effort[-2]):
+    slope = _slope(points[-2], points[-1]) if len(points) > 1 and effort[-1] > effort[-2] else 0.0
+    slope = min(max(slope, slopes[0]), slopes[1])
+    if slope <= 0.0:
         return None
-    value = _along(points[-2], points[-1], target)
-    return Reached(value, "~") if value <= REACH * effort[-1] else None
+    value = effort[-1] * (error[-1] / target) ** (1.0 / slope)
+    return Reached(value, "~") if limit is None or value <= limit * effort[-1] else None
 
 
 def ratio(one: Reached | None, other: Reached | None) -> Reached | None:
@@ -69,6 +79,11 @@ def at(effort: Sequence[float], error: Sequence[float], where: float) -> float:
             slope = math.log(end[1] / start[1]) / math.log(end[0] / start[0])
             return start[1] * math.exp(slope * math.log(where / start[0]))
     raise ValueError("a curve has two points or more")
+
+
+def _slope(start: tuple[float, float], end: tuple[float, float]) -> float:
+    """Return how fast the error falls between two points, in logarithms."""
+    return math.log(start[1] / end[1]) / math.log(end[0] / start[0])
 
 
 def _along(start: tuple[float, float], end: tuple[float, float], target: float) -> float:

@@ -44,6 +44,19 @@ def layered(layers: int) -> Look:
     return Look(f"{layers} layers", tuple(stack))
 
 
+def different(number: int) -> Look:
+    """Return one of many looks of a Disney layer, all of them different: eight programs, in colours of their own."""
+    share = number / (number + 4.0)
+    inputs: dict[str, Input] = {
+        "baseColor": (0.2 + 0.6 * share, 0.5, 0.7 - 0.5 * share),
+        "roughness": 0.25 + 0.5 * share,
+        "metallic": float(number & 1),
+        "clearcoat": float(number >> 1 & 1),
+        "anisotropic": 0.7 * (number >> 2 & 1),
+    }
+    return Look(f"look{number}", (Layer("Layer", "disney", inputs),))
+
+
 def _plastic() -> Look:
     return Look("plastic", (Layer("Plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3}),))
 
@@ -58,6 +71,16 @@ def _metal() -> Look:
     return Look("metal", (Layer("Metal", "disney", inputs),))
 
 
+def _brushed() -> Look:
+    inputs: dict[str, Input] = {"baseColor": (0.91, 0.92, 0.92), "metallic": 1.0, "roughness": 0.3, "anisotropic": 0.9}
+    return Look("brushed_metal", (Layer("Brushed", "disney", inputs),))
+
+
+def _copper() -> Look:
+    inputs: dict[str, Input] = {"baseColor": (0.95, 0.64, 0.54), "metallic": 1.0, "roughness": 0.25}
+    return Look("copper", (Layer("Copper", "disney", inputs),))
+
+
 def _transmitting() -> Look:
     body: dict[str, Input] = {"surfaceColor": (0.8, 0.55, 0.3), "roughness": 0.4, "clear": 0.5, "back": 0.4}
     varnish: dict[str, Input] = {"surfaceColor": (0.9, 0.95, 0.9), "roughness": 0.15, "clear": 0.9}
@@ -68,6 +91,8 @@ LOOKS: dict[str, BenchLook] = {
     "plastic": BenchLook("blue plastic, one Disney layer", _plastic),
     "car_paint": BenchLook("red paint under a clear coat, one Disney layer", _car_paint),
     "metal": BenchLook("anisotropic metal, one Disney layer", _metal),
+    "brushed_metal": BenchLook("aluminium, brushed strongly, one Disney layer", _brushed),
+    "copper": BenchLook("isotropic metal, smooth enough to see itself in its recesses, one Disney layer", _copper),
     "stack": BenchLook("six Disney layers, their masks textures", lambda: layered(6)),
     "pixar": BenchLook("two Pixar layers that transmit light, and each other's light", _transmitting),
 }

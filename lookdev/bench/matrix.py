@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from itertools import product, starmap
+from types import MappingProxyType
 from typing import Any
 
 from lookdev.asset import BUILTINS, Asset
@@ -45,6 +45,8 @@ SEEDS = 128
 """Each stands for `MOST_REPEATS` times 16 of a renderer's seeds."""
 
 RESOLUTIONS = (16, 4096)
+QUARTERS = 4
+"""Parts of a sequence whose growth is measured."""
 
 
 @dataclass(frozen=True)
@@ -76,14 +78,19 @@ class Options:
     seed: int = 0
     reference: int = 8  # samples of a reference, at least, over the largest count
     fresh: bool = field(default=False, compare=False)  # references are rendered again
+    frames: int = 100  # of the sequence whose growth is measured
+    targets: tuple[float, ...] = (1e-3, 1e-4)  # relMSE to which the time is measured
+    denoise: bool = False  # each render is denoised too
+    aim: float | None = None  # exact is also rendered until it estimates this relMSE
+    until: float = 0.0  # relMSE below which a backend is rendered with no more samples
+    enough: float = 0.0  # relMSE of a reference below which it takes no more samples
+    independent: bool = False  # beyond its samples a curve falls as that of independent samples, however far
 
     def __post_init__(self) -> None:
         _known("scene", self.scenes, list(SCENES))
         _known("IBL", self.ibls, [*IBLS, *RIGS])
         _known("look", self.looks, list(LOOKS))
         _known("backend", self.backends, list(BACKENDS))
-        if "mitsuba" in self.backends and not has_mitsuba():
-            raise LookdevError("the backend 'mitsuba' needs the package mitsuba: pip install mitsuba")
         for count in self.samples:
             if not 2 <= count <= LARGEST_SAMPLES or count & (count - 1):
                 raise LookdevError(f"{count} samples: counts are powers of two from 2 to {LARGEST_SAMPLES}")
@@ -96,6 +103,8 @@ class Options:
             raise LookdevError(f"{self.repeats} repeats: from 1 to {MOST_REPEATS}")
         if not 0 <= self.seed < SEEDS:
             raise LookdevError(f"seed {self.seed}: it is from 0 to {SEEDS - 1}")
+        if self.frames < QUARTERS:
+            raise LookdevError(f"{self.frames} frames: their first quarter needs at least {QUARTERS}")
         if not 4 <= self.reference <= 1024:
             raise LookdevError(f"a reference of {self.reference} times the largest count: from 4 to 1024")
 
@@ -109,27 +118,29 @@ class Options:
         return tuple(name for name in self.backends if BACKENDS[name].cannot_show(look) is None)
 
 
-def has_mitsuba() -> bool:
-    """Return whether the package mitsuba is installed, without importing it."""
-    return importlib.util.find_spec("mitsuba") is not None
-
-
-def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool, **numbers: int | None) -> Options:
+def parse_options(
+    lists: Mapping[str, str],
+    *,
+    defaults: Mapping[str, Any] = MappingProxyType({}),
+    everything: bool = False,
+    **numbers: int | None,
+) -> Options:
     """Return the options of a command line; errors as `Options`.
 
     Parameters
     ----------
     lists
         Of ``scenes``, ``ibls``, ``looks``, ``backends`` and ``samples``, separated by commas; empty for the default.
-    everything, sequence
-        Make the default all names, or one scene, once.
+    defaults
+        Fields of `Options`, of the kind of benchmark.
+    everything
+        Makes all names the default.
     numbers
         Other fields of `Options`; None for the default.
     """
-    chosen: dict[str, Any] = {"scenes": ("shaderball",), "repeats": 1} if sequence else {}
+    chosen: dict[str, Any] = dict(defaults)
     if everything:
-        backends = tuple(name for name in BACKENDS if name != "mitsuba" or has_mitsuba())
-        chosen |= {"scenes": tuple(SCENES), "ibls": (*IBLS, *RIGS), "looks": tuple(LOOKS), "backends": backends}
+        chosen |= {"scenes": tuple(SCENES), "ibls": (*IBLS, *RIGS), "looks": tuple(LOOKS), "backends": tuple(BACKENDS)}
     given = {kind: tuple(part.strip() for part in text.split(",")) for kind, text in lists.items() if text.strip()}
     for count in given.get("samples", ()):
         if not count.isdecimal():
@@ -138,6 +149,16 @@ def parse_options(lists: Mapping[str, str], *, everything: bool, sequence: bool,
     if "samples" in given:
         chosen["samples"] = tuple(map(int, given["samples"]))
     return Options(**chosen)
+
+
+def restricted(options: Options, defaults: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what options restrict a benchmark to, by the names of the fields that are not its defaults.
+
+    Another seed, and more samples of references, restrict nothing.
+    """
+    whole = replace(parse_options({}, defaults=defaults), seed=options.seed, reference=options.reference)
+    compared = (each.name for each in fields(Options) if each.compare)
+    return tuple(name for name in compared if getattr(options, name) != getattr(whole, name))
 
 
 def listing() -> str:

@@ -2,13 +2,14 @@
 
 The protocol is that of `lookdev.cycles`: frame tasks on standard input, answers on standard output. Blender's sockets
 of a `PrincipledSource` are translated to Mitsuba's ``principled``; the models differ, so pictures are similar only.
-`samples`, `seed` and `bounces` are those of Cycles.
+`samples`, `seed` and `bounces` are those of Cycles. The variant is the one that compiles by LLVM.
 """
 
 from __future__ import annotations
 
 import importlib
 import math
+import os
 import subprocess
 import sys
 import tempfile
@@ -31,10 +32,13 @@ from lookdev.light import native_images
 from lookdev.render import wire
 from lookdev.render.answers import Answers, save_arrays
 from lookdev.render.backends import BACKENDS
-from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.llvm import VARIABLE, find_llvm
+from lookdev.render.oidn import denoiser
+from lookdev.render.task import FrameTask
 
-VARIANTS = ("llvm_ad_rgb", "scalar_rgb")
-"""Fastest first; the first needs LLVM's library."""
+VARIANT = "llvm_ad_rgb"
+
+_FEATURE_SAMPLES = 16  # as many as of Cycles' pictures that guide a denoiser
 
 # Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
 _UPRIGHT = [[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1]]
@@ -50,35 +54,40 @@ _NOTHING = {
 def main() -> None:
     """Serve until the input ends."""
     answers = Answers()
-    mi, variant = load_mitsuba()
-    answers.ready(f"mitsuba {mi.__version__} {variant}")
-    built: tuple[SceneTask, Any] | None = None
+    mi = load_mitsuba()
+    answers.ready(f"mitsuba {mi.__version__} {VARIANT}")
+    built: tuple[FrameTask, Any] | None = None
     for line in sys.stdin:
         task = wire.decode(line)
         try:
-            if built is None or not _same(built[0], task.scene):
-                built = task.scene, build_scene(mi, task)
+            if built is None or not _same(built[0], task):
+                built = task, build_scene(mi, task)
             _render(mi, built[1], task, answers)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             built = None
             answers.failed(task.digest, error)
 
 
-def load_mitsuba() -> tuple[Any, str]:
-    """Import Mitsuba and set the fastest variant that renders here; return both, or raise RenderError."""
-    for variant in VARIANTS:
-        # In a separate process, because an LLVM that does not fit the processor crashes.
-        trial = subprocess.run((sys.executable, "-m", _MODULE, "--try", variant), check=False, stdout=2)
-        if trial.returncode == 0:
-            mi: Any = importlib.import_module("mitsuba")
-            mi.set_variant(variant)
-            return mi, variant
-    raise RenderError(f"no variant of Mitsuba renders here: {', '.join(VARIANTS)}")
-
-
-def _try(variant: str) -> None:
+def load_mitsuba() -> Any:
+    """Import Mitsuba; raises RenderError where it, or an LLVM for it, is not installed."""
+    os.environ[VARIABLE] = find_llvm()
     mi: Any = importlib.import_module("mitsuba")
-    mi.set_variant(variant)
+    mi.set_variant(VARIANT)
+    return mi
+
+
+def check_mitsuba() -> None:
+    """Raise RenderError where Mitsuba does not render here; tried in another process, which some LLVMs crash."""
+    llvm = find_llvm()
+    command = (sys.executable, "-m", _MODULE, "--try")
+    done = subprocess.run(command, check=False, capture_output=True, env=os.environ | {VARIABLE: llvm})
+    if done.returncode:
+        last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
+        raise RenderError(f"Mitsuba does not render with {llvm}, which {VARIABLE} can replace by another: {last[:200]}")
+
+
+def _try() -> None:
+    mi = load_mitsuba()
     np.asarray(mi.render(mi.load_dict(_NOTHING), spp=1))
 
 
@@ -111,7 +120,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     asset = read_asset(scene.asset.path)
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
-    if unknown := BACKENDS["mitsuba"].cannot_light(scene.lights):
+    if unknown := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
         raise RenderError(unknown[0])
     (image,) = native_images(scene.lights)
     # Only the radiance: the file has other channels.
@@ -196,19 +205,34 @@ def _render(mi: Any, scene: Any, task: FrameTask, answers: Answers) -> None:
     started = time.perf_counter()
     # The copy waits for the render.
     pixels = np.array(mi.render(scene, spp=sampling.samples, seed=sampling.seed), dtype=np.float32)
+    image, alpha = pixels[..., :3], pixels[..., 3]
     seconds = time.perf_counter() - started
-    arrays = save_arrays(pixels[..., :3], pixels[..., :3], pixels[..., 3])
-    answers.done(task.digest, arrays, samples=sampling.samples, seconds=seconds, relmse=math.nan)
+    figures: dict[str, Any] = {"samples": sampling.samples, "relmse": math.nan}
+    if sampling.denoise == "off":
+        answers.done(task.digest, save_arrays(image, image, alpha), seconds=seconds, **figures)
+        return
+    smooth = denoiser(*_features(mi, scene, sampling.seed))(image)
+    arrays = save_arrays(smooth, smooth, alpha, image)
+    figures |= {"raw_relmse": math.nan, "raw_seconds": seconds}
+    answers.done(task.digest, arrays, seconds=time.perf_counter() - started, **figures)
 
 
-def _same(built: SceneTask, other: SceneTask) -> bool:
-    """Return whether scenes are equal except for samples and seed."""
-    return replace(built, sampling=replace(other.sampling, bounces=built.sampling.bounces)) == other
+def _features(mi: Any, scene: Any, seed: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the albedos and normals (H, W, 3) of a scene, as Mitsuba shows them."""
+    integrator = mi.load_dict({"type": "aov", "aovs": "albedo:albedo,normal:sh_normal"})
+    shown = np.array(mi.render(scene, integrator=integrator, spp=_FEATURE_SAMPLES, seed=seed), dtype=np.float32)
+    return np.clip(shown[..., -6:-3], 0.0, 1.0), shown[..., -3:]
+
+
+def _same(built: FrameTask, other: FrameTask) -> bool:
+    """Return whether poses and scenes are equal except for samples and seed."""
+    scene = replace(built.scene, sampling=replace(other.scene.sampling, bounces=built.scene.sampling.bounces))
+    return (scene, built.pose) == (other.scene, other.pose)
 
 
 if __name__ == "__main__":
     end_with_parent()
     if sys.argv[1:2] == ["--try"]:
-        _try(sys.argv[2])
+        _try()
     else:
         main()

@@ -12,6 +12,7 @@ import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,17 +30,22 @@ FIRST_SEED = 1 << 17
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """One render in a warm process."""
+    """One render in a warm process; of a denoised one, `raw` is the same before that, in less time."""
 
     image: NDArray[np.float32]  # (H, W, 3), premultiplied
     alpha: NDArray[np.float32]  # (H, W)
     seconds: float
     memory: int  # peak of the process, bytes
     renderer: str
+    samples: int  # per pixel
+    estimate: float | None = None  # of its own relMSE
+    raw: Shot | None = None
 
 
-Render = Callable[[int, int], Shot]
-"""Renders with samples per pixel and a seed."""
+class Render(Protocol):
+    """Renders with samples per pixel and a seed; `sampling` are other fields of a `Sampling`."""
+
+    def __call__(self, samples: int, seed: int, **sampling: Any) -> Shot: ...
 
 
 @dataclass(frozen=True)
@@ -130,8 +136,22 @@ class Reference:
         return reference
 
 
+def _lacks(reference: Reference, samples: int, enough: float) -> bool:
+    """Return whether a reference needs another part; the spread of fewer than eight is too uncertain to be enough."""
+    if reference.parts < 4:
+        return True
+    return reference.samples < samples and (reference.parts < 8 or reference.own_relmse > enough)
+
+
 def obtain(
-    key: str, samples: int, parts: int, render: Render, *, fresh: bool = False, report: Callable[[str], None]
+    key: str,
+    samples: int,
+    parts: int,
+    render: Render,
+    *,
+    enough: float = 0.0,
+    fresh: bool = False,
+    report: Callable[[str], None],
 ) -> Reference:
     """Return the reference of a picture from the cache, and render what it lacks.
 
@@ -141,6 +161,8 @@ def obtain(
         Of `picture_key`.
     samples, parts
         Samples of each part, and the number of parts; a reference with more samples, and at least four parts, is used.
+    enough
+        An own relMSE at which eight parts or more are enough.
     fresh
         Ignore the cache.
 
@@ -151,9 +173,9 @@ def obtain(
     """
     file = cache_dir("bench") / f"{hashlib.sha256(key.encode()).hexdigest()}.npz"
     reference = None if fresh else Reference.load(file)
-    if reference is None or (reference.samples < samples * parts and reference.part_samples < samples):
+    if reference is None or (_lacks(reference, samples * parts, enough) and reference.part_samples < samples):
         reference = Reference(samples)
-    while reference.parts < 4 or reference.samples < samples * parts:
+    while _lacks(reference, samples * parts, enough):
         report(f"reference: part {reference.parts + 1} of {parts}, {reference.part_samples} samples a pixel")
         reference.add(render(reference.part_samples, FIRST_SEED + reference.parts))
         # After every part, so that a run after Ctrl-C continues.

@@ -1,31 +1,24 @@
-"""Measurements as a table and as curves."""
+"""Measurements as tables on the terminal."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
 
-import matplotlib as mpl
-from matplotlib.figure import Figure
 from rich import box
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from lookdev.bench.growth import Growth
-from lookdev.bench.measure import TARGETS, CellResult
+from lookdev.bench.measure import CellResult, Series
 from lookdev.bench.results import Machine, Results
 from lookdev.bench.scale import WAYS, ScaleResults
 from lookdev.bench.sequence import SequenceResult
-from lookdev.cache import atomic_path
 
 BIAS_LIMIT = 5.0
 """Standard errors of a bias beyond which it is reported."""
 
-_MEGABYTE = 1e6
-_TARGET_NAMES = {target: f"{target:.0e}".replace("e-0", "e-") for target in TARGETS}
+MEGABYTE = 1e6
 _LEGEND = (
     "s to: seconds of a frame to that relMSE; - not reached; ~ extrapolated; < the fewest samples suffice. exact is: "
     "the time of exact over that of the backend (least..most of the repeats)."
@@ -35,8 +28,10 @@ _LEGEND = (
 def print_results(results: Results, console: Console) -> None:
     """Print the machine, the table of times, then sequence and growth if measured."""
     console.print(Text(machine_line(results.machine)))
+    for backend, why in results.missing.items():
+        console.print(Text(f"without {backend}: {why}", style="bold"), soft_wrap=True)
     if results.cells:
-        console.print(_times(results.cells))
+        console.print(_times(results.cells, results.options.targets))
         for line in skip_lines(results.cells):
             console.print(Text(line), soft_wrap=True)
         for line in warnings(results.cells):
@@ -47,6 +42,8 @@ def print_results(results: Results, console: Console) -> None:
             console.print(Text(f"exact skips {', '.join(results.sequence.skips)}"), soft_wrap=True)
     for growth in results.growth:
         console.print(_growth(growth))
+    for failure in results.failures:
+        console.print(Text(failure, style="bold"), soft_wrap=True)
     if not results.complete:
         console.print(Text("Not complete: this is what was measured until it ended.", style="bold"))
 
@@ -70,42 +67,44 @@ def skip_lines(cells: Sequence[CellResult]) -> list[str]:
 def warnings(cells: Sequence[CellResult]) -> list[str]:
     """Return a line for each biased picture."""
     return [
-        f"{result.cell}: {backend} with {point.samples} samples is off by {point.bias:+.2%}, "
+        f"{result.cell}: {series} with {point.samples} samples is off by {point.bias:+.2%}, "
         f"{abs(point.bias) / point.bias_error:.1f} standard errors: biased, or the cached reference is of another "
         "picture; --fresh makes a new one"
         for result in cells
-        for backend, curve in result.curves.items()
+        for series, curve in result.curves.items()
+        # What a denoiser smooths is biased.
+        if series.way == "raw"
         for point in curve
         if abs(point.bias) > BIAS_LIMIT * point.bias_error
     ]
 
 
-def _times(cells: Sequence[CellResult]) -> Table:
+def _times(cells: Sequence[CellResult], targets: Sequence[float]) -> Table:
     # Wrapped, it fits into 80 columns without cutting numbers.
     table = Table(box=box.SIMPLE_HEAD, caption=_LEGEND, caption_justify="left", pad_edge=False, collapse_padding=True)
     table.add_column("scene, ibl, look", min_width=12)
-    for name in _TARGET_NAMES.values():
-        table.add_column(f"s to\n{name}", justify="right", min_width=6)
+    for target in targets:
+        table.add_column(f"s to\n{target:.0e}".replace("e-0", "e-"), justify="right", min_width=6)
         table.add_column("exact is", justify="right", min_width=12)
     table.add_column("bias, %", justify="right", no_wrap=True)
     table.add_column("MB", justify="right", min_width=4)
     for result in cells:
         table.add_row(str(result.cell))
-        for backend, curve in result.curves.items():
-            memory = max((row.memory for row in result.measurements if row.backend == backend), default=None)
-            row = [f"  {backend}"]
-            for target in _TARGET_NAMES:
-                row += [str(result.reached[backend][target] or "-"), _ratio(result, backend, target)]
+        for series, curve in result.curves.items():
+            memory = max((row.memory for row in result.of(series)), default=None)
+            row = [f"  {series}"]
+            for target in targets:
+                row += [str(result.reached[series][target].value or "-"), _ratio(result, series, target)]
             row.append(f"{100.0 * curve[-1].bias:+.2f}±{100.0 * curve[-1].bias_error:.2f}" if curve else "")
-            row.append(f"{memory / _MEGABYTE:.0f}" if memory else "")
+            row.append(f"{memory / MEGABYTE:.0f}" if memory else "")
             table.add_row(*row)
     return table
 
 
-def _ratio(result: CellResult, backend: str, target: float) -> str:
-    """Return the time of ``exact`` over that of a backend, with the extremes over the repeats."""
+def _ratio(result: CellResult, series: Series, target: float) -> str:
+    """Return the time of ``exact`` over that of a series, with the extremes over the repeats."""
     for each in result.ratios:
-        if (each.backend, each.target) == (backend, target) and each.value is not None:
+        if (each.backend, each.way, each.target) == (*series, target) and each.value is not None:
             extremes = each.low is not None and each.high is not None
             return f"x{each.value}" + (f" ({each.low:.2f}..{each.high:.2f})" if extremes else "")
     return ""
@@ -135,7 +134,7 @@ def print_scale(results: ScaleResults, console: Console) -> None:
     for case in dict.fromkeys(each.case for each in results.starts):
         rows = {way: results.median(case, way) for way in WAYS}
         for way, (planned, sample, memory) in rows.items():
-            row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / _MEGABYTE:.0f}"]
+            row = [f"{case}, {way}", f"{planned:.2f}", f"{sample:.2f}", f"{memory / MEGABYTE:.0f}"]
             if way != "lookdev":
                 row += [f"x{rows['lookdev'][1] / sample:.2f}", f"x{rows['lookdev'][2] / memory:.2f}"]
             table.add_row(*row)
@@ -144,52 +143,8 @@ def print_scale(results: ScaleResults, console: Console) -> None:
 
 def _growth(growth: Growth) -> Table:
     table = Table(box=box.SIMPLE_HEAD)
-    for column in (growth.of, "s a frame", "MB"):
+    for column in (f"{growth.of}, {growth.backend}", "s a frame", "MB"):
         table.add_column(column, justify="right")
     for row in growth.rows:
-        table.add_row(f"{row.size:,}", f"{row.seconds:.3f}", f"{row.memory / _MEGABYTE:.0f}")
+        table.add_row(f"{row.size:,}", f"{row.seconds:.3f}", f"{row.memory / MEGABYTE:.0f}")
     return table
-
-
-def draw_curves(results: Results, folder: Path) -> list[Path]:
-    """Draw relMSE over seconds, an SVG for each look, a panel for each scene and light; return the files."""
-    files = []
-    for look in dict.fromkeys(result.cell.look for result in results.cells):
-        cells = [result for result in results.cells if result.cell.look == look]
-        files.append(folder / f"curves_{look}.svg")
-        _draw(cells, f"{look}: relMSE over seconds of a frame", files[-1])
-    return files
-
-
-def _draw(cells: Sequence[CellResult], title: str, file: Path) -> None:
-    columns = max(1, len({result.cell.ibl for result in cells}))
-    rows = math.ceil(len(cells) / columns)
-    with mpl.rc_context({"svg.hashsalt": "lookdev", "font.size": 8.0}):
-        figure = Figure(figsize=(3.4 * columns, 2.8 * rows), layout="constrained")
-        figure.suptitle(title)
-        panels = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, result in zip(panels, cells, strict=False):
-            _draw_cell(axes, result)
-        for axes in panels[len(cells) :]:
-            axes.set_visible(False)
-        with atomic_path(file) as path:
-            figure.savefig(path, format="svg", metadata={"Date": None})
-
-
-def _draw_cell(axes: Any, result: CellResult) -> None:
-    drawn = False
-    for number, (backend, curve) in enumerate(result.curves.items()):
-        known = [(point.seconds, point.relmse) for point in curve if point.relmse is not None]
-        if known:
-            axes.plot(*zip(*known, strict=True), "o-", markersize=3.0, color=f"C{number}", label=backend)
-            drawn = True
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for target in TARGETS:
-        axes.axhline(target, color="0.7", linewidth=0.8)
-    axes.set_title(f"{result.cell.scene}, {result.cell.ibl}")
-    axes.set_xlabel("seconds")
-    axes.set_ylabel("relMSE")
-    axes.grid(alpha=0.3)
-    if drawn:
-        axes.legend(frameon=False)

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import lookdev
-from lookdev.bench.curves import Reached
 from lookdev.bench.growth import Growth
 from lookdev.bench.matrix import Options
 from lookdev.bench.measure import CellResult, Measurement
@@ -42,6 +41,9 @@ class Results:
 
     options: Options
     machine: Machine
+    restricted: tuple[str, ...] = ()  # the options that make it a part of its kind of benchmark
+    missing: dict[str, str] = field(default_factory=dict)  # backends that are not on this machine, and why
+    failures: list[str] = field(default_factory=list)
     cells: list[CellResult] = field(default_factory=list)
     sequence: SequenceResult | None = None
     growth: list[Growth] = field(default_factory=list)
@@ -62,6 +64,9 @@ class Results:
             "complete": self.complete,
             "machine": asdict(self.machine),
             "options": asdict(self.options),
+            "restricted": self.restricted,
+            "missing": self.missing,
+            "failures": self.failures,
             "cells": [_cell_data(cell) for cell in self.cells],
             "sequence": asdict(self.sequence) if self.sequence else None,
             "growth": [asdict(each) for each in self.growth],
@@ -100,18 +105,19 @@ def _cpu_model() -> str:
 def _cell_data(result: CellResult) -> dict[str, Any]:
     return {
         **asdict(result.cell),
-        "backends": {
-            backend: {
+        "series": {
+            str(series): {
                 "curve": [asdict(point) for point in curve],
-                "seconds_to_relmse": {f"{t:g}": _reached(r) for t, r in result.reached[backend].items()},
-                "renderer": next((row.renderer for row in result.measurements if row.backend == backend), None),
-                "memory": max((row.memory for row in result.measurements if row.backend == backend), default=None),
-                "reference": _reference_data(result, backend),
-                "skipped": result.skips[backend],
+                "seconds_to_relmse": {f"{target:g}": asdict(times) for target, times in result.reached[series].items()},
+                "renderer": next((row.renderer for row in result.of(series)), None),
+                "memory": max((row.memory for row in result.of(series)), default=None),
+                "reference": _reference_data(result, series.backend),
+                "skipped": result.skips[series.backend],
             }
-            for backend, curve in result.curves.items()
+            for series, curve in result.curves.items()
         },
-        "exact_over": [asdict(each) | {"value": _reached(each.value)} for each in result.ratios],
+        "exact_over": [asdict(each) for each in result.ratios],
+        "failures": result.failures,
     }
 
 
@@ -120,7 +126,3 @@ def _reference_data(result: CellResult, backend: str) -> dict[str, Any] | None:
     if reference is None:
         return None
     return {"samples": reference.samples, "parts": reference.parts, "own_relmse": reference.own_relmse}
-
-
-def _reached(reached: Reached | None) -> dict[str, Any] | None:
-    return asdict(reached) if reached else None

@@ -61,9 +61,14 @@ def _rectangles(count: int) -> tuple[Light, ...]:
     return tuple(lights)
 
 
+def rectangles(count: int) -> BenchRig:
+    """Return so many rectangles, together as bright however many they are."""
+    return BenchRig(f"{count} rectangles", partial(_rectangles, count))
+
+
 RIGS: dict[str, BenchRig] = {
     "studio+3": BenchRig("the studio, dimmed, with a rectangle, a disk and a sphere", partial(_three, "studio", 0.3)),
     "city+3": BenchRig("the city, dimmed, with a rectangle, a disk and a sphere", partial(_three, "city", 0.3)),
-    "lamp": BenchRig("one rectangle", partial(_rectangles, 1)),
-    "100lamps": BenchRig("a hundred rectangles", partial(_rectangles, 100)),
+    "lamp": rectangles(1),
+    "100lamps": rectangles(100),
 }

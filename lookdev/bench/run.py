@@ -7,31 +7,77 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from lookdev.bench import sequence
+from lookdev.bench import mitsuba_worker, sequence, table
 from lookdev.bench.backends import open_candidates
-from lookdev.bench.growth import OpenRenderer, measure_growth
+from lookdev.bench.document import check_document, write_section
+from lookdev.bench.growth import OpenRenderer, measure_growth, open_process
 from lookdev.bench.matrix import Cell, Options
-from lookdev.bench.measure import Candidate, CellRun
-from lookdev.bench.report import draw_curves
+from lookdev.bench.measure import Candidate, CellRun, Series
+from lookdev.bench.plots import draw_curves, draw_growth
 from lookdev.bench.results import Results, this_machine
 from lookdev.bench.sequence import Produce, Subject, choose_samples, measure_sequence, producers
-from lookdev.errors import LookdevError
+from lookdev.errors import LookdevError, RenderError
 
 Open = Callable[[Cell, Options], AbstractContextManager[list[Candidate]]]
 Report = Callable[[str], None]
+
+NEEDS: dict[str, Callable[[], object]] = {"mitsuba-principled": mitsuba_worker.check_mitsuba}
+"""Of a backend that is not on every machine: raises RenderError where it is not."""
 
 
 def run_matrix(options: Options, folder: Path, report: Report, *, opened: Open = open_candidates) -> Results:
     """Measure every cell, with the backends of a cell that `opened` yields.
 
     ``results.csv``, ``results.json`` and the curves are written to `folder` after every cell and at the end, also after
-    an error or Ctrl-C; then `Results.complete` is false. Raises WorkerError or RenderError where a backend fails.
+    an error or Ctrl-C; then `Results.complete` is false. A backend that fails is left out of its cell, and one that is
+    not on this machine of all; both are in the results, with the reason.
     """
     results = Results(options, this_machine())
     with _kept(results, folder):
         _measure_cells(results, folder, report, opened)
         results.complete = True
+    draw_curves(results.cells, options.targets, folder, "curves_")
     return results
+
+
+def run_table(
+    options: Options,
+    folder: Path,
+    report: Report,
+    *,
+    document: Path,
+    restricted: tuple[str, ...] = (),
+    opened: Open = open_candidates,
+    growth: OpenRenderer = open_process,
+) -> Results:
+    """Measure the table and growth; write them to the document, with plots beside it, also after Ctrl-C.
+
+    `restricted` are the options that make it a part of the table. Files and failures as of `run_matrix`; raises
+    LookdevError, before anything is measured, where the document has no place for the table.
+    """
+    check_document(document, table.NAME)
+    results = Results(options, this_machine(), restricted)
+    try:
+        with _kept(results, folder):
+            backends = _measure_cells(results, folder, report, opened)
+            for each in measure_growth(backends, options, report, growth):
+                if isinstance(each, str):
+                    results.failures.append(each)
+                else:
+                    results.growth.append(each)
+                results.write(folder)
+            results.complete = True
+    finally:
+        if results.cells:
+            _write_table(results, document)
+    return results
+
+
+def _write_table(results: Results, document: Path) -> None:
+    plots = draw_curves(results.cells, results.options.targets, document.parent, "bench_")
+    if results.growth:
+        plots.append(draw_growth(results.growth, document.parent / "bench_growth.svg"))
+    write_section(document, table.NAME, table.table_text(results, plots))
 
 
 def run_sequence(
@@ -39,15 +85,13 @@ def run_sequence(
     folder: Path,
     report: Report,
     *,
-    frames: int,
     opened: Open = open_candidates,
     produce: Callable[[Subject], Mapping[str, Produce]] = producers,
-    growth: OpenRenderer | None = None,
 ) -> Results:
-    """Measure turntables against the plain script, then growth over `frames`; files and errors as `run_matrix`.
+    """Measure turntables against the plain script; files and errors as `run_matrix`.
 
     The curves of ``exact`` and ``principled`` give the samples that make their errors equal. Raises LookdevError for
-    more than one scene or look, or one without a plain script.
+    more than one scene or look, or one without a plain script, or where one of these backends fails.
     """
     if len(options.scenes) != 1 or len(options.looks) != 1:
         raise LookdevError("the sequence is of one scene and one look: give --scenes and --looks one name each")
@@ -56,7 +100,9 @@ def run_sequence(
     results = Results(options, this_machine())
     with _kept(results, folder):
         _measure_cells(results, folder, report, opened)
-        curves = {backend: [result.curves[backend] for result in results.cells] for backend in ("exact", "principled")}
+        if results.failures:
+            raise RenderError(results.failures[0])
+        curves = {backend: [result.curves[Series(backend)] for result in results.cells] for backend in options.backends}
         results.sequence = measure_sequence(
             subject,
             choose_samples(curves["exact"], curves["principled"], sequence.TARGET),
@@ -65,24 +111,40 @@ def run_sequence(
             seed=options.seed,
             report=report,
         )
-        results.write(folder)
-        for each in measure_growth(frames, report, *([growth] if growth else [])):
-            results.growth.append(each)
-            results.write(folder)
         results.complete = True
+    draw_curves(results.cells, options.targets, folder, "curves_")
     return results
 
 
-def _measure_cells(results: Results, folder: Path, report: Report, opened: Open) -> None:
-    for cell in results.options.cells():
-        with opened(cell, results.options) as candidates:
-            run = CellRun(cell, candidates, results.options)
-            try:
-                run.run(report)
-            finally:
-                if (result := run.result()).measurements:
-                    results.cells.append(result)
+def _measure_cells(results: Results, folder: Path, report: Report, opened: Open) -> tuple[str, ...]:
+    """Measure all cells; return the backends that are on this machine."""
+    options = results.options
+    for backend in options.backends:
+        try:
+            NEEDS.get(backend, lambda: None)()
+        except RenderError as error:
+            results.missing[backend] = str(error)
+            report(f"without {backend}: {error}")
+    backends = tuple(backend for backend in options.backends if backend not in results.missing)
+    if not backends:
+        raise LookdevError("; ".join(f"{backend}: {why}" for backend, why in results.missing.items()))
+    options = replace(options, backends=backends)
+    for cell in options.cells():
+        try:
+            with opened(cell, options) as candidates:
+                run = CellRun(cell, candidates, options)
+                try:
+                    run.run(report)
+                finally:
+                    result = run.result()
+                    if result.measurements:
+                        results.cells.append(result)
+                    results.failures += [f"{cell}: {backend}: {why}" for backend, why in result.failures.items()]
+        except LookdevError as error:
+            results.failures.append(f"{cell}: {error}")
+            report(f"{cell} fails: {error}")
         results.write(folder)
+    return backends
 
 
 @contextmanager
@@ -95,4 +157,3 @@ def _kept(results: Results, folder: Path) -> Iterator[None]:
         pass
     finally:
         results.write(folder)
-        draw_curves(results, folder)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,67 +12,77 @@ from lookdev.cli.options import say
 
 app = typer.Typer()
 
+_KINDS = "What is measured instead of a few scenes"
+_CHOICE = "Of what"
+
+
+def _number(name: str, text: str) -> Any:
+    """Return an option of a number whose default depends on the kind."""
+    return typer.Option(name, metavar="N", help=text, show_default=False, rich_help_panel=_CHOICE)
+
+
+def _names(name: str, text: str) -> Any:
+    return typer.Option(name, metavar="NAMES", help=text, show_default=False, rich_help_panel=_CHOICE)
+
+
+def _document(name: str, text: str) -> Any:
+    return typer.Option(name, metavar="FILE", help=text, show_default=False, rich_help_panel=_KINDS)
+
 
 @app.command(rich_help_panel="Accuracy and speed")
 def bench(
-    scenes: Annotated[str, typer.Option("--scenes", metavar="NAMES", help="Scenes, separated by commas.")] = "",
-    ibls: Annotated[str, typer.Option("--ibls", metavar="NAMES", help="Lights.")] = "",
-    looks: Annotated[str, typer.Option("--looks", metavar="NAMES", help="Looks.")] = "",
-    backends: Annotated[str, typer.Option("--backends", metavar="NAMES", help="What renders them.")] = "",
-    samples: Annotated[str, typer.Option("--samples", metavar="COUNTS", help="Increasing powers of two.")] = "4,16,64",
-    resolution: Annotated[int, typer.Option("--resolution", metavar="PIXELS", help="Side of the frame.")] = 256,
-    repeats: Annotated[
-        int | None,
-        typer.Option("--repeats", metavar="N", help="Renders of each count; 3, with --sequence 1.", show_default=False),
+    table: Annotated[
+        Path | None, _document("--table", "Time to an error beside other renderers, growth, plots: for docs/bench.md.")
     ] = None,
-    reference: Annotated[
-        int, typer.Option("--reference", metavar="N", help="Samples of a reference, in largest counts.")
-    ] = 8,
-    seed: Annotated[int, typer.Option("--seed", metavar="N", help="Chooses the samples.")] = 0,
-    everything: Annotated[bool, typer.Option("--all", help="Default to all names instead of a few.")] = False,
     sequence: Annotated[
-        bool, typer.Option("--sequence", help="Turntables against a plain Blender script, and how cost grows.")
+        bool, typer.Option("--sequence", help="Turntables against a plain Blender script.", rich_help_panel=_KINDS)
     ] = False,
     scale: Annotated[
-        bool, typer.Option("--scale", help="Large assets up to the first sample, against Blender's own import.")
+        bool, typer.Option("--scale", help="Large assets, against Blender's own import.", rich_help_panel=_KINDS)
     ] = False,
-    frames: Annotated[
-        int, typer.Option("--frames", metavar="N", min=4, help="With --sequence: frames of the growth test.")
-    ] = 100,
+    scenes: Annotated[str, _names("--scenes", "Scenes, separated by commas.")] = "",
+    ibls: Annotated[str, _names("--ibls", "Lights.")] = "",
+    looks: Annotated[str, _names("--looks", "Looks.")] = "",
+    backends: Annotated[str, _names("--backends", "What renders them.")] = "",
+    samples: Annotated[str, _names("--samples", "Increasing powers of two, like 4,16,64.")] = "",
+    resolution: Annotated[int | None, _number("--resolution", "Side of the frame, pixels.")] = None,
+    repeats: Annotated[int | None, _number("--repeats", "Renders of each count.")] = None,
+    reference: Annotated[int | None, _number("--reference", "Samples of a reference, in largest counts.")] = None,
+    seed: Annotated[int | None, _number("--seed", "Chooses the samples.")] = None,
+    frames: Annotated[int | None, _number("--frames", "Frames of the sequence whose growth is measured.")] = None,
+    everything: Annotated[
+        bool, typer.Option("--all", help="Default to all names instead of a few.", rich_help_panel=_CHOICE)
+    ] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Render references anew.")] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
     show: Annotated[bool, typer.Option("--list", help="Only list the names.")] = False,
 ) -> None:
     """Measure time against error, beside other renderers; results so far are kept on Ctrl-C (exit code 130)."""
-    from lookdev.bench.matrix import listing
+    from rich.console import Console
+
+    from lookdev.bench.kinds import KINDS, Order
+    from lookdev.bench.matrix import listing, parse_options
+    from lookdev.errors import LookdevError
 
     if show:
         say(listing())
         return
-    from rich.console import Console
-
-    from lookdev.bench.matrix import parse_options
-    from lookdev.bench.report import print_results
-    from lookdev.bench.run import run_matrix, run_sequence
-
-    report = partial(say, err=True)
-    if scale:
-        from lookdev.bench.report import print_scale
-        from lookdev.bench.scale import run_scale
-
-        print_scale(run_scale(out, report, repeats=repeats or 3), Console())
-        return
+    given: dict[str, Path | None] = {"table": table} if table else {}
+    given |= {name: None for name, chosen in {"sequence": sequence, "scale": scale}.items() if chosen}
+    if len(given) > 1:
+        raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in given)}")
+    name, document = next(iter(given.items()), ("matrix", None))
     options = parse_options(
         {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
+        defaults=KINDS[name].defaults,
         everything=everything,
-        sequence=sequence,
         resolution=resolution,
         repeats=repeats,
         reference=reference,
         seed=seed,
+        frames=frames,
         fresh=fresh,
     )
-
-    results = run_sequence(options, out, report, frames=frames) if sequence else run_matrix(options, out, report)
-    print_results(results, Console())
-    raise typer.Exit(0 if results.complete else 130)
+    outcome = KINDS[name].run(Order(options, out, partial(say, err=True), document))
+    outcome.show(Console())
+    raise typer.Exit(outcome.exit_code)

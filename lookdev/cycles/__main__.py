@@ -81,6 +81,7 @@ def _serve(answers: Answers) -> None:
             seconds=frame.seconds,
             relmse=frame.relmse,
             raw_relmse=frame.raw_relmse,
+            raw_seconds=frame.raw_seconds,
             notes=take_notes(),
         )
 

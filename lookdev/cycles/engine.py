@@ -64,6 +64,16 @@ def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[n
     return _render(scene, seed)
 
 
+def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
+    """Render with Cycles' own passes for a denoiser, ``Denoising Albedo`` and ``Denoising Normal``."""
+    layer = scene.view_layers[0].cycles
+    layer.denoising_store_passes = True
+    try:
+        return render_whole(scene, samples)
+    finally:
+        layer.denoising_store_passes = False
+
+
 def compile_shaders(scene: Any) -> None:
     """Render a tiny picture of a scene, whose compiled shaders persistent data keeps for its frames."""
     render = scene.render

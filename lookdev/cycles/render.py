@@ -33,7 +33,7 @@ class RenderedFrame:
     """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
 
     A frame as a user of Cycles would have it is one render: `a` and `b` are equal, and `relmse` is nan. `raw` is the
-    mean of the halves before they were denoised, `raw_relmse` its error.
+    mean of the halves before they were denoised, `raw_relmse` its error, `raw_seconds` what it took.
     """
 
     a: Image
@@ -44,6 +44,7 @@ class RenderedFrame:
     relmse: float
     raw: Image | None = None
     raw_relmse: float | None = None
+    raw_seconds: float | None = None
 
 
 Progress = Callable[[int, int, float | None], None]
@@ -61,15 +62,14 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     gain = 2.0**task.exposure
     scene.pose(task.scene.camera, task.pose)
     if scene.by_user:
-        image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
-        progress(sampling.samples, sampling.samples, None)
-        rgb = np.ascontiguousarray(image[:, :, :3])
-        return RenderedFrame(rgb, rgb, image[:, :, 3], sampling.samples, time.perf_counter() - started, math.nan)
+        return _frame_of_user(scene, sampling, progress)
     sums = np.zeros((2, height, width, 3))
     coverage = np.zeros((height, width))
     done = 0
     error = raw_error = math.nan
+    before = time.perf_counter()
     smooth = _denoiser(scene, task) if sampling.denoise != "off" else None
+    denoising = time.perf_counter() - before
     result: Denoised | None = None
     for number, size in enumerate(_rounds(sampling)):
         for half in (0, 1):
@@ -83,8 +83,10 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
         a, b = (2.0 / done) * sums
         error = raw_error = relmse_of_halves(a * gain, b * gain, coverage)
         if smooth is not None:
+            before = time.perf_counter()
             result = denoised(a * gain, b * gain, coverage / done, smooth)
             error = result.relmse
+            denoising += time.perf_counter() - before
         progress(done, sampling.samples, error)
         if sampling.error is not None and error <= sampling.error:
             break
@@ -92,8 +94,25 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     if result is not None:
         a, b = result.a / gain, result.b / gain
     a, b, alpha = (array.astype(np.float32) for array in (a, b, coverage / done))
-    seconds, measured = time.perf_counter() - started, None if result is None else raw_error
-    return RenderedFrame(a, b, alpha, done, seconds, error, raw, measured)
+    seconds = time.perf_counter() - started
+    if result is None:
+        return RenderedFrame(a, b, alpha, done, seconds, error)
+    return RenderedFrame(a, b, alpha, done, seconds, error, raw, raw_error, seconds - denoising)
+
+
+def _frame_of_user(scene: Scene, sampling: Sampling, progress: Progress) -> RenderedFrame:
+    started = time.perf_counter()
+    image = engine.render_whole(scene.scene, sampling.samples, sampling.seed)["Combined"][::-1]
+    progress(sampling.samples, sampling.samples, None)
+    rgb, alpha = np.ascontiguousarray(image[:, :, :3]), np.ascontiguousarray(image[:, :, 3])
+    seconds = time.perf_counter() - started
+    if sampling.denoise == "off":
+        return RenderedFrame(rgb, rgb, alpha, sampling.samples, seconds, math.nan)
+    features = engine.render_features(scene.scene, _FEATURE_SAMPLES)
+    albedo, normal = (features[f"Denoising {name}"][::-1] for name in ("Albedo", "Normal"))
+    smooth = denoiser(albedo, normal)(rgb)
+    taken = time.perf_counter() - started
+    return RenderedFrame(smooth, smooth, alpha, sampling.samples, taken, math.nan, rgb, math.nan, seconds)
 
 
 def _denoiser(scene: Scene, task: FrameTask) -> Callable[[Image], Image]:

@@ -46,15 +46,17 @@ class Answers:
         seconds: float,
         relmse: float,
         raw_relmse: float | None = None,
+        raw_seconds: float | None = None,
         notes: Sequence[str] = (),
     ) -> None:
         """Report a rendered frame, notes for the user, and the peak memory of this process.
 
         `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
-        `raw_relmse` is that of the picture before it was denoised.
+        `raw_relmse` is that of the picture before it was denoised, `raw_seconds` the time without what denoising takes.
         """
         figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
-        figures |= {"raw_relmse": raw_relmse} if raw_relmse is not None else {}
+        raw = {"raw_relmse": raw_relmse, "raw_seconds": raw_seconds}
+        figures |= {name: value for name, value in raw.items() if value is not None}
         self.send(type="done", digest=digest, arrays=arrays, notes=notes, **figures)
 
     def failed(self, digest: str, error: Exception) -> None:

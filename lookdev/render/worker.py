@@ -59,6 +59,7 @@ class Done(BaseModel):
     memory: int
     notes: tuple[str, ...] = ()
     raw_relmse: float | None = None
+    raw_seconds: float | None = None
 
 
 class Failed(BaseModel):
@@ -87,6 +88,7 @@ class Rendered:
     notes: tuple[str, ...] = ()  # for the user
     raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before
     raw_relmse: float | None = None
+    raw_seconds: float | None = None  # without features and denoising
 
 
 class Worker:
@@ -330,6 +332,7 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
         memory=done.memory,
         notes=done.notes,
         raw_relmse=done.raw_relmse,
+        raw_seconds=done.raw_seconds,
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from lookdev.bench.matrix import Cell, Options
 from lookdev.bench.measure import Candidate
 from lookdev.bench.reference import Shot
+from lookdev.errors import RenderError
 from lookdev.metrics import EPSILON
 
 SIDE = 64
@@ -31,7 +32,11 @@ def truth() -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass
 class FakeRenderer:
-    """Renders `truth` times `gain`, with noise of variance ``scale^2 / samples``; records its calls."""
+    """Renders `truth` times `gain`, with noise of variance ``scale^2 / samples``; records its calls.
+
+    A denoised picture has a quarter of the variance, and takes a tenth of a second more. With a target error, samples
+    double until it is reached. `fails_after` so many calls it cannot render.
+    """
 
     name: str = "exact"
     scale: float = 0.1
@@ -40,16 +45,28 @@ class FakeRenderer:
     rate: float = 0.001
     calls: list[tuple[str, int, int]] = field(default_factory=list)
     ends_after: int | None = None
+    fails_after: int | None = None
 
-    def __call__(self, samples: int, seed: int) -> Shot:
+    def __call__(self, samples: int, seed: int, *, denoise: str = "off", error: float | None = None) -> Shot:
         if self.ends_after is not None and len(self.calls) >= self.ends_after:
             raise KeyboardInterrupt
+        if self.fails_after is not None and len(self.calls) >= self.fails_after:
+            raise RenderError(f"{self.name} has no more ink")
         self.calls.append((self.name, samples, seed))
         image, alpha = truth()
-        rng = np.random.default_rng([samples, seed, *self.name.encode()])
-        noisy = self.gain * image + rng.normal(size=image.shape) * self.scale / np.sqrt(samples) * alpha[..., None]
+        gain = 0.5 if denoise == "measured" else 1.0
+        if error is not None:
+            samples = next((n for n in (1 << k for k in range(20)) if gain**2 * self.relmse(n) <= error), samples)
+        noise = np.random.default_rng([samples, seed, *self.name.encode()]).normal(size=image.shape) * alpha[..., None]
+        noise *= self.scale / np.sqrt(samples)
         seconds = self.fixed + self.rate * samples
-        return Shot(noisy.astype(np.float32), alpha.astype(np.float32), seconds, 1_000_000, f"fake {self.name}")
+
+        def shot(gain: float, seconds: float, raw: Shot | None = None) -> Shot:
+            picture = (self.gain * image + gain * noise).astype(np.float32)
+            figures = 1_000_000, f"fake {self.name}", samples, gain**2 * self.relmse(samples)
+            return Shot(picture, alpha.astype(np.float32), seconds, *figures, raw)
+
+        return shot(1.0, seconds) if gain == 1.0 else shot(gain, seconds + 0.1, shot(1.0, seconds))
 
     def relmse(self, samples: int) -> float:
         """Return the relMSE that a render of so many samples has on average."""
@@ -63,23 +80,26 @@ class FakeRenderer:
 class FakeBackends:
     """Gives ``exact`` and ``principled`` for each cell; the second has twice the noise and half the cost a sample.
 
-    The first has skips, more of them under the city.
+    The first has skips, more of them under the city. A third, ``mitsuba-principled``, has the noise of the second.
     """
 
-    def __init__(self, ends_after: int | None = None) -> None:
+    def __init__(self, ends_after: int | None = None, **fails_after: int) -> None:
         self.calls: list[tuple[str, int, int]] = []
         self.closed = 0
         self._renderers = {
             "exact": FakeRenderer("exact", 0.1, calls=self.calls, ends_after=ends_after),
             "principled": FakeRenderer("principled", 0.2, rate=0.0005, calls=self.calls, ends_after=ends_after),
+            "mitsuba-principled": FakeRenderer("mitsuba-principled", 0.2, calls=self.calls, ends_after=ends_after),
         }
+        for name, calls in fails_after.items():
+            self._renderers[name].fails_after = calls
 
     @contextmanager
     def __call__(self, cell: Cell, options: Options) -> Iterator[list[Candidate]]:
         try:
             skips = ("bounces (convex asset)", *(["light samples (for show)"] if cell.ibl == "city" else []))
             yield [
-                Candidate(name, f"{cell} {name}", self._renderers[name], skips if name == "exact" else ())
+                Candidate(name, f"{cell} {name}", self._renderers[name], skips if name == "exact" else (), True)
                 for name in options.backends_of(cell)
             ]
         finally:

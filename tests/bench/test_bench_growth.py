@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,11 @@ from bench_fakes import quiet
 from lookdev.asset import read_asset
 from lookdev.bench import growth
 from lookdev.bench.assets import make_boulder, triangle_count
-from lookdev.bench.growth import measure_growth
-from lookdev.errors import LookdevError
+from lookdev.bench.growth import Growth, GrowthRow, measure_growth
+from lookdev.bench.looks import different
+from lookdev.bench.matrix import Options
+from lookdev.errors import RenderError
+from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
 
@@ -46,46 +50,77 @@ class FakeProcesses:
 @pytest.fixture
 def small(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(growth, "TRIANGLES", (1000, 4000))
+    monkeypatch.setattr(growth, "LOOK_COUNTS", (1, 2, 4))
+    monkeypatch.setattr(growth, "LIGHTS", (1, 3))
     monkeypatch.setattr(growth, "_SCENE", "sphere")
     monkeypatch.setattr(growth, "_IBL", "white")
 
 
+OPTIONS = Options(frames=10)
+
+
 @pytest.mark.usefixtures("small")
-def test_all_four() -> None:
+def test_all_quantities_for_the_backends_that_can_show_them() -> None:
     processes = FakeProcesses()
-    grown = {each.of: each.rows for each in measure_growth(10, quiet, processes)}
-    assert list(grown) == ["frames", "pixels", "layers", "triangles"]
+    grown: dict[str, dict[str, tuple[GrowthRow, ...]]] = {}
+    for each in measure_growth(("exact", "principled", "mitsuba-principled"), OPTIONS, quiet, processes):
+        grown.setdefault(each.of, {})[each.backend] = each.rows
+    assert list(grown) == list(growth.QUANTITIES)
     assert processes.open == 0
+    blender = ["exact", "principled"]
+    names = {of: list(rows) for of, rows in grown.items()}
+    all_three = [*blender, "mitsuba-principled"]
+    assert names == {"pixels": all_three, "looks": all_three, "lights": blender, "layers": ["exact"],
+                     "triangles": all_three, "frames": blender}  # fmt: skip
     # Quarters of ten frames; the process has rendered one more, to warm up.
-    assert [(row.size, row.memory) for row in grown["frames"]] == [(2, 103), (5, 106), (7, 108), (10, 111)]
-    assert [(row.size, row.seconds) for row in grown["pixels"]] == [(n * n, n * n / 1000.0) for n in growth.PIXELS]
-    assert [row.size for row in grown["layers"]] == [1, 2, 4, 8]
-    assert [row.size for row in grown["triangles"]] == [1000, 4000]
+    assert [(row.size, row.memory) for row in grown["frames"]["exact"]] == [(2, 103), (5, 106), (7, 108), (10, 111)]
+    pixels = [(row.size, row.seconds, row.low, row.high) for row in grown["pixels"]["principled"]]
+    assert pixels == [(n * n, *[n * n / 1000.0] * 3) for n in growth.PIXELS]
+    assert [row.size for row in grown["layers"]["exact"]] == [1, 2, 4, 8]
+    assert [row.size for row in grown["looks"]["principled"]] == [1, 2, 4]
+    # Each time in a new process: one frame to warm up, then the four looks.
+    assert [row.memory for row in grown["looks"]["principled"]] == [102, 103, 105]
 
 
 @pytest.mark.usefixtures("small")
 def test_what_grows_is_in_the_scene() -> None:
     processes = FakeProcesses()
-    rows = iter(measure_growth(8, quiet, processes))
 
-    def scenes() -> list[FrameTask]:
+    def tasks(of: str) -> list[FrameTask]:
         processes.tasks.clear()
-        next(rows)
-        return processes.tasks
+        list(growth.QUANTITIES[of].measure(["exact"], replace(OPTIONS, frames=8), processes))
+        return list(processes.tasks)
 
-    angles = [task.pose.element for task in scenes()]
     # Every quarter of the frames is a whole turn: the same sides of the asset.
-    assert angles == [0.0, *(0.0, 180.0) * 4]
-    assert {task.scene.resolution[0] for task in scenes()} == set(growth.PIXELS)
+    assert [task.pose.element for task in tasks("frames")] == [0.0, *(0.0, 180.0) * 4]
+    assert {task.scene.resolution[0] for task in tasks("pixels")} == set(growth.PIXELS)
+    assert {len(task.scene.lights) for task in tasks("lights")} == set(growth.LIGHTS)
     # Masks are textures: none of the layers folds away.
-    assert {len(task.scene.shaders[0].textures) for task in scenes()} == {0, 1, 3, 7}
-    counts = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in scenes()})
-    assert counts == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
+    assert {len(task.scene.shaders[0].textures) for task in tasks("layers")} == {0, 1, 3, 7}
+    looks = tasks("looks")
+    assert len({task.scene.shaders[0].digest for task in looks}) == 1 + max(growth.LOOK_COUNTS)
+    counts = tasks("triangles")
+    found = sorted({triangle_count(read_asset(task.scene.asset.path)) for task in counts})
+    assert found == [triangle_count(make_boulder(n)) for n in (1000, 4000)]
     # Turns are taken: after the warm-up, one of each size, three times.
-    sizes = [task.scene.asset for task in processes.tasks]
+    sizes = [task.scene.asset for task in counts]
     assert sizes == 4 * sizes[:2]
 
 
-def test_too_few_frames_are_refused() -> None:
-    with pytest.raises(LookdevError, match="3 frames"):
-        next(iter(measure_growth(3, quiet, FakeProcesses())))
+def test_the_looks_differ_in_more_than_colours() -> None:
+    looks = [different(number) for number in range(32)]
+    assert len({repr(look.layers[0].inputs) for look in looks}) == 32
+    for backend in ("principled", "mitsuba-principled"):
+        assert all(BACKENDS[backend].cannot_show(look) is None for look in looks)
+
+
+@pytest.mark.usefixtures("small")
+def test_a_quantity_that_fails_is_named_and_the_others_are_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fails(*given: object) -> Iterator[Growth]:
+        raise RenderError("no lamp")
+        yield
+
+    monkeypatch.setitem(growth.QUANTITIES, "lights", growth.Quantity("lights", fails))
+    found = list(measure_growth(("exact",), OPTIONS, quiet, FakeProcesses()))
+    assert "growth with lights: no lamp" in found
+    assert {each.of for each in found if isinstance(each, Growth)} == set(growth.QUANTITIES) - {"lights"}

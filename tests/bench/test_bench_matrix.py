@@ -9,8 +9,9 @@ import pytest
 
 from lookdev.bench.assets import make_boulder, triangle_count
 from lookdev.bench.backends import bench_asset, bench_light, bench_lights, bench_scene, picture_key, skips_of
+from lookdev.bench.kinds import KINDS
 from lookdev.bench.looks import LOOKS, MOST_LAYERS, layered
-from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options
+from lookdev.bench.matrix import IBLS, SCENES, Cell, Options, listing, parse_options, restricted
 from lookdev.bench.rigs import RIGS
 from lookdev.errors import LookdevError
 from lookdev.render.backends import BACKENDS
@@ -72,7 +73,7 @@ def test_keys_of_references_depend_on_the_picture_but_not_on_samples() -> None:
         sampling = replace(scene.sampling, samples=samples)
         return picture_key(replace(scene, sampling=sampling), LOOKS[look].make(), "white")
 
-    ours = [name for name in BACKENDS if name != "mitsuba"]
+    ours = [name for name in BACKENDS if name != "mitsuba-principled"]
     keys = {key(look, backend, bounces) for look in ("plastic", "metal") for backend in ours for bounces in (0, 2)}
     assert len(keys) == 2 * len(ours) * 2
     assert key("plastic", samples=128) == key("plastic")
@@ -113,7 +114,7 @@ def test_the_list_names_everything() -> None:
         ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
         ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
         ({"looks": ("plastik",)}, "did you mean 'plastic'?"),
-        ({"backends": ("cycles",)}, "known: exact, nodes, nodes-exact, principled, mitsuba"),
+        ({"backends": ("cycles",)}, "known: exact, nodes, nodes-exact, principled, mitsuba-principled"),
         ({"backends": ()}, "no backend is given"),
         ({"scenes": ("sphere", "sphere")}, "given twice"),
         ({"samples": (4, 6)}, "6 samples"),
@@ -123,6 +124,7 @@ def test_the_list_names_everything() -> None:
         ({"resolution": 8}, "resolution 8"),
         ({"repeats": 0}, "0 repeats"),
         ({"seed": -1}, "seed -1"),
+        ({"frames": 3}, "3 frames"),
         ({"reference": 2}, "a reference of 2 times"),
     ],
 )
@@ -132,25 +134,23 @@ def test_wrong_options_are_refused(given: dict[str, object], message: str) -> No
     assert message in str(caught.value)
 
 
-def test_mitsuba_must_be_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.bench.matrix.has_mitsuba", lambda: False)
-    with pytest.raises(LookdevError, match="pip install mitsuba"):
-        Options(backends=("exact", "mitsuba"))
-    assert "mitsuba" not in parse_options({}, everything=True, sequence=False).backends
-    monkeypatch.setattr("lookdev.bench.matrix.has_mitsuba", lambda: True)
-    assert "mitsuba" in parse_options({}, everything=True, sequence=False).backends
-
-
 def test_options_of_a_command_line() -> None:
     lists = {"scenes": "sphere, million", "ibls": "", "looks": "", "backends": "exact", "samples": "2,8"}
-    options = parse_options(lists, everything=False, sequence=False, resolution=64, repeats=None)
+    options = parse_options(lists, resolution=64, repeats=None)
     assert options.scenes == ("sphere", "million")
     assert options.ibls == ("studio", "city", "forest")
     assert options.samples == (2, 8)
     assert (options.resolution, options.repeats) == (64, 3)
-    everything = parse_options(lists, everything=True, sequence=False)
+    everything = parse_options(lists, everything=True)
     assert (everything.scenes, everything.looks) == (("sphere", "million"), tuple(LOOKS))
-    sequence = parse_options({}, everything=False, sequence=True)
-    assert (sequence.scenes, sequence.repeats) == (("shaderball",), 1)
     with pytest.raises(LookdevError, match="'many' is no whole number"):
-        parse_options({"samples": "4,many"}, everything=False, sequence=False)
+        parse_options({"samples": "4,many"})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_kind_is_whole_unless_options_restrict_it(kind: str) -> None:
+    defaults = KINDS[kind].defaults
+    assert restricted(parse_options({}, defaults=defaults), defaults) == ()
+    assert restricted(parse_options({"looks": "metal"}, defaults=defaults, repeats=2), defaults) == ("looks", "repeats")
+    # Other samples of the same, and better references.
+    assert restricted(parse_options({}, defaults=defaults, seed=3, reference=64, fresh=True), defaults) == ()

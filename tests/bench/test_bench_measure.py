@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from bench_fakes import FakeBackends, FakeRenderer, measured, quiet
 
+from lookdev.bench import run
 from lookdev.bench.matrix import MOST_REPEATS, SEEDS, Cell, Options
-from lookdev.bench.measure import Candidate, CellResult, CellRun, schedule
+from lookdev.bench.measure import Candidate, CellResult, CellRun, Series, schedule
 from lookdev.bench.reference import FIRST_SEED, Shot
 from lookdev.bench.run import run_matrix
-from lookdev.errors import RenderError
+from lookdev.errors import LookdevError, RenderError
 
 CELL = Cell("sphere", "city", "plastic")
 SMALL = Options(scenes=("sphere",), ibls=("city",), samples=(4, 16, 64), repeats=3)
@@ -64,7 +66,7 @@ def test_times_and_ratios_of_known_curves() -> None:
     other = FakeRenderer("principled", 0.2, fixed=0.0, rate=0.0005)
     result = run_cell(SMALL, exact, other)
     for renderer in (exact, other):
-        found = result.reached[renderer.name][1e-3]
+        found = result.reached[Series(renderer.name)][1e-3].value
         seconds = renderer.rate * renderer.relmse(1) / 1e-3
         assert found is not None
         # The noise of relMSE itself, a few per cent.
@@ -81,14 +83,14 @@ def test_times_and_ratios_of_known_curves() -> None:
 
 def test_a_times_median_and_an_errors_mean_make_a_point() -> None:
     class Irregular(FakeRenderer):
-        def __call__(self, samples: int, seed: int) -> Shot:
+        def __call__(self, samples: int, seed: int, **sampling: object) -> Shot:
             shot = super().__call__(samples, seed)
             slow = len([each for each in self.calls if each[2] < FIRST_SEED]) == 1
-            return Shot(shot.image, shot.alpha, 100.0 if slow else shot.seconds, shot.memory, shot.renderer)
+            return replace(shot, seconds=100.0) if slow else shot
 
     renderer = Irregular()
     result = run_cell(Options(samples=(4,), repeats=3), renderer)
-    (point,) = result.curves["exact"]
+    (point,) = result.curves[Series("exact")]
     assert point.seconds == pytest.approx(renderer.fixed + 4 * renderer.rate)
     errors = [row.relmse for row in result.measurements]
     assert point.relmse == pytest.approx(sum(errors) / 3)
@@ -104,7 +106,7 @@ def test_ctrl_c_keeps_what_was_measured(tmp_path: Path) -> None:
         assert len(list(csv.DictReader(stream))) == 5
     stored = json.loads((tmp_path / "results.json").read_text())
     assert stored["complete"] is False
-    assert [len(each["curve"]) for each in stored["cells"][0]["backends"].values()] == [3, 2]
+    assert [len(each["curve"]) for each in stored["cells"][0]["series"].values()] == [3, 2]
     assert (tmp_path / "curves_plastic.svg").exists()
 
 
@@ -113,20 +115,103 @@ def test_ctrl_c_in_a_reference_leaves_files_without_rows(tmp_path: Path) -> None
     assert len((tmp_path / "results.csv").read_text().splitlines()) == 1
 
 
-def test_a_backend_that_fails_leaves_the_cells_before_it(tmp_path: Path) -> None:
+def test_a_backend_that_fails_is_left_out_of_its_cell(tmp_path: Path) -> None:
+    # It ends in its first measurement, after both references and warm-ups.
+    results = run_matrix(SMALL, tmp_path, quiet, opened=FakeBackends(principled=16 + 2 + 1))
+    assert results.complete
+    assert results.failures == ["sphere, city, plastic: principled: principled has no more ink"]
+    stored = json.loads((tmp_path / "results.json").read_text())
+    assert stored["failures"] == results.failures
+    assert [len(each["curve"]) for each in stored["cells"][0]["series"].values()] == [3, 0]
+
+
+def test_a_cell_that_fails_leaves_the_others(tmp_path: Path) -> None:
     backends = FakeBackends()
-    options = Options(scenes=("sphere", "suzanne"), ibls=("city",), samples=(4, 16), repeats=1)
+    options = Options(scenes=("suzanne", "sphere"), ibls=("city",), samples=(4, 16), repeats=1)
 
     def failing(cell: Cell, options: Options):
         if cell.scene == "suzanne":
             raise RenderError("no suzanne today")
         return backends(cell, options)
 
-    with pytest.raises(RenderError, match="no suzanne"):
-        run_matrix(options, tmp_path, quiet, opened=failing)
-    stored = json.loads((tmp_path / "results.json").read_text())
-    assert [each["scene"] for each in stored["cells"]] == ["sphere"]
-    assert stored["complete"] is False
+    results = run_matrix(options, tmp_path, quiet, opened=failing)
+    assert results.failures == ["suzanne, city, plastic: no suzanne today"]
+    assert [each["scene"] for each in json.loads((tmp_path / "results.json").read_text())["cells"]] == ["sphere"]
+
+
+def test_a_backend_that_is_not_here_is_left_out_by_name(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def missing() -> None:
+        raise RenderError("no LLVM")
+
+    monkeypatch.setitem(run.NEEDS, "mitsuba-principled", missing)
+    options = replace(SMALL, backends=("exact", "mitsuba-principled"))
+    results = run_matrix(options, tmp_path, quiet, opened=FakeBackends())
+    assert results.missing == {"mitsuba-principled": "no LLVM"}
+    assert {row.backend for row in results.cells[0].measurements} == {"exact"}
+    with pytest.raises(LookdevError, match="mitsuba-principled: no LLVM"):
+        run_matrix(replace(SMALL, backends=("mitsuba-principled",)), tmp_path, quiet, opened=FakeBackends())
+
+
+DENOISED = replace(SMALL, denoise=True, repeats=2, targets=(1e-3,))
+
+
+def test_one_render_gives_a_raw_and_a_denoised_measurement() -> None:
+    exact, other = FakeRenderer("exact", 0.1), FakeRenderer("principled", 0.2)
+    run = CellRun(CELL, [Candidate(each.name, each.name, each, (), True) for each in (exact, other)], DENOISED)
+    run.run(quiet)
+    result = run.result()
+    assert list(result.curves) == [Series(name, way) for name in ("exact", "principled") for way in ("raw", "denoised")]
+    raw, smooth = (result.curves[Series("exact", way)][0] for way in ("raw", "denoised"))
+    # The same noise, halved.
+    assert smooth.relmse == pytest.approx(raw.relmse / 4.0, rel=0.05)
+    assert smooth.seconds == pytest.approx(raw.seconds + 0.1)
+    assert len([each for each in exact.calls if each[2] < FIRST_SEED]) == 3 * 2
+    assert {(each.backend, each.way) for each in result.ratios} == {("principled", "raw"), ("principled", "denoised")}
+
+
+def test_samples_stop_rising_where_the_error_is_small_enough() -> None:
+    # relMSE is about 0.018 / samples: 16 samples are just not enough for 1e-3, 64 are, raw and denoised.
+    exact = FakeRenderer("exact", 0.1)
+    limit = 1.3 * exact.relmse(16)
+    options = replace(SMALL, until=limit)
+    assert {row.samples for row in run_cell(options, exact).measurements} == {4, 16}
+    assert {row.samples for row in run_cell(SMALL, FakeRenderer("exact", 0.1)).measurements} == {4, 16, 64}
+
+
+def test_frames_end_at_a_target_error() -> None:
+    exact = FakeRenderer("exact", 0.1)
+    aim = 1.01 * exact.relmse(32)
+    run = CellRun(CELL, [Candidate("exact", "exact", exact, (), True)], replace(DENOISED, aim=aim))
+    run.run(quiet)
+    aimed, denoised = (run.result().of(Series("exact", way)) for way in ("aimed", "aimed, denoised"))
+    assert [row.samples for row in aimed] == [32, 32]
+    assert [row.samples for row in denoised] == [8, 8]
+    # What the most samples do not reach is tried once.
+    far = CellRun(CELL, [Candidate("exact", "exact", exact)], replace(SMALL, aim=1e-9))
+    far.run(quiet)
+    assert len(far.result().of(Series("exact", "aimed"))) == 1
+
+
+def test_beyond_its_samples_a_curve_falls_as_that_of_independent_samples() -> None:
+    exact = FakeRenderer("exact", 0.1, fixed=0.0)
+    found = run_cell(replace(SMALL, targets=(1e-6,), independent=True), exact).reached[Series("exact")][1e-6].value
+    assert found is not None
+    assert found.mark == "~"
+    assert found.value == pytest.approx(exact.rate * exact.relmse(1) / 1e-6, rel=0.05)
+    assert run_cell(replace(SMALL, targets=(1e-6,)), exact).reached[Series("exact")][1e-6].value is None
+
+
+def test_by_samples_leaves_out_what_slowed_one_render() -> None:
+    class Slow(FakeRenderer):
+        def __call__(self, samples: int, seed: int, **sampling: object) -> Shot:
+            shot = super().__call__(samples, seed)
+            return replace(shot, seconds=10.0 * shot.seconds) if seed % 16 < 2 else shot
+
+    result = run_cell(SMALL, FakeRenderer("exact", 0.1, fixed=0.0), Slow("principled", 0.2, fixed=0.0, rate=0.0005))
+    (found,) = (each.by_samples for each in result.ratios if each.target == 1e-3)
+    # A quarter of the samples at twice the cost.
+    assert found is not None
+    assert found.value == pytest.approx(0.5, rel=0.1)
 
 
 def test_a_second_run_renders_no_reference(tmp_path: Path) -> None:

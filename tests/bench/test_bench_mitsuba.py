@@ -15,7 +15,7 @@ from lookdev.codegen.principled import generate_principled
 from lookdev.errors import RenderError
 from lookdev.render.backends import BACKENDS
 
-unlike_principled = BACKENDS["mitsuba"].cannot_show
+unlike_principled = BACKENDS["mitsuba-principled"].cannot_show
 
 
 @pytest.mark.parametrize("look", [name for name, each in LOOKS.items() if not unlike_principled(each.make())])

@@ -14,7 +14,7 @@ from rich.console import Console
 from lookdev.bench.curves import Reached
 from lookdev.bench.growth import Growth, GrowthRow
 from lookdev.bench.matrix import Cell, Options
-from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Ratio
+from lookdev.bench.measure import Candidate, CellResult, CellRun, Measurement, Ratio, Series, Times
 from lookdev.bench.report import print_results, warnings
 from lookdev.bench.results import Results
 from lookdev.bench.run import run_matrix
@@ -49,7 +49,7 @@ def test_csv_has_a_row_for_each_measurement(results: Results, folder: Path) -> N
     assert len(rows) == (2 + 1) * 2 * 2 * 2
     assert list(rows[0]) == [field.name for field in fields(Measurement)]
     first = results.cells[0].measurements[0]
-    assert rows[0]["backend"] == "exact"
+    assert (rows[0]["backend"], rows[0]["way"]) == ("exact", "raw")
     assert float(rows[0]["seconds"]) == first.seconds
     assert float(rows[0]["relmse"]) == first.relmse
 
@@ -64,7 +64,7 @@ def test_json_has_curves_machine_and_versions(results: Results, folder: Path) ->
     assert stored["options"]["samples"] == [4, 16]
     cell = stored["cells"][0]
     assert (cell["scene"], cell["ibl"], cell["look"]) == ("sphere", "city", "plastic")
-    exact = cell["backends"]["exact"]
+    exact = cell["series"]["exact"]
     assert [point["samples"] for point in exact["curve"]] == [4, 16]
     assert exact["memory"] == 1_000_000
     assert exact["renderer"] == "fake exact"
@@ -86,10 +86,16 @@ def test_a_figure_for_each_look_with_a_panel_for_each_light(results: Results, fo
 
 def test_the_table(results: Results) -> None:
     cell = results.cells[0]
-    exact, principled = {1e-3: Reached(1.5), 1e-4: Reached(9.0, "~")}, {1e-3: Reached(2.0), 1e-4: None}
-    ratios = (Ratio("principled", 1e-3, Reached(0.75), 0.7, 0.81), Ratio("principled", 1e-4, None, None, None))
-    made = replace(cell, reached={"exact": exact, "principled": principled}, ratios=ratios)
-    lines = printed(Results(results.options, results.machine, [made], complete=True)).splitlines()
+    times = {
+        "exact": {1e-3: Times(Reached(1.5), 1.4, 1.6), 1e-4: Times(Reached(9.0, "~"), 8.0, 9.5)},
+        "principled": {1e-3: Times(Reached(2.0), 1.9, 2.2), 1e-4: Times(None, None, None)},
+    }
+    ratios = (
+        Ratio("principled", "raw", 1e-3, Reached(0.75), 0.7, 0.81, Reached(0.8)),
+        Ratio("principled", "raw", 1e-4, None, None, None, None),
+    )
+    made = replace(cell, reached={Series(name): each for name, each in times.items()}, ratios=ratios)
+    lines = printed(Results(results.options, results.machine, cells=[made], complete=True)).splitlines()
     named = next(number for number, line in enumerate(lines) if line.strip() == "sphere, city, plastic")
     exact, principled = (line.split() for line in lines[named + 1 : named + 3])
     assert exact[:3] == ["exact", "1.5", "~9"]
@@ -110,8 +116,8 @@ def test_skips_are_printed_once_for_all_cells_that_have_them(results: Results) -
         "exact skips bounces (convex asset): sphere, studio, plastic; sphere, studio, stack",
     ]
     cell = json.loads(json.dumps(results.data()))["cells"][0]
-    assert cell["backends"]["exact"]["skipped"] == ["bounces (convex asset)", "light samples (for show)"]
-    assert cell["backends"]["principled"]["skipped"] == []
+    assert cell["series"]["exact"]["skipped"] == ["bounces (convex asset)", "light samples (for show)"]
+    assert cell["series"]["principled"]["skipped"] == []
 
 
 def test_an_incomplete_run_is_marked(results: Results) -> None:
@@ -138,7 +144,8 @@ def test_sequence_and_growth_are_printed(results: Results) -> None:
     skips = ("23 of 47 frames (same all around)", "bounces (convex asset)")
     subject = Subject("shaderball", "plastic", ("city", "studio"), 256)
     sequence = SequenceResult(subject, 144, samples, relmse, runs, 4.0, 4.0, 4.0, skips)
-    growth = [Growth("pixels", (GrowthRow(4096, 0.1, 400_000_000), GrowthRow(16384, 0.4, 410_000_000)))]
+    rows = GrowthRow(4096, 0.1, 0.09, 0.12, 400_000_000), GrowthRow(16384, 0.4, 0.4, 0.5, 410_000_000)
+    growth = [Growth("pixels", "exact", rows)]
     results = replace(results, sequence=sequence, growth=growth)
     text = printed(results)
     assert "4.00 times" in text
@@ -147,4 +154,5 @@ def test_sequence_and_growth_are_printed(results: Results) -> None:
     assert "exact skips 23 of 47 frames (same all around), bounces (convex asset)" in text
     stored = json.loads(json.dumps(results.data()))
     assert stored["sequence"]["runs"][1]["frames_per_minute"] == 36.0
-    assert stored["growth"][0]["rows"][1] == {"size": 16384, "seconds": 0.4, "memory": 410_000_000}
+    row = {"size": 16384, "seconds": 0.4, "low": 0.4, "high": 0.5, "memory": 410_000_000}
+    assert stored["growth"][0]["rows"][1] == row

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 from bench_fakes import FakeBackends
 
 from lookdev.bench import run as bench_run
+from lookdev.bench.kinds import KINDS
+from lookdev.bench.results import Results, this_machine
 
 Command = Callable[..., tuple[int, str, str]]
 SMALL = ("--scenes", "sphere", "--ibls", "city", "--samples", "4,16", "--repeats", "2")
@@ -67,6 +70,40 @@ def test_wrong_options_leave_with_2(options: tuple[str, ...], message: str, benc
     assert code == 2
     assert message in errors
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "part"), [((), ()), (("--resolution", "32", "--looks", "metal"), ("looks", "resolution"))]
+)
+def test_the_plain_table_is_the_whole(
+    options: tuple[str, ...],
+    part: tuple[str, ...],
+    bench: Command,
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+) -> None:
+    run_table = Mock(side_effect=lambda options, *given, **named: Results(options, this_machine(), complete=True))
+    monkeypatch.setattr(bench_run, "run_table", run_table)
+    document = tmp_path / "bench.md"
+    code, _, _ = bench("--table", document, *options, "--out", tmp_path / "out")
+    assert code == 0
+    ((chosen, folder, _), named) = run_table.call_args
+    assert named == {"document": document, "restricted": part}
+    assert folder == tmp_path / "out"
+    assert chosen.scenes == ("sphere", "shaderball")
+    assert chosen.denoise
+
+
+def test_one_kind_at_a_time(bench: Command) -> None:
+    code, _, errors = bench("--scale", "--sequence")
+    assert code == 2
+    assert "one kind of benchmark at a time, not --sequence and --scale" in errors
+
+
+def test_every_kind_has_its_option(bench: Command) -> None:
+    code, output, _ = bench("--help")
+    assert code == 0
+    assert [name for name in KINDS if name != "matrix" and f"--{name}" not in output] == []
 
 
 def test_list_measures_nothing(bench: Command) -> None:

@@ -97,7 +97,7 @@ def test_all_else_is_shown(backend: str) -> None:
     assert task(backend, *shown).lights == tuple(shown)
 
 
-@pytest.mark.parametrize(("backend", "why"), [("nodes-exact", "only domes"), ("mitsuba", "one dome alone")])
+@pytest.mark.parametrize(("backend", "why"), [("nodes-exact", "only domes"), ("mitsuba-principled", "one dome alone")])
 def test_backends_that_know_domes_alone_refuse_lamps(backend: str, why: str) -> None:
     with pytest.raises(EnvironmentMapError, match=why):
         task(backend, sunny(), DiskLight.example())

@@ -1,0 +1,105 @@
+"""The kinds of benchmark of `lookdev bench`: what each is called, what it measures by default, what runs it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from lookdev.bench import run
+from lookdev.bench.matrix import Options, restricted
+from lookdev.bench.report import print_results, print_scale
+from lookdev.bench.results import Results
+from lookdev.bench.scale import run_scale
+
+Report = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Order:
+    """What a command line asks for: options, the folder of the results, and the document that gets a section."""
+
+    options: Options
+    folder: Path
+    report: Report
+    document: Path | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a benchmark ended, and a function that prints what it measured."""
+
+    show: Callable[[Console], None]
+    complete: bool = True
+    failed: bool = False
+
+    @property
+    def exit_code(self) -> int:
+        """Return 130 after Ctrl-C, 1 where something could not be measured, else 0."""
+        return 130 if not self.complete else int(self.failed)
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of benchmark: its fields of `Options` that have other defaults, and whether it writes to a document."""
+
+    help: str
+    run: Callable[[Order], Outcome]
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    document: bool = False
+
+
+def _matrix(order: Order) -> Outcome:
+    return _outcome(run.run_matrix(order.options, order.folder, order.report))
+
+
+def _table(order: Order) -> Outcome:
+    assert order.document is not None
+    part = restricted(order.options, KINDS["table"].defaults)
+    given = order.options, order.folder, order.report
+    return _outcome(run.run_table(*given, document=order.document, restricted=part))
+
+
+def _sequence(order: Order) -> Outcome:
+    return _outcome(run.run_sequence(order.options, order.folder, order.report))
+
+
+def _scale(order: Order) -> Outcome:
+    return Outcome(partial(print_scale, run_scale(order.folder, order.report, repeats=order.options.repeats)))
+
+
+def _outcome(results: Results) -> Outcome:
+    return Outcome(partial(print_results, results), results.complete, bool(results.failures))
+
+
+KINDS: dict[str, Kind] = {
+    "matrix": Kind("time against error of any scenes, lights, looks and backends", _matrix),
+    "table": Kind(
+        "time to an error, raw and denoised, beside Blender's and Mitsuba's principled; growth; plots",
+        _table,
+        {
+            "scenes": ("sphere", "shaderball"),
+            "ibls": ("studio", "city"),
+            "looks": ("plastic", "car_paint", "metal", "brushed_metal", "copper"),
+            "backends": ("exact", "principled", "mitsuba-principled"),
+            "samples": (4, 16, 64, 256),
+            "resolution": 96,
+            "repeats": 5,
+            "reference": 4,
+            "targets": (1e-2, 1e-3),
+            "denoise": True,
+            "aim": 1e-3,
+            "until": 1e-3,
+            "enough": 1.25e-4,
+            "independent": True,
+        },
+        document=True,
+    ),
+    "sequence": Kind("turntables against a plain Blender script", _sequence, {"scenes": ("shaderball",), "repeats": 1}),
+    "scale": Kind("large assets up to the first sample, against Blender's own import", _scale),
+}
+"""By the name of the option; the first is measured without one."""

@@ -1,0 +1,186 @@
+"""The table of a document: its figures, what it states of how far it was measured, its plots."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from bench_fakes import FakeBackends, FakeRenderer, quiet
+from test_bench_growth import FakeProcesses
+
+from lookdev.bench import growth, run
+from lookdev.bench.document import END, check_document, marker, write_section
+from lookdev.bench.kinds import KINDS
+from lookdev.bench.matrix import Options, parse_options, restricted
+from lookdev.bench.measure import Series
+from lookdev.bench.results import Results
+from lookdev.bench.run import run_table
+from lookdev.bench.table import table_text
+from lookdev.errors import LookdevError, RenderError
+
+DEFAULTS = KINDS["table"].defaults
+BEFORE, AFTER = "# Speed\n\nText before.\n\n", "\n\nText after.\n"
+LOOKS = ("plastic", "metal")
+
+
+def small(**fields: object) -> Options:
+    """Return the options of a table that takes a second."""
+    chosen = {"scenes": ("sphere",), "looks": LOOKS, "repeats": 2, "frames": 4}
+    return replace(parse_options({}, defaults=DEFAULTS), **(chosen | fields))
+
+
+Measured = tuple[Results, Path]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Measured]:
+    """Measure a table once; return the results and the document."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("table")
+        patch.setenv("LOOKDEV_CACHE", str(folder / "cache"))
+        yield measuring(folder, patch)()
+
+
+@pytest.fixture
+def measure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Measured]:
+    """Return a function that measures a table by fakes, and returns its results and the document."""
+    return measuring(tmp_path, monkeypatch)
+
+
+def measuring(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Measured]:
+    document = folder / "docs" / "bench.md"
+    document.parent.mkdir()
+    document.write_text(f"{BEFORE}{marker('table')}\nold\n{END}{AFTER}")
+    kept = {of: growth.QUANTITIES[of] for of in ("pixels", "frames")}
+    monkeypatch.setattr(growth, "QUANTITIES", kept)
+    monkeypatch.setattr(growth, "PIXELS", (16, 32))
+    monkeypatch.setitem(run.NEEDS, "mitsuba-principled", lambda: None)
+
+    def measure(options: Options | None = None, backends: FakeBackends | None = None) -> Measured:
+        chosen = options or small()
+        fakes = {"opened": backends or FakeBackends(), "growth": FakeProcesses()}
+        part = restricted(chosen, DEFAULTS)
+        return run_table(chosen, folder / "out", quiet, document=document, restricted=part, **fakes), document
+
+    return measure
+
+
+def rows_below(text: str, heading: str) -> list[list[str]]:
+    """Return the cells of the table below a heading."""
+    below = text.partition(f"#### {heading}\n")[2]
+    table = below[below.index("\n|") + 1 :].partition("\n\n")[0]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()[2:]]
+
+
+def test_the_document_has_the_table_and_keeps_the_rest(whole: Measured) -> None:
+    results, text = whole[0], whole[1].read_text()
+    assert results.complete
+    assert text.startswith(BEFORE)
+    assert text.endswith(f"{END}{AFTER}")
+    assert "old" not in text
+    for heading in ("Raw, to 0.01", "Raw, to 0.001", "Denoised, to 0.01", "Denoised, to 0.001"):
+        names = [row[0] for row in rows_below(text, heading)]
+        cells = [f"sphere, {ibl}, {look}" for ibl in ("studio", "city") for look in LOOKS]
+        assert names == [*cells, "geometric mean, all"]
+    # Twice as noisy at half the cost; the other at the same cost.
+    mean = rows_below(text, "Raw, to 0.001")[-1]
+    noise = FakeRenderer("exact", 0.1, fixed=0.0).relmse(1) / 1e-3
+    exact = 0.01 + 0.001 * noise
+    assert float(mean[3]) == pytest.approx(exact / (0.01 + 0.0005 * 4.0 * noise), rel=0.1)
+    assert float(mean[6]) == pytest.approx(exact / (0.01 + 0.001 * 4.0 * noise), rel=0.1)
+    for of in growth.QUANTITIES:
+        assert f"#### Growth with {of}" in text
+
+
+def test_estimates_stand_beside_what_they_estimate(whole: Measured) -> None:
+    results, text = whole[0], whole[1].read_text()
+    *cells, everything = rows_below(text, "Estimates, and frames that end at 0.001")
+    assert everything[0] == "all"
+    for estimate in everything[1:3]:
+        # The fakes know their errors.
+        assert float(estimate.split()[0]) == pytest.approx(1.0, abs=0.1)
+    for row, cell in zip(cells, results.cells, strict=True):
+        for seconds, samples, error in (row[3:6], row[6:9]):
+            assert float(seconds.split()[0]) > 0.0
+            assert int(samples) in {1 << power for power in range(10)}
+            assert float(error) < 1.1e-3
+        assert len(cell.of(Series("exact", "aimed"))) == 2
+
+
+def test_only_options_make_it_a_part(whole: Measured) -> None:
+    results, document = whole
+    stated = "A part of the table: scenes, looks, repeats, frames are not the defaults."
+    assert stated in document.read_text()
+    assert "A part of" not in table_text(replace(results, restricted=()), [])
+
+
+def test_plots_are_beside_the_document_and_the_same_for_the_same_figures(whole: Measured) -> None:
+    results, document = whole
+    names = ["bench_growth.svg", *(f"bench_{look}.svg" for look in LOOKS)]
+    assert sorted(each.name for each in document.parent.glob("*.svg")) == sorted(names)
+    for name in names:
+        assert f"]({name})" in document.read_text()
+        drawn = (document.parent / name).read_text()
+        assert len(drawn) < 100_000
+        assert drawn.count(">mitsuba-principled<") == 1  # one legend, whose text is text
+    first = {name: (document.parent / name).read_bytes() for name in names}
+    run._write_table(results, document)
+    assert first == {name: (document.parent / name).read_bytes() for name in names}
+
+
+def test_ctrl_c_leaves_a_document_that_says_so(measure: Callable[..., Measured]) -> None:
+    results, document = measure(backends=FakeBackends(ends_after=200))
+    text = document.read_text()
+    assert not results.complete
+    assert "Not complete" in text
+    assert rows_below(text, "Raw, to 0.01")[0][0] == "sphere, studio, plastic"
+    assert "Growth with" not in text
+    # Before the first measurement nothing is written.
+    results, document = measure(backends=FakeBackends(ends_after=0))
+    assert not results.complete
+    assert document.read_text() == text
+
+
+def test_a_backend_that_fails_is_in_the_document(measure: Callable[..., Measured]) -> None:
+    results, document = measure(backends=FakeBackends(principled=100))
+    text = document.read_text()
+    assert results.complete
+    assert "principled has no more ink" in text
+    assert rows_below(text, "Raw, to 0.01")[-1][6] != "-"
+
+
+def test_a_backend_that_is_not_here_is_in_the_document_by_name(
+    measure: Callable[..., Measured], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_llvm() -> None:
+        raise RenderError("no LLVM")
+
+    monkeypatch.setitem(run.NEEDS, "mitsuba-principled", no_llvm)
+    text = measure()[1].read_text()
+    assert "Without `mitsuba-principled`: no LLVM." in text
+    # What is missing is not what options restrict.
+    assert "backends" not in text.partition("A part of the table: ")[2].partition(" are not")[0]
+
+
+@pytest.mark.parametrize("text", ["", f"{marker('table')}\n", f"{marker('table')}\n{END}\n" * 2, END,
+                                  f"{marker('table')}\n{marker('profile')}\n{END}"])  # fmt: skip
+def test_a_document_without_a_place_is_refused_before_anything_is_measured(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "bench.md"
+    file.write_text(text)
+    backends = FakeBackends()
+    with pytest.raises(LookdevError, match="goes between the lines '<!-- bench: table -->' and"):
+        run_table(small(), tmp_path / "out", quiet, document=file, opened=backends)
+    assert backends.calls == []
+    assert file.read_text() == text
+
+
+def test_a_section_is_replaced_and_no_other(tmp_path: Path) -> None:
+    file = tmp_path / "bench.md"
+    file.write_text(f"a\n{marker('one')}\n1\n{END}\nb\n{marker('two')}\n{END}\nc\n")
+    write_section(file, "two", "new\n")
+    write_section(file, "two", "newer\n")
+    write_section(file, "one", "first")
+    assert file.read_text() == f"a\n{marker('one')}\n\nfirst\n{END}\nb\n{marker('two')}\n\nnewer\n{END}\nc\n"
+    check_document(file, "one")
