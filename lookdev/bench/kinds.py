@@ -12,7 +12,8 @@ from rich.console import Console
 
 from lookdev.bench import run
 from lookdev.bench.matrix import Options, restricted
-from lookdev.bench.report import print_results, print_scale
+from lookdev.bench.profile import run_profile
+from lookdev.bench.report import print_profile, print_results, print_scale
 from lookdev.bench.results import Results
 from lookdev.bench.scale import run_scale
 
@@ -72,6 +73,14 @@ def _scale(order: Order) -> Outcome:
     return Outcome(partial(print_scale, run_scale(order.folder, order.report, repeats=order.options.repeats)))
 
 
+def _profile(order: Order) -> Outcome:
+    assert order.document is not None
+    part = restricted(order.options, KINDS["profile"].defaults)
+    given = order.options, order.folder, order.report
+    made = run_profile(*given, document=order.document, restricted=part)
+    return Outcome(partial(print_profile, made, order.options), made.complete, bool(made.failures))
+
+
 def _outcome(results: Results) -> Outcome:
     return Outcome(partial(print_results, results), results.complete, bool(results.failures))
 
@@ -96,6 +105,20 @@ KINDS: dict[str, Kind] = {
             "until": 1e-3,
             "enough": 1.25e-4,
             "independent": True,
+        },
+        document=True,
+    ),
+    "profile": Kind(
+        "where a second of rendering goes, by parts of the shader that are switched off",
+        _profile,
+        {
+            "scenes": ("sphere", "shaderball"),
+            "ibls": ("studio",),
+            "looks": ("plastic", "metal", "copper"),
+            "backends": ("exact",),
+            "samples": (64,),
+            "resolution": 96,
+            "repeats": 5,
         },
         document=True,
     ),

@@ -9,6 +9,7 @@ from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
 from lookdev.bench.growth import Growth
 from lookdev.bench.measure import CellResult
@@ -46,13 +47,21 @@ def draw_growth(growth: Sequence[Growth], file: Path) -> Path:
     quantities = list(dict.fromkeys(each.of for each in growth))
     figure, panels = _panels("seconds of a frame", len(quantities), 3)
     for axes, of in zip(panels, quantities, strict=True):
-        for each in growth:
-            if each.of == of:
-                sizes, seconds = [row.size for row in each.rows], [row.seconds for row in each.rows]
-                spread = [[row.seconds - row.low for row in each.rows], [row.high - row.seconds for row in each.rows]]
-                style: dict[str, Any] = {"fmt": "o-", "markersize": 3.0, **_color(each.backend)}
-                axes.errorbar(sizes, seconds, spread, label=each.backend, **style)
-        axes.set(title=of, xlabel=of, ylabel="seconds", yscale="log", xscale="linear" if of == "frames" else "log")
+        mine = [each for each in growth if each.of == of]
+        sizes = [row.size for row in mine[0].rows]
+        for each in mine:
+            seconds = [row.seconds for row in each.rows]
+            spread = [[row.seconds - row.low for row in each.rows], [row.high - row.seconds for row in each.rows]]
+            style: dict[str, Any] = {"fmt": "o-", "markersize": 3.0, **_color(each.backend)}
+            axes.errorbar([row.size for row in each.rows], seconds, spread, label=each.backend, **style)
+        axes.set(xlabel=of, ylabel="seconds", xscale="linear" if of == "frames" else "log")
+        axes.set_xticks(sizes, [f"{size:,}" for size in sizes], minor=False)
+        axes.xaxis.set_minor_locator(NullLocator())
+        if of == "pixels":  # in proportion to which seconds grow
+            axes.set_yscale("log")
+            _rule(axes.yaxis)
+        else:
+            axes.set_ylim(bottom=0.0)
         axes.grid(alpha=0.3)
     return _save(figure, panels, file)
 
@@ -67,7 +76,17 @@ def _draw_cell(axes: Any, result: CellResult, targets: Sequence[float]) -> None:
         axes.axhline(target, color="0.7", linewidth=0.8)
     title = f"{result.cell.scene}, {result.cell.ibl}"
     axes.set(title=title, xlabel="seconds", ylabel="relMSE", xscale="log", yscale="log")
+    _rule(axes.xaxis)
+    _rule(axes.yaxis)
     axes.grid(alpha=0.3)
+
+
+def _rule(axis: Any) -> None:
+    """Mark few round numbers on a logarithmic axis."""
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_locator(NullLocator())
 
 
 def _color(backend: str) -> dict[str, str]:

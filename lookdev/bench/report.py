@@ -10,8 +10,10 @@ from rich.table import Table
 from rich.text import Text
 
 from lookdev.bench.growth import Growth
+from lookdev.bench.matrix import Options
 from lookdev.bench.measure import CellResult, Series
-from lookdev.bench.results import Machine, Results
+from lookdev.bench.profile import Profile, profile_text
+from lookdev.bench.results import Results, machine_line
 from lookdev.bench.scale import WAYS, ScaleResults
 from lookdev.bench.sequence import SequenceResult
 
@@ -46,12 +48,6 @@ def print_results(results: Results, console: Console) -> None:
         console.print(Text(failure, style="bold"), soft_wrap=True)
     if not results.complete:
         console.print(Text("Not complete: this is what was measured until it ended.", style="bold"))
-
-
-def machine_line(machine: Machine) -> str:
-    """Return the machine in one line."""
-    versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
-    return f"{machine.cpu}, {machine.cores} cores, load {machine.load[0]:.1f} before; {versions}; {machine.date}"
 
 
 def skip_lines(cells: Sequence[CellResult]) -> list[str]:
@@ -139,6 +135,11 @@ def print_scale(results: ScaleResults, console: Console) -> None:
                 row += [f"x{rows['lookdev'][1] / sample:.2f}", f"x{rows['lookdev'][2] / memory:.2f}"]
             table.add_row(*row)
     console.print(table)
+
+
+def print_profile(profile: Profile, options: Options, console: Console) -> None:
+    """Print the text of the document."""
+    console.print(Text(profile_text(profile, options)), soft_wrap=True)
 
 
 def _growth(growth: Growth) -> Table:

@@ -95,6 +95,12 @@ def this_machine() -> Machine:
     )
 
 
+def machine_line(machine: Machine) -> str:
+    """Return the machine in one line."""
+    versions = ", ".join(f"{name} {version}" for name, version in machine.versions.items())
+    return f"{machine.cpu}, {machine.cores} cores, load {machine.load[0]:.1f} before; {versions}; {machine.date}"
+
+
 def _cpu_model() -> str:
     info = Path("/proc/cpuinfo")
     lines = info.read_text(errors="replace").splitlines() if info.exists() else []

@@ -11,8 +11,8 @@ from lookdev.bench.curves import Reached
 from lookdev.bench.document import markdown
 from lookdev.bench.growth import Growth
 from lookdev.bench.measure import EXACT, PICTURES, CellResult, CurvePoint, Measurement, Ratio, Series, Times, Way
-from lookdev.bench.report import MEGABYTE, machine_line, warnings
-from lookdev.bench.results import Results
+from lookdev.bench.report import MEGABYTE, warnings
+from lookdev.bench.results import Results, machine_line
 
 NAME = "table"
 """Of the section of the document, and the prefix of its plots."""
@@ -118,19 +118,14 @@ def _mean(values: Sequence[Reached | None], of: int) -> str:
 def _seconds(times: Times | None) -> str:
     if times is None or times.value is None:
         return "-"
-    spread = "" if times.low is None or times.high is None else f" ({_short(times.low)}..{_short(times.high)})"
-    return f"{times.value.mark}{_short(times.value.value)}{spread}"
+    return f"{times.value.mark}{_short(times.value.value)}{_spread(times.low, times.high)}"
 
 
 def _takes(found: Ratio | None) -> tuple[str, str]:
     if found is None or found.value is None:
         return "-", "-"
-    spread = "" if found.low is None or found.high is None else f" ({found.low:.2f}..{found.high:.2f})"
-    by_samples = found.by_samples
-    return (
-        f"{found.value.mark}{found.value.value:.2f}{spread}",
-        "-" if by_samples is None else f"{by_samples.mark}{by_samples.value:.2f}",
-    )
+    by_samples = "-" if found.by_samples is None else f"{found.by_samples.mark}{found.by_samples.value:.2f}"
+    return f"{found.value.mark}{found.value.value:.2f}{_spread(found.low, found.high)}", by_samples
 
 
 def _most(cells: Sequence[CellResult]) -> str:
@@ -174,7 +169,7 @@ def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
     known = [row.relmse for row in rows if row.relmse is not None]
     error = f"{statistics.median(known):.2e}" if known else "below its reference's"
     samples = f"{statistics.median(row.samples for row in rows):.0f}"
-    return f"{_short(statistics.median(seconds))} ({_short(min(seconds))}..{_short(max(seconds))})", samples, error
+    return f"{_short(statistics.median(seconds))}{_spread(min(seconds), max(seconds))}", samples, error
 
 
 def _growth(growth: Sequence[Growth]) -> str:
@@ -184,11 +179,19 @@ def _growth(growth: Sequence[Growth]) -> str:
         line = [f"{size:,}"]
         for each in growth:
             found = next((row for row in each.rows if row.size == size), None)
-            spread = f" ({_short(found.low)}..{_short(found.high)})" if found else ""
-            line += [f"{_short(found.seconds)}{spread}", f"{found.memory / MEGABYTE:.0f}"] if found else ["-", "-"]
+            line += (
+                [f"{_short(found.seconds)}{_spread(found.low, found.high)}", f"{found.memory / MEGABYTE:.0f}"]
+                if found
+                else ["-", "-"]
+            )
         rows.append(line)
     of = growth[0].of
     return markdown([of, *(column for each in growth for column in (f"{each.backend}, s a frame", "MB"))], rows)
+
+
+def _spread(low: float | None, high: float | None) -> str:
+    """Return the extremes in brackets, where there are two."""
+    return "" if low is None or high is None or low == high else f" ({_short(low)}..{_short(high)})"
 
 
 def _short(value: float) -> str:

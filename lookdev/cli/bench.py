@@ -34,6 +34,9 @@ def bench(
     table: Annotated[
         Path | None, _document("--table", "Time to an error beside other renderers, growth, plots: for docs/bench.md.")
     ] = None,
+    profile: Annotated[
+        Path | None, _document("--profile", "Where a second of rendering goes: for docs/bench.md.")
+    ] = None,
     sequence: Annotated[
         bool, typer.Option("--sequence", help="Turntables against a plain Blender script.", rich_help_panel=_KINDS)
     ] = False,
@@ -67,7 +70,7 @@ def bench(
     if show:
         say(listing())
         return
-    given: dict[str, Path | None] = {"table": table} if table else {}
+    given: dict[str, Path | None] = {name: file for name, file in (("table", table), ("profile", profile)) if file}
     given |= {name: None for name, chosen in {"sequence": sequence, "scale": scale}.items() if chosen}
     if len(given) > 1:
         raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in given)}")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -69,6 +70,7 @@ def generate_surface(
     shadows: bool = True,
     resolution: tuple[int, int],
     features: bool = False,
+    replaced: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
 
@@ -90,6 +92,8 @@ def generate_surface(
         Width and height of the picture in pixels: each pixel has a scramble of its own.
     features
         Whether the shader can show, instead, what a denoiser is guided by: near albedos and normals.
+    replaced
+        Other lines for sections of the template, by their names: what the benchmark takes the time of.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
@@ -164,6 +168,7 @@ def generate_surface(
             "frame": emit_frame(directed=directed, leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **code.sections,
+            **replaced,
         },
     )
     constants = tuple(names.constants)
