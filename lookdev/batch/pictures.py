@@ -19,6 +19,7 @@ from lookdev.batch.lock import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest, share
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, read_frame
+from lookdev.output.color import DisplayView
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
 from lookdev.text import TextError, parse_json, read_text
@@ -116,16 +117,21 @@ class Pictures:
     def _key(self, file: _File) -> str:
         digests = [task.digest for task in file.frames.values()]
         made_of = [digests, file.labels, self._behind, self._options(file.output)]
-        return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
-        return {name: getattr(self._outputs, name) for name in ("view", *output.options)}
+        own = {name: getattr(self._outputs, name) for name in output.options}
+        return {"view": self._outputs.shown(output.name), **own}
 
     def _is_current(self, path: Path, key: str) -> bool:
         return path.is_file() and self._ledger.get(self._name(path)) == [key, file_digest(path)]
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._root).as_posix()
+
+
+def _view_digest(view: DisplayView) -> str:
+    return view.digest
 
 
 def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:

@@ -24,7 +24,7 @@ class Frames:
     title
         What they show.
     options
-        The ``view``, and the values of the output's own keys.
+        The ``view``, a `DisplayView`, and the values of the output's own keys.
     light
         From one of the files to linear light over the background, (H, W, 3).
     """
