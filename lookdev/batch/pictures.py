@@ -10,6 +10,7 @@ import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -104,10 +105,13 @@ class Pictures:
     def _write(self, file: _File, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
-        def light(frame: Path) -> Floats:
-            return composite(*(pixels or read_frame(frame)), self._background(file.frames[frame]))
+        def layers(frame: Path) -> tuple[Floats, Floats]:
+            return pixels or read_frame(frame)
 
-        frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light)
+        def light(frame: Path) -> Floats:
+            return composite(*layers(frame), self._background(file.frames[frame]))
+
+        frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers)
         write_shared(paths, lambda path: file.output.write(path, frames))
         key = self._key(file)
         self._ledger |= {self._name(path): [key, file_digest(path)] for path in paths}
@@ -162,7 +166,9 @@ def _files(plan: Plan, output: Output) -> Iterator[_File]:
             sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
         for (ibl, turntable), reels in sides.items():
             path = plan.output / ibl / (turntable + output.suffix)
-            yield file([path], (ibl, turntable), (reel.files[0] for reel in reels), (reel.look for reel in reels))
+            shown = zip(*(reel.files for reel in reels), strict=True)
+            steps = shown if output.of == "step" else islice(shown, 1)
+            yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
 
 
 def _number(frame: Path) -> str:

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import fields
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -320,9 +321,18 @@ class OutputsTable(Table):
     @field_validator("*")
     @classmethod
     def _option_of_an_output(cls, value: object, info: ValidationInfo) -> object:
-        for name, output in OUTPUTS.items():
-            if info.field_name in output.options and info.data.get(name) is False:
-                raise wrong(f"has no meaning without '{name}'", f"{name} = true")
+        owners = [name for name, output in OUTPUTS.items() if info.field_name in output.options]
+        if owners and all(info.data.get(name) is False for name in owners):
+            raise wrong("has no meaning without " + " or ".join(f"'{name}'" for name in owners), f"{owners[0]} = true")
+        return value
+
+    @field_validator("*")
+    @classmethod
+    def _installed(cls, value: object, info: ValidationInfo) -> object:
+        output = OUTPUTS.get(info.field_name or "")
+        if value is True and output and output.extra and find_spec(output.extra[1]) is None:
+            extra, module = output.extra
+            raise wrong(f"needs the module '{module}', which is not installed", f"pip install 'lookdev[{extra}]'")
         return value
 
     def shown(self, output: str = "") -> DisplayView:

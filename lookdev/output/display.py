@@ -20,6 +20,14 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Pixels:
     """Return linear Rec.709 light (H, W, 3) as code values of a display, (H, W, 3) uint8, rounded to nearest.
 
     `view` is a view, or the name of one of the default display of the config that ships; its ``Raw`` only quantises.
+    Errors as `display_codes`.
+    """
+    return _quantised(display_codes(rgb, view))
+
+
+def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats:
+    """Return linear Rec.709 light (H, W, 3) as code values of a display in [0, 1]; `view` as `to_display`.
+
     Raises OutputError as `DisplayView.processor`, or for pixels that are not finite.
     """
     seen = DisplayView(view) if isinstance(view, str) else view
@@ -29,7 +37,23 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Pixels:
         row, column = broken[0]
         raise OutputError(f"{len(broken)} pixels are NaN or infinite, the first in row {row}, column {column}")
     seen.processor.applyRGB(shown)
-    return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+    return np.clip(shown, 0.0, 1.0)
+
+
+def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) -> Floats:
+    """Return premultiplied light (H, W, 3) with alpha (H, W) as code values and straight alpha, (H, W, 4) in [0, 1].
+
+    Light is divided by alpha before the view; pixels of alpha 0 become black. Errors as `display_codes`.
+    """
+    coverage = np.asarray(alpha, dtype=np.float32)[..., None]
+    # In float64 and bounded, because division by a tiny alpha overflows.
+    straight = np.divide(np.asarray(rgb, np.float64), coverage, where=coverage > 0.0, out=np.zeros(np.shape(rgb)))
+    straight = np.minimum(straight, np.finfo(np.float32).max)
+    return np.concatenate([display_codes(straight, view), np.clip(coverage, 0.0, 1.0)], axis=-1)
+
+
+def _quantised(codes: Floats) -> Pixels:
+    return (codes * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
 
 
 def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Floats:
@@ -41,18 +65,13 @@ def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Flo
 def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: DisplayView | str) -> None:
     """Write linear light (H, W, 3) as a PNG, whole or not at all; raises OutputError as `to_display`, or on writing.
 
-    With `alpha` (H, W), `rgb` is premultiplied; it is divided by alpha before the view transform, because PNG stores
-    unassociated alpha, and pixels of alpha 0 become black. Without alpha, the picture is opaque.
+    With `alpha` (H, W), `rgb` is premultiplied, and the picture is that of `straight_codes`: PNG stores unassociated
+    alpha. Without alpha, the picture is opaque.
     """
     if alpha is None:
         write_pixels(path, to_display(rgb, view))
         return
-    coverage = np.asarray(alpha, dtype=np.float32)[..., None]
-    # In float64 and bounded, because division by a tiny alpha overflows.
-    straight = np.divide(np.asarray(rgb, np.float64), coverage, where=coverage > 0.0, out=np.zeros(np.shape(rgb)))
-    straight = np.minimum(straight, np.finfo(np.float32).max)
-    opacity = (np.clip(coverage, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
-    write_pixels(path, np.concatenate([to_display(straight, view), opacity], axis=-1))
+    write_pixels(path, _quantised(straight_codes(rgb, alpha, view)))
 
 
 def write_pixels(path: Path, pixels: Pixels) -> None:
