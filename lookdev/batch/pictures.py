@@ -125,7 +125,8 @@ class Pictures:
 
     def _options(self, output: Output) -> dict[str, object]:
         own = {name: getattr(self._outputs, name) for name in output.options}
-        return {"view": self._outputs.shown(output.name), **own}
+        burned = {"burn_in": True} if output.name in self._outputs.burn_in else {}
+        return {"view": self._outputs.shown(output.name), **burned, **own}
 
     def _is_current(self, path: Path, key: str) -> bool:
         return path.is_file() and self._ledger.get(self._name(path)) == [key, file_digest(path)]

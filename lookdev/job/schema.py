@@ -285,6 +285,21 @@ class OutputsTable(Table):
             raise wrong("the EXR cannot be left out: its header records which frames are done", "exr = true")
         return value
 
+    burn_in: tuple[Text, ...] = Field(
+        default=(),
+        description="Outputs into whose frames text is burned: job, look, rig, frame, samples, error, resolution, "
+        "view, version and date: ['movie'].",
+    )
+
+    @field_validator("burn_in")
+    @classmethod
+    def _of_frames(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        burning = [name for name, output in OUTPUTS.items() if output.burns]
+        for name in value:
+            if name not in burning:
+                raise wrong(f"no text can be burned into '{name}'", nearest_hint(name, burning))
+        return value
+
     @field_validator("ocio")
     @classmethod
     def _readable_config(cls, value: str) -> str:

@@ -16,18 +16,21 @@ _FPS = Field(
     default=24.0, description="Frames a second of movies; 23.976, 29.97 and 59.94 are 1000/1001 of whole ones."
 )
 _TURNS = Field(default=1, description="How often a movie shows its turntable; no frame is doubled between.")
+_SLATE = Field(default=0.0, description="Seconds that a slate precedes each movie; 0: none.")
 _MOVIE: dict[str, Any] = {
     "options": {
         "fps": (Annotated[float, Field(ge=1.0, le=240.0)], _FPS),
         "movie_turns": (Annotated[int, Field(ge=1, le=100)], _TURNS),
+        "slate": (Annotated[float, Field(ge=0.0, le=60.0)], _SLATE),
     },
     "extra": ("movie", "av"),
 }
+_BURNS = {**_MOVIE, "burns": True}
 
 OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
-        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True),
+        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, burns=True),
         Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_turntable, True),
         Output(
             "overview",
@@ -37,11 +40,9 @@ OUTPUTS: dict[str, Output] = {
             write_overview,
             options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
         ),
-        Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_MOVIE),
-        Output(
-            "prores", "A movie of each turntable with alpha, ProRes 4444.", "turntable", ".mov", write_prores, **_MOVIE
-        ),
-        Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_MOVIE),
+        Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),
+        Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_BURNS),
+        Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_BURNS),
         Output(
             "grid",
             "A movie of all looks side by side, in step, for each light and turntable, H.264.",

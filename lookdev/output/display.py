@@ -22,7 +22,7 @@ def to_display(rgb: ArrayLike, view: DisplayView | str) -> Pixels:
     `view` is a view, or the name of one of the default display of the config that ships; its ``Raw`` only quantises.
     Errors as `display_codes`.
     """
-    return _quantised(display_codes(rgb, view))
+    return quantised(display_codes(rgb, view))
 
 
 def display_codes(rgb: ArrayLike, view: DisplayView | str) -> Floats:
@@ -52,7 +52,8 @@ def straight_codes(rgb: ArrayLike, alpha: ArrayLike, view: DisplayView | str) ->
     return np.concatenate([display_codes(straight, view), np.clip(coverage, 0.0, 1.0)], axis=-1)
 
 
-def _quantised(codes: Floats) -> Pixels:
+def quantised(codes: Floats) -> Pixels:
+    """Return code values in [0, 1] as 8 bits, rounded to nearest."""
     return (codes * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
 
 
@@ -71,7 +72,7 @@ def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: Display
     if alpha is None:
         write_pixels(path, to_display(rgb, view))
         return
-    write_pixels(path, _quantised(straight_codes(rgb, alpha, view)))
+    write_pixels(path, quantised(straight_codes(rgb, alpha, view)))
 
 
 def write_pixels(path: Path, pixels: Pixels) -> None:

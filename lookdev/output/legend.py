@@ -10,7 +10,8 @@ import OpenImageIO as oiio
 
 from lookdev.output.color import DisplayView
 from lookdev.output.display import Pixels, to_display, write_pixels
-from lookdev.output.sheet import INK, PAGE, TITLE_INK, write_text
+from lookdev.output.lettering import write_text
+from lookdev.output.sheet import INK, PAGE, TITLE_INK
 
 _TEXT, _TITLE, _GAP = 14, 20, 8  # pixels
 _WIDTH = 320

@@ -8,10 +8,11 @@ random number, so that the same frames make the same bytes.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
-from itertools import islice
+from itertools import islice, repeat
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,13 @@ from lookdev.cache import atomic_path
 from lookdev.errors import OutputError
 from lookdev.output.display import Floats
 from lookdev.output.record import Frames
-from lookdev.output.sheet import OVERVIEW_CELLS, SOURCE_SIZE, sheet_page
+from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet_page
+from lookdev.output.slate import slate
 
 _KR, _KB = 0.2126, 0.0722  # BT.709-6, item 3.2
 _BT709, _LIMITED = 1, 1  # ITU-T H.273: primaries, transfer and matrix alike; FFmpeg's number of the range
 _THREADS = 4
+_PAGE_WIDTH = 1920  # pixels, about, of looks in step
 
 
 @dataclass(frozen=True)
@@ -53,39 +56,52 @@ VP9 = Codec("libvpx-vp9", "webm", "yuva420p", 8, True, True, _VP9, _EXACT)
 
 def write_h264(path: Path, frames: Frames) -> None:
     """Write a turntable over its background as H.264."""
-    write_movie(path, frames.codes(), H264, _rate(frames), _turns(frames))
+    _write(path, frames, frames.codes(), H264)
 
 
 def write_prores(path: Path, frames: Frames) -> None:
     """Write a turntable with alpha as ProRes 4444."""
-    write_movie(path, frames.codes(alpha=True), PRORES, _rate(frames), _turns(frames))
+    _write(path, frames, frames.codes(alpha=True), PRORES)
 
 
 def write_vp9(path: Path, frames: Frames) -> None:
     """Write a turntable with alpha as VP9."""
-    write_movie(path, frames.codes(alpha=True), VP9, _rate(frames), _turns(frames))
+    _write(path, frames, frames.codes(alpha=True), VP9)
 
 
 def write_grid(path: Path, frames: Frames) -> None:
     """Write all looks in step, side by side with their names, as H.264; the files are in the order of time."""
-    write_movie(path, _pages(frames), H264, _rate(frames), _turns(frames))
+    _write(path, frames, _pages(frames), H264)
 
 
-def _pages(frames: Frames) -> Iterable[Floats]:
+def _write(path: Path, frames: Frames, pictures: Iterable[Floats], codec: Codec) -> None:
+    rate, options = frame_rate(frames.options["fps"]), frames.options
+    write_movie(path, _with_slate(frames, pictures, round(options["slate"] * rate)), codec, rate)
+
+
+def _with_slate(frames: Frames, pictures: Iterable[Floats], held: int) -> Iterator[Floats]:
+    """Yield a slate for so many frames, and then the pictures as often as they are wanted."""
+    turns = frames.options["movie_turns"]
+    shown: list[Floats] = []
+    for number, picture in enumerate(pictures):
+        if number == 0 and held:
+            (height, width, channels), view = picture.shape, frames.options["view"]
+            page = slate(frames.files, frames.title, view, frames.options["fps"], (height, width), channels)
+            yield from repeat(page, held)
+        yield picture
+        if turns > 1:
+            shown.append(picture)
+    for _ in range(turns - 1):
+        yield from shown
+
+
+def _pages(frames: Frames) -> Iterator[Floats]:
+    looks = len(frames.labels)
     cells = frames.pictures(SOURCE_SIZE)
-    least, most = OVERVIEW_CELLS
-    while shown := list(islice(cells, len(frames.labels))):
-        cell = min(max(least, *(side for each in shown for side in each.shape[:2])), most)
+    most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
+    while shown := list(islice(cells, looks)):
+        cell = min(max(OVERVIEW_CELLS[0], *(side for each in shown for side in each.shape[:2])), most)
         yield sheet_page(shown, frames.labels, frames.title, cell=cell).astype(np.float32) / np.float32(255.0)
-
-
-def _turns(frames: Frames) -> int:
-    turns: int = frames.options["movie_turns"]
-    return turns
-
-
-def _rate(frames: Frames) -> Fraction:
-    return frame_rate(frames.options["fps"])
 
 
 def frame_rate(fps: float) -> Fraction:
@@ -94,11 +110,11 @@ def frame_rate(fps: float) -> Fraction:
     return ntsc if abs(float(ntsc) - fps) < 0.005 and fps != round(fps) else Fraction(fps).limit_denominator(1000)
 
 
-def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Fraction, turns: int = 1) -> None:
+def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Fraction) -> None:
     """Write a movie, whole or not at all.
 
     `pictures` are code values of a display in [0, 1], (H, W, 3), or (H, W, 4) with straight alpha where the codec has
-    it; with `turns` they are shown so many times. Raises OutputError where the file cannot be written.
+    it. Raises OutputError where the file cannot be written.
     """
     import av  # takes 0.1 s, and is an extra
 
@@ -108,27 +124,23 @@ def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Frac
             av.open(str(temporary), "w", format=codec.container, options=dict(codec.muxing)) as container,
         ):
             stream = None
-            pts = 0
-            whole = [pictures] if turns == 1 else [list(pictures)] * turns
-            for each in whole:
-                for picture in each:
-                    planes = to_planes(picture, codec)
-                    if stream is None:
-                        stream = container.add_stream(codec.encoder, rate=rate, options=dict(codec.options))
-                        stream.height, stream.width = planes[0].shape
-                        stream.pix_fmt = codec.pixels
-                        context = stream.codec_context
-                        context.thread_count = _THREADS
-                        context.color_primaries = context.color_trc = context.colorspace = _BT709
-                        context.color_range = _LIMITED
-                    frame = av.VideoFrame(planes[0].shape[1], planes[0].shape[0], codec.pixels)
-                    frame.pts, frame.time_base = pts, 1 / rate
-                    frame.colorspace, frame.color_range = _BT709, _LIMITED
-                    frame.color_primaries = frame.color_trc = _BT709
-                    for plane, values in zip(frame.planes, planes, strict=True):
-                        plane.update(_rows(values, plane.line_size))
-                    container.mux(stream.encode(frame))
-                    pts += 1
+            for number, picture in enumerate(pictures):
+                planes = to_planes(picture, codec)
+                if stream is None:
+                    stream = container.add_stream(codec.encoder, rate=rate, options=dict(codec.options))
+                    stream.height, stream.width = planes[0].shape
+                    stream.pix_fmt = codec.pixels
+                    context = stream.codec_context
+                    context.thread_count = _THREADS
+                    context.color_primaries = context.color_trc = context.colorspace = _BT709
+                    context.color_range = _LIMITED
+                frame = av.VideoFrame(planes[0].shape[1], planes[0].shape[0], codec.pixels)
+                frame.pts, frame.time_base = number, 1 / rate
+                frame.colorspace, frame.color_range = _BT709, _LIMITED
+                frame.color_primaries = frame.color_trc = _BT709
+                for plane, values in zip(frame.planes, planes, strict=True):
+                    plane.update(_rows(values, plane.line_size))
+                container.mux(stream.encode(frame))
             if stream is not None:
                 container.mux(stream.encode(None))
     except (OSError, av.error.FFmpegError) as error:

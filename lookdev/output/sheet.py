@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lookdev.errors import OutputError, printable
+from lookdev.errors import OutputError
 from lookdev.output.display import Pixels, write_pixels
+from lookdev.output.lettering import write_text
 from lookdev.output.record import Frames
 
 PAGE = 46  # sRGB code values: a dark neutral grey
 INK = 190
 TITLE_INK = 235
-FONT = "DroidSans"  # ships with OpenImageIO
 PAGE_ASPECT = 1.6
 SRGB_GAMMA = 2.2  # near enough to sRGB for averaging pixels
 
@@ -98,15 +98,3 @@ def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
         raise OutputError(f"cannot make a {width} x {height} thumbnail: {small.geterror().strip()}")
     linear = np.clip(np.asarray(small.get_pixels(oiio.FLOAT), dtype=np.float64), 0.0, 1.0)
     return np.asarray(linear ** (1.0 / SRGB_GAMMA) * 255.0 + 0.5).astype(np.uint8)
-
-
-def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
-    """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
-    text = printable(text)
-    shown, kept = text, len(text)
-    while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
-        kept -= 1
-        shown = f"{text[: (kept + 1) // 2]}…{text[len(text) - kept // 2 :]}" if kept > 0 else ""
-    color = (ink / 255.0,) * 3
-    if shown and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, shown, size, FONT, color):
-        raise OutputError(f"cannot write '{text}' on the contact sheet: {canvas.geterror().strip()}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import batch_case as case
+import numpy as np
 import pytest
 
 from lookdev.errors import JobError
@@ -90,3 +91,31 @@ def test_options_of_movies_go_with_any_of_them(tmp_path: Path) -> None:
     case.make_job(tmp_path, render=case.RENDER + "grid = true\nfps = 25.0\n")
     with pytest.raises(JobError, match="'movie' or 'prores' or 'vp9' or 'grid'"):
         case.make_job(tmp_path, render=case.RENDER + "fps = 25.0\n")
+
+
+def test_turns_double_no_frame_and_a_slate_precedes_them_once(tmp_path: Path) -> None:
+    job = case.make_job(tmp_path, render=case.RENDER + "movie = true\nmovie_turns = 3\nslate = 0.5\n")
+    # Each pose is before another grey, so that frames differ.
+    case.run(tmp_path, job, behind=lambda task: np.full(3, 0.1 + task.pose.element / 500.0))
+    with av.open(str(tmp_path / "out" / "gold" / "city" / "element.mp4")) as container:
+        frames = [np.frombuffer(bytes(frame.planes[0]), np.uint8) for frame in container.decode(video=0)]
+    shown = [float(frame.reshape(6, -1)[:, :8].mean()) for frame in frames]
+    assert len(shown) == 12 + 3 * 4
+    # 0.25, and half of what is behind, as luma of 16 to 235 in the Raw view.
+    turn = [16.0 + 219.0 * (0.25 + 0.5 * (0.1 + angle / 500.0)) for angle in (0.0, 90.0, 180.0, 270.0)]
+    assert shown[12:] == pytest.approx(turn * 3, abs=2.0)
+    assert max(shown[:12]) < min(turn) - 10.0
+
+
+def test_pictures_are_clean_unless_text_is_wanted(tmp_path: Path) -> None:
+    def run_at(outputs: str) -> dict[str, bytes]:
+        job = case.make_job(tmp_path, render=case.RENDER + outputs)
+        case.run(tmp_path, job)
+        return {path.name: path.read_bytes() for path in (tmp_path / "out" / "gold" / "city").glob("*.png")}
+
+    clean = run_at("")
+    assert run_at('burn_in = ["movie"]\n') == clean
+    with pytest.raises(JobError, match="no text can be burned into 'shet'"):
+        run_at('burn_in = ["shet"]\n')
+    with pytest.raises(JobError, match="no text can be burned into 'sheet'"):
+        run_at('burn_in = ["sheet"]\n')

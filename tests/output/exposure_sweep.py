@@ -13,7 +13,8 @@ import OpenImageIO as oiio
 
 from lookdev.output import read_frame, to_display
 from lookdev.output.color import VIEWS
-from lookdev.output.sheet import INK, PAGE, write_text
+from lookdev.output.lettering import write_text
+from lookdev.output.sheet import INK, PAGE
 
 STOPS = (-2, 0, 2, 4, 6)
 LABEL = 18

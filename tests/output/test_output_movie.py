@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import threading
 from fractions import Fraction
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -163,16 +162,6 @@ def test_the_same_pictures_make_the_same_bytes(tmp_path: Path, name: str) -> Non
     for file in files:
         write_movie(file, iter(turntable()), codec, Fraction(25))
     assert files[0].read_bytes() == files[1].read_bytes()
-
-
-def test_turns_double_no_frame(tmp_path: Path) -> None:
-    path = tmp_path / "a.mov"
-    write_movie(path, iter(turntable(count=4)), PRORES, Fraction(24), turns=3)
-    frames = decoded(path)
-    assert len(frames) == 12
-    for number, frame in enumerate(frames):
-        np.testing.assert_array_equal(frame[0], frames[number % 4][0])
-    assert all((one[0] != other[0]).any() for one, other in pairwise(frames))
 
 
 def test_a_movie_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
