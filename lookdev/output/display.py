@@ -30,10 +30,17 @@ VIEWS: tuple[str, ...] = ("ACES 1.0 - SDR Video", "Un-tone-mapped", "Raw")
 
 @lru_cache(maxsize=len(VIEWS))
 def _processor(view: str) -> ocio.CPUProcessor:
+    return view_processor(view).getDefaultCPUProcessor()
+
+
+def view_processor(view: str) -> ocio.Processor:
+    """Return OpenColorIO's transform of a view, from linear Rec.709 to [0, 1]; raises OutputError for another."""
     import PyOpenColorIO as ocio  # not at the top: a job writes its first picture late
 
+    if view not in VIEWS:
+        raise OutputError(f"no view '{view}' of {DISPLAY} ({nearest_hint(view, VIEWS)}; views: {', '.join(VIEWS)})")
     config = ocio.Config.CreateFromBuiltinConfig(CONFIG)
-    return config.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor()
+    return config.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD)
 
 
 def to_display(rgb: ArrayLike, view: str) -> Pixels:
@@ -41,14 +48,13 @@ def to_display(rgb: ArrayLike, view: str) -> Pixels:
 
     `view` is one of `VIEWS`; ``Raw`` only quantises. Raises OutputError for another view or pixels that are not finite.
     """
-    if view not in VIEWS:
-        raise OutputError(f"no view '{view}' of {DISPLAY} ({nearest_hint(view, VIEWS)}; views: {', '.join(VIEWS)})")
+    processor = _processor(view)
     shown = np.array(rgb, dtype=np.float32, order="C")  # a copy: OpenColorIO works in place
     broken = np.argwhere(~np.isfinite(shown).all(axis=-1))
     if broken.size:
         row, column = broken[0]
         raise OutputError(f"{len(broken)} pixels are NaN or infinite, the first in row {row}, column {column}")
-    _processor(view).applyRGB(shown)
+    processor.applyRGB(shown)
     return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
