@@ -10,6 +10,9 @@ Floats = NDArray[np.float32] | NDArray[np.float64]
 EPSILON = 0.01
 """Added to the squared reference, which bounds the relative error of dark pixels."""
 
+ROUNDING = 2.0**-11
+"""Largest error of a half float, relative."""
+
 
 def relmse(image: Floats, reference: Floats, alpha: Floats) -> float:
     """Return ``mean((x - ref)^2 / (ref^2 + 0.01))`` over the pixels of the asset.
@@ -36,6 +39,51 @@ def relmse_of_halves(a: Floats, b: Floats, alpha: Floats) -> float:
     a, b, alpha = (each[found].astype(np.float64) for each in (a, b, alpha))
     reference = reference_of_halves(a, b, alpha)
     return _mean_over_asset(((a - b) / 2) ** 2 / (reference**2 + EPSILON), alpha)
+
+
+def standard_error(a: Floats, b: Floats) -> NDArray[np.float32]:
+    """Return ``|a - b| / 2``, the standard error of ``(a + b) / 2`` in each pixel and channel, from one difference.
+
+    Numbers have 10 bits after the leading one: such noise packs into half of what all of its bits take.
+
+    a, b : (H, W, 3), independent renders of equal cost.
+    """
+    error = np.abs(np.asarray(a, np.float32) - np.asarray(b, np.float32)) * np.float32(0.5)
+    return np.asarray((error.view(np.uint32) & np.uint32(0xFFFFE000)).view(np.float32))
+
+
+def pooled_error(error: Floats) -> NDArray[np.float32]:
+    """Return the standard error of each pixel's colour, (H, W), from `standard_error` (H, W, 3).
+
+    One difference of halves knows little of a variance. The squares, summed over channels, are averaged over 3 x 3
+    pixels. The largest such average that holds a pixel counts, since noise at an edge is that of few of its neighbours,
+    and that is averaged again. So an outlier in one half alone never differs by more than 3 of these errors.
+    """
+    from scipy.ndimage import maximum_filter, uniform_filter  # not at the top: as in `reference_of_halves`
+
+    variance = np.square(np.asarray(error, np.float64)).sum(axis=-1)
+    largest = maximum_filter(uniform_filter(variance, 3, mode="nearest"), 3, mode="nearest")
+    return np.asarray(np.sqrt(np.maximum(uniform_filter(largest, 3, mode="nearest"), 0.0)), np.float32)
+
+
+def noise_ratio(a: Floats, b: Floats, error_a: Floats, error_b: Floats, size: int = 1) -> NDArray[np.float32]:
+    """Return z, (H, W): how far two pictures differ around each pixel, in units of what noise explains.
+
+    ``z^2 = sum_c (sum_i (a_ic - b_ic))^2 / sum_i (error_ai^2 + error_bi^2 + rounding_i^2)``, over the channels c and
+    the pixels i of a square of `size`, odd. Where noise is Gaussian, z is above 3 in at most .27 % of pixels without
+    another difference: channels with independent noise have fewer. A larger square shows weaker differences.
+
+    a, b : (H, W, 3), that may be rounded to half floats; error_a, error_b : (H, W), of `pooled_error`.
+    """
+    from scipy.ndimage import uniform_filter  # not at the top: as in `reference_of_halves`
+
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    rounding = (a**2 + b**2).sum(axis=-1) * ROUNDING**2
+    noise = np.square(error_a, dtype=np.float64) + np.square(error_b, dtype=np.float64) + rounding
+    # Means over the square; n of them have n^-2 of the variance's sum.
+    noise = np.maximum(uniform_filter(noise, size, mode="constant"), 0.0) / size**2
+    distance = np.square(uniform_filter(a - b, (size, size, 1), mode="constant")).sum(axis=-1)
+    return np.asarray(np.sqrt(np.divide(distance, noise, where=noise > 0.0, out=np.zeros_like(noise))), np.float32)
 
 
 def reference_of_halves(a: NDArray[np.float64], b: NDArray[np.float64], alpha: Floats) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 import tempfile
 import time
@@ -32,6 +33,7 @@ from lookdev.batch.sanity import doubts
 from lookdev.cache import share
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.job import Job, JobOutputs, load_job
+from lookdev.metrics import standard_error
 from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.plan import DAMAGED
@@ -336,6 +338,8 @@ class _Run:
         if rendered.raw is not None:
             layers["raw"] = rendered.raw * np.float32(2.0**task.exposure)
             header["raw.relmse"] = repr(rendered.raw_relmse)
+        if not math.isnan(rendered.relmse):  # else the halves are one render
+            layers["error"] = standard_error(rendered.a, rendered.b) * np.float32(2.0**task.exposure)
         write_shared(task.files, lambda path: write_frame(path, beauty, rendered.alpha, header, layers))
         self._pictures.write(task, beauty, rendered.alpha)
         self._done.update(task.files)

@@ -48,8 +48,13 @@ class DisplayView:
 
     @cached_property
     def processor(self) -> ocio.CPUProcessor:
-        """The transform from linear Rec.709 to code values; raises OutputError where the config has none."""
-        return _processor(self)
+        """The transform from linear Rec.709 to code values; errors as `transform`."""
+        return self.transform.getDefaultCPUProcessor()
+
+    @property
+    def transform(self) -> ocio.Processor:
+        """OpenColorIO's transform from linear Rec.709; raises OutputError where the config has none."""
+        return _transform(self)
 
     @property
     def digest(self) -> str:
@@ -102,7 +107,7 @@ def _config(name: str) -> ocio.Config:
 
 
 @lru_cache(maxsize=32)
-def _processor(wanted: DisplayView) -> ocio.CPUProcessor:
+def _transform(wanted: DisplayView) -> ocio.Processor:
     import PyOpenColorIO as ocio
 
     config = _config(wanted.config)
@@ -113,9 +118,9 @@ def _processor(wanted: DisplayView) -> ocio.CPUProcessor:
         if wanted.space:
             if config.getColorSpace(wanted.space) is None:
                 _known(wanted.config, "colour space", wanted.space, tuple(config.getColorSpaceNames()))
-            return config.getProcessor(wanted.space, *ends).getDefaultCPUProcessor()
+            return config.getProcessor(wanted.space, *ends)
         if wanted.config == SHIPPED:
-            return config.getProcessor(SOURCE, *ends).getDefaultCPUProcessor()
+            return config.getProcessor(SOURCE, *ends)
         ours = ocio.Config.CreateFromBuiltinConfig(BASE)
         name = ocio.Config.IdentifyBuiltinColorSpace(config, ours, SOURCE)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
@@ -124,8 +129,8 @@ def _processor(wanted: DisplayView) -> ocio.CPUProcessor:
         name = ""
     try:
         if name:
-            return config.getProcessor(name, *ends).getDefaultCPUProcessor()
-        return ocio.Config.GetProcessorFromConfigs(ours, SOURCE, config, *ends).getDefaultCPUProcessor()
+            return config.getProcessor(name, *ends)
+        return ocio.Config.GetProcessorFromConfigs(ours, SOURCE, config, *ends)
     except (ocio.Exception, ocio.ExceptionMissingFile) as error:
         why = _first_line(error)
         hint = "" if name else "; name its colour space of linear Rec.709 by 'ocio_space'"

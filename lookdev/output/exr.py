@@ -89,6 +89,20 @@ def read_frame(path: Path) -> tuple[Floats, Floats]:
     return np.ascontiguousarray(pixels[..., beauty]), np.ascontiguousarray(pixels[..., names.index("A")])
 
 
+def read_layer(path: Path, name: str) -> Floats | None:
+    """Return a layer (H, W, 3) of a frame, as given to `write_frame`; None where it has none of this name.
+
+    Only for a frame that `read_frame` has read: nothing is checked again. Raises OutputError where it cannot be read.
+    """
+    with open_image(path, OutputError, LARGEST) as image:
+        names = list(image.spec().channelnames)
+        wanted = [f"{name}.{channel}" for channel in "RGB"]
+        if not {*wanted} <= {*names}:
+            return None
+        pixels = whole_image(image, path, range(len(names)), OutputError)
+    return np.ascontiguousarray(pixels[..., [names.index(each) for each in wanted]])
+
+
 def read_header(path: Path) -> dict[str, str]:
     """Return the header given to `write_frame`, as strings, without decoding pixels; empty for another EXR.
 

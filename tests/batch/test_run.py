@@ -22,7 +22,7 @@ from lookdev.batch.prepare import Prepared
 from lookdev.batch.run import background_light, render_job
 from lookdev.errors import AssetError, JobError, OutputError, WorkerError
 from lookdev.job import Job
-from lookdev.output.exr import read_frame, read_header
+from lookdev.output.exr import read_frame, read_header, read_layer
 from lookdev.render.backends import BACKENDS
 from lookdev.render.worker import Worker
 
@@ -448,3 +448,14 @@ def test_a_doubtful_frame_is_kept_and_noted(tmp_path: Path) -> None:
     assert [each.text for each in of(Noted, events)] == [
         "gold/city/element.0002: is empty: no part of the asset is in the picture"
     ]
+
+
+def test_a_frame_has_the_error_of_its_pixels_exposed_as_they_are(tmp_path: Path) -> None:
+    case.run(tmp_path)
+    frame = tmp_path / "out" / "gold" / "city" / "element.0001.exr"
+    beauty, _ = read_frame(frame)
+    np.testing.assert_array_equal(beauty, np.float32(0.25))  # the mean of 0.25 and 0.75, a stop darker
+    error = read_layer(frame, "error")
+    assert error is not None
+    np.testing.assert_array_equal(error, np.float32(0.125))
+    assert read_layer(frame, "raw") is None

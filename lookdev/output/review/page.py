@@ -1,0 +1,309 @@
+"""The folder of a review page: what it has of each frame is named by the content it was made of, and kept."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lookdev.cache import atomic_path, file_digest, from_memory
+from lookdev.errors import OutputError
+from lookdev.output.color import DisplayView
+from lookdev.output.display import Pixels as Shown
+from lookdev.output.display import composite, to_display
+from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
+from lookdev.output.review.pixels import read_pixels, write_pixels_script
+from lookdev.output.review.view import view_shader
+from lookdev.text import TextError, parse_json, read_text
+
+FORMAT = 1
+"""Is part of the names of a page's files: a change makes them anew."""
+
+THUMBNAIL = 176
+"""Longer side of a frame in the grid, pixels."""
+
+_STATIC = Path(__file__).with_name("static")
+_LEDGER = "data/ledger.json"
+_QUALITY = 90  # of a JPEG, which is shown while numbers load
+
+
+@dataclass(frozen=True)
+class ReviewFrame:
+    """A whole frame on disk, the number in its name, and its header."""
+
+    file: Path
+    number: int
+    header: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class Reel:
+    """The frames of a turntable of a look under a rig, at least one."""
+
+    look: str
+    rig: str
+    turntable: str
+    frames: tuple[ReviewFrame, ...]
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What names it in any version."""
+        return self.look, self.rig, self.turntable
+
+
+@dataclass(frozen=True)
+class Version:
+    """An output folder: a name for the page, its reels in order, and what is wrong with it."""
+
+    name: str
+    folder: Path
+    reels: tuple[Reel, ...]
+    problems: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Written:
+    """What writing a page did: files made now, files kept, and bytes of all."""
+
+    made: int
+    kept: int
+    size: int
+
+
+def write_page(
+    folder: Path,
+    versions: Sequence[Version],
+    view: DisplayView,
+    title: str,
+    report: Callable[[int, int], None] = lambda *_: None,
+) -> Written:
+    """Write the page of one version, or of a new one and an old one, into a folder; what is there and whole is kept.
+
+    Each file is written whole or not at all, those that name others after them, and what no longer belongs to the page
+    is removed last: an interrupted page is the old one or the new one. `report` is called with the number of frames
+    that are done, and of all. Raises OutputError where a frame is damaged or a file cannot be written.
+    """
+    page = _Page(folder, view)
+    try:
+        return page.write(versions, title, report)
+    except OSError as error:
+        raise OutputError(
+            f"{error.filename or folder}: the page cannot be written: {error.strerror or error}"
+        ) from error
+
+
+class _Page:
+    def __init__(self, folder: Path, view: DisplayView) -> None:
+        self._folder = folder
+        self._view = view
+        self._ledger = _read_ledger(folder / _LEDGER)
+        self._listed: dict[str, str] = {}  # of this page: the SHA-256 of each file by its name
+        self._made: set[str] = set()
+
+    def write(self, versions: Sequence[Version], title: str, report: Callable[[int, int], None]) -> Written:
+        shader = view_shader(self._view)
+        frames = [frame for version in versions for reel in version.reels for frame in reel.frames]
+        keys: dict[Path, str] = {}
+        with ThreadPoolExecutor(max_workers=os.cpu_count()) as pool:
+            for done, (frame, key) in enumerate(zip(frames, pool.map(self._frame, frames), strict=True), 1):
+                keys[frame.file] = key
+                report(done, len(frames))
+            reels = [(number, reel) for number, version in enumerate(versions) for reel in version.reels]
+            entries = list(pool.map(lambda each: self._reel(each[0], each[1], keys), reels))
+            changes = list(_changes(versions, pool)) if len(versions) == 2 else None
+        index = {
+            "title": title,
+            "view": shader,
+            "square": SQUARE,
+            "versions": [
+                {"name": each.name, "folder": str(each.folder), "problems": each.problems} for each in versions
+            ],
+            "reels": entries,
+            "changes": changes,
+        }
+        self._text("data/index.js", f"review.start({json.dumps(index, allow_nan=False)});\n")
+        for file in sorted(_STATIC.iterdir()):
+            if file.is_file():
+                self._text("index.html" if file.suffix == ".html" else f"static/{file.name}", file.read_text("utf-8"))
+        with atomic_path(self._folder / _LEDGER) as temporary:
+            temporary.write_text(json.dumps(self._listed, indent=0, sort_keys=True))
+        self._remove_others()
+        size = sum((self._folder / name).stat().st_size for name in self._listed)
+        return Written(len(self._made), len(self._listed) - len(self._made), size)
+
+    def _frame(self, frame: ReviewFrame) -> str:
+        """Make the picture and the script of a frame; return the key in their names."""
+        key = _key(FORMAT, self._view.digest, file_digest(frame.file))
+        picture, script = f"data/frames/{key}.jpg", f"data/frames/{key}.js"
+        if not (self._is_kept(picture) and self._is_kept(script)):
+            pixels = read_pixels(frame.file)
+            light = composite(pixels.beauty, pixels.alpha, np.zeros(3, np.float32))
+            self._file(script, lambda path: write_pixels_script(path, key, pixels))
+            self._file(picture, lambda path: _write_jpeg(path, to_display(light, self._view)))
+        return key
+
+    def _reel(self, version: int, reel: Reel, keys: Mapping[Path, str]) -> dict[str, Any]:
+        """Make the sprites and the provenance of a reel; return its entry of the index."""
+        names = [keys[frame.file] for frame in reel.frames]
+        key = _key(FORMAT, THUMBNAIL, names)
+        sprite = f"data/reels/{key}.jpg"
+        columns = math.ceil(math.sqrt(len(names)))
+        if not self._is_kept(sprite):
+            pictures = [self._folder / f"data/frames/{name}.jpg" for name in names]
+            self._file(sprite, lambda path: _write_jpeg(path, _sprites(pictures, columns)))
+        frames = [
+            {"number": frame.number, "key": name, "file": str(frame.file), "header": dict(frame.header)}
+            for frame, name in zip(reel.frames, names, strict=True)
+        ]
+        script = f"data/reels/{_key(key, frames)}.js"
+        self._text(script, f"review.put({json.dumps(script)}, {json.dumps(frames, allow_nan=False)});\n")
+        width, height = (int(side) for side in reel.frames[0].header["resolution"].split(" x "))
+        return {
+            "version": version, "look": reel.look, "rig": reel.rig, "turntable": reel.turntable, "count": len(names),
+            "turns": _turns(reel), "width": width, "height": height, "sprite": sprite, "columns": columns,
+            "script": script,
+        }  # fmt: skip
+
+    def _is_kept(self, name: str) -> bool:
+        """Return whether a file is there as it was written; if so, it belongs to this page."""
+        digest = self._listed.get(name) or self._ledger.get(name)
+        path = self._folder / name
+        if digest is None or not path.is_file() or file_digest(path) != digest:
+            return False
+        self._listed[name] = digest
+        return True
+
+    def _file(self, name: str, write: Callable[[Path], None]) -> None:
+        path = self._folder / name
+        write(path)
+        self._listed[name] = file_digest(path)
+        self._made.add(name)
+
+    def _text(self, name: str, text: str) -> None:
+        data = text.encode("utf-8")
+        self._ledger[name] = hashlib.sha256(data).hexdigest()
+        if not self._is_kept(name):
+            self._file(name, lambda path: _write_bytes(path, data))
+
+    def _remove_others(self) -> None:
+        """Remove what an earlier page has and this one has not."""
+        for name in self._ledger.keys() - self._listed.keys():
+            path = (self._folder / name).resolve()
+            if path.is_relative_to(self._folder.resolve()):
+                path.unlink(missing_ok=True)
+
+
+def _changes(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[dict[str, Any]]:
+    """Yield what became of each reel of a new version and an old one: the worst of its frames."""
+    new, old = ({reel.key: reel for reel in version.reels} for version in versions)
+    for key in dict.fromkeys((*new, *old)):
+        named = dict(zip(("look", "rig", "turntable"), key, strict=True))
+        if key not in old or key not in new:
+            yield named | {"state": "new" if key not in old else "removed"}
+            continue
+        before = {frame.number: frame for frame in old[key].frames}
+        pairs = [(frame, before[frame.number]) for frame in new[key].frames if frame.number in before]
+        found = list(pool.map(lambda pair: _compared(*pair), pairs))
+        if not found:
+            yield named | {"state": "other frames"}
+            continue
+        worst = max(found, key=lambda each: (each.visible, each.beyond or 0.0, each.relmse or 0.0))
+        parts = list(dict.fromkeys(part for each in found for part in each.changed))
+        state = "changed" if worst.visible else "same picture" if parts or worst.relmse else "same"
+        yield (
+            named
+            | {"state": state}
+            | asdict(replace(worst, changed=tuple(parts)))
+            | {
+                "frame": pairs[found.index(worst)][0].number,
+                "frames": f"{len(found)} of {len({*before, *(each.number for each in new[key].frames)})}",
+                "headers": _other_entries(pairs[0][0].header, pairs[0][1].header),
+            }
+        )
+
+
+def _compared(new: ReviewFrame, old: ReviewFrame) -> Comparison:
+    if new.file.samefile(old.file):
+        return Comparison((), 0.0, 0.0)
+    return compare_frames(read_pixels(new.file), read_pixels(old.file), new.header, old.header)
+
+
+def _other_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple[str, str, str]]:
+    """Return what two headers differ in besides digests and times: name, old, new."""
+    keys = [
+        key for key in (*new, *(set(old) - set(new))) if key not in ("job", "seconds", "time", "relmse", "raw.relmse")
+    ]
+    return [
+        (key, old.get(key, ""), new.get(key, ""))
+        for key in keys
+        if not key.startswith("digest") and old.get(key) != new.get(key)
+    ]
+
+
+def _turns(reel: Reel) -> str:
+    """Return what turns in a reel: "lighting" where the light alone does, else "element"."""
+    element = {frame.header.get("pose.element") for frame in reel.frames}
+    lighting = {frame.header.get("pose.lighting") for frame in reel.frames}
+    return "lighting" if len(element) == 1 and len(lighting) > 1 else "element"
+
+
+def _sprites(pictures: Sequence[Path], columns: int) -> Shown:
+    """Return small pictures in rows, black where there is none; a cell has the size of the first."""
+    small = [_shrunk(picture) for picture in pictures]
+    height, width = small[0].shape[:2]
+    page = np.zeros((math.ceil(len(small) / columns) * height, columns * width, 3), np.uint8)
+    for number, each in enumerate(small):
+        y, x = number // columns * height, number % columns * width
+        cell = each[:height, :width]
+        page[y : y + cell.shape[0], x : x + cell.shape[1]] = cell
+    return page
+
+
+def _shrunk(picture: Path) -> Shown:
+    image = oiio.ImageBuf(str(picture))
+    spec = image.spec()
+    scale = min(1.0, THUMBNAIL / max(spec.width, spec.height))
+    width, height = max(1, round(spec.width * scale)), max(1, round(spec.height * scale))
+    small = oiio.ImageBufAlgo.resize(image, filtername="box", roi=oiio.ROI(0, width, 0, height))
+    if small.has_error:
+        raise OutputError(f"{picture}: cannot be read: {small.geterror().strip()}")
+    return np.asarray(small.get_pixels(oiio.UINT8), np.uint8)
+
+
+def _write_jpeg(path: Path, pixels: Shown) -> None:
+    height, width, channels = pixels.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec.attribute("Compression", f"jpeg:{_QUALITY}")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    with atomic_path(path) as temporary, from_memory(temporary) as name:
+        output = oiio.ImageOutput.create(str(temporary))
+        written = output.open(name, spec) and output.write_image(np.ascontiguousarray(pixels))
+        if not (output.close() and written):
+            raise OutputError(f"{path}: cannot write the picture: {output.geterror().strip()}")
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    with atomic_path(path) as temporary:
+        temporary.write_bytes(data)
+
+
+def _key(*parts: object) -> str:
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:32]
+
+
+def _read_ledger(path: Path) -> dict[str, str]:
+    try:
+        ledger = parse_json(read_text(path), path)
+    except TextError:  # lost or spoilt: everything is made again
+        return {}
+    known = ledger if isinstance(ledger, dict) else {}
+    return {name: digest for name, digest in known.items() if isinstance(digest, str)}

@@ -1,0 +1,61 @@
+"""The numbers of a frame as a script that a page from ``file://`` may read."""
+
+from __future__ import annotations
+
+import base64
+import json
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import atomic_path
+from lookdev.metrics import pooled_error
+from lookdev.output.exr import read_frame, read_layer
+
+Floats = NDArray[np.float32]
+
+PLANES = "RGBAE"
+"""Of a script: colour, alpha, and the standard error of the colour where it is known."""
+
+_LEVEL = 4  # of zlib: noise packs no better at higher ones
+_LARGEST = float(np.finfo(np.float16).max)
+
+
+@dataclass(frozen=True)
+class Pixels:
+    """Premultiplied linear Rec.709 (H, W, 3), alpha (H, W), and the error of the colour (H, W); None: not known."""
+
+    beauty: Floats
+    alpha: Floats
+    error: Floats | None
+
+
+def read_pixels(frame: Path) -> Pixels:
+    """Return what a page shows of a frame, rounded as it is there; raises OutputError where it is damaged."""
+    beauty, alpha = read_frame(frame)
+    error = read_layer(frame, "error")
+    pooled = None if error is None else _rounded(pooled_error(error))
+    return Pixels(_rounded(beauty), _rounded(alpha), pooled)
+
+
+def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:
+    """Write a script that calls ``review.put(name, {...})``, whole or not at all.
+
+    ``data`` is base64 of zlib of half floats, plane by plane in the order of `PLANES`, the high bytes of each before
+    its low bytes: the first pack to a fifth, the second are noise.
+    """
+    planes = [*np.moveaxis(pixels.beauty, -1, 0), pixels.alpha, *([] if pixels.error is None else [pixels.error])]
+    halves = np.stack(planes).astype(">f2").reshape(len(planes), -1, 1)
+    packed = zlib.compress(halves.view(np.uint8).swapaxes(1, 2).tobytes(), _LEVEL)
+    height, width = pixels.alpha.shape
+    entry = {"width": width, "height": height, "planes": len(planes), "data": base64.b64encode(packed).decode("ascii")}
+    with atomic_path(path) as temporary:
+        temporary.write_text(f"review.put({json.dumps(name)}, {json.dumps(entry)});\n", encoding="ascii")
+
+
+def _rounded(values: Floats) -> Floats:
+    """Return the half floats nearest to values, those beyond their range at its end."""
+    return np.clip(values, -_LARGEST, _LARGEST).astype(np.float16).astype(np.float32)

@@ -1,0 +1,54 @@
+"""Frames of the real renderer against those of other seeds and of a look that is hardly rougher."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import batches
+import numpy as np
+import pytest
+
+from lookdev.metrics import noise_ratio
+from lookdev.output.review.compare import BEYOND, NOTICED, SQUARE
+from lookdev.output.review.pixels import Pixels, read_pixels
+
+pytestmark = pytest.mark.cycles
+
+JOB = """
+output = "out"
+asset = {{ builtin = "shaderball" }}
+look = [{{ name = "red", material = "red.usda" }}]
+ibl = [{{ name = "studio", builtin = "studio" }}]
+turntable = [{{ kind = "element", frames = 1, start = 150 }}]
+render = {{ resolution = [160, 120], samples = 32, bounces = 0, seed = {seed}{more} }}
+"""
+
+
+def rendered(folder: Path, seed: int, roughness: float = 0.3, more: str = "") -> Pixels:
+    folder.mkdir()
+    batches.write_look(folder, "red", "0.7, 0.1, 0.1")
+    look = folder / "red.usda"
+    look.write_text(
+        look.read_text().replace("roughness = 1", f"roughness = {roughness}").replace("specular = 0", "metallic = 0.5")
+    )
+    job = folder / "job.toml"
+    job.write_text(JOB.format(seed=seed, more=more))
+    batches.render(job)
+    return read_pixels(folder / "out" / "red" / "studio" / "element.0001.exr")
+
+
+def beyond(a: Pixels, b: Pixels, size: int) -> float:
+    """Return the share of the asset's pixels that noise does not explain."""
+    assert a.error is not None
+    assert b.error is not None
+    z = noise_ratio(a.beauty, b.beauty, a.error, b.error, size)
+    return float((z[np.maximum(a.alpha, b.alpha) > 0] > BEYOND).mean())
+
+
+def test_other_seeds_show_nothing_and_two_hundredths_of_roughness_show(tmp_path: Path) -> None:
+    first, second = (rendered(tmp_path / str(seed), seed) for seed in (1, 2))
+    assert not np.array_equal(first.beauty, second.beauty)
+    for size in (1, SQUARE):
+        assert beyond(first, second, size) <= NOTICED
+    rougher = rendered(tmp_path / "rougher", 3, roughness=0.32)
+    assert beyond(first, rougher, SQUARE) > 10.0 * NOTICED

@@ -1,0 +1,80 @@
+"""Outputs of jobs for the review page: small frames with headers as a run writes them, and noise of known size."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.metrics import relmse_of_halves, standard_error
+from lookdev.output.exr import write_frame
+
+WIDTH, HEIGHT = 64, 48
+TURNTABLES = {"element": 4, "lighting": 3}
+NOISE = 0.05  # standard deviation of a half, relative
+
+
+def picture(look: int, rig: int, turn: float, size: tuple[int, int] = (WIDTH, HEIGHT)) -> tuple[np.ndarray, np.ndarray]:
+    """Return a ball that a light goes round, without noise: premultiplied (H, W, 3) and alpha (H, W)."""
+    width, height = size
+    y, x = np.mgrid[:height, :width]
+    u, v = (x + 0.5 - width / 2) / (0.45 * height), (y + 0.5 - height / 2) / (0.45 * height)
+    alpha = np.clip((1.0 - np.hypot(u, v)) * 0.45 * height + 0.5, 0.0, 1.0)
+    normal = np.sqrt(np.maximum(1.0 - u * u - v * v, 0.0))
+    light = np.maximum(u * np.sin(turn) + normal * np.cos(turn), 0.0) + 0.02
+    tint = np.random.default_rng([look, rig]).uniform(0.05, 1.0, 3)
+    return (light**2 * alpha)[..., None] * tint * 4.0, alpha
+
+
+def write_job(
+    folder: Path,
+    looks: Sequence[str] = ("gold", "tin"),
+    rigs: Sequence[str] = ("city", "studio"),
+    turntables: Mapping[str, int] = TURNTABLES,
+    *,
+    seed: int = 0,
+    gain: float = 1.0,
+    size: tuple[int, int] = (WIDTH, HEIGHT),
+    error: bool = True,
+) -> Path:
+    """Write all frames of a job; `gain` multiplies the first look, as a change of it would; return the folder."""
+    rng = np.random.default_rng(seed)
+    for number, look in enumerate(looks):
+        for other, rig in enumerate(rigs):
+            for turntable, count in turntables.items():
+                for frame in range(count):
+                    degrees = 360.0 * frame / count
+                    clean, alpha = picture(number, other, np.radians(degrees), size)
+                    clean = clean * (gain if number == 0 else 1.0)
+                    halves = [clean * (1.0 + NOISE * rng.standard_normal(clean.shape)) for _ in range(2)]
+                    write(
+                        folder / look / rig / f"{turntable}.{frame + 1:04d}.exr",
+                        halves,
+                        alpha,
+                        degrees,
+                        seed,
+                        1.0 if number else gain,
+                        error,
+                    )
+    return folder
+
+
+def write(
+    file: Path, halves: list[np.ndarray], alpha: np.ndarray, degrees: float, seed: int, gain: float, error: bool
+) -> None:
+    look, rig, turntable = file.parts[-3], file.parts[-2], file.name.partition(".")[0]
+    parts = {"look": f"{look} {gain}", "ibl": rig, "pose": f"{turntable} {degrees}", "render": str(seed)}
+    digests = {f"digest.{name}": hashlib.sha256(text.encode()).hexdigest() for name, text in parts.items()}
+    a, b = (half.astype(np.float32) for half in halves)
+    header = {
+        "job": "/jobs/ball.toml", "asset": "ball", "look": look, "ibl": rig, "turntable": turntable,
+        "pose.element": str(degrees if turntable == "element" else 0.0),
+        "pose.lighting": str(degrees if turntable == "lighting" else 0.0),
+        "exposure": "0.0", **digests, "digest": hashlib.sha256(repr(parts).encode()).hexdigest(),
+        "samples": "64", "seconds": "1.5", "relmse": repr(relmse_of_halves(a, b, alpha.astype(np.float32))),
+        "version.lookdev": "0.1.0", "time": "2026-01-01T00:00:00+00:00",
+    }  # fmt: skip
+    layers = {"error": standard_error(a, b)} if error else {}
+    write_frame(file, (a + b) / 2, alpha, header, layers)
