@@ -111,7 +111,7 @@ def build_scene(mi: Any, task: FrameTask) -> Any:
     asset = read_asset(scene.asset.path)
     transform = mi.ScalarTransform4f
     turn = transform().rotate([0, 0, 1], pose.lighting - pose.element)
-    if unknown := BACKENDS["mitsuba"].cannot_light(scene.lights):
+    if unknown := BACKENDS["mitsuba-principled"].cannot_light(scene.lights):
         raise RenderError(unknown[0])
     (image,) = native_images(scene.lights)
     # Only the radiance: the file has other channels.

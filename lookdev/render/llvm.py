@@ -1,0 +1,41 @@
+"""LLVM's library, by which Dr.Jit compiles Mitsuba's kernels for the CPU: where it is, and whether it serves."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+from pathlib import Path
+
+from lookdev.errors import RenderError
+
+VARIABLE = "DRJIT_LIBLLVM_PATH"
+"""Environment variable with the file of the library."""
+
+OLDEST = 16
+"""The first version that fits the processors of today; older ones end the process on some."""
+
+_FILES = ("usr/lib/*/libLLVM*.so*", "usr/lib/llvm-*/lib/libLLVM*.so*", "usr/lib64/libLLVM*.so*")
+_VERSION = re.compile(r"(?:libLLVM-|\.so\.)(\d+)")
+
+
+def find_llvm(root: Path = Path("/")) -> str:
+    """Return the path of the newest library in the folders of Debian's and Fedora's packages, or the one that is set.
+
+    Dr.Jit by itself looks for some of their names. Raises RenderError where Mitsuba or an LLVM is not installed.
+    """
+    if importlib.util.find_spec("mitsuba") is None:
+        raise RenderError("Mitsuba is not installed: pip install 'lookdev[mitsuba]'")
+    if chosen := os.environ.get(VARIABLE):
+        return chosen
+    found = {}
+    for file in (each for pattern in _FILES for each in root.glob(pattern)):
+        if match := _VERSION.search(file.name):
+            found[int(match[1])] = file
+    if not found or max(found) < OLDEST:
+        versions = f"found: version {max(found)}" if found else "found: none"
+        raise RenderError(
+            f"Mitsuba compiles its kernels by LLVM {OLDEST} or newer, {versions}: install it (on Debian libllvm19), or "
+            f"name the file of its library by {VARIABLE}"
+        )
+    return str(found[max(found)])
