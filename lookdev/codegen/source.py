@@ -142,10 +142,10 @@ class ShaderSource:
 class Operation:
     """One step of a program, on the results of earlier ones by their numbers.
 
-    `op` is NumPy's name of a ufunc, or ``"where"``; or it has no operands: ``"constant"``, of a `value`;
-    ``"truth"``, the same of a condition; ``"uniform"``, the number `place` among the program's constants; ``"symbol"``, of a `name`. ``"look_up"`` reads the
-    cell of a row and a column of the table `place`, whose columns number `value`, and there the channel `name`, if it
-    has channels.
+    `op` is NumPy's name of a ufunc, or ``"where"``; or it has no operands: ``"constant"`` and ``"truth"``, of a
+    `value`; ``"uniform"``, the number `place` among the program's constants; ``"symbol"``, of a `name`. ``"look_up"``
+    reads the cell of a row and a column of the table `place`, whose columns number `value`, and there the channel
+    `name`, if it has channels.
     """
 
     op: str
@@ -178,8 +178,9 @@ class ProgramSource:
 
     `outputs` are the results by name. ``tangent bitangent normal facet`` are vectors of the world and depend on the
     symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
-    ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``; ``albedo`` and ``bent`` (3) guide a denoiser.
-    With `shadows`, rays are traced along directions.
+    ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
+    light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
+    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced.
     """
 
     name: str
@@ -193,6 +194,7 @@ class ProgramSource:
     transmits: bool = False
     see_through: bool = False
     shadows: bool = True
+    deltas: int = 0
 
     @property
     def images(self) -> tuple[Content, ...]:

@@ -85,9 +85,8 @@ class Geometry:
             (tangents,) = tangents_of([mesh])
             return tangents @ self._asset.instances[number].matrix[:3, :3].T
         if binding.attribute == HANDEDNESS:
-            found = handedness(mesh)
-        else:
-            found = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
+            return handedness(mesh)
+        found = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
         if found is not None:
             return found
         if binding.fallback is None:

@@ -66,8 +66,8 @@ class View:
         turn = dr.opaque(mi.Float, math.radians(pose.lighting - pose.element))
         lens = camera.lens
         aperture, focus = (lens.aperture, lens.focus) if lens else (0.0, 1.0)
-        made = [mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4)]
-        return cls(*made, turn, width, height, aperture, focus, camera.clip[0])
+        origin, right, up, back = (mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4))
+        return cls(origin, right, up, back, turn, width, height, aperture, focus, camera.clip[0])
 
     def rays(self, mi: Any, x: Any, y: Any, u: Any, v: Any) -> Any:
         """Return the rays through places of the film, in pixels from the upper left corner; u and v are on the lens."""
@@ -96,11 +96,11 @@ class Estimator:
         self._bounces = bounces
         self._shadows = shadows
 
-    def pixels(self, view: View, seed: Any, first: Any, shift: Any, count: int) -> Any:
-        """Return sums over samples for pixels: radiance and coverage, four numbers each, not yet evaluated.
+    def pixels(self, view: View, count: int, seed: Any, first: Any, shift: Any) -> Any:
+        """Return the three channels of radiance, and the coverage, of `count` samples of pixels, not yet evaluated.
 
-        `first` is the number of the first of the pixels, `shift` the logarithm of the samples of each, and `count` the
-        number of samples of all; all but `count` are inputs of the kernel.
+        `first` is the number of the first of the pixels, whose samples follow each other, and `shift` the logarithm of
+        the samples of each: inputs of the kernel.
         """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
@@ -108,7 +108,8 @@ class Estimator:
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
         triangle, uv, ray, hit = self._seen(view, pixel, index, place)
-        return self._reflected(triangle, uv, -ray.d, hit, view.turn, index, place), hit
+        radiance, cover = self._reflected(triangle, uv, -ray.d, hit, view.turn, index, place)
+        return radiance.x, radiance.y, radiance.z, cover
 
     def guides(self, view: View, samples: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the mean albedos and normals (P, 3) of all pixels, by a power of two of samples of each."""
@@ -137,15 +138,15 @@ class Estimator:
         return found.prim_index, found.prim_uv, ray, found.is_valid()
 
     @dr.syntax
-    def _reflected(
-        self, triangle: Any, uv: Any, viewer: Any, active: Any, turn: Any, index: Any, place: Any
-    ) -> Any:
-        """Return the radiance that comes back from triangles along directions."""
+    def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turn: Any, index: Any, place: Any) -> Any:
+        """Return the radiance that comes back from triangles along directions, and how much of them is covered."""
         mi = self._mi
         radiance = mi.Color3f(0.0)
         throughput = mi.Color3f(1.0)
         depth = mi.UInt32(0)
         active = mi.Bool(active)
+        cover = dr.select(active, mi.Float(1.0), 0.0)
+        straight = mi.Bool(active)
         while active:
             surface = Surface(self._looks, triangle, uv, viewer, active)
             seed = sobol.hashed(place + depth)
@@ -155,13 +156,14 @@ class Estimator:
             bins = self._bins(surface, turn)
             onward = depth < self._bounces
 
+            direct, passed, share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_straight = self._follow(
+                surface, turn, active, straight, onward, seed ^ index
+            )
+            radiance += throughput * direct
+            cover -= dr.mean(throughput) * passed
+
             # Directions of the BSDF.
             k = mi.UInt32(0)
-            share = mi.Float(0.0)
-            chosen = mi.Color3f(0.0)
-            chosen_triangle = mi.UInt32(triangle)
-            chosen_uv = mi.Point2f(uv)
-            chosen_ray = mi.Vector3f(viewer)
             while active & (k < drawn):
                 number = index * drawn + k
                 u1, u2 = sobol.points(mi.Float, number, seed)
@@ -178,24 +180,17 @@ class Estimator:
                 weight = dr.select(met & blocked & onward, value / density, 0.0)
                 size = dr.mean(weight)
                 share += size
-                kept = (size > 0.0) & (sobol.unit(mi.Float, sobol.hashed(seed ^ (number + 1) * 0x3504F333)) * share < size)
+                kept = (size > 0.0) & (
+                    sobol.unit(mi.Float, sobol.hashed(seed ^ (number + 1) * 0x3504F333)) * share < size
+                )
                 chosen = dr.select(kept, weight / size, chosen)
                 chosen_triangle = dr.select(kept, other, chosen_triangle)
                 chosen_uv = dr.select(kept, other_uv, chosen_uv)
                 chosen_ray = dr.select(kept, -w, chosen_ray)
+                chosen_straight &= ~kept
                 k += 1
 
-            # Directions of the light.
-            j = mi.UInt32(0)
-            while active & (j < lit):
-                w, arriving, ratio = self._from_light(bins, index, j, lit, seed, turn, active)
-                wi = surface.to_local(w)
-                value, pdf = surface.respond(wi, active)
-                met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (ratio > 0.0)
-                met &= ~self._occluded(surface, w, met)
-                total = mi.Float(drawn) * pdf + self._light_density(bins, lit, w, arriving)
-                radiance += dr.select(met, ratio * throughput * value * arriving / total, 0.0)
-                j += 1
+            radiance += throughput * self._from_light(surface, bins, index, drawn, lit, seed, turn, active)
 
             throughput *= chosen * share
             # Russian roulette: paths of little throughput end, and others stand for them.
@@ -203,9 +198,66 @@ class Estimator:
             lucky = sobol.unit(mi.Float, sobol.hashed(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
             throughput = dr.select(lucky, throughput / survival, 0.0)
             active &= onward & lucky & (share > 0.0)
-            triangle, uv, viewer = chosen_triangle, chosen_uv, chosen_ray
+            triangle, uv, viewer, straight = chosen_triangle, chosen_uv, chosen_ray, chosen_straight
             depth += 1
+        return radiance, cover
+
+    @dr.syntax
+    def _from_light(
+        self, surface: Surface, bins: Any, index: Any, drawn: Any, lit: Any, seed: Any, turn: Any, active: Any
+    ) -> Any:
+        """Return the part of reflected light that directions drawn from the light find."""
+        mi = self._mi
+        radiance = mi.Color3f(0.0)
+        if self._light.sampled:
+            j = mi.UInt32(0)
+            while active & (j < lit):
+                w, arriving, ratio = self._sample(bins, index, j, lit, seed, turn, active)
+                wi = surface.to_local(w)
+                value, pdf = surface.respond(wi, active)
+                met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (ratio > 0.0)
+                met &= ~self._occluded(surface, w, met)
+                total = mi.Float(drawn) * pdf + self._light_density(bins, lit, w, arriving)
+                radiance += dr.select(met, ratio * value * arriving / total, 0.0)
+                j += 1
         return radiance
+
+    def _follow(self, surface: Surface, turn: Any, active: Any, straight: Any, onward: Any, seed: Any) -> Any:
+        """Follow single directions: no direction of the light is ever one of them.
+
+        Where the surface is absent, a path goes straight on, from the camera to a black background. Returns the light
+        that comes back and how much of the background is seen; and of a path onward the sum of weights, its own weight
+        over that, triangle, coordinates, direction back, and whether it is still straight from the camera.
+        """
+        mi = self._mi
+        direct, passed, share = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
+        chosen = (mi.Color3f(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer))
+        chosen_straight = mi.Bool(False)
+        for number, (w, weight, passes) in enumerate(self._singles(surface)):
+            met = active & (dr.max(weight) > 0.0)
+            blocked, triangle, uv = self._trace(surface, w, met)
+            unseen = straight & passes
+            lit = met & ~blocked & ~unseen
+            direct += dr.select(lit, weight * self._light.radiance(w, turn, lit), 0.0)
+            passed += dr.select(met & ~blocked & unseen, weight.x, 0.0)
+            size = dr.select(met & blocked & onward, dr.mean(weight), 0.0)
+            share += size
+            lot = sobol.unit(mi.Float, sobol.hashed(seed + (number + 1) * 0x1B873593))
+            kept = (size > 0.0) & (lot * share < size)
+            chosen = dr.select(kept, (weight / size, triangle, uv, -w), chosen)
+            chosen_straight = dr.select(kept, unseen, chosen_straight)
+        return direct, passed, share, *chosen, chosen_straight
+
+    def _singles(self, surface: Surface) -> list[tuple[Any, Any, bool]]:
+        """Return directions of the world, what light from there is multiplied by, and whether they pass unchanged."""
+        found = []
+        for number in range(self._looks.deltas):
+            wi, value = surface.delta(number)
+            w = surface.to_world(wi)
+            found.append((w, dr.select(self._agree(surface, wi, w), value, 0.0), False))
+        if self._looks.see_through:
+            found.append((-surface.viewer, self._mi.Color3f(1.0 - surface.presence()), True))
+        return found
 
     def _bins(self, surface: Surface, turn: Any) -> tuple[NormalBin, ...]:
         """Return the bins of normals that the light is sampled by: in front, and behind what transmits."""
@@ -221,7 +273,7 @@ class Estimator:
             total += self._mi.Float(_divided(lit, len(bins))[number]) * each.pdf(w, radiance)
         return total
 
-    def _from_light(
+    def _sample(
         self, bins: tuple[NormalBin, ...], index: Any, number: Any, lit: Any, seed: Any, turn: Any, active: Any
     ) -> tuple[Any, Any, Any]:
         """Return direction number `number` of `lit` of a sample, its radiance, and its ratio of densities."""
@@ -232,10 +284,10 @@ class Estimator:
         back = number >= in_front
         own = dr.select(back, index * behind + number - in_front, index * in_front + number)
         drawn = [each.sample(start ^ own, seed + side, turn, active) for side, each in enumerate(bins)]
-        return tuple(dr.select(back, b, a) for a, b in zip(*drawn, strict=True))  # type: ignore[return-value]
+        return tuple(dr.select(back, b, a) for a, b in zip(*drawn, strict=True))
 
     def _agree(self, surface: Surface, wi: Any, w: Any) -> Any:
-        """Return where shading normal and facet agree on which side a direction is, and the surface lets it be there."""
+        """Return where shading normal and facet agree on which side a direction is, and the looks let it be there."""
         height = dr.dot(w, surface.facet)
         if self._looks.transmits:
             return wi.z * height > 0.0

@@ -58,7 +58,7 @@ class Program:
     """A look's program, its constants and tables as arrays of `number`, a type of Dr.Jit's floats."""
 
     source: ProgramSource
-    number: type
+    number: Any
     constants: Sequence[Any]
     tables: Sequence[Any]
     needs: Mapping[str, tuple[int, ...]] = field(init=False)
@@ -91,6 +91,10 @@ class Place:
         self._program = program
         self._symbol = symbol
         self._known: dict[int, Any] = {}
+
+    def has(self, name: str) -> bool:
+        """Return whether the program has an output."""
+        return name in self._program.needs
 
     def values(self, name: str, **given: Any) -> tuple[Any, ...]:
         """Return an output's elements; `given` are the values of symbols that vary from direction to direction."""

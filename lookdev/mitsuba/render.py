@@ -1,4 +1,4 @@
-"""A scene in Mitsuba's arrays, and frames of it: two independent halves, in rounds until they reach the target error."""
+"""A scene in Mitsuba's arrays, and frames of it: two independent halves, in rounds up to the target error."""
 
 from __future__ import annotations
 
@@ -104,9 +104,8 @@ class MitsubaScene:
             most = min(self._per_second * LONGEST_LAUNCH, _MOST_SAMPLES) / size
             # Launches of few different sizes reuse memory.
             count = min(total - first, max(1, 1 << int(math.log2(max(most, 1.0)))))
-            numbers = (dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1))
-            radiance, hit = self._estimator.pixels(view, *numbers, count * size)
-            parts = (radiance.x, radiance.y, radiance.z, dr.select(hit, mi.Float(1.0), 0.0))
+            numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1)]
+            parts = self._estimator.pixels(view, count * size, *numbers)
             dr.eval(*parts)
             sums = np.stack([np.array(dr.block_sum(each, size), np.float64) for each in parts], axis=-1)
             self._per_second = count * size / max(time.perf_counter() - started, 1e-6)

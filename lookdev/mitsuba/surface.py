@@ -23,6 +23,8 @@ class Looks:
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
+        self.see_through = any(source.see_through for source in sources)
+        self.deltas = max(source.deltas for source in sources)
         for source in sources:
             for binding in source.attributes:
                 geometry.attribute(binding)
@@ -91,6 +93,26 @@ class Surface:
         mi = self.looks.mi
         return self._called(lambda place, u1, u2: mi.Vector3f(*place.values("wi", u1=u1, u2=u2)), u1, u2, active=active)
 
+    def presence(self) -> Any:
+        mi = self.looks.mi
+
+        def presence(place: Place) -> Any:
+            return mi.Float(place.values("presence")[0]) if place.has("presence") else mi.Float(1.0)
+
+        return self._called(presence, active=self.active)
+
+    def delta(self, number: int) -> tuple[Any, Any]:
+        """Return a single direction, local, and what light from there is multiplied by, 0 where there is none."""
+        mi = self.looks.mi
+
+        def delta(place: Place) -> tuple[Any, Any]:
+            if not place.has(f"delta{number}"):
+                return mi.Vector3f(0.0), mi.Color3f(0.0)
+            found = place.values(f"delta{number}")
+            return mi.Vector3f(*found[:3]), mi.Color3f(*found[3:])
+
+        return self._called(delta, active=self.active)  # type: ignore[no-any-return]
+
     def guide(self) -> tuple[Any, Any]:
         """Return albedo and normal, of the world, for a denoiser."""
         mi = self.looks.mi
@@ -99,6 +121,8 @@ class Surface:
             return mi.Color3f(*place.values("albedo")), mi.Vector3f(*place.values("bent"))
 
         albedo, bent = self._called(guide, active=self.active)
+        if self.looks.see_through:
+            albedo *= self.presence()
         return albedo, self.to_world(bent)
 
     def _called(self, function: Callable[..., Any], *arguments: Any, active: Any) -> Any:
@@ -126,6 +150,7 @@ class _Symbols:
     def __init__(self, looks: Looks, number: int, hit: Hit, viewer: Any) -> None:
         self.wo: Any = None
         self._hit = hit
+        self._viewer = viewer
         self._images = looks.images[number]
         self._bindings = {each.parameter: each for each in looks.programs[number].source.attributes}
         self._uvs = {each.name: each.uv for each in looks.programs[number].source.look_ups}
@@ -139,6 +164,10 @@ class _Symbols:
             return self._vector(source)[int(index[:-1])]
         if name.endswith("_a") and name[:-2] in self._images:
             return self._vector(name[:-2])[3]
+        if name == "inside":
+            return dr.select(
+                dr.dot(self._hit.normal, self._hit.facet) * dr.dot(self._hit.facet, self._viewer) < 0, 1.0, 0.0
+            )
         return self._hit.hand if name == "hand" else self._vector(name)
 
     def _vector(self, name: str) -> Any:

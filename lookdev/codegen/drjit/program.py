@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from lookdev.brdf import StackLayer, stack_bsdf
+from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
 from lookdev.cache import Content, derived
@@ -22,7 +23,7 @@ from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, Operation, ProgramSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node, Uniform, in_order
-from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
+from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
 from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
@@ -38,15 +39,13 @@ def generate_program(
     Its constants are folded, and named, so that looks which differ in numbers alone have one text. `resolve` turns a
     texture into its linear EXR file, a height map into that of its slopes. With `shadows`, rays are traced along
     directions; `features` adds what guides a denoiser.
-    Raises CodegenError where the look scatters along single directions or can be seen through.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = stack_bsdf([_of_look(graph, layer) for layer in look_layers(look, inputs)])
-    lobes = present_lobes(graph, bsdf)
+    lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
-    if isinstance(presence, Node) or presence < 1.0:
-        raise CodegenError(f"look '{look.name}' can be seen through; backend 'exact' would be right")
+    see_through = isinstance(presence, Node) or presence < 1.0
     mixture = Mixture(lobes, symbols(graph, WO))
     # The shading frame is bent until the viewer is above its horizon. Lobes may be absent at some points: no branch
     # leaves their code out.
@@ -54,17 +53,23 @@ def generate_program(
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Any] = {"value": value, "pdf": pdf}
     outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    for number, delta in enumerate(deltas):
+        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value)]
+    if see_through:
+        outputs["presence"] = bsdf.presence
     if features:
-        albedo = middle_albedo(mixture) if lobes else np.zeros(3)
-        outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else (0.0, 0.0, 1.0)}
+        albedo: Any = middle_albedo(mixture) if lobes else np.zeros(3)
+        for delta in deltas:
+            albedo = albedo + delta.value
+        outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else ZENITH}
     directed = reads_tangent(graph, lobes)
     written = _Written(inputs)
     for name, result in outputs.items():
-        written.add(name, result)
+        written.add(name, elements_of(result))
     attributes = inputs.read_by(written.symbols)
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
     for name, result in _frame(graph, directed, leaning).items():
-        written.add(name, result)
+        written.add(name, elements_of(result))
     attributes += [TANGENT_BINDING] * directed
     look_ups = tuple(_image(inputs, name) for name in inputs.looked_up_by(written.symbols))
     tables = tuple(_content(table) for table in written.tables)
@@ -77,7 +82,9 @@ def generate_program(
         tuple(attributes),
         tables,
         "",
-        transmits=any(lobe.transmits or lobe.crosses for lobe in lobes),
+        transmits=any(lobe.transmits or lobe.crosses for lobe in lobes) or any(delta.transmits for delta in deltas),
+        see_through=see_through,
+        deltas=len(deltas),
         shadows=shadows,
     )
     return replace(made, digest=hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest())
@@ -132,9 +139,8 @@ class _Written:
     symbols: set[str] = field(default_factory=set)
     _numbers: dict[Any, int] = field(default_factory=dict)
 
-    def add(self, name: str, value: Any) -> None:
-        """Write an array's elements as the results of a name."""
-        roots = elements_of(value)
+    def add(self, name: str, roots: Sequence[Any]) -> None:
+        """Write nodes and constants as the results of a name."""
         for node in in_order(roots):
             self._numbers[node] = self._append(self._operation(node))
         self.outputs[name] = tuple(map(self._number, roots))
