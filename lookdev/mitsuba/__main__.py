@@ -9,6 +9,7 @@ import os
 import queue
 import sys
 import threading
+import traceback
 
 from lookdev.lifetime import end_with_parent
 from lookdev.render.answers import Answers, save_arrays
@@ -49,6 +50,7 @@ def main() -> None:
             arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
+            traceback.print_exc()  # Dr.Jit's errors are about those before them
             answers.failed(task.digest, error)
             continue
         answers.done(

@@ -102,12 +102,14 @@ class MitsubaScene:
         while first < total:
             started = time.perf_counter()
             most = min(self._per_second * LONGEST_LAUNCH, _MOST_SAMPLES) / size
-            # Launches of few different sizes reuse memory.
-            count = min(total - first, max(1, 1 << int(math.log2(max(most, 1.0)))))
+            # Of a power of two: rays of other launches are in other packets of Embree, and differ in their last digit.
+            # So frames do not depend on how long launches take, nor on the number of threads.
+            count = 1 << int(math.log2(max(1.0, min(most, total - first))))
             numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1)]
             parts = self._estimator.pixels(view, count * size, *numbers)
             dr.eval(*parts)
-            sums = np.stack([np.array(dr.block_sum(each, size), np.float64) for each in parts], axis=-1)
+            # By NumPy, whose order of summation does not depend on the size of a launch.
+            sums = np.stack([np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts], -1)
             self._per_second = count * size / max(time.perf_counter() - started, 1e-6)
             yield sums, slice(first, first + count)
             first += count

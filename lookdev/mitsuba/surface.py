@@ -61,14 +61,14 @@ class Surface:
         else:
 
             def axes_of(number: int) -> Callable[..., Any]:
-                def axes(triangle: Any, uv: Any, viewer: Any, active: Any) -> Any:
+                def axes(triangle: Any, uv: Any, viewer: Any, *, active: Any) -> Any:
                     here = looks.geometry.at(triangle, uv, active)
                     return _axes(mi, Place(looks.programs[number], _Symbols(looks, number, here, viewer)))
 
                 return axes
 
             calls = [axes_of(number) for number in range(len(looks.programs))]
-            axes = dr.switch(looks.geometry.worn(triangle), calls, triangle, uv, viewer, active)
+            axes = dr.switch(looks.geometry.worn(triangle), calls, triangle, uv, viewer, active=active)
             self.wo = _local(axes, viewer)
         self.tangent, self.bitangent, self.normal, self.facet = axes
 
@@ -132,7 +132,7 @@ class Surface:
         looks = self.looks
 
         def of(number: int) -> Callable[..., Any]:
-            def call(triangle: Any, uv: Any, viewer: Any, wo: Any, active: Any, *arguments: Any) -> Any:
+            def call(triangle: Any, uv: Any, viewer: Any, wo: Any, *arguments: Any, active: Any) -> Any:
                 symbols = _Symbols(looks, number, looks.geometry.at(triangle, uv, active), viewer)
                 symbols.wo = wo
                 return function(Place(looks.programs[number], symbols), *arguments)
@@ -141,7 +141,7 @@ class Surface:
 
         calls = [of(number) for number in range(len(looks.programs))]
         worn = looks.geometry.worn(self.triangle)
-        return dr.switch(worn, calls, self.triangle, self.uv, self.viewer, self.wo, active, *arguments, active=active)
+        return dr.switch(worn, calls, self.triangle, self.uv, self.viewer, self.wo, *arguments, active=active)
 
 
 class _Symbols:

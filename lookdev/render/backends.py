@@ -6,12 +6,12 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
-from lookdev.errors import CodegenError
+from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.scene import Sampling
@@ -58,6 +58,13 @@ def blender_version() -> str:
 
 def _of_cycles() -> str:
     return f"{blender_version()} {RENDER_VERSION}"
+
+
+def _of_mitsuba() -> str:
+    try:
+        return f"{version('mitsuba')} {MITSUBA_VERSION}"
+    except PackageNotFoundError:
+        raise RenderError("backend 'mitsuba' needs Mitsuba 3: pip install 'lookdev[mitsuba]'") from None
 
 
 @dataclass(frozen=True)
@@ -205,7 +212,7 @@ BACKENDS: dict[str, Backend] = {
             cannot_light=_one_plain_dome,
             directions=True,
             features=True,
-            version=lambda: f"{version('mitsuba')} {MITSUBA_VERSION}",
+            version=_of_mitsuba,
         ),
         Backend(
             name="principled",
