@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.asset import load_asset
@@ -20,7 +22,7 @@ from lookdev.codegen import (
     TextureBinding,
 )
 from lookdev.job import Job, parse_job
-from lookdev.light import Dome
+from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.plan import Setup
 from lookdev.render.task import SceneTask
@@ -105,6 +107,20 @@ def node_source() -> NodeSource:
     material = NodeTree("gold", (ShaderNode("Disney", "Group", group="Lookdev Disney"),))
     attributes = (AttributeBinding("wear", "wear", "float", (0.5,)),)
     return NodeSource("gold", (group, material), attributes, "40de5", exact=False, transmits=True)
+
+
+@pytest.fixture(scope="session")
+def light_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Dome]:
+    """Return a function that prepares a built-in light, or ``slopes``.
+
+    The colour of ``slopes`` varies slowly, by a factor of three: unsampled, small lamps make noise that is not
+    Student's. Its first and last row are alike: at a pole Cycles' world interpolates between them.
+    """
+    azimuth, height = np.meshgrid(np.linspace(0.0, 2.0 * np.pi, 129)[:-1], np.linspace(1.0, -1.0, 64))
+    channels = (1.0 + 0.5 * np.sin(azimuth), 1.0 + 0.5 * np.cos(azimuth), 1.0 + 0.5 * np.cos(np.pi * height))
+    slopes = tmp_path_factory.mktemp("light") / "slopes.exr"
+    assert oiio.ImageBuf(np.stack(channels, axis=-1).astype(np.float32)).write(str(slopes))
+    return lambda name: prepare_light(load_environment(slopes) if name == "slopes" else load_environment(builtin=name))
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import json
 import os
 import shutil
@@ -14,7 +15,8 @@ from dataclasses import dataclass
 from importlib import import_module, metadata
 
 from lookdev.cache import atomic_path, cache_dir
-from lookdev.errors import OutputError
+from lookdev.errors import OutputError, RenderError
+from lookdev.render.llvm import NEWEST_DEBIAN, find_llvm
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""
@@ -70,6 +72,7 @@ def examine(import_bpy: Sequence[str] = IMPORT_BPY, self_test: Sequence[str] = S
     yield blender
     if blender.good and cache.good:  # the self-test compiles a shader into the cache
         yield _osl(self_test)
+    yield _mitsuba()
     yield Finding("processor cores", str(os.cpu_count()), good=True)
 
 
@@ -140,6 +143,16 @@ def _osl(command: Sequence[str]) -> Finding:
     found = f"answered {line!r}" if code == 0 else _last_line(errors) or f"exit code {code}"
     remedy = "reinstall bpy, or see: python -m lookdev.cycles --self-test"
     return Finding("OSL in Cycles", found, good=False, remedy=remedy)
+
+
+def _mitsuba() -> Finding:
+    """Look for what the backend of the same name needs: an extra, which all others do without."""
+    if importlib.util.find_spec("mitsuba") is None:
+        return Finding("Mitsuba", "not installed; only backend 'mitsuba' needs it", good=True)
+    try:
+        return Finding("Mitsuba", f"{metadata.version('mitsuba')}, {find_llvm()}", good=True)
+    except RenderError as error:
+        return Finding("Mitsuba", str(error), good=False, remedy=f"sudo apt-get install libllvm{NEWEST_DEBIAN}")
 
 
 def _cache() -> Finding:

@@ -110,6 +110,25 @@ class Mixture:
             yield Choice(lobe, place < upper, stretched)
             rest = rest - lobe.share
 
+    def response(self, wi: Array) -> tuple[Array, Array]:
+        """Return the sum of the values (..., 3) of the terms for light from `wi`, (..., 3), and the pdf (...) there."""
+        total: Array = np.zeros(3)
+        density: Array = np.zeros(())
+        for term in self.terms(wi):
+            total, density = total + term.value, density + term.density
+        return total, self.normalised(density)
+
+    def draw(self, u1: Array, u2: Array) -> Array:
+        """Draw directions (..., 3) by uniform numbers (...); z is 0 where the chosen lobe is 0 in the direction."""
+        wi: Array = np.zeros(3)
+        left: Mask = np.ones((), np.bool_)
+        # A number that float32 rounds to 1 is in no lobe's interval.
+        for choice in self.choices(np.minimum(u1, BELOW_ONE)):
+            here = left & choice.below
+            wi = np.where(np.expand_dims(here, -1), choice.lobe.draw(choice.stretched, u2), wi)
+            left = left & ~here
+        return wi
+
 
 def middle_albedo(mixture: Mixture) -> Array:
     """Return a colour (..., 3) near the albedo, without noise: the sum of the lobes' f cos / pdf in a middle direction.
@@ -211,13 +230,6 @@ def sample(bsdf: Bsdf, wo: Floats, u: Floats) -> Floats:
     `u`, (..., 2), are uniform numbers in [0, 1); the first also chooses the lobe. Where the chosen lobe is 0 in the
     direction, its z is 0, and so are f and pdf.
     """
-    # A number that float32 rounds to 1 is in no lobe's interval.
-    u1, u2 = np.minimum(u[..., 0], BELOW_ONE), u[..., 1]
     mixture, _, _ = _seen(bsdf, wo, wo)
-    wi = np.zeros(wo.shape)
-    left: Mask = np.ones(wo.shape[:-1], np.bool_)
-    for choice in mixture.choices(u1):
-        here = left & choice.below
-        wi = np.where(np.expand_dims(here, -1), choice.lobe.draw(choice.stretched, u2), wi)
-        left = left & ~here
+    wi = np.asarray(np.broadcast_to(mixture.draw(u[..., 0], u[..., 1]), wo.shape))
     return np.where(wo[..., 2:] < 0.0, -wi, wi) if bsdf.two_sided else wi

@@ -139,6 +139,69 @@ class ShaderSource:
 
 
 @dataclass(frozen=True)
+class Operation:
+    """One step of a program, on the results of earlier ones by their numbers.
+
+    `op` is NumPy's name of a ufunc, or ``"where"``; or it has no operands: ``"constant"`` and ``"truth"``, of a
+    `value`; ``"uniform"``, the number `place` among the program's constants; ``"symbol"``, of a `name`. ``"look_up"``
+    reads the cell of a row and a column of the table `place`, whose columns number `value`, and there the channel
+    `name`, if it has channels.
+    """
+
+    op: str
+    operands: tuple[int, ...] = ()
+    value: float = 0.0
+    place: int = 0
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class ImageBinding:
+    """A look-up of an image in a program: symbols ``name[0]`` to ``name[2]`` and ``name_a`` are its four channels.
+
+    Coordinates are those of the attribute `uv` after the affine map of `transform`, (s, t) as rows of three. `files`
+    are by the number of a UDIM tile, or 0. `slopes`: the channels 0 and 1 change sign where the image is mirrored.
+    """
+
+    name: str
+    uv: str
+    slopes: bool
+    wrap_s: str
+    wrap_t: str
+    transform: tuple[float, ...]
+    files: Mapping[int, Content]
+
+
+@dataclass(frozen=True)
+class ProgramSource:
+    """A `Source` of operations on numbers, for renderers that trace programs themselves.
+
+    `outputs` are the results by name. ``tangent bitangent normal facet`` are vectors of the world and depend on the
+    symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
+    ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
+    light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
+    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced.
+    """
+
+    name: str
+    operations: tuple[Operation, ...]
+    outputs: Mapping[str, tuple[int, ...]]
+    constants: tuple[float, ...]
+    look_ups: tuple[ImageBinding, ...]
+    attributes: tuple[AttributeBinding, ...]
+    tables: tuple[Content, ...]
+    digest: str
+    transmits: bool = False
+    see_through: bool = False
+    shadows: bool = True
+    deltas: int = 0
+
+    @property
+    def images(self) -> tuple[Content, ...]:
+        return tuple(file for each in self.look_ups for file in each.files.values())
+
+
+@dataclass(frozen=True)
 class PrincipledSource:
     """A Principled BSDF for the benchmark: constants by Blender's names of its sockets."""
 

@@ -6,12 +6,12 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.codegen import NodeSource, PrincipledSource, ShaderSource, Source
-from lookdev.errors import CodegenError
+from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.scene import Sampling
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 RENDER_VERSION = 3
 """Raised when the program renders the same frame task to other pixels than before."""
+
+MITSUBA_VERSION = 1
+"""Raised when `lookdev.mitsuba` does."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 """The worker of Cycles."""
@@ -55,6 +58,13 @@ def blender_version() -> str:
 
 def _of_cycles() -> str:
     return f"{blender_version()} {RENDER_VERSION}"
+
+
+def _of_mitsuba() -> str:
+    try:
+        return f"{version('mitsuba')} {MITSUBA_VERSION}"
+    except PackageNotFoundError:
+        raise RenderError("backend 'mitsuba' needs Mitsuba 3: pip install 'lookdev[mitsuba]'") from None
 
 
 @dataclass(frozen=True)
@@ -107,6 +117,13 @@ def _nodes_exact(look: Look, setting: Setting) -> Source:
     return generate_nodes_exact(look, setting.image_file, bounces=setting.sampling.bounces)
 
 
+def _program(look: Look, setting: Setting) -> Source:
+    from lookdev.codegen.drjit.program import generate_program
+
+    features = setting.sampling.denoise != "off"
+    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features)
+
+
 def _principled(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.principled import generate_principled
 
@@ -122,6 +139,12 @@ def _only_domes(lights: Sequence[Light]) -> Sequence[str]:
     ]
     domes = [each for each in lights if each.kind == "dome"]
     return [*lamps, *native_gaps(domes)]
+
+
+def _one_plain_dome(lights: Sequence[Light]) -> Sequence[str]:
+    if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
+        return ()
+    return ["this backend is lit by one dome alone, in its own axes"]
 
 
 def _one_dome(lights: Sequence[Light]) -> Sequence[str]:
@@ -175,6 +198,21 @@ BACKENDS: dict[str, Backend] = {
             exact=True,
             in_jobs=True,
             cannot_light=_only_domes,
+        ),
+        Backend(
+            name="mitsuba",
+            help="the models as published, in Mitsuba 3, which compiles them: faster than exact; pip install "
+            "'lookdev[mitsuba]'",
+            command=(sys.executable, "-m", "lookdev.mitsuba"),
+            source=ProgramSource,
+            generate=_program,
+            devices=("cpu", "cuda"),
+            exact=True,
+            in_jobs=True,
+            cannot_light=_one_plain_dome,
+            directions=True,
+            features=True,
+            version=_of_mitsuba,
         ),
         Backend(
             name="principled",

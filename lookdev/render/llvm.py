@@ -15,6 +15,9 @@ VARIABLE = "DRJIT_LIBLLVM_PATH"
 OLDEST = 16
 """The first version that fits the processors of today; older ones end the process on some."""
 
+NEWEST_DEBIAN = 19
+"""The newest that Debian 12 and 13 both have, by their package's name."""
+
 _FILES = ("usr/lib/*/libLLVM*.so*", "usr/lib/llvm-*/lib/libLLVM*.so*", "usr/lib64/libLLVM*.so*")
 _VERSION = re.compile(r"(?:libLLVM-|\.so\.)(\d+)")
 
@@ -34,8 +37,9 @@ def find_llvm(root: Path = Path("/")) -> str:
             found[int(match[1])] = file
     if not found or max(found) < OLDEST:
         versions = f"found: version {max(found)}" if found else "found: none"
+        package = f"libllvm{NEWEST_DEBIAN}"
         raise RenderError(
-            f"Mitsuba compiles its kernels by LLVM {OLDEST} or newer, {versions}: install it (on Debian libllvm19), or "
+            f"Mitsuba compiles its kernels by LLVM {OLDEST} or newer, {versions}: install it (on Debian {package}), or "
             f"name the file of its library by {VARIABLE}"
         )
     return str(found[max(found)])

@@ -7,6 +7,8 @@ import pytest
 
 from lookdev.batch import doctor
 from lookdev.batch.doctor import BLENDER_PYTHONS, Finding, describe, examine
+from lookdev.errors import RenderError
+from lookdev.render.llvm import OLDEST, VARIABLE, find_llvm
 
 VERSION = BLENDER_PYTHONS[sys.version_info[:2]]
 BPY = (sys.executable, "-c", f"print('a word of a library'); print('{VERSION}.7 LTS')")
@@ -16,6 +18,7 @@ SELF_TEST = (sys.executable, "-c", "print('{\"osl\": true}')")
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv(VARIABLE, "libLLVM.so")
     return tmp_path / "cache"
 
 
@@ -112,3 +115,28 @@ def test_a_full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_description_has_a_line_for_each_remedy() -> None:
     text = describe([Finding("Python", "3.11", good=True), Finding("bpy", "gone", good=False, remedy="get it")])
     assert text == "ok       Python  3.11\nMISSING  bpy     gone\n                 to get it: get it"
+
+
+def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE)
+    pytest.importorskip("mitsuba")
+    with pytest.raises(RenderError, match=r"found: none: install it \(on Debian libllvm19\)"):
+        find_llvm(tmp_path)
+    folder = tmp_path / "usr" / "lib" / "x86_64-linux-gnu"
+    folder.mkdir(parents=True)
+    (folder / f"libLLVM-{OLDEST - 1}.so.1").touch()
+    with pytest.raises(RenderError, match=f"found: version {OLDEST - 1}"):
+        find_llvm(tmp_path)
+    for name in ("libLLVM-16.so.1", "libLLVM.so.19.1", "libLLVM-17.so"):
+        (folder / name).touch()
+    assert find_llvm(tmp_path) == str(folder / "libLLVM.so.19.1")
+
+
+def test_mitsuba_without_llvm_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("mitsuba")
+
+    def missing() -> str:
+        raise RenderError("found: none")
+
+    monkeypatch.setattr(doctor, "find_llvm", missing)
+    assert look()["Mitsuba"] == Finding("Mitsuba", "found: none", False, "sudo apt-get install libllvm19")

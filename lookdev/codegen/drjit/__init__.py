@@ -1,0 +1,1 @@
+"""Looks as programs: lists of operations, which Dr.Jit traces into kernels (Jakob et al. 2022)."""

@@ -1,0 +1,182 @@
+"""A look as a program: the traced graph, node by node, without a text between it and the renderer's own compiler.
+
+- Jakob, W., Speierer, S., Roussel, N. and Vicini, D. 2022. Dr.Jit: A Just-In-Time Compiler for Differentiable
+  Rendering. ACM Transactions on Graphics 41(4).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf import StackLayer, stack_bsdf
+from lookdev.brdf.frames import ZENITH
+from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
+from lookdev.brdf.table import Table
+from lookdev.cache import Content, derived
+from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, Operation, ProgramSource
+from lookdev.codegen.trace.azimuth import reads_tangent
+from lookdev.codegen.trace.graph import Graph, Node, Uniform, in_order
+from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, present_deltas
+from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
+from lookdev.errors import CodegenError
+from lookdev.material import Bump, Look, Texture
+from lookdev.material.values import look_layers
+from lookdev.scene.shading import shading_frame
+
+
+def generate_program(
+    look: Look, resolve: Callable[[Texture | Bump], Path], *, shadows: bool = True, features: bool = False
+) -> ProgramSource:
+    """Generate the program of a look.
+
+    Its constants are folded, and named, so that looks which differ in numbers alone have one text. `resolve` turns a
+    texture into its linear EXR file, a height map into that of its slopes. With `shadows`, rays are traced along
+    directions; `features` adds what guides a denoiser.
+    """
+    graph = Graph()
+    inputs = Inputs(graph, resolve)
+    bsdf = stack_bsdf([_of_look(graph, layer) for layer in look_layers(look, inputs)])
+    lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
+    presence = elements_of(bsdf.presence)[0]
+    see_through = isinstance(presence, Node) or presence < 1.0
+    mixture = Mixture(lobes, symbols(graph, WO))
+    # The shading frame is bent until the viewer is above its horizon. Lobes may be absent at some points: no branch
+    # leaves their code out.
+    assume_positive(graph, mixture.wo[..., 2])
+    value, pdf = mixture.response(symbols(graph, WI))
+    outputs: dict[str, Any] = {"value": value, "pdf": pdf}
+    outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    for number, delta in enumerate(deltas):
+        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value)]
+    if see_through:
+        outputs["presence"] = bsdf.presence
+    if features:
+        albedo: Any = middle_albedo(mixture) if lobes else np.zeros(3)
+        for delta in deltas:
+            albedo = albedo + delta.value
+        outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else ZENITH}
+    directed = reads_tangent(graph, lobes)
+    written = _Written(inputs)
+    for name, result in outputs.items():
+        written.add(name, elements_of(result))
+    attributes = inputs.read_by(written.symbols)
+    leaning = any(each.attribute == HANDEDNESS for each in attributes)
+    for name, result in _frame(graph, directed, leaning).items():
+        written.add(name, elements_of(result))
+    attributes += [TANGENT_BINDING] * directed
+    look_ups = tuple(_image(inputs, name) for name in inputs.looked_up_by(written.symbols))
+    tables = tuple(_content(table) for table in written.tables)
+    made = ProgramSource(
+        look.name,
+        tuple(written.operations),
+        written.outputs,
+        tuple(written.constants),
+        look_ups,
+        tuple(attributes),
+        tables,
+        "",
+        transmits=any(lobe.transmits or lobe.crosses for lobe in lobes) or any(delta.transmits for delta in deltas),
+        see_through=see_through,
+        deltas=len(deltas),
+        shadows=shadows,
+    )
+    return replace(made, digest=hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest())
+
+
+def _of_look(graph: Graph, layer: StackLayer) -> StackLayer:
+    """Return a layer, its constants as uniforms."""
+    # By identity: a parameter that follows another has the same object.
+    found = {id(each): each for each in (*layer.parameters.values(), layer.mask)}
+    found = {key: uniforms(graph, v) if isinstance(v, np.ndarray | float) else v for key, v in found.items()}
+    parameters = {name: found[id(value)] for name, value in layer.parameters.items()}
+    return replace(layer, parameters=parameters, mask=found[id(layer.mask)])
+
+
+def _frame(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Any]:
+    """Return the axes of the shading frame and the facet's normal, by the symbols of the mesh."""
+
+    def given(name: str) -> Any:
+        return symbols(graph, [f"{name}[{i}]" for i in range(3)])
+
+    hand: Any = symbol(graph, "hand") if leaning else 1.0
+    tangent = given("mesh_tangent") if directed else None
+    frame = shading_frame(given("mesh_normal"), tangent, given("mesh_facet"), given("viewer"), hand)
+    axes = {"tangent": frame.tangent, "bitangent": frame.bitangent, "normal": frame.normal}
+    return axes | {"facet": frame.facet}
+
+
+def _image(inputs: Inputs, name: str) -> ImageBinding:
+    found = inputs.look_up(name)
+    texture = found.texture
+    transform = tuple(float(x) for x in texture.transform)
+    return ImageBinding(name, found.uv, found.slopes, texture.wrap_s, texture.wrap_t, transform, found.files)
+
+
+def _content(table: Table) -> Content:
+    def save(path: Path) -> None:
+        np.save(path, np.asarray(table.values, np.float32).ravel())
+
+    (content,) = derived("tables", f"{table.digest}.npy", lambda: (Content.written(".npy", save),))
+    return content
+
+
+@dataclass
+class _Written:
+    """Operations written so far, each node once."""
+
+    inputs: Inputs
+    operations: list[Operation] = field(default_factory=list)
+    outputs: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    constants: list[float] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    symbols: set[str] = field(default_factory=set)
+    _numbers: dict[Any, int] = field(default_factory=dict)
+
+    def add(self, name: str, roots: Sequence[Any]) -> None:
+        """Write nodes and constants as the results of a name."""
+        for node in in_order(roots):
+            self._numbers[node] = self._append(self._operation(node))
+        self.outputs[name] = tuple(map(self._number, roots))
+
+    def _append(self, operation: Operation) -> int:
+        self.operations.append(operation)
+        return len(self.operations) - 1
+
+    def _operation(self, node: Node) -> Operation:
+        if node in self._numbers:
+            return self.operations[self._numbers[node]]
+        match node.op, node.args:
+            case "symbol", (name,):
+                self.symbols.add(name)
+                return Operation("symbol", name=name)
+            case "look_up", (table, channel, row, column):
+                if table not in self.tables:
+                    self.tables.append(table)
+                place, columns = self.tables.index(table), table.values.shape[1]
+                cell = (self._number(row), self._number(column))
+                name = "" if channel is None else str(channel)
+                return Operation("look_up", cell, value=float(columns), place=place, name=name)
+            case op, operands:
+                return Operation(op, tuple(map(self._number, operands)))
+
+    def _number(self, value: Any) -> int:
+        if isinstance(value, Node):
+            return self._numbers[value]
+        key = (isinstance(value, Uniform), type(value).__name__, str(value))
+        if key not in self._numbers:
+            if not np.isfinite(value):
+                raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
+            if isinstance(value, Uniform):
+                self.constants.append(float(value))
+                operation = Operation("uniform", place=len(self.constants) - 1)
+            else:
+                operation = Operation("truth" if isinstance(value, bool | np.bool_) else "constant", value=float(value))
+            self._numbers[key] = self._append(operation)
+        return self._numbers[key]

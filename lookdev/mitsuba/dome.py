@@ -1,0 +1,111 @@
+"""A dome light on Dr.Jit's arrays: the look-up and the sampling of `lookdev/shaders/dome.osl.h`, by the same tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from lookdev.light.dome import Dome, bins, slots
+from lookdev.light.dome.files import read_exr
+from lookdev.mitsuba import sobol
+
+
+class DomeLight:
+    """A dome light of a variant's arrays. Directions are vectors of the world, `turn` is the light's in radians.
+
+    A map that is the same all around needs no tables: then `sampled` is false.
+    """
+
+    def __init__(self, mi: Any, dome: Dome) -> None:
+        self._mi = mi
+        self.sampled = dome.slots_file is not None and not dome.constant
+        texels = np.zeros((dome.height, dome.width, 4), np.float32)
+        texels[..., :3] = read_exr(dome.radiance_file.path, "RGB") * np.asarray(dome.emission.color, np.float32)
+        self._texels = mi.Float(texels.ravel())
+        self._width, self._height = dome.width, dome.height
+        if self.sampled:
+            assert dome.points_file and dome.slots_file and dome.bins_file  # noqa: PT018
+            self._points = mi.Float(read_exr(dome.points_file.path, "RGBA").ravel())
+            self._slots = mi.UInt32(np.load(dome.slots_file.path).view(np.uint32).ravel())
+            self._bins = mi.Float(np.load(dome.bins_file.path).ravel())
+            self._cells, self._first = mi.UInt32(bins.CELLS), mi.UInt32(bins.FIRST)
+
+    def radiance(self, w: Any, turn: Any, active: Any) -> Any:
+        """Return the radiance from directions, bilinear, periodic around, clamped at the poles."""
+        mi = self._mi
+        x = 0.5 - (dr.atan2(w.y, w.x) - turn) / (2.0 * math.pi)
+        y = dr.atan2(dr.sqrt(w.x * w.x + w.y * w.y), w.z) / math.pi
+        column, row = x * self._width - 0.5, dr.clip(y * self._height - 0.5, 0.0, self._height - 1.0)
+        i, j = dr.floor(column), dr.floor(row)
+        s, t = column - i, row - j
+        left, right = (mi.UInt32((mi.Int32(i) + 2 * self._width + k) % self._width) for k in (0, 1))
+        top = mi.UInt32(j)
+        bottom = dr.minimum(top + 1, self._height - 1)
+
+        def texel(row: Any, column: Any) -> Any:
+            found = dr.gather(mi.Vector4f, self._texels, row * self._width + column, active)
+            return mi.Color3f(found.x, found.y, found.z)
+
+        above = dr.lerp(texel(top, left), texel(top, right), s)
+        below = dr.lerp(texel(bottom, left), texel(bottom, right), s)
+        return dr.lerp(above, below, t)
+
+    def bin(self, n: Any, turn: Any) -> NormalBin:
+        """Return the bin of normals (`lookdev.light.dome.bins`)."""
+        mi = self._mi
+        row = mi.UInt32(dr.clip(dr.acos(dr.clip(n.z, -1.0, 1.0)) * (bins.ROWS / math.pi), 0, bins.ROWS - 1))
+        cells = dr.gather(mi.UInt32, self._cells, row)
+        around = (dr.atan2(n.y, n.x) - turn) / (2.0 * math.pi)
+        cell = dr.minimum(mi.UInt32((around - dr.floor(around)) * mi.Float(cells)), cells - 1)
+        azimuth = 2.0 * math.pi * (mi.Float(cell) + 0.5) / mi.Float(cells) + turn
+        theta = math.pi * (mi.Float(row) + 0.5) / bins.ROWS
+        (s, c), (sine, cosine) = dr.sincos(azimuth), dr.sincos(theta)
+        number = dr.gather(mi.UInt32, self._first, row) + cell
+        numbers = dr.gather(mi.Vector2f, self._bins, number)
+        return NormalBin(self, number, mi.Vector3f(sine * c, sine * s, cosine), numbers.x, numbers.y)
+
+
+class NormalBin:
+    """A bin of normals: its number and axis, 1 / integral, and M / sum(g) (`lookdev.light.dome.slots`)."""
+
+    def __init__(self, light: DomeLight, number: Any, axis: Any, scale: Any, share: Any) -> None:
+        self._light = light
+        self._number = number
+        self._axis = axis
+        self._scale = scale
+        self._share = share
+
+    def pdf(self, w: Any, radiance: Any) -> Any:
+        """Return the pdf q over solid angle, by which directions are weighed."""
+        return self._scale * self._widened(w) * dr.mean(radiance)
+
+    def sample(self, number: Any, seed: Any, turn: Any, active: Any) -> tuple[Any, Any, Any]:
+        """Return a direction, its radiance, and q / p, 0 where there is none, of a sample's number."""
+        light = self._light
+        mi = light._mi
+        u = sobol.unit(mi.Float, sobol.hashed(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
+        slot = sobol.reverse(number) >> (33 - slots.SLOTS.bit_length())
+        packed = dr.gather(mi.UInt32, light._slots, self._number * slots.SLOTS + slot, active)
+        code = packed & ((1 << slots.CODE_BITS) - 1)
+        single = code > slots.MOST_POINTS
+        count = dr.select(single, 1, code)
+        times = dr.select(single, code - slots.MOST_POINTS + 1, 1)
+        point = (packed >> slots.CODE_BITS) + dr.minimum(mi.UInt32(mi.Float(count) * u), dr.maximum(count, 1) - 1)
+        found = dr.gather(mi.Vector4f, light._points, point, active)
+        s, c = dr.sincos(found.x + turn)
+        horizontal = dr.safe_sqrt(1.0 - found.y * found.y)
+        w = mi.Vector3f(horizontal * c, horizontal * s, found.y)
+        red = dr.floor(found.w / 4096.0)
+        green = found.w - 4096.0 * red
+        color = mi.Color3f(red, green, dr.maximum(4095.0 - red - green, 0.0)) * (3.0 / 4095.0 * found.z)
+        ratio = self._share * mi.Float(count) / mi.Float(times) * self._widened(w)
+        return w, color, dr.select(code > 0, ratio, 0.0)
+
+    def _widened(self, w: Any) -> Any:
+        cosine = dr.dot(w, self._axis)
+        near, far = math.cos(bins.RADIUS), math.sin(bins.RADIUS)
+        turned = near * cosine + far * dr.safe_sqrt(1.0 - cosine * cosine)
+        return dr.select(cosine > near, 1.0, dr.maximum(turned, 0.0))

@@ -1,0 +1,159 @@
+"""An asset as triangles that rays meet, and what shading interpolates over them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import drjit as dr
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, Mesh
+from lookdev.asset.tangents import handedness, tangents_of
+from lookdev.asset.triangles import corner_triangles
+from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
+from lookdev.errors import AssetError, RenderError
+from lookdev.scene.shading import LIFT
+
+Floats = NDArray[np.float64]
+
+MOST_TRIANGLES = 40_000_000
+"""Instances are placed as triangles of their own: more would take above 10 GB."""
+
+
+class Geometry:
+    """Triangles in metres about the asset's centre, in a variant's arrays; `looks` are the numbers of the slots' looks.
+
+    `scene` is Mitsuba's, of one mesh: the index of a primitive is that of a triangle.
+    """
+
+    def __init__(self, mi: Any, asset: Asset, looks: Sequence[int]) -> None:
+        self._mi = mi
+        self._asset = asset
+        self.center = np.array(asset.center)
+        split = [corner_triangles(mesh) for mesh in asset.meshes]
+        count = sum(len(split[each.mesh][1]) for each in asset.instances)
+        if count > MOST_TRIANGLES:
+            raise RenderError(
+                f"{asset.name}: {count} triangles, instances counted one by one; at most {MOST_TRIANGLES} can be shown "
+                "by backend 'mitsuba': 'exact' would be right"
+            )
+        starts = np.cumsum([0, *(len(asset.meshes[each.mesh].corner_points) for each in asset.instances)])
+        points = [_placed(asset.meshes[each.mesh].points, each.matrix) - self.center for each in asset.instances]
+        first = np.cumsum([0, *map(len, points)])
+        vertices, corners, worn, hands = [], [], [], []
+        for number, instance in enumerate(asset.instances):
+            mesh, (triangles, faces) = asset.meshes[instance.mesh], split[instance.mesh]
+            vertices.append(mesh.corner_points[triangles] + first[number])
+            corners.append(triangles + starts[number])
+            worn.append(np.asarray(looks)[mesh.face_slots[faces]])
+            hands.append(np.full(len(faces), np.sign(np.linalg.det(instance.matrix[:3, :3]))))
+        position = np.concatenate(points).astype(np.float32)
+        index = np.concatenate(vertices)
+        sides = position[index].astype(np.float64)
+        facets = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+        kept = np.linalg.norm(facets, axis=-1) > 0.0
+        index, sides, facets = index[kept], sides[kept], facets[kept]
+        self._facets = mi.Float((facets / np.linalg.norm(facets, axis=-1, keepdims=True)).astype(np.float32).ravel())
+        self._corners = mi.UInt32(np.concatenate(corners)[kept].astype(np.uint32).ravel())
+        self._worn = mi.UInt32(np.concatenate(worn)[kept].astype(np.uint32))
+        self._hands = mi.Float(np.concatenate(hands)[kept].astype(np.float32))
+        self._lifts = mi.Float((LIFT * np.linalg.norm(sides, axis=-1).max(axis=-1)).astype(np.float32))
+        self._position = mi.Float(position.ravel())
+        self._index = mi.UInt32(index.astype(np.uint32).ravel())
+        self._normals = self._over_corners(
+            lambda i, mesh: _unit(mesh.normals.astype(np.float64) @ np.linalg.inv(asset.instances[i].matrix[:3, :3])), 3
+        )
+        self._carried: dict[AttributeBinding, Any] = {}
+        mesh = mi.Mesh("asset", len(position), len(index))
+        parameters = mi.traverse(mesh)
+        parameters["vertex_positions"] = self._position
+        parameters["faces"] = self._index
+        parameters.update()
+        self.scene = mi.load_dict({"type": "scene", "asset": mesh})
+
+    def attribute(self, binding: AttributeBinding) -> Any:
+        """Return an attribute of all corners, with 1, 2 or 3 numbers each; raises AssetError where a mesh lacks it."""
+        if binding not in self._carried:
+            width = {"uv": 2, "float": 1}.get(binding.kind, 3)
+            self._carried[binding] = self._over_corners(lambda i, mesh: self._read(binding, i, mesh), width)
+        return self._carried[binding]
+
+    def _read(self, binding: AttributeBinding, number: int, mesh: Mesh) -> NDArray[Any]:
+        if binding.attribute == TANGENT:
+            (tangents,) = tangents_of([mesh])
+            return tangents @ self._asset.instances[number].matrix[:3, :3].T
+        if binding.attribute == HANDEDNESS:
+            return handedness(mesh)
+        found = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
+        if found is not None:
+            return found
+        if binding.fallback is None:
+            raise AssetError(f"{mesh.name}: no UV set '{binding.attribute}'; it has: {', '.join(mesh.uvs)}")
+        return np.broadcast_to(np.array(binding.fallback), (len(mesh.corner_points), len(binding.fallback)))
+
+    def _over_corners(self, read: Callable[[int, Mesh], NDArray[Any]], width: int) -> Any:
+        rows = [read(i, self._asset.meshes[each.mesh]) for i, each in enumerate(self._asset.instances)]
+        return self._mi.Float(np.concatenate([row.reshape(-1, width) for row in rows]).astype(np.float32).ravel())
+
+    def worn(self, triangle: Any) -> Any:
+        """Return the number of the look of a triangle."""
+        return dr.gather(self._mi.UInt32, self._worn, triangle)
+
+    def at(self, triangle: Any, uv: Any, active: Any) -> Hit:
+        """Return what is interpolated at barycentric coordinates of triangles."""
+        return Hit(self, triangle, uv, active)
+
+
+class Hit:
+    """Places of triangles."""
+
+    def __init__(self, geometry: Geometry, triangle: Any, uv: Any, active: Any) -> None:
+        self._geometry = geometry
+        self._triangle = triangle
+        self._weights = (1.0 - uv.x - uv.y, uv.x, uv.y)
+        self._active = active
+
+    @property
+    def point(self) -> Any:
+        geometry = self._geometry
+        return self._mean(geometry._position, geometry._index, 3)
+
+    @property
+    def normal(self) -> Any:
+        return dr.normalize(self._mean(self._geometry._normals, self._geometry._corners, 3))
+
+    @property
+    def facet(self) -> Any:
+        return dr.gather(self._geometry._mi.Vector3f, self._geometry._facets, self._triangle, self._active)
+
+    @property
+    def hand(self) -> Any:
+        return dr.gather(self._geometry._mi.Float, self._geometry._hands, self._triangle, self._active)
+
+    @property
+    def lift(self) -> Any:
+        """How far above its facet a ray leaves, as `lookdev.scene.shading.LIFT`."""
+        return dr.gather(self._geometry._mi.Float, self._geometry._lifts, self._triangle, self._active)
+
+    def attribute(self, binding: AttributeBinding) -> Any:
+        width = {"uv": 2, "float": 1}.get(binding.kind, 3)
+        return self._mean(self._geometry.attribute(binding), self._geometry._corners, width)
+
+    def _mean(self, values: Any, corners: Any, width: int) -> Any:
+        mi = self._geometry._mi
+        kind = {1: mi.Float, 2: mi.Vector2f, 3: mi.Vector3f}[width]
+        numbers = dr.gather(mi.Vector3u, corners, self._triangle, self._active)
+        return sum(
+            weight * dr.gather(kind, values, number, self._active)
+            for weight, number in zip(self._weights, numbers, strict=True)
+        )
+
+
+def _placed(points: NDArray[np.float32], matrix: Floats) -> Floats:
+    return np.asarray(points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3])
+
+
+def _unit(vectors: Floats) -> Floats:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))

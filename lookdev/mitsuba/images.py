@@ -1,0 +1,93 @@
+"""Look-ups of images on Dr.Jit's arrays: bilinear, wrapped and tiled as `lookdev/shaders/texture.h` does it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from lookdev.codegen import ImageBinding
+from lookdev.errors import RenderError
+
+
+class Images:
+    """The images of a binding, in a variant's arrays."""
+
+    def __init__(self, mi: Any, binding: ImageBinding) -> None:
+        self._mi = mi
+        self._binding = binding
+        self._tiles = {number: _read(mi, file.path) for number, file in binding.files.items()}
+
+    def texels(self, uv: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+        """Return the four channels at coordinates of the UV set; without a tile there, all are 0."""
+        binding = self._binding
+        m = binding.transform
+        s, t = (m[k] * uv.x + m[k + 1] * uv.y + m[k + 2] for k in (0, 3))
+        if 0 in self._tiles:
+            texels = self._bilinear(self._tiles[0], s, t, binding.wrap_s, binding.wrap_t, active)
+            signs = _slope(s, binding.wrap_s), _slope(t, binding.wrap_t)
+        else:
+            # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1).
+            i, j = dr.floor(s), dr.floor(t)
+            texels, signs = self._mi.Vector4f(0.0), (1.0, 1.0)
+            for number, tile in self._tiles.items():
+                here = (i == (number - 1001) % 10) & (j == (number - 1001) // 10)
+                found = self._bilinear(tile, s - i, t - j, "clamp", "clamp", active & here)
+                texels = dr.select(here, found, texels)
+        if binding.slopes:
+            return texels.x * signs[0], texels.y * signs[1], texels.z, texels.w
+        return texels.x, texels.y, texels.z, texels.w
+
+    def _bilinear(self, tile: tuple[Any, int, int], s: Any, t: Any, wrap_s: str, wrap_t: str, active: Any) -> Any:
+        mi = self._mi
+        texels, width, height = tile
+        x, y = s * width - 0.5, (1.0 - t) * height - 0.5
+        i, j = dr.floor(x), dr.floor(y)
+        total = mi.Vector4f(0.0)
+        for dy, weight_y in ((0, 1.0 - (y - j)), (1, y - j)):
+            row, inside_y = _wrapped(mi, j + dy, height, wrap_t)
+            for dx, weight_x in ((0, 1.0 - (x - i)), (1, x - i)):
+                column, inside_x = _wrapped(mi, i + dx, width, wrap_s)
+                inside = active & inside_x & inside_y
+                total += weight_x * weight_y * dr.gather(mi.Vector4f, texels, row * width + column, inside)
+        return total
+
+
+def _wrapped(mi: Any, place: Any, size: int, wrap: str) -> tuple[Any, Any]:
+    """Return the texel of a whole number along an axis, and whether there is one."""
+    match wrap:
+        case "repeat":
+            place = place - size * dr.floor(place / size)
+        case "mirror":
+            place = place - 2 * size * dr.floor(place / (2 * size))
+            place = dr.minimum(place, 2 * size - 1 - place)
+        case "clamp":
+            pass
+        case _:
+            return mi.UInt32(dr.clip(place, 0, size - 1)), (place >= 0.0) & (place <= size - 1.0)
+    return mi.UInt32(dr.clip(place, 0, size - 1)), True
+
+
+def _slope(place: Any, wrap: str) -> Any:
+    """Return the derivative of an axis' wrapping: -1 in mirrored copies, 0 beyond a clamped edge."""
+    if wrap == "mirror":
+        half = 0.5 * dr.floor(place)
+        return dr.select(half != dr.floor(half), -1.0, 1.0)
+    return dr.select((place < 0.0) | (place > 1.0), 0.0, 1.0) if wrap == "clamp" else 1.0
+
+
+def _read(mi: Any, path: Path) -> tuple[Any, int, int]:
+    """Read the linear RGBA of `lookdev.material.textures`, row 0 at the top."""
+    import OpenImageIO as oiio  # not at the top: looks without textures start sooner
+
+    image = oiio.ImageInput.open(str(path))
+    if image is None:
+        raise RenderError(f"{path}: cannot be read: {oiio.geterror()}")
+    try:
+        pixels = np.asarray(image.read_image(format=oiio.FLOAT), np.float32)
+    finally:
+        image.close()
+    height, width = pixels.shape[:2]
+    return mi.Float(pixels.ravel()), width, height

@@ -1,0 +1,28 @@
+"""Mitsuba with a variant set: it, and Dr.Jit, are imported once the device is known."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from functools import cache
+from typing import Any
+
+from lookdev.errors import RenderError
+from lookdev.render.llvm import VARIABLE, find_llvm
+
+VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
+"""By device; colours are linear Rec.709, numbers float32."""
+
+
+@cache
+def load_mitsuba(device: str) -> Any:
+    """Return Mitsuba, in the variant of a device; raises RenderError where that cannot be."""
+    if device == "cpu":
+        os.environ[VARIABLE] = find_llvm()
+    mi: Any = importlib.import_module("mitsuba")
+    try:
+        mi.set_variant(VARIANTS[device])
+        mi.Float(0.0, 1.0) + 1.0  # the first array starts the device
+    except (ImportError, RuntimeError) as error:
+        raise RenderError(f"Mitsuba does not render on device '{device}' here: {error}") from error
+    return mi

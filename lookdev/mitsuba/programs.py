@@ -1,0 +1,134 @@
+"""Programs of looks, run on Dr.Jit's arrays: traced, hence compiled, where these are symbolic or not yet evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import drjit as dr
+
+from lookdev.codegen import Operation, ProgramSource
+
+VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))
+"""Symbols that change between the directions of one place."""
+
+
+def _expm1(x: Any) -> Any:
+    """Return exp(x) - 1 without cancellation (Higham 2002, "Accuracy and Stability", section 1.14.1)."""
+    e = dr.exp(x)
+    power = dr.log(e)
+    return dr.select(e == 1.0, x, dr.select(e - 1.0 == -1.0, -1.0, (e - 1.0) * x / power))
+
+
+OPERATIONS: Mapping[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b,
+    "negative": lambda a: -a,
+    "absolute": dr.abs,
+    "sqrt": dr.sqrt,
+    "exp": dr.exp,
+    "expm1": _expm1,
+    "log": dr.log,
+    "sin": dr.sin,
+    "cos": dr.cos,
+    "tan": dr.tan,
+    "arctan2": dr.atan2,
+    "floor": dr.floor,
+    "power": dr.power,
+    "maximum": dr.maximum,
+    "minimum": dr.minimum,
+    "greater": lambda a, b: a > b,
+    "greater_equal": lambda a, b: a >= b,
+    "less": lambda a, b: a < b,
+    "less_equal": lambda a, b: a <= b,
+    "equal": lambda a, b: a == b,
+    "logical_and": lambda a, b: a & b,
+    "logical_or": lambda a, b: a | b,
+    "logical_not": lambda a: ~a,
+    "where": dr.select,
+}
+"""By NumPy's names: what `lookdev.codegen.trace` traces."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """A look's program, its constants and tables as arrays of `number`, a type of Dr.Jit's floats."""
+
+    source: ProgramSource
+    number: Any
+    constants: Sequence[Any]
+    tables: Sequence[Any]
+    needs: Mapping[str, tuple[int, ...]] = field(init=False)
+    varying: frozenset[int] = field(init=False)
+
+    def __post_init__(self) -> None:
+        varying: set[int] = set()
+        for number, operation in enumerate(self.source.operations):
+            if operation.name in VARYING or varying.intersection(operation.operands):
+                varying.add(number)
+        object.__setattr__(self, "varying", frozenset(varying))
+        needs = {name: _reached(self.source.operations, roots) for name, roots in self.source.outputs.items()}
+        object.__setattr__(self, "needs", needs)
+
+
+def _reached(operations: Sequence[Operation], roots: Sequence[int]) -> tuple[int, ...]:
+    reached: set[int] = set()
+    left = list(roots)
+    while left:
+        if (number := left.pop()) not in reached:
+            reached.add(number)
+            left += operations[number].operands
+    return tuple(sorted(reached))
+
+
+class Place:
+    """Places of a surface, and what a program has computed there; `symbol` returns the value of a symbol by name."""
+
+    def __init__(self, program: Program, symbol: Callable[[str], Any]) -> None:
+        self._program = program
+        self._symbol = symbol
+        self._known: dict[int, Any] = {}
+
+    def has(self, name: str) -> bool:
+        """Return whether the program has an output."""
+        return name in self._program.needs
+
+    def values(self, name: str, **given: Any) -> tuple[Any, ...]:
+        """Return an output's elements; `given` are the values of symbols that vary from direction to direction."""
+        program = self._program
+        local: dict[int, Any] = {}
+        for number in program.needs[name]:
+            store = local if number in program.varying else self._known
+            if number not in store:
+                store[number] = self._value(program.source.operations[number], local, given)
+        return tuple(local[n] if n in local else self._known[n] for n in program.source.outputs[name])
+
+    def prepare(self, *names: str) -> None:
+        """Compute what outputs depend on besides what varies."""
+        for name in names:
+            for number in self._program.needs[name]:
+                if number not in self._program.varying and number not in self._known:
+                    self._known[number] = self._value(self._program.source.operations[number], {}, {})
+
+    def _value(self, operation: Operation, local: Mapping[int, Any], given: Mapping[str, Any]) -> Any:
+        program = self._program
+        match operation.op:
+            case "constant":
+                return program.number(operation.value)
+            case "truth":
+                return dr.mask_t(program.number)(bool(operation.value))
+            case "uniform":
+                return program.constants[operation.place]
+            case "symbol":
+                return given[operation.name] if operation.name in given else self._symbol(operation.name)
+        operands = [local[n] if n in local else self._known[n] for n in operation.operands]
+        if operation.op != "look_up":
+            return OPERATIONS[operation.op](*operands)
+        whole = dr.uint32_array_t(program.number)
+        cell = whole(operands[0]) * int(operation.value) + whole(operands[1])
+        if operation.name:
+            cell = 3 * cell + int(operation.name)
+        return dr.gather(program.number, program.tables[operation.place], cell)

@@ -1,0 +1,197 @@
+"""What a ray has hit: the shading frame, and the look's program there, of whichever look the triangle wears."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import drjit as dr
+import numpy as np
+
+from lookdev.codegen import ProgramSource
+from lookdev.mitsuba.geometry import Geometry, Hit
+from lookdev.mitsuba.images import Images
+from lookdev.mitsuba.programs import Place, Program
+
+
+class Looks:
+    """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which looks of one text share."""
+
+    def __init__(self, mi: Any, sources: Sequence[ProgramSource], geometry: Geometry) -> None:
+        self.mi = mi
+        self.geometry = geometry
+        self.programs = [_program(mi, source) for source in sources]
+        self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
+        self.transmits = any(source.transmits for source in sources)
+        self.see_through = any(source.see_through for source in sources)
+        self.deltas = max(source.deltas for source in sources)
+        for source in sources:
+            for binding in source.attributes:
+                geometry.attribute(binding)
+
+    def seen(self, triangle: Any, uv: Any, viewer: Any, active: Any) -> Surface:
+        """Return the surface at places of triangles, seen along directions of the world."""
+        return Surface(self, triangle, uv, viewer, active)
+
+
+def _program(mi: Any, source: ProgramSource) -> Program:
+    constants = [dr.opaque(mi.Float, value) for value in source.constants]
+    tables = [mi.Float(np.load(each.path).ravel()) for each in source.tables]
+    return Program(source, mi.Float, constants, tables)
+
+
+class Surface:
+    """Places of triangles seen from `viewer`; the axes are those of `lookdev.scene.shading`, vectors of the world.
+
+    It is no dataclass: those are state of Dr.Jit's loops, which a surface does not change in.
+    """
+
+    def __init__(self, looks: Looks, triangle: Any, uv: Any, viewer: Any, active: Any) -> None:
+        mi, hit = looks.mi, looks.geometry.at(triangle, uv, active)
+        self.looks, self.triangle, self.uv, self.viewer, self.active = looks, triangle, uv, viewer, active
+        self.point, self.lift = hit.point, hit.lift
+        self._alone: Place | None = None
+        if len(looks.programs) == 1:
+            symbols = _Symbols(looks, 0, hit, viewer)
+            place = self._alone = Place(looks.programs[0], symbols)
+            axes = _axes(mi, place)
+            self.wo = symbols.wo = _local(axes, viewer)
+            # Loops over directions read from outside what does not depend on them.
+            place.prepare("value", "pdf", "wi")
+        else:
+
+            def axes_of(number: int) -> Callable[..., Any]:
+                def axes(triangle: Any, uv: Any, viewer: Any, *, active: Any) -> Any:
+                    here = looks.geometry.at(triangle, uv, active)
+                    return _axes(mi, Place(looks.programs[number], _Symbols(looks, number, here, viewer)))
+
+                return axes
+
+            calls = [axes_of(number) for number in range(len(looks.programs))]
+            axes = dr.switch(looks.geometry.worn(triangle), calls, triangle, uv, viewer, active=active)
+            self.wo = _local(axes, viewer)
+        self.tangent, self.bitangent, self.normal, self.facet = axes
+
+    def to_world(self, w: Any) -> Any:
+        return w.x * self.tangent + w.y * self.bitangent + w.z * self.normal
+
+    def to_local(self, w: Any) -> Any:
+        return _local((self.tangent, self.bitangent, self.normal), w)
+
+    def respond(self, wi: Any, active: Any) -> tuple[Any, Any]:
+        """Return the BSDF times the cosine of each lobe, and the pdf of `draw`, for light from local directions."""
+        mi = self.looks.mi
+
+        def respond(place: Place, wi: Any) -> tuple[Any, Any]:
+            given = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
+            return mi.Color3f(*place.values("value", **given)), mi.Float(place.values("pdf", **given)[0])
+
+        return self._called(respond, wi, active=active)  # type: ignore[no-any-return]
+
+    def draw(self, u1: Any, u2: Any, active: Any) -> Any:
+        """Draw local directions."""
+        mi = self.looks.mi
+        return self._called(lambda place, u1, u2: mi.Vector3f(*place.values("wi", u1=u1, u2=u2)), u1, u2, active=active)
+
+    def presence(self) -> Any:
+        mi = self.looks.mi
+
+        def presence(place: Place) -> Any:
+            return mi.Float(place.values("presence")[0]) if place.has("presence") else mi.Float(1.0)
+
+        return self._called(presence, active=self.active)
+
+    def delta(self, number: int) -> tuple[Any, Any]:
+        """Return a single direction, local, and what light from there is multiplied by, 0 where there is none."""
+        mi = self.looks.mi
+
+        def delta(place: Place) -> tuple[Any, Any]:
+            if not place.has(f"delta{number}"):
+                return mi.Vector3f(0.0), mi.Color3f(0.0)
+            found = place.values(f"delta{number}")
+            return mi.Vector3f(*found[:3]), mi.Color3f(*found[3:])
+
+        return self._called(delta, active=self.active)  # type: ignore[no-any-return]
+
+    def guide(self) -> tuple[Any, Any]:
+        """Return albedo and normal, of the world, for a denoiser."""
+        mi = self.looks.mi
+
+        def guide(place: Place) -> tuple[Any, Any]:
+            return mi.Color3f(*place.values("albedo")), mi.Vector3f(*place.values("bent"))
+
+        albedo, bent = self._called(guide, active=self.active)
+        if self.looks.see_through:
+            albedo *= self.presence()
+        return albedo, self.to_world(bent)
+
+    def _called(self, function: Callable[..., Any], *arguments: Any, active: Any) -> Any:
+        """Call a function of the place of each look, where triangles wear it."""
+        if self._alone is not None:
+            return function(self._alone, *arguments)
+        looks = self.looks
+
+        def of(number: int) -> Callable[..., Any]:
+            def call(triangle: Any, uv: Any, viewer: Any, wo: Any, *arguments: Any, active: Any) -> Any:
+                symbols = _Symbols(looks, number, looks.geometry.at(triangle, uv, active), viewer)
+                symbols.wo = wo
+                return function(Place(looks.programs[number], symbols), *arguments)
+
+            return call
+
+        calls = [of(number) for number in range(len(looks.programs))]
+        worn = looks.geometry.worn(self.triangle)
+        return dr.switch(worn, calls, self.triangle, self.uv, self.viewer, self.wo, *arguments, active=active)
+
+
+class _Symbols:
+    """The values of a program's symbols at places."""
+
+    def __init__(self, looks: Looks, number: int, hit: Hit, viewer: Any) -> None:
+        self.wo: Any = None
+        self._hit = hit
+        self._viewer = viewer
+        self._images = looks.images[number]
+        self._bindings = {each.parameter: each for each in looks.programs[number].source.attributes}
+        self._uvs = {each.name: each.uv for each in looks.programs[number].source.look_ups}
+        self._known: dict[str, Any] = {"viewer": viewer}
+
+    def __call__(self, name: str) -> Any:
+        if name.startswith("wo_"):
+            return getattr(self.wo, name[-1])
+        source, _, index = name.partition("[")
+        if index:
+            return self._vector(source)[int(index[:-1])]
+        if name.endswith("_a") and name[:-2] in self._images:
+            return self._vector(name[:-2])[3]
+        if name == "inside":
+            return dr.select(
+                dr.dot(self._hit.normal, self._hit.facet) * dr.dot(self._hit.facet, self._viewer) < 0, 1.0, 0.0
+            )
+        return self._hit.hand if name == "hand" else self._vector(name)
+
+    def _vector(self, name: str) -> Any:
+        if name not in self._known:
+            self._known[name] = self._found(name)
+        return self._known[name]
+
+    def _found(self, name: str) -> Any:
+        if name in self._images:
+            return self._images[name].texels(self._vector(self._uvs[name]), self._hit._active)
+        if name == "mesh_normal":
+            return self._hit.normal
+        if name == "mesh_facet":
+            return self._hit.facet
+        return self._hit.attribute(self._bindings["shading_tangent" if name == "mesh_tangent" else name])
+
+
+def _axes(mi: Any, place: Place) -> tuple[Any, Any, Any, Any]:
+    tangent, bitangent, normal, facet = (
+        mi.Vector3f(*place.values(name)) for name in ("tangent", "bitangent", "normal", "facet")
+    )
+    return tangent, bitangent, normal, facet
+
+
+def _local(axes: Sequence[Any], w: Any) -> Any:
+    tangent, bitangent, normal = axes[:3]
+    return type(w)(dr.dot(w, tangent), dr.dot(w, bitangent), dr.dot(w, normal))
