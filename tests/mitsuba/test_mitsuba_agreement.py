@@ -31,6 +31,7 @@ TRANSMITTING = ("leaf", "frosted", "tilted", "lacquered", "mixed")
 BACKLIT = Pose(30.0, 126.0)
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("light", "name"),
     quick_among(
@@ -45,6 +46,7 @@ def test_spheres_agree(name: str, light: str, render: RenderScene, light_of) -> 
     assert_agreement(frames, LOOKS[name], "sphere", light_of(light))
 
 
+@pytest.mark.alike
 @pytest.mark.parametrize(
     ("asset", "name"), quick_among(list(product(SHAPES, TRANSMITTING)), [("plane", "tilted"), ("sphere", "leaf")])
 )
