@@ -77,7 +77,7 @@ def test_an_interrupted_batch_ends_with_the_same_movies(tmp_path: Path, last: st
 
 
 def test_without_pyav_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.job.schema.find_spec", lambda name: None)
+    monkeypatch.setattr("lookdev.job.outputs.find_spec", lambda name: None)
     with pytest.raises(JobError) as caught:
         case.make_job(tmp_path, render=case.RENDER + "movie = true\n")
     ((fault),) = caught.value.faults
