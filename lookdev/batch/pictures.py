@@ -9,8 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from itertools import chain, islice
+from dataclasses import dataclass, replace
+from itertools import chain, islice, product
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +39,7 @@ class _File:
     title: str
     frames: dict[Path, FrameTask]
     labels: tuple[str, ...]
+    columns: int | None = None
 
 
 class Pictures:
@@ -111,7 +112,9 @@ class Pictures:
         def light(frame: Path) -> Floats:
             return composite(*layers(frame), self._background(file.frames[frame]))
 
-        frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers)
+        frames = Frames(
+            tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
+        )
         write_shared(paths, lambda path: file.output.write(path, frames))
         key = self._key(file)
         self._ledger |= {self._name(path): [key, file_digest(path)] for path in paths}
@@ -121,6 +124,7 @@ class Pictures:
     def _key(self, file: _File) -> str:
         digests = [task.digest for task in file.frames.values()]
         made_of = [digests, file.labels, self._behind, self._options(file.output)]
+        made_of += [file.columns] if file.columns else []
         return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
@@ -161,6 +165,12 @@ def _files(plan: Plan, output: Output) -> Iterator[_File]:
         for reel in plan.reels:
             path = reel.files[0].with_name(reel.turntable + output.suffix)
             yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_number, reel.files))
+    elif output.of == "wedge":
+        reels_of = {(reel.look, reel.ibl, reel.turntable): reel for reel in plan.reels}
+        for sheet, turntable in product(plan.sheets, dict.fromkeys(reel.turntable for reel in plan.reels)):
+            cells = [reels_of[look, rig, turntable].files[0] for look, rig in sheet.cells]
+            path = plan.output / sheet.look / sheet.rig / f"{turntable}.{sheet.name}{output.suffix}"
+            yield replace(file([path], (turntable, sheet.title), cells, sheet.labels), columns=sheet.columns)
     else:
         sides: dict[tuple[str, str], list[Reel]] = {}
         for reel in plan.reels:

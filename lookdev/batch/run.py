@@ -248,7 +248,7 @@ class _Run:
         tasks = [frame.task for frame in self._plan.frames]
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named by lights, beside those of the looks.
-        remove_leftovers({self._folder} | folders | {self._folder / folder.name for folder in folders})
+        remove_leftovers({self._folder} | folders | {self._root / folder.name for folder in folders})
         pending = tasks if force else list(self._plan.pending())
         # By file: equal looks have one digest.
         waiting = {task.files for task in pending}

@@ -8,7 +8,7 @@ from lookdev.output.display import composite, to_display, write_png
 from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Frames, Output, write_picture
-from lookdev.output.sheet import write_overview, write_sheet, write_turntable
+from lookdev.output.sheet import write_overview, write_sheet, write_turntable, write_wedge
 
 _COLUMNS = Field(default=None, description="Looks in a row of an overview; default: what fills a page of 16:10.")
 
@@ -39,6 +39,14 @@ OUTPUTS: dict[str, Output] = {
             ".looks.png",
             write_overview,
             options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
+        ),
+        Output(
+            "wedges",
+            "A sheet for each [[wedge]], look and light.",
+            "wedge",
+            ".wedge.png",
+            write_wedge,
+            True,
         ),
         Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),
         Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_BURNS),

@@ -30,6 +30,8 @@ class Frames:
         From one of the files to linear light over the background, (H, W, 3).
     layers
         From one of the files to premultiplied light (H, W, 3) and alpha (H, W).
+    columns
+        How many of them stand in a row, where what they show decides it.
     """
 
     files: tuple[Path, ...]
@@ -38,6 +40,7 @@ class Frames:
     options: Mapping[str, Any]
     light: Callable[[Path], Floats]
     layers: Callable[[Path], tuple[Floats, Floats]]
+    columns: int | None = None
 
     def pictures(self, largest: int | None = None) -> Iterator[Pixels]:
         """Yield each frame as display pixels in the view, (H, W, 3) uint8.
@@ -71,8 +74,8 @@ class Output:
     name, help
         The key of ``[outputs]`` that turns it on, and what it writes.
     of
-        What one file is made of: a frame; the frames of a turntable; a light's looks, the first frame of each; or these
-        looks in step, all frames of each, in the order of time.
+        What one file is made of: a frame; the frames of a turntable; a light's looks, the first frame of each; these
+        looks in step, all frames of each, in the order of time; or the cells of a wedge, the first frame of each.
     suffix
         What follows the name of the frame, or of the turntable, in the name of the file.
     write
@@ -89,7 +92,7 @@ class Output:
 
     name: str
     help: str
-    of: Literal["frame", "turntable", "looks", "step"]
+    of: Literal["frame", "turntable", "looks", "step", "wedge"]
     suffix: str
     write: Callable[[Path, Frames], None]
     default: bool = False

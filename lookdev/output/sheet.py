@@ -39,6 +39,11 @@ def write_overview(path: Path, frames: Frames) -> None:
     write_sheet(path, shown, frames.labels, frames.title, frames.options["overview_columns"], cell)
 
 
+def write_wedge(path: Path, frames: Frames) -> None:
+    """Write the sheet of a wedge; errors are those of `write_sheet`."""
+    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
+
+
 def write_sheet(
     path: Path, frames: Sequence[Pixels], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> None:
