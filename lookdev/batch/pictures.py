@@ -128,6 +128,11 @@ class Pictures:
         return path.relative_to(self._root).as_posix()
 
 
+def ledger_names(output: Path) -> list[str]:
+    """Return the files that outputs have made in an output folder, by their paths in it."""
+    return sorted(_read_ledger(output / STATE_FOLDER / "pictures.json"))
+
+
 def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
     """Write the first path, and give the same content to the others."""
     write(paths[0])
