@@ -136,6 +136,8 @@ def _kind(field: dict[str, Any]) -> str:
             return f"{len(field['prefixItems'])} of: {_kind(field['prefixItems'][0])}"
         if "enum" in field["items"]:
             return f"list of {_kind(field['items'])}"
+        if "oneOf" in field["items"]:
+            return f"list, each {_kind(field['items'])}"
         return "tables" if "$ref" in field["items"] else "list of strings"
     kinds = {"boolean": "`true`, `false`", "object": "table of strings", "string": "string"}
     if field["type"] in kinds:

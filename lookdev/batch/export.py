@@ -134,7 +134,7 @@ def blend_task(made: JobSetups, file: Path, images: Sequence[BlendImage], *, pac
         ),
         images=tuple(images),
         pack=pack,
-        view=job.outputs.view,
+        view=job.outputs.shown().view,
         show_light=job.render.background == "ibl",
     )
 

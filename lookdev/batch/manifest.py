@@ -6,6 +6,7 @@ import json
 import platform
 import shlex
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,9 @@ def record_run(job: Job, plan: Plan) -> Path:
     """
     digests = _Digests(plan.output / _STATE)
     render = f"lookdev render {shlex.quote(str(job.file))}"
-    frames, planned = [], [file for reel in plan.reels for file in reel.files]
+    turned = (file for reel in plan.reels for file in reel.files)
+    planned = list(dict.fromkeys((*turned, *(file for frame in plan.frames for file in frame.task.files))))
+    frames = []
     for file in planned:
         if file.is_file():
             name = file.relative_to(plan.output).as_posix()
@@ -60,6 +63,7 @@ def record_run(job: Job, plan: Plan) -> Path:
         "job": str(job.file),
         "command": render,
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
+        "view": asdict(job.outputs.shown("png")),
         "settings": job.model_dump(mode="json", include={"render", "outputs"}),
         "inputs": [digests.entry(file, str(file)) for file in input_files(job) if file.is_file()],
         "planned": len(planned),

@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain, islice, product
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from lookdev.batch.lock import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest, share
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, read_frame
+from lookdev.output.color import DisplayView
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
 from lookdev.text import TextError, parse_json, read_text
@@ -37,6 +39,7 @@ class _File:
     title: str
     frames: dict[Path, FrameTask]
     labels: tuple[str, ...]
+    columns: int | None = None
 
 
 class Pictures:
@@ -103,10 +106,15 @@ class Pictures:
     def _write(self, file: _File, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
-        def light(frame: Path) -> Floats:
-            return composite(*(pixels or read_frame(frame)), self._background(file.frames[frame]))
+        def layers(frame: Path) -> tuple[Floats, Floats]:
+            return pixels or read_frame(frame)
 
-        frames = Frames(tuple(file.frames), file.labels, file.title, self._options(file.output), light)
+        def light(frame: Path) -> Floats:
+            return composite(*layers(frame), self._background(file.frames[frame]))
+
+        frames = Frames(
+            tuple(file.frames), file.labels, file.title, self._options(file.output), light, layers, file.columns
+        )
         write_shared(paths, lambda path: file.output.write(path, frames))
         key = self._key(file)
         self._ledger |= {self._name(path): [key, file_digest(path)] for path in paths}
@@ -116,16 +124,23 @@ class Pictures:
     def _key(self, file: _File) -> str:
         digests = [task.digest for task in file.frames.values()]
         made_of = [digests, file.labels, self._behind, self._options(file.output)]
-        return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()
+        made_of += [file.columns] if file.columns else []
+        return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()
 
     def _options(self, output: Output) -> dict[str, object]:
-        return {name: getattr(self._outputs, name) for name in ("view", *output.options)}
+        own = {name: getattr(self._outputs, name) for name in output.options}
+        burned = {"burn_in": True} if output.name in self._outputs.burn_in else {}
+        return {"view": self._outputs.shown(output.name), **burned, **own}
 
     def _is_current(self, path: Path, key: str) -> bool:
         return path.is_file() and self._ledger.get(self._name(path)) == [key, file_digest(path)]
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._root).as_posix()
+
+
+def _view_digest(view: DisplayView) -> str:
+    return view.digest
 
 
 def ledger_names(output: Path) -> list[str]:
@@ -155,13 +170,21 @@ def _files(plan: Plan, output: Output) -> Iterator[_File]:
         for reel in plan.reels:
             path = reel.files[0].with_name(reel.turntable + output.suffix)
             yield file([path], (reel.look, reel.ibl, reel.turntable), reel.files, map(_number, reel.files))
+    elif output.of == "wedge":
+        reels_of = {(reel.look, reel.ibl, reel.turntable): reel for reel in plan.reels}
+        for sheet, turntable in product(plan.sheets, dict.fromkeys(reel.turntable for reel in plan.reels)):
+            cells = [reels_of[look, rig, turntable].files[0] for look, rig in sheet.cells]
+            path = plan.output / sheet.look / sheet.rig / f"{turntable}.{sheet.name}{output.suffix}"
+            yield replace(file([path], (turntable, sheet.title), cells, sheet.labels), columns=sheet.columns)
     else:
         sides: dict[tuple[str, str], list[Reel]] = {}
         for reel in plan.reels:
             sides.setdefault((reel.ibl, reel.turntable), []).append(reel)
         for (ibl, turntable), reels in sides.items():
             path = plan.output / ibl / (turntable + output.suffix)
-            yield file([path], (ibl, turntable), (reel.files[0] for reel in reels), (reel.look for reel in reels))
+            shown = zip(*(reel.files for reel in reels), strict=True)
+            steps = shown if output.of == "step" else islice(shown, 1)
+            yield file([path], (ibl, turntable), chain.from_iterable(steps), (reel.look for reel in reels))
 
 
 def _number(frame: Path) -> str:

@@ -18,6 +18,7 @@ from lookdev.job.refinery import Refinery
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.output import OUTPUTS
+from lookdev.output.color import SHIPPED
 from lookdev.output.display import composite, to_display
 from lookdev.output.exr import read_frame
 from lookdev.output.legend import write_legend
@@ -30,7 +31,8 @@ _SAMPLING = Sampling(samples=64, bounces=1)
 _TURN = -30.0  # degrees: two sides are seen
 _FILL = 0.85
 _TURNTABLES = (JobTurntable(kind="element", frames=1, start=_TURN),)
-_OUTPUTS = JobOutputs.model_validate(dict.fromkeys(OUTPUTS, False))
+_OUTPUTS = JobOutputs.model_validate({"ocio": SHIPPED, **dict.fromkeys(OUTPUTS, False)})
+_VIEW = _OUTPUTS.shown()
 _MOST = 24  # colours that can be told apart
 _GOLDEN_RATIO = 0.6180339887498949
 
@@ -53,8 +55,8 @@ def write_portrait(asset: Asset, picture: Path, report: Report = lambda event: N
     output = cache_dir("portraits", refined.digest[:16])
     plan, result = render_setups([setup], Turns(_TURNTABLES, output), _OUTPUTS, report=report)
     if result.exit_code == 0:
-        shown = to_display(composite(*read_frame(plan.reels[0].files[0]), np.full(3, _BEHIND)), _OUTPUTS.view)
-        write_legend(picture, shown, asset.name, list(zip(names, _colors(), strict=False)), _OUTPUTS.view)
+        shown = to_display(composite(*read_frame(plan.reels[0].files[0]), np.full(3, _BEHIND)), _VIEW)
+        write_legend(picture, shown, asset.name, list(zip(names, _colors(), strict=False)), _VIEW)
     return result
 
 

@@ -16,6 +16,7 @@ from lookdev.job import Job, load_job
 from lookdev.job.faults import collected, raise_all
 from lookdev.job.scenes import JobScenes, job_scenes
 from lookdev.job.schema import JobRig
+from lookdev.job.wedges import WedgeSheet
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
@@ -32,6 +33,7 @@ class JobSetups:
     job: Job
     setups: tuple[Setup, ...]
     notes: tuple[str, ...]
+    sheets: tuple[WedgeSheet, ...]
 
     @property
     def turns(self) -> Turns:
@@ -69,12 +71,13 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
     plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)
-    return Prepared(job, made.setups, made.notes, plan)
+    return Prepared(job, made.setups, made.notes, made.sheets, replace(plan, sheets=made.sheets))
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files; backend and errors as `prepare_job`."""
-    return make_setups(job_scenes(_with_backend(load_job(path), backend)), {})
+    """Read a job and its files, without its wedges; backend and errors as `prepare_job`."""
+    job = load_job(path).model_copy(update={"wedge": ()})
+    return make_setups(job_scenes(_with_backend(job, backend)), {})
 
 
 def _with_backend(job: Job, backend: str | None) -> Job:
@@ -101,12 +104,12 @@ def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
                 setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
             except EnvironmentMapError as error:
                 file = [str(rig.usd)] if isinstance(rig, JobRig) and rig.usd else []
-                place = ": ".join((job.place_of(name), *file))
+                place = ": ".join((shown.rig_places[name], *file))
                 faults += (Fault(str(job.file), place, line) for line in error.args[0].splitlines())
                 continue
             setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation))
     raise_all(faults)
-    return JobSetups(job, tuple(_sharing(setups)), (*shown.notes, *take_notes()))
+    return JobSetups(job, tuple(_sharing(setups)), (*shown.notes, *take_notes()), shown.sheets)
 
 
 def _sharing(setups: Sequence[Setup]) -> Iterator[Setup]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from lookdev.batch.lock import STATE_FOLDER
 from lookdev.errors import OutputError, shortened
-from lookdev.output.display import VIEWS
+from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
 from lookdev.output.manifest import read_manifest
 from lookdev.output.review import Reel, ReviewFrame, Version, write_page
@@ -37,7 +37,7 @@ def review(
     to
         The folder of the page; None: ``review`` in `folder`.
     view
-        Of `lookdev.output.display.VIEWS`; None: that of the job's pictures, by the manifest of `folder`, or if there is
+        Of `lookdev.output.color.VIEWS`; None: that of the job's pictures, by the manifest of `folder`, or if there is
         none, that of a job which sets none.
     report
         Is called with frames that are done, and all.
@@ -55,7 +55,7 @@ def review(
     versions = [
         Version(name, each.folder, each.reels, each.problems) for name, each in zip(names, versions, strict=True)
     ]
-    written = write_page(to, versions, view or _job_view(folder), versions[0].name, report)
+    written = write_page(to, versions, DisplayView(view) if view else _job_view(folder), versions[0].name, report)
     return to / "index.html", written, tuple(note for version in versions for note in version.problems)
 
 
@@ -92,12 +92,11 @@ def find_version(folder: Path, page: Path) -> Version:
     )
 
 
-def _job_view(folder: Path) -> str:
+def _job_view(folder: Path) -> DisplayView:
     try:
-        view = read_manifest(folder)["settings"]["outputs"]["view"]
+        return DisplayView(**read_manifest(folder)["view"])
     except (OutputError, KeyError, TypeError):  # an output of an earlier version, or made by hand
-        return VIEWS[0]
-    return view if view in VIEWS else VIEWS[0]
+        return DisplayView()
 
 
 def _names(folders: list[Path]) -> list[str]:

@@ -18,6 +18,7 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material.library import Preset
 from lookdev.material.library.edit import preset_look
 from lookdev.output import OUTPUTS
+from lookdev.output.color import SHIPPED
 from lookdev.output.display import composite, to_display
 from lookdev.output.exr import read_frame
 from lookdev.output.sheet import write_sheet
@@ -31,7 +32,8 @@ _BEHIND = 0.05  # linear: metals are brighter, black looks darker
 _LIGHT = "studio"
 _SAMPLING = Sampling(samples=128, error=0.01)
 _TURNTABLES = (JobTurntable(kind="element", frames=1),)
-_OUTPUTS = JobOutputs.model_validate(dict.fromkeys(OUTPUTS, False))
+_OUTPUTS = JobOutputs.model_validate({"ocio": SHIPPED, **dict.fromkeys(OUTPUTS, False)})
+_VIEW = _OUTPUTS.shown()
 
 
 def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report = lambda event: None) -> RunResult:
@@ -52,7 +54,7 @@ def write_library_sheet(presets: Sequence[Preset], sheet: Path, report: Report =
     if result.exit_code == 0:
         background = np.full(3, _BEHIND)
         files = [reel.files[0] for reel in plan.reels]
-        shown = [to_display(composite(*read_frame(file), background), _OUTPUTS.view) for file in files]
+        shown = [to_display(composite(*read_frame(file), background), _VIEW) for file in files]
         labels = [f"{preset.name} ({preset.category})" for preset in presets]
         write_sheet(sheet, shown, labels, "materials", cell=SIZE)
         report(SheetWritten(sheet))

@@ -27,7 +27,10 @@ from lookdev.render.blend import BLEND_TASK, BlendTask
 from lookdev.render.task import SceneTask
 
 _VIEWS = {"ACES 1.0 - SDR Video": ("ACES 1.3", "AgX"), "Un-tone-mapped": ("Standard",), "Raw": ("Raw",)}
-"""Blender's names of the views of a job; the first one that Blender has is used."""
+"""Blender's names of views of a job; the first one that Blender has is used."""
+
+_PLAIN = "Standard"
+"""What shows any other view: without a tone curve, as 'lookdev' shows all that is not bright."""
 
 
 def export_file(request: Path) -> dict[str, Any]:
@@ -82,7 +85,7 @@ def write_blend(task: BlendTask) -> list[str]:
     _place_images(task)
     _open_with(animated[0].scene)
     bpy.ops.wm.save_as_mainfile(filepath=str(task.file), compress=True, relative_remap=False)
-    unlike = sorted(views - {_VIEWS[task.view][0]})
+    unlike = sorted(views - {_names_of(task.view)[0]})
     return [f"Blender {version.VERSION} has no view '{task.view}': the file is shown by '{view}'" for view in unlike]
 
 
@@ -155,11 +158,15 @@ def _set_view(scene: Any, view: str) -> str:
     settings = scene.view_settings
     settings.look = "None"
     settings.exposure, settings.gamma = 0.0, 1.0
-    for name in _VIEWS[view]:
+    for name in _names_of(view):
         with suppress(TypeError):  # Blender has no such view
             settings.view_transform = name
             return name
-    raise RenderError(f"Blender {version.VERSION} has none of the views {', '.join(_VIEWS[view])}")
+    raise RenderError(f"Blender {version.VERSION} has none of the views {', '.join(_names_of(view))}")
+
+
+def _names_of(view: str) -> tuple[str, ...]:
+    return _VIEWS.get(view, (view, _PLAIN))
 
 
 def _place_images(task: BlendTask) -> None:

@@ -26,7 +26,7 @@ from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
-from lookdev.output.display import VIEWS
+from lookdev.output.color import BUILT_IN, SHIPPED
 from lookdev.render.backends import job_backends
 
 # Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
@@ -72,13 +72,28 @@ BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
 BuiltinRig = Annotated[str, _OneOf(lambda: BUILTIN_RIGS)]
 BackendName = Annotated[str, _OneOf(job_backends)]
 Device = Annotated[str, _OneOf(_devices)]
-View = Annotated[str, _OneOf(lambda: VIEWS)]
 
 
 def _resolve(value: object, info: ValidationInfo[dict[str, Path]]) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
         raise wrong("should be a path in quotes")
     return Path(os.path.normpath(info.context["file"].parent / value))
+
+
+def default_config() -> str:
+    """Return the config of ``$OCIO``, whose path is relative to the working folder, else the one that ships."""
+    given = os.environ.get("OCIO") or SHIPPED
+    return given if _is_name_of_config(given) else str(Path(given).absolute())
+
+
+def _is_name_of_config(value: str) -> bool:
+    return value == SHIPPED or value.startswith(BUILT_IN)
+
+
+def _config(value: object, info: ValidationInfo[dict[str, Path]]) -> object:
+    if not isinstance(value, str) or Path(value).is_absolute() or _is_name_of_config(value):
+        return value
+    return str(_resolve(value, info))
 
 
 def _readable(*suffixes: str) -> AfterValidator:
@@ -109,6 +124,7 @@ MATERIAL_SUFFIXES = (*USD_SUFFIXES, ".mtlx")
 UsdFile = Annotated[JobPath, _readable(*USD_SUFFIXES)]
 MaterialFile = Annotated[JobPath, _readable(*MATERIAL_SUFFIXES)]
 IblFile = Annotated[JobPath, _readable(".exr", ".hdr")]
+OcioConfig = Annotated[str, Field(min_length=1), BeforeValidator(_config)]
 PrimPath = Annotated[str, Field(pattern=PRIM_PATH)]
 Name = Annotated[str, Field(pattern=NAME, max_length=100)]
 Text = Annotated[str, Field(min_length=1)]

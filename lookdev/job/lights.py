@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from lookdev.asset import Asset
 from lookdev.errors import Fault
 from lookdev.job.faults import collected
-from lookdev.job.schema import Job, JobRig
+from lookdev.job.schema import Job, JobIbl, JobRig
+from lookdev.job.wedge import Value
+from lookdev.job.wedges import Wedges, varied_rig
 from lookdev.light import Light, load_environment, prepare_light
 from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.fit import fitted
@@ -22,6 +24,7 @@ class Lit:
     name: str
     lights: tuple[Light, ...]
     rig: Rig | None = None
+    check_exposed: Callable[[float], None] = lambda exposure: None
 
     @property
     def fit(self) -> bool:
@@ -55,16 +58,45 @@ def job_lights(job: Job, notes: list[str], faults: list[Fault]) -> tuple[Lit, ..
             environment.check_exposed(ibl.exposure)
             if environment.repairs:
                 notes.append(f"ibl '{ibl.name}': {environment.repairs}")
-            found.append(Lit(ibl.name, (prepare_light(environment),)))
+            found.append(Lit(ibl.name, (prepare_light(environment),), check_exposed=environment.check_exposed))
     for index, given in enumerate(job.rig):
         with collected(job, f"rig[{index}]", faults):
             rig = _rig(given)
             rig.check_exposed(given.exposure)
             notes += rig.notes
-            found.append(Lit(given.name, rig.lights, rig))
+            found.append(Lit(given.name, rig.lights, rig, rig.check_exposed))
     return tuple(found)
 
 
-def _rig(given: JobRig) -> Rig:
+def wedge_lights(
+    job: Job, wedges: Wedges, lit: Sequence[Lit], faults: list[Fault]
+) -> tuple[Job, tuple[Lit, ...], dict[str, str]]:
+    """Return the job with the lights of its wedges, these lights, and the key in the job file of each light.
+
+    `lit` are the lights of the job; what differs in exposure and rotation alone has their tables. Adds to `faults`.
+    """
+    places = {rig.name: job.place_of(rig.name) for rig in job.rigs}
+    given = {rig.name: rig for rig in job.rigs}
+    shining = {each.name: each for each in lit}
+    made, tables = [], []
+    for name, varied in wedges.rigs.items():
+        places[name] = varied.place
+        table = varied_rig(given[varied.base], name, varied, job, faults)
+        tables.append(table)
+        with collected(job, varied.place, faults):
+            if (base := shining.get(varied.base)) is None:
+                continue  # it has faults of its own
+            values = {key.removeprefix("light:"): value for key, value in varied.changes if key.startswith("light:")}
+            if values and isinstance(table, JobRig):
+                rig = _rig(table, values)
+                base = Lit(name, rig.lights, rig, rig.check_exposed)
+            base.check_exposed(table.exposure)
+            made.append(replace(base, name=name))
+    ibls = (*job.ibl, *(table for table in tables if isinstance(table, JobIbl)))
+    rigs = (*job.rig, *(table for table in tables if isinstance(table, JobRig)))
+    return job.model_copy(update={"ibl": ibls, "rig": rigs}), tuple(made), places
+
+
+def _rig(given: JobRig, values: Mapping[str, Value] | None = None) -> Rig:
     file = given.usd if given.usd is not None else rig_file(given.builtin or "")
-    return load_rig(file, given.prim)
+    return load_rig(file, given.prim, values)

@@ -152,8 +152,8 @@ def _place(loc: Place, data: Any) -> Place:
     """Remove the tags of unions, which are not keys of the file, from a pydantic location."""
     place: list[str | int] = []
     for part in loc:
-        if isinstance(data, dict) and isinstance(part, str):
-            data = data.get(part)
+        if isinstance(data, dict | None) and isinstance(part, str):
+            data = data and data.get(part)  # None in a table that is not in the file
         elif isinstance(data, tuple) and isinstance(part, int):
             data = data[part] if part < len(data) else None
         else:

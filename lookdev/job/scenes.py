@@ -9,12 +9,13 @@ from pathlib import Path
 from lookdev.asset.usd_camera import UsdCamera, read_camera
 from lookdev.errors import Fault, FaultsError, shortened
 from lookdev.job.faults import collected, raise_all
-from lookdev.job.lights import job_lights
+from lookdev.job.lights import job_lights, wedge_lights
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
-from lookdev.job.schema import SEVERAL_JOBS, Job, excess_frames
+from lookdev.job.schema import MOST_FRAMES, SEVERAL_JOBS, Job, excess_frames
 from lookdev.job.turned import Assets, Turned
 from lookdev.job.wear import NEUTRAL, Dressed, Place, dress_as, lost_notes
+from lookdev.job.wedges import WedgeSheet, expand_wedges, varied_looks
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.material.usd import expand_variants
@@ -32,10 +33,12 @@ Ahead = Callable[[Job, Look, tuple[Light, ...]], None]
 class JobScenes:
     """The scenes of a job, by look and rig, look by look."""
 
-    job: Job  # each variant is a separate look
+    job: Job  # each variant is a separate look, and so is what a wedge varies
     scenes: Mapping[tuple[str, str], Scene]
     places: Mapping[str, str]  # the key in the job file of each look
     notes: tuple[str, ...]  # for the user, each once
+    rig_places: Mapping[str, str]  # the key in the job file of each rig
+    sheets: tuple[WedgeSheet, ...]  # of wedges
 
 
 def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobScenes:
@@ -51,10 +54,22 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
     of_shaders: list[Fault] = []
     on_shaders: list[str] = []
     rigs = job_lights(job, on_shaders, of_shaders)
+    wedges = expand_wedges(job, of_shaders)
+    if (count := len(wedges.pairs) * sum(each.frames for each in job.turntable)) > MOST_FRAMES and job.wedge:
+        what = f"wedges make {count} frames of the job; at most {MOST_FRAMES} would be right"
+        raise FaultsError([*faults, Fault(str(job.file), "wedge", what, SEVERAL_JOBS)])
     materials = {}
     for look in job.look:
         with collected(job, places[look.name], of_shaders):
             materials[look.name] = _materials(job, look, places[look.name], on_shaders, of_shaders)
+    job, more_rigs, rig_places = wedge_lights(job, wedges, rigs, of_shaders)
+    rigs += more_rigs
+    tables = {look.name: look for look in job.look}
+    for name, varied in wedges.looks.items():
+        places[name] = varied.place
+        if varied.base in materials:
+            materials[name] = varied_looks(materials[varied.base], varied, job, of_shaders)
+            tables[name] = tables[varied.base].model_copy(update={"name": name})
     own, standing = [each[-1] for each in materials.values() if each], [each.lights for each in rigs if not each.fit]
     if not (faults or of_shaders) and own and standing:
         ahead(job, own[0], standing[0])
@@ -63,6 +78,8 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
         with collected(job, f"{places[look.name]}.layer" if look.layer else "asset", faults):
             turned[look.name] = assets.turned(look)
             notes += turned[look.name].asset.notes
+    turned |= {name: turned[each.base] for name, each in wedges.looks.items() if each.base in turned}
+    job = job.model_copy(update={"look": tuple(tables.values())})
     notes += on_shaders
     faults += of_shaders
     dressed: dict[str, Dressed] = {}
@@ -85,12 +102,15 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
         notes += rig.unlinked(parts)
     for name, each in dressed.items():
         for rig in rigs:
+            if (name, rig.name) not in wedges.pairs:
+                continue
             lights = rig.around(largest)
             linked = link_lights(shown[name], each.wears, lights)
             scenes[name, rig.name] = Scene(
                 linked.asset, linked.wears, linked.lights, cameras[name], film, linked.lit, linked.groups
             )
-    return JobScenes(job, scenes, places, tuple(dict.fromkeys(map(shortened, notes))))
+    shortly = tuple(dict.fromkeys(map(shortened, notes)))
+    return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets)
 
 
 def each_variant(

@@ -10,9 +10,9 @@ import math
 from collections.abc import Iterable
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, create_model, field_validator
+from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
 
 from lookdev.job.keys import (
     BackendName,
@@ -29,14 +29,13 @@ from lookdev.job.keys import (
     PrimPath,
     Table,
     UsdFile,
-    View,
     folder,
     instead_of,
     wrong,
 )
+from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
-from lookdev.output import OUTPUTS, Output
-from lookdev.output.display import VIEWS
+from lookdev.job.wedge import JobWedge
 from lookdev.render.backends import BACKENDS, job_backends
 from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
@@ -246,46 +245,6 @@ class JobRender(Table):
         return Sampling(**{field.name: getattr(self, field.name) for field in fields(Sampling)})
 
 
-class OutputsTable(Table):
-    """What is written; `JobOutputs` adds the keys of `OUTPUTS`."""
-
-    exr: bool = Field(default=True, description="Float EXR frames; always on, a run resumes by their headers.")
-    view: View = Field(default=VIEWS[0], description="The OCIO view of pictures and sheets.")
-
-    @field_validator("exr")
-    @classmethod
-    def _exr_is_kept(cls, value: bool) -> bool:
-        if not value:
-            raise wrong("the EXR cannot be left out: its header records which frames are done", "exr = true")
-        return value
-
-    @field_validator("*")
-    @classmethod
-    def _option_of_an_output(cls, value: object, info: ValidationInfo) -> object:
-        for name, output in OUTPUTS.items():
-            if info.field_name in output.options and info.data.get(name) is False:
-                raise wrong(f"has no meaning without '{name}'", f"{name} = true")
-        return value
-
-    @property
-    def wanted(self) -> tuple[Output, ...]:
-        """The outputs that are on."""
-        return tuple(output for name, output in OUTPUTS.items() if getattr(self, name))
-
-    @property
-    def beside(self) -> tuple[str, ...]:
-        """The suffixes of the files that are made of each frame."""
-        return tuple(output.suffix for output in self.wanted if output.of == "frame")
-
-
-if TYPE_CHECKING:  # a type checker does not see keys that come from a registry
-    JobOutputs = OutputsTable
-else:
-    _keys = {name: (bool, Field(default=each.default, description=each.help)) for name, each in OUTPUTS.items()}
-    _keys |= {name: key for each in OUTPUTS.values() for name, key in each.options.items()}
-    JobOutputs = create_model("JobOutputs", __base__=OutputsTable, __doc__="What is written.", **_keys)
-
-
 class Job(Table):
     """A look-dev job: every look under every light, through every turntable."""
 
@@ -301,9 +260,12 @@ class Job(Table):
         default=(), validate_default=True, description="The rigs; a job has at least one of them, or of 'ibl'."
     )
     turntable: tuple[JobTurntable, ...] = Field(min_length=1, description="The turntables.")
+    wedge: tuple[JobWedge, ...] = Field(
+        default=(), description="Wedges: looks and lights with other values of one or two parameters, and their sheets."
+    )
     camera: JobCamera = Field(default_factory=JobCamera, description="The camera.")
     render: JobRender = Field(default_factory=JobRender, description="Resolution, samples, device, background.")
-    outputs: JobOutputs = Field(default_factory=JobOutputs, description="Which files are written.")
+    outputs: JobOutputs = Field(default_factory=dict, validate_default=True, description="Which files are written.")
 
     _file: Path = PrivateAttr()
 
@@ -363,5 +325,5 @@ def excess_frames(looks: int, rigs: int, turntables: Iterable[JobTurntable]) -> 
     return f"{made} make {count} frames; at most {MOST_FRAMES} would be right"
 
 
-LISTS: tuple[tuple[str, ...], ...] = (("look",), ("ibl", "rig"), ("turntable",))
+LISTS: tuple[tuple[str, ...], ...] = (("look",), ("ibl", "rig"), ("turntable",), ("wedge",))
 """The keys of `Job` that are lists of named tables; names are unique among those of keys that stand together."""

@@ -1,20 +1,36 @@
 """What a user gets: float EXR frames, and the files that are made of them, a record each in one registry."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import Field
 
 from lookdev.output.display import composite, to_display, write_png
 from lookdev.output.exr import read_frame, read_header, write_frame
+from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Frames, Output, write_picture
-from lookdev.output.sheet import write_overview, write_sheet, write_turntable
+from lookdev.output.sheet import write_overview, write_sheet, write_turntable, write_wedge
 
 _COLUMNS = Field(default=None, description="Looks in a row of an overview; default: what fills a page of 16:10.")
+
+_FPS = Field(
+    default=24.0, description="Frames a second of movies; 23.976, 29.97 and 59.94 are 1000/1001 of whole ones."
+)
+_TURNS = Field(default=1, description="How often a movie shows its turntable; no frame is doubled between.")
+_SLATE = Field(default=0.0, description="Seconds that a slate precedes each movie; 0: none.")
+_MOVIE: dict[str, Any] = {
+    "options": {
+        "fps": (Annotated[float, Field(ge=1.0, le=240.0)], _FPS),
+        "movie_turns": (Annotated[int, Field(ge=1, le=100)], _TURNS),
+        "slate": (Annotated[float, Field(ge=0.0, le=60.0)], _SLATE),
+    },
+    "extra": ("movie", "av"),
+}
+_BURNS = {**_MOVIE, "burns": True}
 
 OUTPUTS: dict[str, Output] = {
     output.name: output
     for output in (
-        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True),
+        Output("png", "A display picture beside each EXR.", "frame", ".png", write_picture, True, burns=True),
         Output("sheet", "A contact sheet for each turntable.", "turntable", ".sheet.png", write_turntable, True),
         Output(
             "overview",
@@ -23,6 +39,25 @@ OUTPUTS: dict[str, Output] = {
             ".looks.png",
             write_overview,
             options={"overview_columns": (Annotated[int, Field(ge=1, le=1000)] | None, _COLUMNS)},
+        ),
+        Output(
+            "wedges",
+            "A sheet for each [[wedge]], look and light.",
+            "wedge",
+            ".wedge.png",
+            write_wedge,
+            True,
+        ),
+        Output("movie", "A movie of each turntable, H.264 in MP4.", "turntable", ".mp4", write_h264, **_BURNS),
+        Output("prores", "A movie of each turntable with alpha, ProRes.", "turntable", ".mov", write_prores, **_BURNS),
+        Output("vp9", "A movie of each turntable with alpha, VP9 in WebM.", "turntable", ".webm", write_vp9, **_BURNS),
+        Output(
+            "grid",
+            "A movie of all looks side by side, in step, for each light and turntable, H.264.",
+            "step",
+            ".looks.mp4",
+            write_grid,
+            **_MOVIE,
         ),
     )
 }

@@ -8,15 +8,21 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
+from lookdev.output.color import DisplayView
 from lookdev.output.display import Pixels, to_display, write_pixels
-from lookdev.output.sheet import INK, PAGE, TITLE_INK, write_text
+from lookdev.output.lettering import write_text
+from lookdev.output.sheet import INK, PAGE, TITLE_INK
 
 _TEXT, _TITLE, _GAP = 14, 20, 8  # pixels
 _WIDTH = 320
 
 
 def write_legend(
-    path: Path, picture: Pixels, title: str, entries: Sequence[tuple[str, tuple[float, float, float]]], view: str
+    path: Path,
+    picture: Pixels,
+    title: str,
+    entries: Sequence[tuple[str, tuple[float, float, float]]],
+    view: DisplayView | str,
 ) -> None:
     """Write a picture (H, W, 3) as PNG, a list of names with their linear colours on its right.
 

@@ -2,7 +2,7 @@
 
 It is one JSON document:
 
-    format, job, command, versions, settings, inputs, planned, frames, pictures
+    format, job, command, versions, view, settings, inputs, planned, frames, pictures
 
 ``inputs`` are ``{file, sha256}`` with absolute paths; ``frames`` and ``pictures`` have paths relative to the manifest's
 folder. A frame has its ``header`` too, and the ``command`` that makes it again. ``planned`` is the number of files of

@@ -12,7 +12,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from lookdev.output.display import Floats, Pixels, to_display, write_pixels
+from lookdev.output.display import Floats, Pixels, display_codes, quantised, straight_codes, write_pixels
+from lookdev.output.slate import burned_in
 
 
 @dataclass(frozen=True)
@@ -24,9 +25,13 @@ class Frames:
     title
         What they show.
     options
-        The ``view``, and the values of the output's own keys.
+        The ``view``, a `DisplayView`, ``burn_in`` where it is wanted, and the values of the output's own keys.
     light
         From one of the files to linear light over the background, (H, W, 3).
+    layers
+        From one of the files to premultiplied light (H, W, 3) and alpha (H, W).
+    columns
+        How many of them stand in a row, where what they show decides it.
     """
 
     files: tuple[Path, ...]
@@ -34,15 +39,30 @@ class Frames:
     title: str
     options: Mapping[str, Any]
     light: Callable[[Path], Floats]
+    layers: Callable[[Path], tuple[Floats, Floats]]
+    columns: int | None = None
 
     def pictures(self, largest: int | None = None) -> Iterator[Pixels]:
         """Yield each frame as display pixels in the view, (H, W, 3) uint8.
 
         The longer side is averaged down to less than twice `largest`, so that a page of many fits into memory.
         """
-        for file in self.files:
+        for number, file in enumerate(self.files):
             rgb = self.light(file)
-            yield to_display(rgb if largest is None else _shrunk(rgb, largest), self.options["view"])
+            codes = display_codes(rgb if largest is None else _shrunk(rgb, largest), self.options["view"])
+            yield quantised(self._burned(codes, number))
+
+    def codes(self, *, alpha: bool = False) -> Iterator[Floats]:
+        """Yield each frame as code values in the view, (H, W, 3) in [0, 1]; with straight `alpha`, (H, W, 4)."""
+        view = self.options["view"]
+        for number, file in enumerate(self.files):
+            codes = straight_codes(*self.layers(file), view) if alpha else display_codes(self.light(file), view)
+            yield self._burned(codes, number)
+
+    def _burned(self, codes: Floats, number: int) -> Floats:
+        if not self.options.get("burn_in"):
+            return codes
+        return burned_in(codes, self.files[number], self.title, self.labels[number], self.options["view"])
 
 
 @dataclass(frozen=True)
@@ -54,7 +74,8 @@ class Output:
     name, help
         The key of ``[outputs]`` that turns it on, and what it writes.
     of
-        What one file is made of: a frame; the frames of a turntable; or a light's looks, the first frame of each.
+        What one file is made of: a frame; the frames of a turntable; a light's looks, the first frame of each; these
+        looks in step, all frames of each, in the order of time; or the cells of a wedge, the first frame of each.
     suffix
         What follows the name of the frame, or of the turntable, in the name of the file.
     write
@@ -62,16 +83,22 @@ class Output:
     default
         Whether it is on without its key.
     options
-        Further keys of ``[outputs]``, each with its type and its pydantic field.
+        Further keys of ``[outputs]``, each with its type and its pydantic field; outputs may share one.
+    extra
+        The extra of this package that it needs, and the module that shows whether it is installed.
+    burns
+        Whether text can be burned into its frames.
     """
 
     name: str
     help: str
-    of: Literal["frame", "turntable", "looks"]
+    of: Literal["frame", "turntable", "looks", "step", "wedge"]
     suffix: str
     write: Callable[[Path, Frames], None]
     default: bool = False
     options: Mapping[str, tuple[Any, Any]] = field(default_factory=dict)
+    extra: tuple[str, str] | None = None
+    burns: bool = False
 
 
 def write_picture(path: Path, frames: Frames) -> None:

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 
-from lookdev.errors import OutputError, printable
+from lookdev.errors import OutputError
 from lookdev.output.display import Pixels, write_pixels
+from lookdev.output.lettering import write_text
 from lookdev.output.record import Frames
 
 PAGE = 46  # sRGB code values: a dark neutral grey
 INK = 190
 TITLE_INK = 235
-FONT = "DroidSans"  # ships with OpenImageIO
 PAGE_ASPECT = 1.6
 SRGB_GAMMA = 2.2  # near enough to sRGB for averaging pixels
 
@@ -39,21 +39,37 @@ def write_overview(path: Path, frames: Frames) -> None:
     write_sheet(path, shown, frames.labels, frames.title, frames.options["overview_columns"], cell)
 
 
+def write_wedge(path: Path, frames: Frames) -> None:
+    """Write the sheet of a wedge; errors are those of `write_sheet`."""
+    write_sheet(path, list(frames.pictures(SOURCE_SIZE)), frames.labels, frames.title, frames.columns)
+
+
 def write_sheet(
     path: Path, frames: Sequence[Pixels], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
 ) -> None:
-    """Write a contact sheet as PNG, whole or not at all.
+    """Write a `sheet_page` as PNG, whole or not at all; raises OutputError as that, or on writing."""
+    try:
+        page = sheet_page(frames, labels, title, columns, cell)
+    except OutputError as error:
+        raise OutputError(f"{path}: {error}") from None
+    write_pixels(path, page)
+
+
+def sheet_page(
+    frames: Sequence[Pixels], labels: Sequence[str], title: str, columns: int | None = None, cell: int = 256
+) -> Pixels:
+    """Return a contact sheet.
 
     Each frame is (H, W, 3) display pixels, with its label below; `columns` None makes a page near 16:10; `cell` is the
-    longer side of a thumbnail in pixels. Raises OutputError where there is no frame, frames differ in size, labels do
-    not match, or the file cannot be written.
+    longer side of a thumbnail in pixels. Raises OutputError where there is no frame, frames differ in size, or labels
+    do not match.
     """
     if not frames or len(labels) != len(frames):
         counts = f"{len(frames)} frames and {len(labels)} labels"
-        raise OutputError(f"{path}: a sheet needs at least one frame and a label for each, got {counts}")
+        raise OutputError(f"a sheet needs at least one frame and a label for each, got {counts}")
     sizes = {frame.shape for frame in frames}
     if len(sizes) > 1:
-        raise OutputError(f"{path}: the frames of a sheet must be of one size, got {sorted(sizes)}")
+        raise OutputError(f"the frames of a sheet must be of one size, got {sorted(sizes)}")
     height, width = frames[0].shape[:2]
     scale = cell / max(height, width)
     height, width = max(1, round(height * scale)), max(1, round(width * scale))
@@ -76,7 +92,7 @@ def write_sheet(
     write_text(canvas, title, margin, 2 * gap + heading, heading, page_width - 2 * margin, TITLE_INK)
     for label, (x, y) in zip(labels, corners, strict=True):
         write_text(canvas, label, x, y + height + gap // 2 + text, text, width, INK)
-    write_pixels(path, np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8))
+    return np.asarray(canvas.get_pixels(oiio.UINT8), dtype=np.uint8)
 
 
 def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
@@ -87,15 +103,3 @@ def _thumbnail(frame: Pixels, width: int, height: int) -> Pixels:
         raise OutputError(f"cannot make a {width} x {height} thumbnail: {small.geterror().strip()}")
     linear = np.clip(np.asarray(small.get_pixels(oiio.FLOAT), dtype=np.float64), 0.0, 1.0)
     return np.asarray(linear ** (1.0 / SRGB_GAMMA) * 255.0 + 0.5).astype(np.uint8)
-
-
-def write_text(canvas: oiio.ImageBuf, text: str, x: int, baseline: int, size: int, room: int, ink: int) -> None:
-    """Write one line of text, shortened in its middle to `room` pixels: names of looks often differ at their end."""
-    text = printable(text)
-    shown, kept = text, len(text)
-    while shown and oiio.ImageBufAlgo.text_size(shown, size, FONT).width > room:
-        kept -= 1
-        shown = f"{text[: (kept + 1) // 2]}…{text[len(text) - kept // 2 :]}" if kept > 0 else ""
-    color = (ink / 255.0,) * 3
-    if shown and not oiio.ImageBufAlgo.render_text(canvas, x, baseline, shown, size, FONT, color):
-        raise OutputError(f"cannot write '{text}' on the contact sheet: {canvas.geterror().strip()}")

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Literal
 
 from lookdev.errors import OutputError
+from lookdev.job.wedges import WedgeSheet
 from lookdev.plan.digest import frame_digest, part_digests
 from lookdev.plan.poses import turntable_poses
 from lookdev.plan.setup import Setup, Turns
@@ -74,6 +75,7 @@ class Plan:
     output: Path  # the folder of all files
     pictures: tuple[Path, ...] = ()  # EXRs that need no rendering but whose PNG is missing or older, copies included
     skips: tuple[Skip, ...] = ()
+    sheets: tuple[WedgeSheet, ...] = ()
 
     @property
     def counts(self) -> dict[State, int]:

@@ -50,7 +50,7 @@ class BlendTask:
     turntables: tuple[BlendTurntable, ...]  # their frames are numbered consecutively from 1
     images: tuple[BlendImage, ...]
     pack: bool  # images into the .blend; otherwise they lie at their relative paths
-    view: str  # of lookdev.output.display.VIEWS
+    view: str  # of the pictures of a job
     show_light: bool  # behind the asset
 
 

@@ -108,6 +108,8 @@ class Worker:
         self.log = log
         self._command = tuple(command)
         self._environment = os.environ | {"TMPDIR": str(scratch)}
+        # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
+        self._environment.pop("OCIO", None)
         self._patience = patience
         self._process: subprocess.Popen[bytes] | None = None
         self._sending: threading.Thread | None = None

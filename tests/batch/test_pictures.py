@@ -151,3 +151,17 @@ def test_a_picture_that_was_cut_off_is_made_again(tmp_path: Path, name: str, siz
     os.truncate(picture, size)
     case.run(tmp_path, job)
     assert picture.read_bytes() == whole
+
+
+def test_pictures_are_made_again_where_their_view_differs_and_frames_are_not_rendered(tmp_path: Path) -> None:
+    def written(view: str) -> dict[str, bytes]:
+        case.run(tmp_path, case.make_job(tmp_path, render=case.RENDER.replace('view = "Raw"', view)))
+        return {each.name: each.read_bytes() for each in sorted((tmp_path / "out" / "gold" / "city").glob("*.png"))}
+
+    raw, frames = written('view = "Raw"'), len(case.requests(tmp_path))
+    other = written('view = "Raw"\nviews = { sheet = "lookdev" }')
+    assert {name for name in raw if raw[name] != other[name]} == {"element.sheet.png", "lighting.sheet.png"}
+    plain = written('view = "Un-tone-mapped"')
+    assert all(raw[name] != plain[name] for name in raw)
+    assert written('view = "Raw"') == raw
+    assert len(case.requests(tmp_path)) == frames

@@ -64,7 +64,7 @@ def test_minimal_job_has_the_documented_defaults(folder: Path) -> None:
     assert (render.samples, render.error, render.bounces, render.seed) == (64, None, 2, 0)
     assert (render.brdf_samples, render.ibl_samples, render.background) == (None, None, "black")
     outputs = job.outputs
-    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (True, True, True, "ACES 1.0 - SDR Video")
+    assert (outputs.exr, outputs.png, outputs.sheet, outputs.view) == (True, True, True, None)
     assert (outputs.overview, outputs.overview_columns) == (False, None)
 
 

@@ -12,7 +12,6 @@ from lookdev.asset import BUILTINS
 from lookdev.job import Job, json_schema
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
-from lookdev.output.display import VIEWS
 from lookdev.render.backends import job_backends
 
 SCHEMA = json_schema()
@@ -46,7 +45,6 @@ def test_constraints_are_exported() -> None:
         ("JobIbl", "builtin", BUILTIN_LIGHTS),
         ("JobRig", "builtin", BUILTIN_RIGS),
         ("JobRender", "backend", job_backends()),
-        ("JobOutputs", "view", VIEWS),
     ],
 )
 def test_choices_are_the_names_of_registries(table: str, key: str, names: Iterable[str]) -> None:

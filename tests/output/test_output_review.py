@@ -16,7 +16,7 @@ import review_case as case
 from lookdev.batch.review import review
 from lookdev.errors import OutputError
 from lookdev.metrics import noise_ratio, pooled_error, standard_error
-from lookdev.output.display import VIEWS
+from lookdev.output.color import VIEWS, DisplayView
 from lookdev.output.exr import read_frame, read_layer
 from lookdev.output.review.view import view_shader
 
@@ -150,7 +150,7 @@ def test_a_folder_without_frames_is_an_error_that_names_what_is_there(tmp_path: 
     with pytest.raises(OutputError, match=r"has no frames.*element\.0001\.exr: is left out"):
         review(tmp_path)
     case.write_job(tmp_path, **LOOK)
-    with pytest.raises(OutputError, match="no view 'ACES'"):
+    with pytest.raises(OutputError, match="no view of sRGB - Display called 'ACES'"):
         review(tmp_path, view="ACES")
 
 
@@ -218,7 +218,7 @@ def test_the_standard_error_is_that_of_the_mean_in_ten_bits() -> None:
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_every_view_is_a_shader(view: str) -> None:
-    shader = view_shader(view)
+    shader = view_shader(DisplayView(view))
     assert "vec4 view(vec4" in shader["glsl"]
     for texture in shader["textures"]:
         texels = np.frombuffer(base64.b64decode(texture["texels"]), "<f4")

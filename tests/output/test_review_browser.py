@@ -17,7 +17,8 @@ import review_case as case
 from lookdev.batch.review import review
 from lookdev.cache import share
 from lookdev.metrics import noise_ratio
-from lookdev.output.display import VIEWS, composite, to_display
+from lookdev.output.color import VIEWS
+from lookdev.output.display import composite, to_display
 from lookdev.output.review.compare import SQUARE
 from lookdev.output.review.pixels import read_pixels
 

@@ -17,6 +17,7 @@ from lookdev.light.fit import with_emission
 from lookdev.light.placement import checked_axes, placement, vector
 from lookdev.light.protocol import Light
 from lookdev.light.rig.attributes import LightPrim, stated_time
+from lookdev.light.rig.change import Value, change_values
 from lookdev.light.rig.emission import read_emission
 from lookdev.light.rig.find import ALL_PRIMS, check_places, find_lights, is_light
 from lookdev.light.rig.images import LightImage, light_image
@@ -69,9 +70,17 @@ class Rig:
             raise RigError(report.faults)
 
 
-def load_rig(file: Path, prim: str | None = None, *, sampled: bool = True) -> Rig:
-    """Compose a USD file and read its lights, as `read_rig`; raises StageError where it cannot be composed."""
-    return read_rig(compose(Composition(file, prim=prim)), sampled=sampled)
+def load_rig(
+    file: Path, prim: str | None = None, values: Mapping[str, Value] | None = None, *, sampled: bool = True
+) -> Rig:
+    """Compose a USD file and read its lights, as `read_rig`, with other values as `change_values` sets them.
+
+    Raises StageError where it cannot be composed, and RigError as both.
+    """
+    composed = compose(Composition(file, prim=prim))
+    if values:
+        change_values(composed, values)
+    return read_rig(composed, sampled=sampled)
 
 
 def read_rig(composed: Composed, *, sampled: bool = True) -> Rig:

@@ -18,6 +18,7 @@ import OpenImageIO as oiio
 
 from lookdev.cache import atomic_path, file_digest, from_memory
 from lookdev.errors import OutputError
+from lookdev.output.color import DisplayView
 from lookdev.output.display import Pixels as Shown
 from lookdev.output.display import composite, to_display
 from lookdev.output.review.compare import SQUARE, Comparison, compare_frames
@@ -82,7 +83,7 @@ class Written:
 def write_page(
     folder: Path,
     versions: Sequence[Version],
-    view: str,
+    view: DisplayView,
     title: str,
     report: Callable[[int, int], None] = lambda *_: None,
 ) -> Written:
@@ -102,7 +103,7 @@ def write_page(
 
 
 class _Page:
-    def __init__(self, folder: Path, view: str) -> None:
+    def __init__(self, folder: Path, view: DisplayView) -> None:
         self._folder = folder
         self._view = view
         self._ledger = _read_ledger(folder / _LEDGER)
@@ -142,7 +143,7 @@ class _Page:
 
     def _frame(self, frame: ReviewFrame) -> str:
         """Make the picture and the script of a frame; return the key in their names."""
-        key = _key(FORMAT, self._view, file_digest(frame.file))
+        key = _key(FORMAT, self._view.digest, file_digest(frame.file))
         picture, script = f"data/frames/{key}.jpg", f"data/frames/{key}.js"
         if not (self._is_kept(picture) and self._is_kept(script)):
             pixels = read_pixels(frame.file)

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.output.display import view_processor
+from lookdev.output.color import DisplayView
 
 
-def view_shader(view: str) -> dict[str, Any]:
+def view_shader(view: DisplayView) -> dict[str, Any]:
     """Return the GLSL of a function ``vec4 view(vec4)`` from linear Rec.709 to display values, and its textures.
 
     A texture has the name of its sampler, its size, its components a texel, whether it is interpolated, and its texels
@@ -22,13 +22,13 @@ def view_shader(view: str) -> dict[str, Any]:
     shader.setLanguage(ocio.GPU_LANGUAGE_GLSL_ES_3_0)
     shader.setFunctionName("view")
     shader.setAllowTexture1D(False)
-    view_processor(view).getDefaultGPUProcessor().extractGpuShaderInfo(shader)
+    view.transform.getDefaultGPUProcessor().extractGpuShaderInfo(shader)
     textures = [
         _texture(each, (each.width, each.height, 1), 1 if each.channel == each.TEXTURE_RED_CHANNEL else 3)
         for each in shader.getTextures()
     ]
     textures += [_texture(each, (each.edgeLen,) * 3, 3) for each in shader.get3DTextures()]
-    return {"name": view, "glsl": shader.getShaderText(), "textures": textures}
+    return {"name": str(view), "glsl": shader.getShaderText(), "textures": textures}
 
 
 def _texture(texture: Any, size: tuple[int, int, int], components: int) -> dict[str, Any]:

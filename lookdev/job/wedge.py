@@ -1,0 +1,80 @@
+"""The table of a job about wedges: one or two parameters, and their values."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated
+
+from pydantic import Discriminator, Field, Tag
+
+from lookdev.job.keys import Name, Table, Text, instead_of
+
+Number = Annotated[float, Field(ge=-1e18, le=1e18)]
+WedgeValue = Annotated[
+    Annotated[Number, Tag("number")]
+    | Annotated[tuple[Number, Number, Number], Tag("rgb")]
+    | Annotated[Text, Tag("text")],
+    Discriminator(lambda value: "text" if isinstance(value, str) else "rgb" if isinstance(value, tuple) else "number"),
+]
+Value = float | tuple[float, float, float] | str
+
+
+class JobAxis(Table):
+    """A parameter and its values."""
+
+    parameter: Text = Field(
+        description="What varies: an input of a layer, 'roughness' or 'Base.roughness'; 'Coat.mask', or an input of "
+        "its expression, 'Coat.mask.amount'; 'exposure' or 'rotation' of the light; or a value of a light of a rig, "
+        "'light:Key.intensity'."
+    )
+    values: Annotated[tuple[WedgeValue, ...], Field(min_length=1, max_length=1000)] | None = Field(
+        default=None, description="Its values: numbers, linear colours [r, g, b], names, or expressions of a mask."
+    )
+    range: Annotated[tuple[Number, Number, Annotated[int, Field(ge=2, le=1000)]] | None, instead_of("values")] = Field(
+        default=None,
+        validate_default=True,
+        description="Instead of 'values': the first value, the last one, and how many there are, evenly spaced.",
+    )
+
+    @property
+    def steps(self) -> tuple[Value, ...]:
+        """Its values, with 6 digits where they are those of a range."""
+        if self.range is None:
+            return self.values or ()
+        first, last, count = self.range
+        return tuple(float(f"{first + (last - first) * i / (count - 1):.6g}") for i in range(count))
+
+    @property
+    def short(self) -> str:
+        """The parameter as a part of a file's name."""
+        return re.sub(r"[^A-Za-z0-9._-]+", "_", self.parameter.removeprefix("light:")).strip("_.")
+
+    @property
+    def of_light(self) -> bool:
+        """Whether it is a value of lights, not of looks."""
+        return self.parameter in ("exposure", "rotation") or self.parameter.startswith("light:")
+
+
+class JobWedge(JobAxis):
+    """A wedge: each of some looks under each of some lights, with other values of one or two parameters."""
+
+    by: JobAxis | None = Field(
+        default=None,
+        description="A second parameter with its values: { parameter = 'metallic', range = [0, 1, 5] }; all pairs are "
+        "rendered.",
+    )
+    look: Name | None = Field(default=None, description="The look that is varied; default: each look of the job.")
+    rig: Name | None = Field(default=None, description="The light or rig; default: each of the job.")
+    name: Name | None = Field(
+        default=None, description="The name of its sheets, unique; default: made of the parameters."
+    )
+
+    @property
+    def axes(self) -> tuple[JobAxis, ...]:
+        """Its parameters, the one of the rows of a sheet first."""
+        return (self,) if self.by is None else (self, self.by)
+
+    @property
+    def title(self) -> str:
+        """The name of its sheets."""
+        return self.name or "_".join(axis.short for axis in self.axes)

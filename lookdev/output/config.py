@@ -1,0 +1,100 @@
+"""The OpenColorIO config that ships: ``python -m lookdev.output.config`` writes it.
+
+It is OpenColorIO's built-in ACES CG config with one more view, ``lookdev``, on every display of standard range, and as
+the default. The view is what Burley 2012, section 6.2, asks of a tone curve: it preserves colours for most of the
+range of the display, and rolls off the top end while it preserves colour and contrast. Each colour is scaled in linear
+Rec.709, so that its hue and saturation stay exactly. The scale is that of a curve on its luminance, in units of the
+largest luminance that Rec.709 shows of this hue and saturation; that is the largest of R, G and B, the value V of HSV:
+
+    f(V) = V                                   for V <= KNEE
+    f(V) = KNEE + a ln(1 + (V - KNEE) / a)     above, with a such that f(WHITE) = 1
+
+f is continuous with its first derivative. Above WHITE all colours have V = 1.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import deepcopy
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lookdev.cache import atomic_path
+
+if TYPE_CHECKING:
+    import PyOpenColorIO as ocio
+
+KNEE = 0.6
+"""V up to which a colour is shown as it is: code value 203 of 255 on an sRGB display."""
+
+WHITE = 64.0
+"""V that is shown as the brightest of its hue and saturation: 6 stops above 1."""
+
+BASE = "cg-config-v2.2.0_aces-v1.3_ocio-v2.4"
+FILE = Path(__file__).with_name("data") / "lookdev.ocio"
+NAME = "lookdev"
+_SOURCE = "Linear Rec.709 (sRGB)"
+_STANDARD_RANGE = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")
+_BEYOND = 2.0  # above every hue and saturation: the curve leaves these channels alone
+
+
+def shoulder(knee: float = KNEE, white: float = WHITE) -> float:
+    """Return a, the scale of the logarithm of the curve, by bisection; ``0 < knee < 1 < white``."""
+    low, high = 1e-6, 1e6
+    for _ in range(200):
+        middle = math.sqrt(low * high)
+        above = knee + middle * math.log1p((white - knee) / middle) > 1.0
+        low, high = (low, middle) if above else (middle, high)
+    return round(low, 12)  # the same text on every machine
+
+
+def make_config() -> ocio.Config:
+    """Return the config."""
+    import PyOpenColorIO as ocio
+
+    config = ocio.Config.CreateFromBuiltinConfig(BASE)
+    config.setName(NAME)
+    config.setDescription(f"{BASE}, with the view '{NAME}': hue and saturation stay while highlights roll off")
+    transform = ocio.ViewTransform(ocio.REFERENCE_SPACE_SCENE, name=NAME)
+    transform.setDescription(f"V of HSV in linear Rec.709 is kept up to {KNEE:g}, and rolls off to 1 at {WHITE:g}")
+    to_rec709 = config.getColorSpace(_SOURCE).getTransform(ocio.COLORSPACE_DIR_FROM_REFERENCE)
+    from_rec709 = deepcopy(to_rec709)
+    from_rec709.setDirection(ocio.TRANSFORM_DIR_INVERSE)
+    plain = config.getViewTransform("Un-tone-mapped").getTransform(ocio.VIEWTRANSFORM_DIR_FROM_REFERENCE)
+    hsv = ocio.FixedFunctionTransform(ocio.FIXED_FUNCTION_RGB_TO_HSV)
+    rgb = ocio.FixedFunctionTransform(ocio.FIXED_FUNCTION_RGB_TO_HSV, direction=ocio.TRANSFORM_DIR_INVERSE)
+    # HSV would take the hue from a negative channel, which Rec.709 does not show.
+    shown = ocio.RangeTransform(minInValue=0.0, minOutValue=0.0)
+    at_most_one = ocio.RangeTransform(maxInValue=1.0, maxOutValue=1.0)
+    steps = [to_rec709, shown, hsv, _curve(), at_most_one, rgb, from_rec709, plain]
+    transform.setTransform(ocio.GroupTransform(steps), ocio.VIEWTRANSFORM_DIR_FROM_REFERENCE)
+    config.addViewTransform(transform)
+    config.addSharedView(NAME, NAME, "<USE_DISPLAY_NAME>")
+    for display in config.getDisplays():
+        if display in _STANDARD_RANGE:
+            config.addDisplaySharedView(display, NAME)
+    config.setActiveViews(", ".join([NAME, *(f'"{view}"' for view in config.getActiveViews())]))
+    config.validate()
+    return config
+
+
+def _curve() -> ocio.LogCameraTransform:
+    """Return f on the third channel, and the same curve with a knee that no value reaches on hue and saturation."""
+    import PyOpenColorIO as ocio
+
+    a = shoulder()
+    knees = (_BEYOND, _BEYOND, KNEE)
+    return ocio.LogCameraTransform(
+        base=math.e,
+        linSideBreak=knees,
+        logSideSlope=[a] * 3,
+        logSideOffset=knees,
+        linSideSlope=[1.0 / a] * 3,
+        linSideOffset=[1.0 - knee / a for knee in knees],
+        linearSlope=[1.0] * 3,
+    )
+
+
+if __name__ == "__main__":
+    with atomic_path(FILE) as temporary:
+        temporary.write_text(make_config().serialize())

@@ -1,0 +1,181 @@
+"""Movies of turntables by PyAV: H.264 for browsers and players, ProRes 4444 and VP9 with alpha.
+
+Pictures become Y'CbCr of BT.709, limited range (ITU-R BT.709-6, items 3.2 to 3.4), in float32 and rounded once. Where
+chroma is halved it is sited as H.264 and VP9 assume it: on the left column, between two rows. A frame of an odd size is
+padded by its last column or row there. Encoders run with a fixed number of threads, and containers carry no time and no
+random number, so that the same frames make the same bytes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from itertools import islice, repeat
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cache import atomic_path
+from lookdev.errors import OutputError
+from lookdev.output.display import Floats
+from lookdev.output.record import Frames
+from lookdev.output.sheet import OVERVIEW_CELLS, PAGE_ASPECT, SOURCE_SIZE, sheet_page
+from lookdev.output.slate import slate
+
+_KR, _KB = 0.2126, 0.0722  # BT.709-6, item 3.2
+_BT709, _LIMITED = 1, 1  # ITU-T H.273: primaries, transfer and matrix alike; FFmpeg's number of the range
+_THREADS = 4
+_PAGE_WIDTH = 1920  # pixels, about, of looks in step
+
+
+@dataclass(frozen=True)
+class Codec:
+    """How a movie is encoded: FFmpeg's names; `bits` of a sample, and whether chroma is halved in both directions."""
+
+    encoder: str
+    container: str
+    pixels: str
+    bits: int
+    halved: bool
+    alpha: bool
+    options: Mapping[str, str] = field(default_factory=dict)
+    muxing: Mapping[str, str] = field(default_factory=dict)
+
+
+_EXACT = {"fflags": "+bitexact"}
+_FAST = {**_EXACT, "movflags": "+faststart"}  # browsers play before they have the whole file
+H264 = Codec("libx264", "mp4", "yuv420p", 8, True, False, {"crf": "8", "preset": "medium"}, _FAST)
+PRORES = Codec("prores_ks", "mov", "yuva444p10le", 10, False, True, {"profile": "4444", "vendor": "apl0"}, _FAST)
+# Alpha is a second stream, which alternate reference frames would break.
+_VP9 = {"crf": "12", "b": "0", "auto-alt-ref": "0", "cpu-used": "2"}
+VP9 = Codec("libvpx-vp9", "webm", "yuva420p", 8, True, True, _VP9, _EXACT)
+
+
+def write_h264(path: Path, frames: Frames) -> None:
+    """Write a turntable over its background as H.264."""
+    _write(path, frames, frames.codes(), H264)
+
+
+def write_prores(path: Path, frames: Frames) -> None:
+    """Write a turntable with alpha as ProRes 4444."""
+    _write(path, frames, frames.codes(alpha=True), PRORES)
+
+
+def write_vp9(path: Path, frames: Frames) -> None:
+    """Write a turntable with alpha as VP9."""
+    _write(path, frames, frames.codes(alpha=True), VP9)
+
+
+def write_grid(path: Path, frames: Frames) -> None:
+    """Write all looks in step, side by side with their names, as H.264; the files are in the order of time."""
+    _write(path, frames, _pages(frames), H264)
+
+
+def _write(path: Path, frames: Frames, pictures: Iterable[Floats], codec: Codec) -> None:
+    rate, options = frame_rate(frames.options["fps"]), frames.options
+    write_movie(path, _with_slate(frames, pictures, round(options["slate"] * rate)), codec, rate)
+
+
+def _with_slate(frames: Frames, pictures: Iterable[Floats], held: int) -> Iterator[Floats]:
+    """Yield a slate for so many frames, and then the pictures as often as they are wanted."""
+    turns = frames.options["movie_turns"]
+    shown: list[Floats] = []
+    for number, picture in enumerate(pictures):
+        if number == 0 and held:
+            (height, width, channels), view = picture.shape, frames.options["view"]
+            page = slate(frames.files, frames.title, view, frames.options["fps"], (height, width), channels)
+            yield from repeat(page, held)
+        yield picture
+        if turns > 1:
+            shown.append(picture)
+    for _ in range(turns - 1):
+        yield from shown
+
+
+def _pages(frames: Frames) -> Iterator[Floats]:
+    looks = len(frames.labels)
+    cells = frames.pictures(SOURCE_SIZE)
+    most = max(OVERVIEW_CELLS[1], _PAGE_WIDTH // math.ceil(math.sqrt(looks * PAGE_ASPECT)))
+    while shown := list(islice(cells, looks)):
+        cell = min(max(OVERVIEW_CELLS[0], *(side for each in shown for side in each.shape[:2])), most)
+        yield sheet_page(shown, frames.labels, frames.title, cell=cell).astype(np.float32) / np.float32(255.0)
+
+
+def frame_rate(fps: float) -> Fraction:
+    """Return the rate of frames that is meant: 23.976, 29.97 and 59.94 are 24, 30 and 60 times 1000/1001."""
+    ntsc = Fraction(round(fps * 1.001) * 1000, 1001)
+    return ntsc if abs(float(ntsc) - fps) < 0.005 and fps != round(fps) else Fraction(fps).limit_denominator(1000)
+
+
+def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Fraction) -> None:
+    """Write a movie, whole or not at all.
+
+    `pictures` are code values of a display in [0, 1], (H, W, 3), or (H, W, 4) with straight alpha where the codec has
+    it. Raises OutputError where the file cannot be written.
+    """
+    import av  # takes 0.1 s, and is an extra
+
+    try:
+        with (
+            atomic_path(path) as temporary,
+            av.open(str(temporary), "w", format=codec.container, options=dict(codec.muxing)) as container,
+        ):
+            stream = None
+            for number, picture in enumerate(pictures):
+                planes = to_planes(picture, codec)
+                if stream is None:
+                    stream = container.add_stream(codec.encoder, rate=rate, options=dict(codec.options))
+                    stream.height, stream.width = planes[0].shape
+                    stream.pix_fmt = codec.pixels
+                    context = stream.codec_context
+                    context.thread_count = _THREADS
+                    context.color_primaries = context.color_trc = context.colorspace = _BT709
+                    context.color_range = _LIMITED
+                frame = av.VideoFrame(planes[0].shape[1], planes[0].shape[0], codec.pixels)
+                frame.pts, frame.time_base = number, 1 / rate
+                frame.colorspace, frame.color_range = _BT709, _LIMITED
+                frame.color_primaries = frame.color_trc = _BT709
+                for plane, values in zip(frame.planes, planes, strict=True):
+                    plane.update(_rows(values, plane.line_size))
+                container.mux(stream.encode(frame))
+            if stream is not None:
+                container.mux(stream.encode(None))
+    except (OSError, av.error.FFmpegError) as error:
+        raise OutputError(f"{path}: cannot write the movie: {error.strerror or error}") from error
+
+
+def to_planes(picture: Floats, codec: Codec) -> list[NDArray[np.uint8] | NDArray[np.uint16]]:
+    """Return Y', Cb, Cr, and alpha where the codec has it, of code values (H, W, 3 or 4) in [0, 1]."""
+    if codec.halved:
+        height, width = picture.shape[:2]
+        picture = np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+    red, green, blue = np.moveaxis(picture[..., :3], -1, 0)
+    luma = np.float32(_KR) * red + np.float32(1.0 - _KR - _KB) * green + np.float32(_KB) * blue
+    chroma = [(blue - luma) / np.float32(2.0 - 2.0 * _KB), (red - luma) / np.float32(2.0 - 2.0 * _KR)]
+    if codec.halved:
+        chroma = [_halved(each) for each in chroma]
+    unit = 2.0 ** (codec.bits - 8)
+    planes = [(219.0 * luma + 16.0) * unit, *((224.0 * each + 128.0) * unit for each in chroma)]
+    if codec.alpha:
+        planes.append(picture[..., 3] * (2.0**codec.bits - 1.0))
+    kind = np.uint8 if codec.bits == 8 else np.uint16
+    return [np.floor(plane + 0.5).astype(kind) for plane in planes]
+
+
+def _halved(chroma: Floats) -> Floats:
+    """Return every other column, weighed 1 2 1 with its neighbours, and the means of two rows."""
+    padded = np.pad(chroma, ((0, 0), (1, 0)), mode="edge")
+    columns = (padded[:, :-1:2] + 2.0 * padded[:, 1::2] + padded[:, 2::2]) / 4.0
+    halved: Floats = (columns[::2] + columns[1::2]) / 2.0
+    return halved
+
+
+def _rows(plane: NDArray[np.uint8] | NDArray[np.uint16], line_size: int) -> bytes:
+    """Return a plane whose rows begin every so many bytes."""
+    rows = np.zeros((len(plane), line_size), np.uint8)
+    data = plane.view(np.uint8).reshape(len(plane), -1)
+    rows[:, : data.shape[1]] = data
+    return rows.tobytes()

@@ -1,0 +1,119 @@
+"""What a picture is of, on it: a burn-in on each frame, and a slate before a movie.
+
+All of it is in the headers of the frames. The date is the day of the render, UTC: so a frame that is rendered again on
+the same day makes the same picture.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lookdev.output.display import Floats
+from lookdev.output.exr import read_header
+from lookdev.output.lettering import text_width, write_text
+
+_LINES = 30  # of text in the height of a frame: 16 pixels at 480
+_SMALLEST = 8  # pixels of text
+_BAND = np.float32(0.35)  # of the picture behind text
+_INK = np.float32(0.92)
+_PAGE = np.float32(0.12)
+
+Fact = tuple[str, str]
+
+
+def burned_in(codes: Floats, file: Path, title: str, number: str, view: object) -> Floats:
+    """Return a frame (H, W, 3 or 4) in [0, 1] with lines of text on bands at its top and bottom.
+
+    `file` is its EXR, `title` what it shows, `number` that of the frame. Alpha is at least what the bands cover. Raises
+    OutputError where the header cannot be read.
+    """
+    facts = dict(frame_facts(read_header(file)))
+    size = max(_SMALLEST, codes.shape[0] // _LINES)
+    top = [(f"{facts['job']} / {title}", number)]
+    bottom = [
+        (f"{facts['samples']} samples, relMSE {facts['error']}", facts["resolution"]),
+        (f"{view}, {facts['version']}", facts["date"]),
+    ]
+    burned = codes.copy()
+    height = codes.shape[0]
+    for lines, start in ((top, 0), (bottom, height - _height(bottom, size))):
+        stop = min(start + _height(lines, size), height)
+        if start < 0 or stop - start < _height(lines, size):
+            continue  # a frame of few pixels has no room
+        ink = _text([*lines], codes.shape[1], size)[..., None]
+        band = burned[start:stop]
+        band[..., :3] = band[..., :3] * _BAND * (1.0 - ink) + _INK * ink
+        if codes.shape[2] == 4:
+            band[..., 3:] = np.maximum(np.maximum(band[..., 3:], 1.0 - _BAND), ink)
+    return burned
+
+
+def slate(files: Sequence[Path], title: str, view: object, rate: float, size: tuple[int, int], channels: int) -> Floats:
+    """Return the page that precedes a movie of some EXRs, `size` (H, W), opaque; errors as `burned_in`.
+
+    The error is that of the worst frame.
+    """
+    headers = [read_header(file) for file in files]
+    worst = max(headers, key=lambda header: float(header["relmse"]))
+    facts = dict(frame_facts(worst))
+    samples = sorted({int(header["samples"]) for header in headers})
+    dates = sorted({dict(frame_facts(header))["date"] for header in headers})
+    shown = [
+        ("job", facts["job"]),
+        ("shows", title),
+        ("look", ", ".join(dict.fromkeys(header["look"] for header in headers))),
+        ("rig", facts["rig"]),
+        ("frames", f"{len(files)} at {rate:g} a second"),
+        ("rendered", " to ".join(dict.fromkeys((dates[0], dates[-1])))),
+        ("version", facts["version"]),
+        ("error", f"relMSE {facts['error']} at most"),
+        ("samples", " to ".join(dict.fromkeys(map(str, (samples[0], samples[-1]))))),
+        ("resolution", facts["resolution"]),
+        ("view", str(view)),
+    ]
+    height, width = size
+    text = max(_SMALLEST, height // _LINES * 5 // 4)
+    page = np.full((height, width, 3), _PAGE, np.float32)
+    canvas = oiio.ImageBuf(page)
+    left, column = text, 6 * text
+    for number, (key, value) in enumerate(shown):
+        baseline = 2 * text + number * text * 2
+        if baseline < height:
+            write_text(canvas, key, left, baseline, text, column - text, 140)
+            write_text(canvas, value, left + column, baseline, text, width - column - 2 * left, 235)
+    drawn = np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)
+    return drawn if channels == 3 else np.concatenate([drawn, np.ones((height, width, 1), np.float32)], axis=-1)
+
+
+def frame_facts(header: dict[str, str]) -> Iterator[Fact]:
+    """Yield what the header of a frame contains, as text for people; "?" is what another program left out."""
+    yield "job", Path(header.get("job", "?")).stem
+    yield "rig", header.get("ibl", "?")
+    yield "date", header.get("time", "?").partition("T")[0]
+    versions = (("lookdev", "version.lookdev"), ("Blender", "version.blender"))
+    yield "version", ", ".join(f"{name} {header.get(key, '?')}" for name, key in versions)
+    yield "error", f"{float(header.get('relmse', 'nan')):.1e}"
+    yield "samples", header.get("samples", "?")
+    yield "resolution", header.get("resolution", "?")
+
+
+def _height(lines: Sequence[Fact], size: int) -> int:
+    return (len(lines) * 5 * size) // 4 + size // 2
+
+
+def _text(lines: Sequence[Fact], width: int, size: int) -> Floats:
+    """Return the coverage by lines of text, (H, W), each from both sides."""
+    canvas = oiio.ImageBuf(np.zeros((_height(lines, size), width, 3), np.float32))
+    margin = size // 2
+    for number, (left, right) in enumerate(lines):
+        baseline = (number * 5 * size) // 4 + size + size // 4
+        room = width - 2 * margin
+        wide = min(text_width(right, size), room // 3)
+        write_text(canvas, right, width - margin - wide, baseline, size, wide + 1, 255)
+        write_text(canvas, left, margin, baseline, size, room - wide - size, 255)
+    coverage: Floats = np.clip(np.asarray(canvas.get_pixels(oiio.FLOAT), np.float32)[..., 0], 0.0, 1.0)
+    return coverage

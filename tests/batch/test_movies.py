@@ -1,0 +1,121 @@
+"""Movies of a batch: made when their frames are done, and again exactly when they would differ."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import batch_case as case
+import numpy as np
+import pytest
+
+from lookdev.errors import JobError
+
+av = pytest.importorskip("av")
+
+TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
+WANTED = "sheet = false\nmovie = true\nprores = true\nvp9 = true\ngrid = true\n"
+SUFFIXES = (".mp4", ".mov", ".webm")
+NAMES = sorted(
+    [f"{look}/city/{turntable}{suffix}" for look in ("gold", "tin") for turntable in ("element", "lighting")
+     for suffix in SUFFIXES] + [f"city/{turntable}.looks.mp4" for turntable in ("element", "lighting")]
+)  # fmt: skip
+
+
+def run(folder: Path, outputs: str = WANTED) -> dict[str, bytes]:
+    """Run a job of two looks, and return its movies."""
+    job = case.make_job(folder, case.TURNTABLES + TIN, case.RENDER + outputs)
+    case.run(folder, job)
+    root = folder / "out"
+    files = [path for path in root.rglob("*") if path.suffix in SUFFIXES]
+    return {path.relative_to(root).as_posix(): path.read_bytes() for path in sorted(files)}
+
+
+def ages(folder: Path) -> dict[str, int]:
+    return {name: (folder / "out" / name).stat().st_mtime_ns for name in NAMES}
+
+
+def frame_count(path: Path) -> int:
+    with av.open(str(path)) as container:
+        return sum(1 for _ in container.decode(video=0))
+
+
+def test_each_turntable_has_its_movies_and_all_looks_are_in_step(tmp_path: Path) -> None:
+    assert sorted(run(tmp_path)) == NAMES
+    for name in NAMES:
+        assert frame_count(tmp_path / "out" / name) == (4 if "element" in name else 3)
+    with av.open(str(tmp_path / "out" / "city" / "element.looks.mp4")) as container:
+        width = container.streams.video[0].codec_context.width
+    assert width > 2 * 128  # two cells side by side
+
+
+def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path) -> None:
+    first, written = run(tmp_path), ages(tmp_path)
+    assert run(tmp_path) == first
+    assert ages(tmp_path) == written
+    assert all(other != first[name] for name, other in run(tmp_path, WANTED + "fps = 12.0\n").items())
+    assert run(tmp_path) == first
+    (tmp_path / "out" / "gold" / "city" / "element.0002.exr").unlink()
+    changed = run(tmp_path)
+    assert changed == first  # the same pixels make the same bytes
+    (tmp_path / "out" / "tin" / "city" / "lighting.mov").write_bytes(b"cut")
+    written = ages(tmp_path)
+    assert run(tmp_path) == first
+    assert [name for name, age in ages(tmp_path).items() if age != written[name]] == ["tin/city/lighting.mov"]
+    doubled = run(tmp_path, WANTED + "movie_turns = 2\n")
+    assert doubled.keys() == first.keys()
+    assert frame_count(tmp_path / "out" / "gold" / "city" / "element.mov") == 8
+
+
+@pytest.mark.parametrize("last", ["element_0001", "element_0003", "lighting_0002"])
+def test_an_interrupted_batch_ends_with_the_same_movies(tmp_path: Path, last: str) -> None:
+    (tmp_path / "whole").mkdir()
+    (tmp_path / "halted").mkdir()
+    whole = run(tmp_path / "whole")
+    case.misbehave(tmp_path / "halted", **{last: ["failed", "failed", "failed", "failed", "ok"]})
+    assert len(run(tmp_path / "halted")) < len(NAMES)
+    assert run(tmp_path / "halted") == whole
+
+
+def test_without_pyav_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.job.outputs.find_spec", lambda name: None)
+    with pytest.raises(JobError) as caught:
+        case.make_job(tmp_path, render=case.RENDER + "movie = true\n")
+    ((fault),) = caught.value.faults
+    assert fault.where == "outputs.movie"
+    assert "'av', which is not installed" in fault.what
+    assert fault.hint == "pip install 'lookdev[movie]'"
+    case.make_job(tmp_path, render=case.RENDER + "movie = false\n")
+
+
+def test_options_of_movies_go_with_any_of_them(tmp_path: Path) -> None:
+    case.make_job(tmp_path, render=case.RENDER + "grid = true\nfps = 25.0\n")
+    with pytest.raises(JobError, match="'movie' or 'prores' or 'vp9' or 'grid'"):
+        case.make_job(tmp_path, render=case.RENDER + "fps = 25.0\n")
+
+
+def test_turns_double_no_frame_and_a_slate_precedes_them_once(tmp_path: Path) -> None:
+    job = case.make_job(tmp_path, render=case.RENDER + "movie = true\nmovie_turns = 3\nslate = 0.5\n")
+    # Each pose is before another grey, so that frames differ.
+    case.run(tmp_path, job, behind=lambda task: np.full(3, 0.1 + task.pose.element / 500.0))
+    with av.open(str(tmp_path / "out" / "gold" / "city" / "element.mp4")) as container:
+        frames = [np.frombuffer(bytes(frame.planes[0]), np.uint8) for frame in container.decode(video=0)]
+    shown = [float(frame.reshape(6, -1)[:, :8].mean()) for frame in frames]
+    assert len(shown) == 12 + 3 * 4
+    # 0.25, and half of what is behind, as luma of 16 to 235 in the Raw view.
+    turn = [16.0 + 219.0 * (0.25 + 0.5 * (0.1 + angle / 500.0)) for angle in (0.0, 90.0, 180.0, 270.0)]
+    assert shown[12:] == pytest.approx(turn * 3, abs=2.0)
+    assert max(shown[:12]) < min(turn) - 10.0
+
+
+def test_pictures_are_clean_unless_text_is_wanted(tmp_path: Path) -> None:
+    def run_at(outputs: str) -> dict[str, bytes]:
+        job = case.make_job(tmp_path, render=case.RENDER + outputs)
+        case.run(tmp_path, job)
+        return {path.name: path.read_bytes() for path in (tmp_path / "out" / "gold" / "city").glob("*.png")}
+
+    clean = run_at("")
+    assert run_at('burn_in = ["movie"]\n') == clean
+    with pytest.raises(JobError, match="no text can be burned into 'shet'"):
+        run_at('burn_in = ["shet"]\n')
+    with pytest.raises(JobError, match="no text can be burned into 'sheet'"):
+        run_at('burn_in = ["sheet"]\n')

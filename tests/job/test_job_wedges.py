@@ -1,0 +1,196 @@
+"""Wedges of a job: the looks and lights that they stand for, what is shown together, and every fault of one."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.batch.prepare import plan_job, prepare_job, read_setups
+from lookdev.codegen import ShaderSource
+from lookdev.errors import FaultsError
+from lookdev.job import parse_job
+from lookdev.job.scenes import JobScenes, job_scenes
+
+LOOK = """#usda 1.0
+def Material "Paint"
+{
+    token outputs:lookdev:surface.connect = </Paint/Stack.outputs:surface>
+    def Shader "Stack"
+    {
+        uniform token info:id = "LookdevLayers"
+        token inputs:base.connect = </Paint/Base.outputs:layer>
+        token inputs:layer1.connect = </Paint/Coat.outputs:layer>
+        float inputs:layer1Mask.connect = </Paint/Amount.outputs:result>
+        token outputs:surface
+    }
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        float inputs:roughness = 0.5
+        token outputs:layer
+    }
+    def Shader "Coat"
+    {
+        uniform token info:id = "LookdevDisney"
+        float inputs:metallic = 1
+        token outputs:layer
+    }
+    def Shader "Amount"
+    {
+        uniform token info:id = "LookdevExpression"
+        string inputs:expression = "amount * view"
+        float inputs:amount = 0.5
+        float outputs:result
+    }
+}
+"""
+JOB = """
+output = "out"
+asset = { builtin = "sphere" }
+look = [{ name = "paint", material = "paint.usda" }, { name = "other", material = "paint.usda" }]
+ibl = [{ name = "white", builtin = "white" }]
+rig = [{ name = "three", builtin = "three_point" }]
+turntable = [{ kind = "element", frames = 1 }]
+render = { resolution = [8, 8] }
+"""
+
+
+def scenes(folder: Path, wedges: str) -> JobScenes:
+    (folder / "paint.usda").write_text(LOOK)
+    return job_scenes(parse_job(JOB + wedges, folder / "job.toml"))
+
+
+def wedge(text: str) -> str:
+    return f"[[wedge]]\n{text}\n"
+
+
+BASE = [(look, rig) for look in ("paint", "other") for rig in ("white", "three")]
+
+
+def test_values_of_a_look_are_looks_under_the_lights_of_the_job(tmp_path: Path) -> None:
+    shown = scenes(tmp_path, wedge('look = "paint"\nparameter = "Base.roughness"\nrange = [0.0, 1.0, 3]'))
+    names = [f"paint_Base.roughness_{value}" for value in ("0", "0.5", "1")]
+    assert list(shown.scenes)[:2] == BASE[:2]
+    assert set(shown.scenes) == {*BASE, *((name, rig) for name in names for rig in ("white", "three"))}
+    for name, value in zip(names, (0.0, 0.5, 1.0), strict=True):
+        look = shown.scenes[name, "white"].looks[0]
+        assert look.layers[0].inputs["roughness"] == value
+    sheet, other = shown.sheets
+    assert (sheet.look, sheet.rig, other.rig) == ("paint", "white", "three")
+    assert sheet.cells == tuple((name, "white") for name in names)
+    assert (sheet.name, sheet.title) == ("Base.roughness", "paint / white: Base.roughness")
+    assert sheet.labels == ("0", "0.5", "1")
+    assert sheet.columns is None
+
+
+def test_two_parameters_make_all_pairs_row_by_row(tmp_path: Path) -> None:
+    by = "values = [0, 1]\nby = { parameter = 'exposure', values = [-1, 0.5] }"
+    shown = scenes(tmp_path, wedge(f'look = "paint"\nrig = "three"\nparameter = "Coat.mask.amount"\n{by}'))
+    (sheet,) = shown.sheets
+    looks, rigs = ("paint_Coat.mask.amount_0", "paint_Coat.mask.amount_1"), ("three_exposure_-1", "three_exposure_0.5")
+    assert sheet.cells == tuple((look, rig) for look in looks for rig in rigs)
+    assert set(shown.scenes) == {*BASE, *sheet.cells}
+    assert (sheet.columns, sheet.labels) == (2, ("0, -1", "0, 0.5", "1, -1", "1, 0.5"))
+    exposures = {rig.name: rig.exposure for rig in shown.job.rigs}
+    assert exposures == {"white": 0.0, "three": 0.0, "three_exposure_-1": -1.0, "three_exposure_0.5": 0.5}
+    for value, name in enumerate(looks):
+        look = shown.scenes[name, rigs[0]].looks[0]
+        assert look.layers[1].mask.inputs["amount"] == value
+
+
+def test_values_of_lights_of_a_rig(tmp_path: Path) -> None:
+    text = 'rig = "three"\nlook = "paint"\nparameter = "light:key.intensity"\nvalues = [5.0, 10.0]'
+    shown = scenes(
+        tmp_path, wedge(text) + wedge('look = "paint"\nrig = "white"\nparameter = "rotation"\nvalues = [90]')
+    )
+    one, two = (shown.scenes["paint", f"three_key.intensity_{value}"].lights for value in (5, 10))
+    ratios = [np.divide(b.emission.color, a.emission.color) for a, b in zip(one, two, strict=True)]
+    assert sorted(round(float(ratio[0]), 6) for ratio in ratios) == [1.0, 1.0, 2.0]
+    assert {rig.name: rig.rotation for rig in shown.job.rigs}["white_rotation_90"] == 90.0
+
+
+def test_expressions_of_masks_are_numbered(tmp_path: Path) -> None:
+    shown = scenes(tmp_path, wedge('look = "paint"\nparameter = "Coat.mask"\nvalues = ["view", "1 - view", 0.5]'))
+    assert {look for look, _ in shown.scenes} >= {"paint_Coat.mask_view", "paint_Coat.mask_2", "paint_Coat.mask_0.5"}
+    assert shown.sheets[0].labels == ("view", "1 - view", "0.5")
+
+
+def test_looks_of_a_wedge_share_one_program_and_frames_are_planned_once(tmp_path: Path) -> None:
+    (tmp_path / "paint.usda").write_text(LOOK)
+    wedges = wedge('look = "paint"\nrig = "white"\nparameter = "Base.roughness"\nrange = [0.1, 0.4, 4]')
+    prepared = plan_job(parse_job(JOB + wedges, tmp_path / "job.toml"))
+    own = [each for each in prepared.setups if each.look.startswith("paint_")]
+    sources = [source for each in own for source in each.task.shaders]
+    assert len(own) == 4
+    assert all(isinstance(source, ShaderSource) for source in sources)
+    assert len({source.program.osl for source in sources}) == 1
+    assert len({source.digest for source in sources}) == 4
+    assert len(prepared.plan.frames) == 4 + 4
+    assert len(prepared.plan.sheets) == 1
+
+
+def test_an_export_has_no_wedges(tmp_path: Path) -> None:
+    (tmp_path / "paint.usda").write_text(LOOK)
+    (tmp_path / "job.toml").write_text(JOB + wedge('parameter = "Base.roughness"\nvalues = [0.1]'))
+    assert len(read_setups(tmp_path / "job.toml").setups) == 4
+    assert len(prepare_job(tmp_path / "job.toml").setups) == 8
+
+
+ONE = 'values = [0.1]\nlook = "paint"\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "where", "what"),
+    [
+        ('parameter = "Base.rougness"\n' + ONE, "wedge[0]", "did you mean 'Base.roughness'"),
+        ('parameter = "roughness"\n' + ONE, "wedge[0]", "one of Base.roughness, Coat.roughness would be right"),
+        ('parameter = "Base.roughness"\nvalues = [2.0]\n', "wedge[0]", "its range is 0 to 1"),
+        ('parameter = "Base.roughness"\nvalues = [0.5, 0.5]\n', "wedge[0].values", "0.5 is there twice"),
+        ('parameter = "Base.roughness"\n', "wedge[0].range", "exactly one of 'values' and 'range'"),
+        ('parameter = "Base.roughness"\nrange = [0, 1, 1]\n', "wedge[0].range[2]", "greater than or equal to 2"),
+        ('parameter = "Base.roughness"\nlook = "pant"\nvalues = [0.1]', "wedge[0].look", "did you mean 'paint'"),
+        ('parameter = "exposure"\nrig = "tree"\nvalues = [0.1]', "wedge[0].rig", "did you mean 'three'"),
+        ('parameter = "exposure"\nvalues = [99]', "wedge[0]", "exposure cannot be 99"),
+        (
+            'parameter = "light:kye.intensity"\nrig = "three"\nvalues = [1.0]',
+            "light:kye.intensity",
+            "did you mean 'key'",
+        ),
+        ('parameter = "light:key.intnsity"\nrig = "three"\nvalues = [1.0]', "light:", "did you mean 'intensity'"),
+        ('parameter = "light:key.color"\nrig = "three"\nvalues = [1.0]', "light:", "it is a color3f"),
+        ('parameter = "light:key.intensity"\nrig = "white"\nvalues = [1.0]', "wedge[0]", "'white' is one image"),
+        ('parmeter = "Base.roughness"\nvalues = [0.1]', "wedge[0].parmeter", "did you mean 'parameter'"),
+        (
+            'parameter = "Base.roughness"\nvalues = [0.1]\nby = { parameter = "Base.roughness", values = [1] }',
+            "wedge[0].by.parameter",
+            "varies what the wedge varies already",
+        ),
+    ],
+)
+def test_faults_name_what_would_be_right(tmp_path: Path, text: str, where: str, what: str) -> None:
+    with pytest.raises(FaultsError) as caught:
+        scenes(tmp_path, wedge(text))
+    assert any(fault.where.startswith(where) and re.search(re.escape(what), f"{fault.what} {fault.hint}")
+               for fault in caught.value.faults), caught.value  # fmt: skip
+
+
+def test_two_wedges_of_one_name(tmp_path: Path) -> None:
+    one = wedge('parameter = "Base.roughness"\nvalues = [0.1]')
+    other = wedge('parameter = "Base.roughness"\nvalues = [0.2]')
+    with pytest.raises(FaultsError, match=r"another wedge is called 'Base\.roughness'"):
+        scenes(tmp_path, one + other)
+    shown = scenes(tmp_path, one + other.replace("values", 'name = "fine"\nvalues'))
+    assert {sheet.name for sheet in shown.sheets} == {"Base.roughness", "fine"}
+
+
+def test_a_look_without_a_material_of_its_own_has_nothing_to_vary(tmp_path: Path) -> None:
+    (tmp_path / "asset.usda").write_text(
+        '#usda 1.0\n( upAxis = "Z" )\ndef Mesh "M" { int[] faceVertexCounts = [3]\n int[] faceVertexIndices = '
+        "[0, 1, 2]\n point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 0, 1)] }\n"
+    )
+    text = JOB.replace('builtin = "sphere"', 'usd = "asset.usda"').replace(', material = "paint.usda"', "")
+    with pytest.raises(FaultsError, match="has no 'material' of its own"):
+        job_scenes(parse_job(text + wedge('parameter = "Base.roughness"\nvalues = [0.1]'), tmp_path / "job.toml"))

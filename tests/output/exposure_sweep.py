@@ -1,0 +1,48 @@
+"""The exposure sweep of docs/colour.md: frames by three views at several exposures, as one JPEG.
+
+Usage: python tests/output/exposure_sweep.py PICTURE.jpg FRAME.exr...
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+
+from lookdev.output import read_frame, to_display
+from lookdev.output.color import VIEWS
+from lookdev.output.lettering import write_text
+from lookdev.output.sheet import INK, PAGE
+
+STOPS = (-2, 0, 2, 4, 6)
+LABEL = 18
+
+
+def sweep(frames: list[Path]) -> np.ndarray:
+    rows = []
+    for frame in frames:
+        rgb, _ = read_frame(frame)
+        for view in VIEWS[:3]:
+            shown = [to_display(rgb * 2.0**stops, view) for stops in STOPS]
+            rows += [np.full((LABEL, rgb.shape[1] * len(STOPS), 3), PAGE, np.uint8), np.hstack(shown)]
+    page = oiio.ImageBuf(np.ascontiguousarray(np.vstack(rows)))
+    height, width = read_frame(frames[0])[0].shape[:2]
+    for number in range(3 * len(frames)):
+        for column, stops in enumerate(STOPS):
+            name = VIEWS[number % 3].replace("Un-tone-mapped", "sRGB, clipped")
+            baseline = number * (LABEL + height) + LABEL - 5
+            write_text(page, f"{name}, {stops:+d} stops", column * width + 4, baseline, 11, width - 8, INK)
+    return np.asarray(page.get_pixels(oiio.UINT8))
+
+
+if __name__ == "__main__":
+    picture, *frames = map(Path, sys.argv[1:])
+    pixels = sweep(frames)
+    output = oiio.ImageOutput.create(str(picture))
+    spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], 3, oiio.UINT8)
+    spec.attribute("Compression", "jpeg:72")
+    output.open(str(picture), spec)
+    output.write_image(pixels)
+    output.close()

@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import colorsys
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import PyOpenColorIO as ocio
+import pytest
+
+from lookdev.errors import OutputError
+from lookdev.output import to_display
+from lookdev.output.color import DISPLAY, SHIPPED, SOURCE, VIEWS, DisplayView, default_display, default_view
+from lookdev.output.config import BASE, FILE, KNEE, WHITE, make_config, shoulder
+
+STUDIO = "ocio://studio-config-v2.2.0_aces-v1.3_ocio-v2.4"
+
+
+def shown(rgb: object, view: str = SHIPPED) -> np.ndarray:
+    """Code values in [0, 1] as float32, not rounded."""
+    pixels = np.array(rgb, np.float32).reshape(1, -1, 3)
+    DisplayView(view).processor.applyRGB(pixels)
+    return pixels[0].astype(np.float64)
+
+
+def linear(code: np.ndarray) -> np.ndarray:
+    """IEC 61966-2-1."""
+    return np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+
+
+@pytest.fixture
+def colors() -> np.ndarray:
+    rng = np.random.default_rng(62)
+    return rng.random((2000, 3)) * 10.0 ** rng.uniform(-3.0, 3.0, (2000, 1))
+
+
+def test_the_shipped_config_is_what_its_program_writes() -> None:
+    assert make_config().serialize() == FILE.read_text()
+    assert tuple(ocio.Config.CreateFromFile(str(FILE)).getViews(DISPLAY)) == VIEWS
+    assert (default_display(SHIPPED), default_view(SHIPPED, DISPLAY)) == (DISPLAY, VIEWS[0])
+
+
+def test_the_rest_of_the_shipped_config_is_opencolorio_s() -> None:
+    own, base = make_config(), ocio.Config.CreateFromBuiltinConfig(BASE)
+    for view in VIEWS[1:]:
+        one, other = (
+            each.getProcessor(SOURCE, DISPLAY, view, ocio.TRANSFORM_DIR_FORWARD).getDefaultCPUProcessor().getCacheID()
+            for each in (own, base)
+        )
+        assert one == other
+    for display in ("Rec.1886 Rec.709 - Display", "Display P3 - Display", "P3-D65 - Display"):
+        assert own.getDefaultView(display) == "lookdev"
+
+
+# OpenColorIO computes in float32, with fast logarithms and powers of about 1e-5.
+TOLERANCE = 1e-4
+
+
+def test_what_is_not_bright_is_shown_as_it_is(colors: np.ndarray) -> None:
+    dim = colors[colors.max(axis=-1) <= KNEE]
+    assert len(dim) > 500
+    np.testing.assert_allclose(shown(dim), shown(dim, "Un-tone-mapped"), atol=TOLERANCE)
+
+
+def test_hue_and_saturation_stay(colors: np.ndarray) -> None:
+    for given, seen in zip(colors, linear(shown(colors)), strict=True):
+        hue, saturation, value = colorsys.rgb_to_hsv(*given)
+        own_hue, own_saturation, own_value = colorsys.rgb_to_hsv(*seen)
+        if own_value < 0.01:
+            continue  # hue is a ratio of differences, which have no digits left
+        assert own_saturation == pytest.approx(saturation, abs=10 * TOLERANCE)
+        assert abs((own_hue - hue + 0.5) % 1.0 - 0.5) * saturation < 10 * TOLERANCE
+        a = shoulder()
+        curve = value if value <= KNEE else min(KNEE + a * np.log1p((value - KNEE) / a), 1.0)
+        assert own_value == pytest.approx(curve, abs=10 * TOLERANCE)
+
+
+def test_the_curve_rises_to_white_without_a_corner() -> None:
+    values = np.geomspace(1e-3, WHITE, 4000)
+    curve = linear(shown(np.repeat(values[:, None], 3, axis=-1)))[:, 0]
+    assert (np.diff(curve) > 0.0).all()
+    assert curve[-1] == pytest.approx(1.0, abs=TOLERANCE)
+    a = shoulder()
+    step = 1e-4
+    above = a * np.log1p(step / a) / step
+    assert above == pytest.approx(1.0, abs=step / a)  # the slope on both sides of the knee
+    assert shown([[WHITE * 100.0] * 3]) == pytest.approx(1.0, abs=TOLERANCE)
+
+
+def test_what_rec709_does_not_show_is_clipped_first() -> None:
+    np.testing.assert_allclose(shown([[-0.3, 0.5, 0.2]]), shown([[0.0, 0.5, 0.2]]), atol=TOLERANCE)
+
+
+def test_a_studio_s_config_knows_linear_rec709_by_its_roles() -> None:
+    rgb = np.random.default_rng(1).random((4, 4, 3))
+    view = DisplayView(VIEWS[1], default_display(STUDIO), STUDIO)
+    np.testing.assert_array_equal(to_display(rgb, view), to_display(rgb, VIEWS[1]))
+    named = DisplayView(view.view, view.display, STUDIO, SOURCE)
+    np.testing.assert_array_equal(to_display(rgb, named), to_display(rgb, view))
+    wider = DisplayView(view.view, view.display, STUDIO, "ACEScg")  # the same numbers are other colours
+    assert (to_display(rgb, wider) != to_display(rgb, view)).any()
+
+
+def studio(folder: Path, gain: float = 2.0) -> Path:
+    """Write a config as small as one can be, without interchange roles, with a table beside it."""
+    config = ocio.Config()
+    config.setVersion(2, 0)
+    config.setSearchPath(".")
+    config.addColorSpace(ocio.ColorSpace(name="plain"))
+    file = ocio.FileTransform("gain.spimtx")
+    config.addColorSpace(
+        ocio.ColorSpace(name="bright", fromReference=file, encoding="sdr-video", family="", equalityGroup="")
+    )
+    config.setRole("default", "plain")
+    config.setRole("scene_linear", "plain")
+    config.addDisplayView("wall", "house", "bright")
+    (folder / "gain.spimtx").write_text(f"{gain} 0 0 0\n0 {gain} 0 0\n0 0 {gain} 0\n")
+    path = folder / "config.ocio"
+    path.write_text(config.serialize())
+    return path
+
+
+def test_a_config_without_roles_needs_the_name_of_the_space(tmp_path: Path) -> None:
+    path = str(studio(tmp_path))
+    with pytest.raises(OutputError, match=r"name its colour space of linear Rec.709 by 'ocio_space'"):
+        DisplayView("house", "wall", path).check()
+    view = DisplayView("house", "wall", path, "plain")
+    assert to_display(np.full((1, 1, 3), 0.25), view).tolist() == [[[128, 128, 128]]]
+    with pytest.raises(OutputError, match=r"no colour space called 'plian' .did you mean 'plain'"):
+        DisplayView("house", "wall", path, "plian").check()
+    with pytest.raises(OutputError, match=r"no view of wall called 'hose' .did you mean 'house'"):
+        DisplayView("hose", "wall", path, "plain").check()
+    with pytest.raises(OutputError, match=r"no display called 'wal' .did you mean 'wall'"):
+        DisplayView("house", "wal", path, "plain").check()
+
+
+def test_a_digest_is_that_of_what_is_done_to_colours(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    (tmp_path / "c").mkdir()
+    one, same, other = (studio(tmp_path / name, gain) for name, gain in (("a", 2.0), ("b", 2.0), ("c", 3.0)))
+    digests = [DisplayView("house", "wall", str(path), "plain").digest for path in (one, same, other)]
+    assert digests[0] == digests[1] != digests[2]
+    assert len({DisplayView(view).digest for view in VIEWS}) == len(VIEWS)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "cannot read the config .*none.ocio"), ("ocio: no", "cannot read the config")]
+)
+def test_a_config_that_cannot_be_read(tmp_path: Path, content: str | None, message: str) -> None:
+    path = tmp_path / "none.ocio"
+    if content is not None:
+        path.write_text(content)
+    with pytest.raises(OutputError, match=message):
+        default_display(str(path))
+    with pytest.raises(OutputError, match=r"built-in ones are ocio://"):
+        default_display("ocio://aces")
+
+
+def test_a_config_without_its_table_is_reported(tmp_path: Path) -> None:
+    path = studio(tmp_path)
+    (tmp_path / "gain.spimtx").unlink()
+    with pytest.raises(OutputError, match=r"cannot show 'house .wall.'.*gain.spimtx"):
+        DisplayView("house", "wall", str(path), "plain").check()
+
+
+def test_the_default_view_is_known_without_opencolorio() -> None:
+    program = "import sys; from lookdev.output.color import *; DisplayView().check(); DisplayView().digest; "
+    program += "assert 'PyOpenColorIO' not in sys.modules"
+    subprocess.run([sys.executable, "-c", program], check=True)

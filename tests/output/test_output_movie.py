@@ -1,0 +1,274 @@
+"""Movies, probed and decoded by PyAV, and played by Chromium."""
+
+from __future__ import annotations
+
+import http.server
+import json
+import shutil
+import subprocess
+import threading
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter, minimum_filter
+
+from lookdev.errors import OutputError
+from lookdev.output import to_display
+from lookdev.output.movie import H264, PRORES, VP9, Codec, frame_rate, to_planes, write_movie
+
+av = pytest.importorskip("av")
+
+CODECS = {"h264": (H264, ".mp4"), "prores": (PRORES, ".mov"), "vp9": (VP9, ".webm")}
+COUNT = 12
+PLAIN = Codec("", "", "", 8, False, False)
+
+
+def turntable(width: int = 96, height: int = 64, count: int = COUNT) -> list[np.ndarray]:
+    """Code values and alpha of a lit, coloured ball whose bright side goes around, over a ramp."""
+    y, x = np.mgrid[:height, :width]
+    u, v = 2.2 * x / width - 1.1, (2.2 * y - 1.1 * height) / width
+    inside = np.clip((0.9 - np.hypot(u, v * 1.0)) * width / 4, 0.0, 1.0)
+    pictures = []
+    for number in range(count):
+        angle = 2.0 * np.pi * number / count
+        light = np.clip(0.5 + 0.5 * (u * np.cos(angle) + v * np.sin(angle)), 0.0, 1.0)[..., None]
+        rgb = light * (0.9, 0.45, 0.15) * inside[..., None] + 0.2 * (1 - inside[..., None])
+        pictures.append(np.concatenate([rgb, inside[..., None]], axis=-1).astype(np.float32))
+    return pictures
+
+
+def away_from_edges(alpha: np.ndarray) -> np.ndarray:
+    """Where no pixel of another side is so near that halved chroma mixes the colours of both."""
+    return minimum_filter(alpha, 9) == maximum_filter(alpha, 9)
+
+
+def cells(picture: np.ndarray) -> np.ndarray:
+    """The means of 8 x 8 pixels."""
+    return picture.reshape(8, 8, 12, 8, 3).mean(axis=(1, 3))
+
+
+def decoded(path: Path, decoder: str | None = None) -> list[list[np.ndarray]]:
+    """The planes of each frame, as numbers of their bits."""
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        context = av.CodecContext.create(decoder, "r") if decoder else None
+        frames = []
+        packets = container.demux(stream)
+        for packet in packets:
+            frames += [planes(frame) for frame in (context.decode(packet) if context else packet.decode())]
+    return frames
+
+
+def planes(frame: object) -> list[np.ndarray]:
+    kind = np.uint16 if "10" in frame.format.name or "12" in frame.format.name else np.uint8
+    made = []
+    for plane in frame.planes:
+        rows = np.frombuffer(bytes(plane), np.uint8).reshape(plane.height, plane.line_size)
+        made.append(np.ascontiguousarray(rows[:, : plane.width * kind().itemsize]).view(kind))
+    return made
+
+
+def as_rgb(shown: list[np.ndarray], bits: int) -> np.ndarray:
+    """R'G'B' of BT.709 in [0, 255] (H, W, 3); halved chroma is repeated. The inverse matrix, written out."""
+    unit = 2.0 ** (bits - 8)
+    luma = (shown[0] / unit - 16.0) / 219.0
+    cb, cr = ((each / unit - 128.0) / 224.0 for each in shown[1:3])
+    if cb.shape != luma.shape:
+        cb, cr = (each.repeat(2, axis=0).repeat(2, axis=1) for each in (cb, cr))
+    green = luma - 0.1873242729 * cb - 0.4681242729 * cr
+    return 255.0 * np.stack([luma + 1.5748 * cr, green, luma + 1.8556 * cb], axis=-1)
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_a_movie_has_the_frames_rate_size_and_tags(tmp_path: Path, name: str) -> None:
+    codec, suffix = CODECS[name]
+    path = tmp_path / f"a{suffix}"
+    write_movie(path, turntable(), codec, Fraction(24000, 1001))
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        context = stream.codec_context
+        assert (context.width, context.height) == (96, 64)
+        assert float(stream.average_rate) == pytest.approx(24000 / 1001, rel=1e-4)  # WebM counts milliseconds
+        tags = (context.color_primaries, context.color_trc, context.colorspace, context.color_range)
+        assert tags == (1, 1, 1, 1)  # ITU-T H.273: BT.709; limited range
+        assert context.name == {"h264": "h264", "prores": "prores", "vp9": "vp9"}[name]
+        assert sum(1 for _ in container.decode(stream)) == COUNT
+        assert container.duration / 1e6 == pytest.approx(COUNT * 1001 / 24000, abs=0.05)
+    assert [each.name for each in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_the_first_frame_is_that_of_the_png(tmp_path: Path, name: str) -> None:
+    codec, suffix = CODECS[name]
+    path = tmp_path / f"a{suffix}"
+    pictures = turntable()
+    write_movie(path, pictures, codec, Fraction(24))
+    first, *_ = decoded(path, "libvpx-vp9" if name == "vp9" else None)
+    bits = 12 if name == "prores" and first[0].max() > 1023 else codec.bits
+    seen, png = as_rgb(first, bits), to_display(pictures[0][..., :3], "Raw").astype(float)
+    # Rounding Y'CbCr to 8 bits alone moves a pixel by up to .5 (255 / 219 + 1.8556 * 255 / 224) = 1.6 in blue, and
+    # chroma halved by up to 2.7 in this picture; the encoder's noise has no mean.
+    difference = (seen - png) * away_from_edges(pictures[0][..., 3])[..., None]
+    assert np.abs(cells(difference)).max() <= 2.0
+    assert np.percentile(np.abs(difference), 99) <= 3.0
+    assert np.abs(difference).max() <= 8.0
+    if codec.alpha:
+        largest = 2.0**bits - 1.0
+        assert len(first) == 4
+        assert np.abs(first[3] / largest - pictures[0][..., 3]).max() <= 2.0 / 255.0 + (name == "vp9") * 6.0 / 255.0
+
+
+@pytest.mark.parametrize("bits", [8, 10])
+def test_planes_are_those_of_bt709(bits: int) -> None:
+    codec = Codec("", "", "", bits, False, False)
+    colors = np.array([[[0, 0, 0], [1, 1, 1], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0.5]]], np.float32)
+    luma, cb, cr = (each[0].tolist() for each in to_planes(colors, codec))
+    if bits == 8:  # BT.709 bars at 100 %, as test generators have them
+        assert luma[:5] == [16, 235, 63, 173, 32]
+        assert cb[:5] == [128, 128, 102, 42, 240]
+        assert cr[:5] == [128, 128, 240, 26, 118]
+    else:
+        assert (luma[0], luma[1], cb[4], cr[2]) == (64, 940, 960, 960)
+
+
+def test_halved_chroma_is_sited_on_the_left_column() -> None:
+    # Chroma that rises linearly in x: a sample on a column has that column's value.
+    ramp = np.linspace(0.2, 0.8, 16, dtype=np.float32)
+    picture = np.stack([np.full_like(ramp, 0.5), np.full_like(ramp, 0.5), ramp], axis=-1)[None].repeat(4, axis=0)
+    halved = Codec("", "", "", 10, True, False)
+    whole = Codec("", "", "", 10, False, False)
+    half, full = to_planes(picture, halved)[1], to_planes(picture, whole)[1]
+    assert half.shape == (2, 8)
+    assert np.abs(half[:, 1:].astype(int) - full[::2, 2::2]).max() <= 1
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_odd_sizes_are_padded(tmp_path: Path, name: str) -> None:
+    codec, suffix = CODECS[name]
+    pictures = turntable(33, 21, 2)
+    write_movie(tmp_path / f"a{suffix}", pictures, codec, Fraction(24))
+    first = decoded(tmp_path / f"a{suffix}")[0]
+    assert first[0].shape == ((22, 34) if codec.halved else (21, 33))
+    if codec.halved:
+        assert (to_planes(pictures[0], codec)[0][:, -1] == to_planes(pictures[0], codec)[0][:, -2]).all()
+
+
+@pytest.mark.parametrize("name", CODECS)
+def test_the_same_pictures_make_the_same_bytes(tmp_path: Path, name: str) -> None:
+    codec, suffix = CODECS[name]
+    files = [tmp_path / f"{each}{suffix}" for each in "ab"]
+    for file in files:
+        write_movie(file, iter(turntable()), codec, Fraction(25))
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_a_movie_that_cannot_be_written_leaves_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(OutputError, match="cannot write the movie"):
+        write_movie(tmp_path / "file" / "a.mp4", turntable(count=1), H264, Fraction(24))
+
+    def interrupted() -> object:
+        yield turntable(count=1)[0]
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_movie(tmp_path / "a.mp4", interrupted(), H264, Fraction(24))
+    assert [each.name for each in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize(
+    ("fps", "rate"),
+    [(24.0, Fraction(24)), (23.976, Fraction(24000, 1001)), (29.97, Fraction(30000, 1001)), (12.5, Fraction(25, 2))],
+)
+def test_rates_are_exact(fps: float, rate: Fraction) -> None:
+    assert frame_rate(fps) == rate
+
+
+PAGE = """<!doctype html><canvas></canvas><script>
+async function play(name) {
+  const video = document.createElement("video");
+  video.muted = true;
+  video.src = "/" + name;
+  const on = (event) => new Promise((done, fail) => {
+    video.addEventListener(event, done, {once: true});
+    video.addEventListener("error", () => fail(name + ": " + (video.error && video.error.message)), {once: true});
+  });
+  await on("loadeddata");
+  const canvas = document.querySelector("canvas"), ink = canvas.getContext("2d", {willReadFrequently: true});
+  canvas.width = video.videoWidth; canvas.height = video.videoHeight;
+  ink.drawImage(video, 0, 0);
+  const first = Array.from(ink.getImageData(0, 0, canvas.width, canvas.height).data);
+  const ended = on("ended");
+  await video.play();
+  await ended;
+  return {size: [video.videoWidth, video.videoHeight], duration: video.duration, first: first};
+}
+(async () => {
+  const answer = {};
+  for (const name of NAMES) { try { answer[name] = await play(name); } catch (error) { answer[name] = String(error); } }
+  await fetch("/", {method: "POST", body: JSON.stringify(answer)});
+})();
+</script>"""
+
+
+def in_chromium(folder: Path, names: list[str]) -> dict[str, object]:
+    """Play movies of a folder in Chromium from their beginning to their end; return what it reports."""
+    answers: list[dict[str, object]] = []
+    arrived = threading.Event()
+
+    class Handler(http.server.SimpleHTTPRequestHandler):
+        def __init__(self, *arguments: object) -> None:
+            super().__init__(*arguments, directory=str(folder))
+
+        def do_POST(self) -> None:
+            answers.append(json.loads(self.rfile.read(int(self.headers["Content-Length"]))))
+            self.send_response(204)
+            self.end_headers()
+            arrived.set()
+
+        def log_message(self, *arguments: object) -> None:
+            pass
+
+    (folder / "page.html").write_text(PAGE.replace("NAMES", json.dumps(names)))
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    browser = subprocess.Popen(
+        [
+            "chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+            "--autoplay-policy=no-user-gesture-required", f"--user-data-dir={folder / 'profile'}",
+            f"http://127.0.0.1:{server.server_port}/page.html",
+        ],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        assert arrived.wait(120.0), "Chromium does not answer"
+    finally:
+        browser.kill()
+        browser.wait()
+        server.shutdown()
+        server.server_close()
+    return answers[0]
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
+def test_chromium_plays_what_the_png_shows(tmp_path: Path) -> None:
+    pictures = turntable()
+    write_movie(tmp_path / "a.mp4", pictures, H264, Fraction(24))
+    write_movie(tmp_path / "a.webm", pictures, VP9, Fraction(24))
+    answers = in_chromium(tmp_path, ["a.mp4", "a.webm"])
+    png = to_display(pictures[0][..., :3], "Raw").astype(float)
+    inside = away_from_edges(pictures[0][..., 3]) & (pictures[0][..., 3] == 1.0)
+    for name, answer in answers.items():
+        assert isinstance(answer, dict), answer
+        assert answer["size"] == [96, 64]
+        assert answer["duration"] == pytest.approx(COUNT / 24, abs=0.05)
+        shown = np.array(answer["first"], float).reshape(64, 96, 4)
+        difference = (shown[..., :3] - png) * inside[..., None]
+        # With alpha Chromium converts by libyuv, whose factor of blue is 2 instead of 2.112: it has 8 bits.
+        clipped = 0.112 * np.abs(to_planes(pictures[0], PLAIN)[1] - 128.0) * inside * (name == "a.webm")
+        allowed = 2.0 + cells(clipped[..., None] * (0.0, 0.0, 1.0))
+        assert (np.abs(cells(difference)) <= allowed).all(), name
+        if name == "a.webm":
+            assert np.abs(shown[..., 3] / 255.0 - pictures[0][..., 3]).max() <= 8.0 / 255.0

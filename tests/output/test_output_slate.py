@@ -1,0 +1,102 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.output import write_frame
+from lookdev.output.slate import burned_in, slate
+
+HEADER = {
+    "job": "/shows/a/robot.toml", "look": "gold", "ibl": "sunset", "turntable": "element, lighting",
+    "samples": "128", "relmse": "0.00123", "time": "2026-03-01T23:59:59+00:00",
+    "version.lookdev": "0.1.0", "version.blender": "4.5.15",
+}  # fmt: skip
+
+
+def frame(path: Path, **changed: str) -> Path:
+    write_frame(path, np.zeros((6, 8, 3)), np.ones((6, 8)), HEADER | changed)
+    return path
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int]]:
+    """The lines of text and their sizes."""
+    from lookdev.output.lettering import write_text
+
+    lines: list[tuple[str, int]] = []
+
+    def note(canvas: object, text: str, x: int, y: int, size: int, room: int, ink: int) -> None:
+        lines.append((text, size))
+        write_text(canvas, text, x, y, size, room, ink)
+
+    monkeypatch.setattr("lookdev.output.slate.write_text", note)
+    return lines
+
+
+def test_a_burn_in_says_what_the_frame_is(tmp_path: Path, written: list) -> None:
+    file = frame(tmp_path / "a.exr")
+    codes = np.random.default_rng(1).random((480, 640, 3)).astype(np.float32)
+    given = codes.copy()
+    burned = burned_in(codes, file, "gold / sunset / element", "0007", "lookdev (sRGB - Display)")
+    np.testing.assert_array_equal(codes, given)
+    text = " ".join(line for line, _ in written)
+    for fact in ("robot", "gold", "sunset", "element", "0007", "2026-03-01", "lookdev 0.1.0", "Blender 4.5.15",
+                 "relMSE 1.2e-03", "128 samples", "8 x 6", "lookdev (sRGB - Display)"):  # fmt: skip
+        assert fact in text
+    assert {size for _, size in written} == {16}  # readable at 480 lines: ascenders of 12 pixels
+    changed = np.flatnonzero((burned != codes).any(axis=(1, 2)))
+    assert changed.max() == 479
+    assert len(changed) < 0.2 * 480
+    np.testing.assert_array_equal(burned[40:420], codes[40:420])  # between the bands the picture is as it was
+    band = burned[: 480 // 30]
+    assert (band.max(), np.median(band)) > (0.85, 0.0)
+    assert np.median(band) < 0.36  # text stands out
+
+
+@pytest.mark.parametrize("key", ["samples", "relmse", "time", "version.lookdev", "job"])
+def test_each_fact_is_seen(tmp_path: Path, key: str) -> None:
+    other = {"samples": "64", "relmse": "0.5", "time": "2027-03-01T00:00:00", "version.lookdev": "9", "job": "b.toml"}
+    codes = np.zeros((480, 640, 3), np.float32)
+    one, two = (
+        burned_in(codes, frame(tmp_path / "a.exr", **changed), "t", "1", "v") for changed in ({}, {key: other[key]})
+    )
+    assert (np.abs(one - two).max(axis=-1) > 0.5).sum() > 10
+
+
+def test_alpha_covers_the_text(tmp_path: Path) -> None:
+    codes = np.zeros((480, 640, 4), np.float32)
+    burned = burned_in(codes, frame(tmp_path / "a.exr"), "t", "1", "v")
+    ink = burned[..., 0] > 0.9
+    assert ink.sum() > 100
+    assert (burned[..., 3][ink] > 0.9).all()
+    assert (burned[100:400, :, 3] == 0.0).all()
+
+
+def test_a_small_frame_has_room_or_stays_as_it_is(tmp_path: Path) -> None:
+    codes = np.full((6, 8, 3), 0.5, np.float32)
+    np.testing.assert_array_equal(burned_in(codes, frame(tmp_path / "a.exr"), "t", "1", "v"), codes)
+    assert burned_in(np.full((64, 64, 3), 0.5, np.float32), tmp_path / "a.exr", "t", "1", "v").shape == (64, 64, 3)
+
+
+def test_a_slate_says_what_the_movie_is_of(tmp_path: Path, written: list) -> None:
+    files = [
+        frame(tmp_path / "1.exr"),
+        frame(tmp_path / "2.exr", samples="256", relmse="0.02", time="2026-03-02T01:00:00"),
+        frame(tmp_path / "3.exr", look="tin"),
+    ]
+    page = slate(files, "sunset / element", "lookdev (sRGB - Display)", 23.976, (480, 640), 3)
+    shown = dict(zip([line for line, _ in written[::2]], [line for line, _ in written[1::2]], strict=True))
+    assert shown == {
+        "job": "robot", "shows": "sunset / element", "look": "gold, tin", "rig": "sunset",
+        "frames": "3 at 23.976 a second", "rendered": "2026-03-01 to 2026-03-02",
+        "version": "lookdev 0.1.0, Blender 4.5.15", "error": "relMSE 2.0e-02 at most", "samples": "128 to 256",
+        "resolution": "8 x 6", "view": "lookdev (sRGB - Display)",
+    }  # fmt: skip
+    assert page.shape == (480, 640, 3)
+    assert {size for _, size in written} == {20}
+    rows = np.flatnonzero((page > 0.5).any(axis=(1, 2)))
+    assert rows.max() < 470  # every line is on the page
+    alpha = slate(files, "t", "v", 24.0, (48, 64), 4)
+    assert (alpha[..., 3] == 1.0).all()
