@@ -10,11 +10,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from lookdev.batch.manifest import input_files
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, OutputError, nearest_hint
 from lookdev.job import load_job
 from lookdev.shipped import shipped_folder
-from lookdev.stage import dependencies
 
 _TIME = re.compile(r"^# About (\d+) (s|min) on two cores\.$", re.MULTILINE)
 _SECONDS = {"s": 1, "min": 60}
@@ -83,7 +83,7 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
     if name not in examples:
         raise LookdevError(f"there is no example '{name}' ({nearest_hint(name, list(examples))})")
     root, source = shipped_folder(), examples[name].file
-    targets = {file: to / file.relative_to(root) for file in _needed(source)}
+    targets = {file: to / file.relative_to(root) for file in input_files(load_job(source))}
     stale = [file for file, target in targets.items() if not (target.is_file() and filecmp.cmp(file, target, False))]
     differing = [str(targets[file]) for file in stale if targets[file].exists()]
     if differing and not force:
@@ -96,13 +96,3 @@ def copy_example(name: str, to: Path, *, force: bool = False) -> Copied:
     except OSError as error:
         raise OutputError(f"{to}: the example cannot be written: {error.strerror}") from error
     return Copied(targets[source], len(stale))
-
-
-def _needed(source: Path) -> list[Path]:
-    """Return a job file, and its files and those of its looks."""
-    job = load_job(source)
-    composed = [job.asset.usd, *(rig.usd for rig in job.rig)]
-    for look in job.look:
-        composed += [look.material, look.layer, *(each.material for each in look.assign)]
-    needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(dependencies(file) for file in composed if file))
-    return [source, *sorted(needed)]

@@ -143,6 +143,11 @@ def _view_digest(view: DisplayView) -> str:
     return view.digest
 
 
+def ledger_names(output: Path) -> list[str]:
+    """Return the files that outputs have made in an output folder, by their paths in it."""
+    return sorted(_read_ledger(output / STATE_FOLDER / "pictures.json"))
+
+
 def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
     """Write the first path, and give the same content to the others."""
     write(paths[0])

@@ -8,8 +8,9 @@ from pathlib import Path
 
 from lookdev.batch.lock import STATE_FOLDER
 from lookdev.errors import OutputError, shortened
-from lookdev.output.color import VIEWS, DisplayView
+from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
+from lookdev.output.manifest import read_manifest
 from lookdev.output.review import Reel, ReviewFrame, Version, write_page
 from lookdev.output.review.page import Written
 
@@ -36,7 +37,8 @@ def review(
     to
         The folder of the page; None: ``review`` in `folder`.
     view
-        Of `lookdev.output.color.VIEWS`; None: that of a job that sets none.
+        Of `lookdev.output.color.VIEWS`; None: that of the job's pictures, by the manifest of `folder`, or if there is
+        none, that of a job which sets none.
     report
         Is called with frames that are done, and all.
 
@@ -53,7 +55,7 @@ def review(
     versions = [
         Version(name, each.folder, each.reels, each.problems) for name, each in zip(names, versions, strict=True)
     ]
-    written = write_page(to, versions, DisplayView(view or VIEWS[0]), versions[0].name, report)
+    written = write_page(to, versions, DisplayView(view) if view else _job_view(folder), versions[0].name, report)
     return to / "index.html", written, tuple(note for version in versions for note in version.problems)
 
 
@@ -88,6 +90,13 @@ def find_version(folder: Path, page: Path) -> Version:
     return Version(
         folder.name, folder, tuple(Reel(*key, tuple(frames)) for key, frames in reels.items()), tuple(problems)
     )
+
+
+def _job_view(folder: Path) -> DisplayView:
+    try:
+        return DisplayView(**read_manifest(folder)["view"])
+    except (OutputError, KeyError, TypeError):  # an output of an earlier version, or made by hand
+        return DisplayView()
 
 
 def _names(folders: list[Path]) -> list[str]:

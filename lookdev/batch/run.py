@@ -31,7 +31,7 @@ from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove
 from lookdev.batch.pictures import Background, Pictures, write_shared
 from lookdev.batch.sanity import doubts
 from lookdev.cache import share
-from lookdev.errors import OutputError, RenderError, WorkerError
+from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.metrics import standard_error
 from lookdev.output.exr import read_frame, read_header, write_frame
@@ -105,9 +105,12 @@ def render_job(
     *,
     prepare: Prepare = _plan_job,
     force: bool = False,
+    only: Sequence[str] = (),
     report: Report = lambda event: None,
 ) -> RunResult:
-    """Render a job file: lock its output, prepare it, run its plan, with `force` and `report` as for `run_plan`.
+    """Render a job file: lock its output, prepare it, run its plan, write its manifest.
+
+    `force`, `only` and `report` are as for `run_plan`.
 
     `prepare`, `lookdev.batch.prepare.plan_job` but in tests, is called under the lock, so that no other run changes the
     frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
@@ -123,7 +126,13 @@ def render_job(
         for note in prepared.notes:
             report(Noted(note))
         job = prepared.job
-        return run_plan(prepared.plan, job.outputs, job.render.background, force=force, worker=worker, report=report)
+        result = run_plan(
+            prepared.plan, job.outputs, job.render.background, force=force, only=only, worker=worker, report=report
+        )
+        from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
+
+        record_run(job, prepared.plan)
+        return result
 
 
 def _lacks_frames(job: Job) -> bool:
@@ -170,6 +179,7 @@ def run_plan(
     background: Backdrop = "black",
     *,
     force: bool = False,
+    only: Sequence[str] = (),
     behind: Background | None = None,
     worker: Worker | None = None,
     worker_command: Sequence[str] | None = None,
@@ -188,6 +198,8 @@ def run_plan(
         Behind the asset in pictures: ``"black"``, ``"ibl"`` (the light itself), or a linear colour.
     force
         Render every frame, done or not.
+    only
+        Render no frames but these, each by the path of one of its files in the output, as "gold/city/element.0001".
     behind
         Returns the light behind each frame, instead of `background_light`.
     worker
@@ -198,6 +210,8 @@ def run_plan(
 
     Raises
     ------
+    LookdevError
+        The plan has no frame of a name in `only`.
     OutputError
         A file cannot be written.
     WorkerError
@@ -206,7 +220,7 @@ def run_plan(
     pictures = Pictures(plan, outputs, background, behind or background_light(background))
     run = _Run(plan, pictures, report)
     try:
-        run.render(run.bring_up_to_date(force), worker, worker_command, patience)
+        run.render(run.bring_up_to_date(force, only), worker, worker_command, patience)
     except KeyboardInterrupt:
         return run.result(interrupted=True)
     except BrokenPipeError:
@@ -243,15 +257,16 @@ class _Run:
         done = sum(self._done.issuperset(frame.task.files) for frame in self._plan.frames)
         return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted)
 
-    def bring_up_to_date(self, force: bool) -> list[FrameTask]:
+    def bring_up_to_date(self, force: bool, only: Sequence[str]) -> list[FrameTask]:
         """Make copies, pictures and sheets that need no rendering; return the frames to render."""
         tasks = [frame.task for frame in self._plan.frames]
+        chosen = self._chosen(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named by lights, beside those of the looks.
         remove_leftovers({self._folder} | folders | {self._root / folder.name for folder in folders})
-        pending = tasks if force else list(self._plan.pending())
         # By file: equal looks have one digest.
-        waiting = {task.files for task in pending}
+        waiting = {task.files for task in self._plan.pending()} | (chosen if force else set())
+        pending = [task for task in tasks if task.files in waiting & chosen]
         files = () if force else (each for frame in self._plan.frames for each in frame.files)
         damaged = [each.path for each in files if each.reason == DAMAGED]
         for copy in () if force else self._plan.copies():
@@ -266,7 +281,7 @@ class _Run:
                     raise
                 # Of a version without checksums: its header is valid, its pixels are not.
                 damaged.append(task.files[0])
-                pending.append(task)
+                pending += [task] if task.files in chosen else []
             else:
                 self._done.update(task.files)
         for path in damaged:
@@ -274,6 +289,18 @@ class _Run:
         self._report_sheets(self._pictures.refresh_sheets(self._done))
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
+
+    def _chosen(self, names: Sequence[str]) -> set[tuple[Path, ...]]:
+        """Return the files of the frames that names stand for."""
+        known = {
+            path.relative_to(self._root).with_suffix("").as_posix(): frame.task.files
+            for frame in self._plan.frames
+            for path in frame.task.files
+        }
+        for name in names:
+            if name not in known:
+                raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
+        return {known[name] for name in names}
 
     def render(
         self, tasks: Sequence[FrameTask], worker: Worker | None, command: Sequence[str] | None, patience: float

@@ -19,6 +19,15 @@ _PANEL = "Jobs"
 def render(
     job: JobFile,
     force: Annotated[bool, typer.Option("--force", help="Render every frame again, done or not.")] = False,
+    frame: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--frame",
+            metavar="NAME",
+            help="Render no frame but this, as gold/city/element.0001; repeatable.",
+            show_default=False,
+        ),
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
@@ -31,7 +40,7 @@ def render(
     from lookdev.batch.run import render_job
 
     with show_progress(sys.stdout) as report:
-        result = render_job(job, force=force, report=report)
+        result = render_job(job, force=force, only=frame or (), report=report)
     say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 

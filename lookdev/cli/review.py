@@ -1,13 +1,14 @@
-"""The verbs of what was rendered: review."""
+"""The verbs of what was rendered: review, manifest."""
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import say
+from lookdev.cli.options import AsJson, say, say_json
 
 app = typer.Typer()
 _PANEL = "Jobs"
@@ -44,7 +45,7 @@ def review(
 
     from lookdev.batch.review import review
 
-    with Progress(console=Console(stderr=True), transient=True) as progress:
+    with Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()) as progress:
         task = progress.add_task("frames", total=None)
         page, written, notes = review(
             out, against, to, view, lambda done, of: progress.update(task, completed=done, total=of)
@@ -52,3 +53,24 @@ def review(
     for note in notes:
         say(f"note: {note}", err=True)
     say(f"{page}: {written.made} files made, {written.kept} kept, {written.size / 1e6:.1f} MB in all")
+
+
+@app.command(rich_help_panel=_PANEL)
+def manifest(
+    out: OutputFolder,
+    check: Annotated[
+        bool, typer.Option("--verify", help="Compare all files with their hashes; exit code 1 where one differs.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Show what an output consists of and was made of, by the manifest that 'render' wrote."""
+    from lookdev.batch.manifest import manifest_text, verify
+    from lookdev.output.manifest import read_manifest
+
+    listed, found = verify(out) if check else (read_manifest(out), None)
+    if as_json:
+        wrong = [{"file": str(each.file), "kind": each.kind, "state": each.state} for each in found or ()]
+        say_json({**listed, "deviations": wrong} if check else listed)
+    else:
+        say(manifest_text(out, listed, found))
+    raise typer.Exit(1 if any(each.fails for each in found or ()) else 0)

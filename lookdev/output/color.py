@@ -48,13 +48,13 @@ class DisplayView:
 
     @cached_property
     def processor(self) -> ocio.CPUProcessor:
-        """The transform from linear Rec.709 to code values; errors as `transform`."""
+        """The transform from linear Rec.709 to code values; raises OutputError where the config has none."""
         return self.transform.getDefaultCPUProcessor()
 
     @property
     def transform(self) -> ocio.Processor:
-        """OpenColorIO's transform from linear Rec.709; raises OutputError where the config has none."""
-        return _transform(self)
+        """The same transform for any device; errors as `processor`."""
+        return _processor(self)
 
     @property
     def digest(self) -> str:
@@ -107,7 +107,7 @@ def _config(name: str) -> ocio.Config:
 
 
 @lru_cache(maxsize=32)
-def _transform(wanted: DisplayView) -> ocio.Processor:
+def _processor(wanted: DisplayView) -> ocio.Processor:
     import PyOpenColorIO as ocio
 
     config = _config(wanted.config)

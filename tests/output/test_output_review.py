@@ -150,7 +150,7 @@ def test_a_folder_without_frames_is_an_error_that_names_what_is_there(tmp_path: 
     with pytest.raises(OutputError, match=r"has no frames.*element\.0001\.exr: is left out"):
         review(tmp_path)
     case.write_job(tmp_path, **LOOK)
-    with pytest.raises(OutputError, match="no view 'ACES'"):
+    with pytest.raises(OutputError, match="no view of sRGB - Display called 'ACES'"):
         review(tmp_path, view="ACES")
 
 

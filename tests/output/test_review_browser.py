@@ -307,6 +307,8 @@ def test_provenance_and_changes(opened: Open) -> None:
         word in text
         for word in ("/jobs/ball.toml", "samples a pixel", "64", "2026-01-01", "v2/gold/city/element.0001.exr")
     )
+    again = "lookdev render /jobs/ball.toml --force --frame gold/city/element.0001"
+    assert shown.find("#provenance code").text == again
     assert shown.find("#changes-title").text == "Changes since v1: 4 of 8 turntables"
     row = shown.find("#changes tbody tr.changed")
     assert "look, render" in row.text

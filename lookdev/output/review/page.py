@@ -6,6 +6,7 @@ import hashlib
 import json
 import math
 import os
+import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
@@ -161,7 +162,7 @@ class _Page:
             pictures = [self._folder / f"data/frames/{name}.jpg" for name in names]
             self._file(sprite, lambda path: _write_jpeg(path, _sprites(pictures, columns)))
         frames = [
-            {"number": frame.number, "key": name, "file": str(frame.file), "header": dict(frame.header)}
+            {"key": name, "file": str(frame.file), "header": dict(frame.header), "command": _command(reel, frame)}
             for frame, name in zip(reel.frames, names, strict=True)
         ]
         script = f"data/reels/{_key(key, frames)}.js"
@@ -247,6 +248,13 @@ def _other_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple
         for key in keys
         if not key.startswith("digest") and old.get(key) != new.get(key)
     ]
+
+
+def _command(reel: Reel, frame: ReviewFrame) -> str:
+    """Return the command that renders a frame again; "" where its job is not known."""
+    name = f"{reel.look}/{reel.rig}/{reel.turntable}.{frame.number:04d}"
+    job = frame.header.get("job")
+    return f"lookdev render {shlex.quote(job)} --force --frame {shlex.quote(name)}" if job else ""
 
 
 def _turns(reel: Reel) -> str:

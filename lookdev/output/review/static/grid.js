@@ -86,6 +86,7 @@ review.showChanges = (target, changes, open) => {
   const { make, number } = review;
   const order = Object.keys(STATES);
   const sorted = [...changes].sort((p, q) => order.indexOf(p.state) - order.indexOf(q.state) || (q.beyond || 0) - (p.beyond || 0));
+  const headers = changes.some((change) => (change.headers || []).length);
   const rows = sorted.map((change) => make("tr", { class: change.state.replace(" ", "-") },
     make("th", { scope: "row" }, make("button", {
       type: "button", class: "link", disabled: change.state === "removed", on: { click: () => open(change) },
@@ -95,8 +96,8 @@ review.showChanges = (target, changes, open) => {
     make("td", {}, change.beyond === null || change.beyond === undefined ? "" : `${(100 * change.beyond).toFixed(2)} %`),
     make("td", {}, change.relmse === null || change.relmse === undefined ? "" : number(change.relmse, 2)),
     make("td", {}, change.frame ? `${change.frame} (${change.frames})` : ""),
-    make("td", {}, (change.headers || []).map(([name, old, now]) => `${name}: ${old || "–"} → ${now || "–"}`).join("; "))));
+    headers && make("td", {}, (change.headers || []).map(([name, old, now]) => `${name}: ${old || "–"} → ${now || "–"}`).join("; "))));
   target.replaceChildren(review.table(
-    ["turntable", "", "inputs that differ", "asset beyond z = 3", "relMSE of the two", "worst frame", "header"],
+    ["turntable", "", "inputs that differ", "asset beyond z = 3", "relMSE of the two", "worst frame", ...(headers ? ["header"] : [])],
     rows, { class: "changes" }));
 };

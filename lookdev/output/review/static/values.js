@@ -8,7 +8,7 @@ review.make = (tag, attributes = {}, ...children) => {
     else if (value === true) element.setAttribute(name, "");
     else if (value !== false && value !== null && value !== undefined) element.setAttribute(name, value);
   }
-  element.append(...children.filter((child) => child !== null && child !== undefined));
+  element.append(...children.filter((child) => child !== null && child !== undefined && child !== false));
   return element;
 };
 
@@ -110,6 +110,7 @@ review.showProvenance = (target, a, b) => {
   const shown = (name, value) => {
     if (value === undefined) return "–";
     if (name === "relmse" || name === "raw.relmse" || name === "seconds") return review.number(Number(value), 3);
+    if (name === "time") return value.replace("T", " ").replace("+00:00", "");
     return name.startsWith("digest") ? value.slice(0, 12) : value;
   };
   const rows = names.map((name) => {
@@ -119,5 +120,6 @@ review.showProvenance = (target, a, b) => {
       make("th", { scope: "row" }, LABELS[name] || name.replace("version.", "").replace("digest.", "digest of ")),
       ...values.map((value) => make("td", { title: value }, shown(name, value))));
   });
-  target.replaceChildren(table(columns.length > 1 ? ["", "A", "B"] : null, rows, { class: "provenance" }));
+  target.replaceChildren(table(columns.length > 1 ? ["", "A", "B"] : null, rows, { class: "provenance" }),
+    ...(a.command ? [make("p", { class: "quiet" }, "To render A again:"), make("code", {}, a.command)] : []));
 };

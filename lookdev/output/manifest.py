@@ -1,0 +1,95 @@
+"""``manifest.json``: what a job's output consists of and what it was made of, each file by its SHA-256.
+
+It is one JSON document:
+
+    format, job, command, versions, view, settings, inputs, planned, frames, pictures
+
+``inputs`` are ``{file, sha256}`` with absolute paths; ``frames`` and ``pictures`` have paths relative to the manifest's
+folder. A frame has its ``header`` too, and the ``command`` that makes it again. ``planned`` is the number of files of
+frames that the job has: a run that was interrupted lists fewer.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from lookdev.cache import atomic_path, file_digest
+from lookdev.errors import OutputError
+from lookdev.text import TextError, parse_json, read_text
+
+NAME = "manifest.json"
+FORMAT = 1
+
+State = Literal["missing", "changed", "unlisted"]
+_LARGEST = 1 << 30  # bytes: 250000 frames of 2 KiB fit
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """A file that is not as a manifest lists it; `unlisted`: an EXR in the output that no entry names."""
+
+    file: Path
+    state: State
+    kind: str  # "frame", "picture" or "input"
+
+    @property
+    def fails(self) -> bool:
+        """Whether the manifest is wrong because of it."""
+        return self.state != "unlisted"
+
+    def __str__(self) -> str:
+        return f"{self.state}: {self.kind} {self.file}"
+
+
+def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
+    """Write the manifest of an output folder, whole or not at all, unless it is there already; return its path."""
+    path, text = folder / NAME, json.dumps({"format": FORMAT, **manifest}, indent=1) + "\n"
+    if not (path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text):
+        with atomic_path(path) as temporary:
+            temporary.write_text(text, encoding="utf-8")
+    return path
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return the manifest of an output folder; raises OutputError where there is none, or it is damaged."""
+    path = folder / NAME
+    try:
+        found = parse_json(read_text(path, _LARGEST), path)
+    except TextError as error:
+        raise OutputError(f"{error}; 'lookdev render' of the job writes the manifest of its output") from error
+    if not isinstance(found, dict) or found.get("format") != FORMAT or not _is_complete(found):
+        raise OutputError(f"{path}: is not a manifest of format {FORMAT}; 'lookdev render' of the job makes it again")
+    return found
+
+
+def deviations(folder: Path, manifest: Mapping[str, Any]) -> Iterator[Deviation]:
+    """Yield what is missing, changed or not listed in an output folder, and inputs that are missing or changed."""
+    listed = set()
+    for kind in ("frame", "picture", "input"):
+        for entry in manifest[f"{kind}s"]:
+            file = folder / entry["file"]
+            listed.add(file)
+            try:
+                state: State | None = None if file_digest(file) == entry["sha256"] else "changed"
+            except OSError:
+                state = "missing"
+            if state is not None:
+                yield Deviation(file, state, kind)
+    for file in sorted(folder.glob("*/*/[!.]*.exr")):
+        if file not in listed:
+            yield Deviation(file, "unlisted", "frame")
+
+
+def _is_complete(manifest: Mapping[str, Any]) -> bool:
+    lists: Sequence[Any] = [manifest.get(key) for key in ("frames", "pictures", "inputs")]
+    return all(
+        isinstance(each, list)
+        and all(
+            isinstance(e, dict) and isinstance(e.get("file"), str) and isinstance(e.get("sha256"), str) for e in each
+        )
+        for each in lists
+    )

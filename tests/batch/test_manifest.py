@@ -1,0 +1,129 @@
+"""The manifest: what a run writes into it, and what its verification finds."""
+
+from __future__ import annotations
+
+import json
+import os
+import shlex
+from pathlib import Path
+
+import batch_case as case
+import pytest
+
+from lookdev.batch.manifest import input_files, record_run, verify
+from lookdev.cache import file_digest
+from lookdev.errors import LookdevError, OutputError
+from lookdev.job import load_job
+from lookdev.output.exr import read_header
+from lookdev.output.manifest import read_manifest
+from lookdev.shipped import shipped_folder
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    """Return the output of a job with its manifest."""
+    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES + case.RENDER)
+    return rendered(tmp_path)
+
+
+def rendered(folder: Path, **options: object) -> Path:
+    job = case.make_job(folder)
+    case.run(folder, job, **options)
+    record_run(job, case.make_plan(job))
+    return job.output
+
+
+def test_a_manifest_lists_inputs_frames_and_pictures_by_hash(out: Path, tmp_path: Path) -> None:
+    manifest = read_manifest(out)
+    assert manifest["planned"] == len(manifest["frames"]) == 7
+    for kind, base in (("frames", out), ("pictures", out), ("inputs", Path("/"))):
+        for entry in manifest[kind]:
+            assert entry["sha256"] == file_digest(base / entry["file"])
+    assert {Path(entry["file"]).name for entry in manifest["inputs"]} == {"job.toml", "gold.usda"}
+    on_disk = {path.relative_to(out).as_posix() for path in out.rglob("*.png")}
+    assert {entry["file"] for entry in manifest["pictures"]} == on_disk
+    frame = manifest["frames"][1]
+    assert frame["header"] == read_header(out / frame["file"])
+    assert set(frame["header"]) >= {"digest", "samples", "seconds", "relmse", "time", "version.blender"}
+    words = shlex.split(frame["command"])
+    assert words == ["lookdev", "render", str(tmp_path / "job.toml"), "--force", "--frame", "gold/city/element.0002"]
+    assert manifest["settings"]["outputs"]["view"] == "Raw"
+
+
+def test_the_shipped_jobs_name_all_their_files() -> None:
+    files = {path.name for path in input_files(load_job(shipped_folder() / "jobs" / "parts.toml"))}
+    assert {"parts.toml", "toy_car.usda"} <= files
+    assert any(name.endswith(".png") for name in files)
+
+
+def test_a_run_that_changes_nothing_leaves_the_manifest_and_reads_no_file(
+    out: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = case.make_job(tmp_path)
+    plan = case.make_plan(job)
+    record_run(job, plan)
+    before = (out / "manifest.json").stat().st_mtime_ns
+    monkeypatch.setattr("lookdev.batch.manifest.file_digest", lambda file: pytest.fail(f"{file} is read"))
+    record_run(job, plan)
+    assert (out / "manifest.json").stat().st_mtime_ns == before
+
+
+def test_a_run_that_was_interrupted_lists_what_is_there(tmp_path: Path) -> None:
+    (tmp_path / "job.toml").touch()
+    case.misbehave(tmp_path, lighting_0002=["failed"])
+    manifest = read_manifest(rendered(tmp_path))
+    assert (manifest["planned"], len(manifest["frames"])) == (7, 6)
+    case.misbehave(tmp_path)
+    assert len(read_manifest(rendered(tmp_path))["frames"]) == 7
+
+
+def test_verification_names_what_is_missing_changed_and_not_listed(out: Path, tmp_path: Path) -> None:
+    assert verify(out)[1] == ()
+    frame, picture = out / "gold" / "city" / "element.0001.exr", out / "gold" / "city" / "element.0002.png"
+    frame.rename(frame.with_name("other.0001.exr"))
+    os.truncate(picture, 20)
+    (tmp_path / "gold.usda").write_text("# another look")
+    found = {(each.state, each.kind, each.file.name, each.fails) for each in verify(out)[1]}
+    assert found == {
+        ("missing", "frame", "element.0001.exr", True),
+        ("changed", "picture", "element.0002.png", True),
+        ("changed", "input", "gold.usda", True),
+        ("unlisted", "frame", "other.0001.exr", False),
+    }
+
+
+@pytest.mark.parametrize("text", [None, "", "{", "[]", '{"format": 2}', '{"format": 1, "frames": [{}]}'])
+def test_a_manifest_that_is_missing_or_spoilt_is_an_error(out: Path, text: str | None) -> None:
+    file = out / "manifest.json"
+    file.unlink()
+    if text is not None:
+        file.write_text(text)
+    with pytest.raises(OutputError, match=r"lookdev render"):
+        verify(out)
+
+
+def test_a_spoilt_record_of_digests_is_made_again(out: Path, tmp_path: Path) -> None:
+    whole = (out / "manifest.json").read_bytes()
+    (out / ".lookdev" / "digests.json").write_text("{")
+    rendered(tmp_path)
+    assert (out / "manifest.json").read_bytes() == whole
+
+
+def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> None:
+    before = {path.name: path.stat().st_mtime_ns for path in out.rglob("[!.]*.exr")}
+    requests = len(case.requests(tmp_path))
+    rendered(tmp_path, force=True, only=["gold/city/lighting.0002"])
+    assert case.requests(tmp_path)[requests:] == ["lighting.0002.exr"]
+    after = {path.name: path.stat().st_mtime_ns for path in out.rglob("[!.]*.exr")}
+    assert {name for name in after if after[name] != before[name]} == {"lighting.0002.exr"}
+    assert verify(out)[1] == ()
+    for name in ("element.0003", "lighting.0003"):
+        (out / "gold" / "city" / f"{name}.exr").unlink()
+    case.run(tmp_path, only=["gold/city/lighting.0003"])
+    assert case.requests(tmp_path)[requests + 1 :] == ["lighting.0003.exr"]
+    with pytest.raises(LookdevError, match=r"no frame 'gold/city/lighting.9' .did you mean"):
+        case.run(tmp_path, only=["gold/city/lighting.9"])
+
+
+def test_a_manifest_is_plain_json(out: Path) -> None:
+    assert json.loads((out / "manifest.json").read_text())["format"] == 1
