@@ -49,7 +49,9 @@ def record_run(job: Job, plan: Plan) -> Path:
     """
     digests = _Digests(plan.output / _STATE)
     render = f"lookdev render {shlex.quote(str(job.file))}"
-    frames, planned = [], [file for reel in plan.reels for file in reel.files]
+    turned = (file for reel in plan.reels for file in reel.files)
+    planned = list(dict.fromkeys((*turned, *(file for frame in plan.frames for file in frame.task.files))))
+    frames = []
     for file in planned:
         if file.is_file():
             name = file.relative_to(plan.output).as_posix()

@@ -49,7 +49,7 @@ def test_render_writes_a_manifest_that_is_verified(run_cli: Command, job_file: P
     code, output, _ = run_cli("manifest", out, "--verify")
     assert (code, output.splitlines()[-1]) == (0, "all files are as they are listed")
     assert run_cli("review", out)[0] == 0
-    assert '"name": "Raw"' in (out / "review" / "data" / "index.js").read_text()  # as the job's pictures
+    assert '"name": "Raw"' in (out / "review" / "data" / "index.js").read_text()
     frame = out / "gold" / "city" / "element.0002.exr"
     frame.unlink()
     code, output, _ = run_cli("manifest", out, "--verify")
