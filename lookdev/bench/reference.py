@@ -80,6 +80,10 @@ class Reference:
         """Its own error as relMSE; renders below it cannot be judged."""
         return self._relative(self._variance())
 
+    def relmse(self, image: Floats) -> float:
+        """Return the relMSE of a picture (H, W, 3) without the reference's own, which may leave less than 0."""
+        return self._relative((image - self.mean) ** 2) - self.own_relmse
+
     def judge(self, *shots: Shot) -> Verdict:
         """Return the mean relMSE of renders of equally many samples, and the bias of their mean.
 
@@ -87,7 +91,7 @@ class Reference:
         the renders and of the reference.
         """
         images = [shot.image.astype(np.float64) for shot in shots]
-        relmse = float(np.mean([self._relative((image - self.mean) ** 2) for image in images])) - self.own_relmse
+        relmse = float(np.mean([self.relmse(image) for image in images]))
         covered = self.alpha > 0.0
         difference = (np.mean(images, axis=0) - self.mean)[covered].mean(axis=-1)
         brightness = float(self.mean[covered].mean())

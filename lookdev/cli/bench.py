@@ -20,7 +20,15 @@ def bench(
     looks: Annotated[str, typer.Option("--looks", metavar="NAMES", help="Looks.")] = "",
     backends: Annotated[str, typer.Option("--backends", metavar="NAMES", help="What renders them.")] = "",
     samples: Annotated[str, typer.Option("--samples", metavar="COUNTS", help="Increasing powers of two.")] = "4,16,64",
-    resolution: Annotated[int, typer.Option("--resolution", metavar="PIXELS", help="Side of the frame.")] = 256,
+    resolution: Annotated[
+        int | None,
+        typer.Option(
+            "--resolution",
+            metavar="PIXELS",
+            help="Side of the frame; 256, with --denoise-trial 96.",
+            show_default=False,
+        ),
+    ] = None,
     repeats: Annotated[
         int | None,
         typer.Option("--repeats", metavar="N", help="Renders of each count; 3, with --sequence 1.", show_default=False),
@@ -36,8 +44,12 @@ def bench(
     scale: Annotated[
         bool, typer.Option("--scale", help="Large assets up to the first sample, against Blender's own import.")
     ] = False,
+    denoise_trial: Annotated[
+        bool, typer.Option("--denoise-trial", help="Random denoised frames: is their error as measured?")
+    ] = False,
     frames: Annotated[
-        int, typer.Option("--frames", metavar="N", min=4, help="With --sequence: frames of the growth test.")
+        int,
+        typer.Option("--frames", metavar="N", min=4, help="Of the growth test of --sequence, or of --denoise-trial."),
     ] = 100,
     fresh: Annotated[bool, typer.Option("--fresh", help="Render references anew.")] = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of the results.")] = Path("out/bench"),
@@ -62,6 +74,13 @@ def bench(
 
         print_scale(run_scale(out, report, repeats=repeats or 3), Console())
         return
+    if denoise_trial:
+        from lookdev.bench import denoise_trial as trial
+
+        side = {} if resolution is None else {"resolution": resolution}
+        measured = trial.run_trial(frames, out, report, seed=seed, reference=reference, fresh=fresh, **side)
+        say(trial.summary(measured))
+        raise typer.Exit(0 if len(measured) == frames else 130)
     options = parse_options(
         {"scenes": scenes, "ibls": ibls, "looks": looks, "backends": backends, "samples": samples},
         everything=everything,
