@@ -88,6 +88,10 @@ class Reference:
         """Its own error as relMSE."""
         return self._relative(self._variance())
 
+    def relmse(self, image: Floats) -> float:
+        """Return the relMSE of a picture (H, W, 3) without the reference's own, which may leave less than 0."""
+        return self._relative((image - self.mean) ** 2) - self.own_relmse
+
     def judge(self, *shots: Shot) -> Verdict:
         """Return the mean relMSE of renders of equally many samples, and the bias of their mean.
 
@@ -95,8 +99,8 @@ class Reference:
         the renders and of the reference.
         """
         images = [shot.image.astype(np.float64) for shot in shots]
+        relmse = float(np.mean([self.relmse(image) for image in images]))
         squares = np.mean([(image - self.mean) ** 2 for image in images], axis=0)
-        relmse = self._relative(squares) - self.own_relmse
         certain = relmse >= min(self.own_relmse, _SURE * self._uncertainty(squares))
         covered = self.alpha > 0.0
         difference = (np.mean(images, axis=0) - self.mean)[covered].mean(axis=-1)
@@ -164,7 +168,7 @@ def obtain(
     key: str,
     samples: int,
     parts: int,
-    render: Render,
+    render: Callable[[int, int], Shot],
     *,
     enough: float = 0.0,
     fresh: bool = False,
