@@ -112,6 +112,7 @@ KINDS: dict[str, Kind] = {
             "aim": 1e-3,
             "until": 1e-3,
             "enough": 1.25e-4,
+            "frames": 48,
             "independent": True,
         },
         document=True,
