@@ -79,7 +79,7 @@ def measure_growth(
         report(f"growth: {of}: {quantity.help}")
         try:
             yield from quantity.measure(backends, options, opened)
-        except LookdevError as error:
+        except (LookdevError, OSError) as error:
             yield f"growth with {of}: {error}"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from rich.console import Console
 
-from lookdev.bench import run
+from lookdev.bench import denoise_trial, run
 from lookdev.bench.matrix import Options, restricted
 from lookdev.bench.profile import run_profile
 from lookdev.bench.report import print_profile, print_results, print_scale
@@ -81,6 +81,14 @@ def _profile(order: Order) -> Outcome:
     return Outcome(partial(print_profile, made, order.options), made.complete, bool(made.failures))
 
 
+def _denoise_trial(order: Order) -> Outcome:
+    options = order.options
+    chosen = {name: getattr(options, name) for name in ("seed", "resolution", "reference", "fresh")}
+    trials = denoise_trial.run_trial(options.frames, order.folder, order.report, **chosen)
+    text = denoise_trial.summary(trials)
+    return Outcome(lambda console: console.print(text, markup=False, highlight=False), len(trials) == options.frames)
+
+
 def _outcome(results: Results) -> Outcome:
     return Outcome(partial(print_results, results), results.complete, bool(results.failures))
 
@@ -104,6 +112,7 @@ KINDS: dict[str, Kind] = {
             "aim": 1e-3,
             "until": 1e-3,
             "enough": 1.25e-4,
+            "frames": 48,
             "independent": True,
         },
         document=True,
@@ -123,6 +132,11 @@ KINDS: dict[str, Kind] = {
         document=True,
     ),
     "sequence": Kind("turntables against a plain Blender script", _sequence, {"scenes": ("shaderball",), "repeats": 1}),
+    "denoise-trial": Kind(
+        "denoised frames at random: is their error as measured?",
+        _denoise_trial,
+        {"resolution": denoise_trial.SIDE, "frames": 200},
+    ),
     "scale": Kind("large assets up to the first sample, against Blender's own import", _scale),
 }
 """By the name of the option; the first is measured without one."""

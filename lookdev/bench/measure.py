@@ -236,7 +236,7 @@ class CellRun:
         )
         self._measurements.append(row)
         self._shots.setdefault((series, turn.samples), []).append(shot)
-        error = "below its reference" if verdict.relmse is None else f"relMSE {verdict.relmse:.2e}"
+        error = "lost in the noise of its reference" if verdict.relmse is None else f"relMSE {verdict.relmse:.2e}"
         report(f"{self._cell}: {series}: {shot.samples} samples, {shot.seconds:.2f} s, {error}")
         return row
 
@@ -248,7 +248,7 @@ class CellRun:
         """Note an error of a backend, which is used no more."""
         try:
             yield
-        except LookdevError as error:
+        except (LookdevError, OSError) as error:
             self._failures[backend] = str(error)
             report(f"{self._cell}: {backend} fails and is left out: {error}")
 

@@ -38,6 +38,7 @@ from lookdev.render.task import FrameTask
 
 VARIANT = "llvm_ad_rgb"
 
+_LONGEST_TRIAL = 300.0  # seconds
 _FEATURE_SAMPLES = 16  # as many as of Cycles' pictures that guide a denoiser
 
 # Mitsuba's local frame of an environment has y up: x, y, z there are the world's y, z, x.
@@ -80,7 +81,11 @@ def check_mitsuba() -> None:
     """Raise RenderError where Mitsuba does not render here; tried in another process, which some LLVMs crash."""
     llvm = find_llvm()
     command = (sys.executable, "-m", _MODULE, "--try")
-    done = subprocess.run(command, check=False, capture_output=True, env=os.environ | {VARIABLE: llvm})
+    given: dict[str, Any] = {"capture_output": True, "env": os.environ | {VARIABLE: llvm}, "timeout": _LONGEST_TRIAL}
+    try:
+        done = subprocess.run(command, check=False, **given)
+    except subprocess.TimeoutExpired:
+        raise RenderError(f"Mitsuba does not render 4 x 4 pixels in {_LONGEST_TRIAL:g} s with {llvm}") from None
     if done.returncode:
         last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
         raise RenderError(f"Mitsuba does not render with {llvm}, which {VARIABLE} can replace by another: {last[:200]}")

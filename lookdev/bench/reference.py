@@ -2,7 +2,7 @@
 
 A reference is the mean of independent parts, whose spread is an unbiased estimate of its own variance, pixel by pixel.
 The squared difference of a render from it contains that variance, which is subtracted: so a reference of a few times
-the samples is sufficient. Errors below the reference's own are not reported.
+the samples is sufficient. Errors that its noise leaves too uncertain are not reported.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ Floats = NDArray[np.float64]
 _VERSION = 1
 # Half of the seeds that a shader takes are the references'; `measure` takes the other half.
 FIRST_SEED = 1 << 17
+# Standard errors that an error below the reference's own must have to be reported.
+_SURE = 4.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ class Render(Protocol):
 class Verdict:
     """The error of a render against a reference."""
 
-    relmse: float | None  # without the reference's own error; None where it is below that
+    relmse: float | None  # without the reference's own error; None where that leaves it too uncertain
     bias: float  # relative difference of the mean over the asset
     bias_error: float  # its standard error
 
@@ -83,8 +85,12 @@ class Reference:
 
     @property
     def own_relmse(self) -> float:
-        """Its own error as relMSE; renders below it cannot be judged."""
+        """Its own error as relMSE."""
         return self._relative(self._variance())
+
+    def relmse(self, image: Floats) -> float:
+        """Return the relMSE of a picture (H, W, 3) without the reference's own, which may leave less than 0."""
+        return self._relative((image - self.mean) ** 2) - self.own_relmse
 
     def judge(self, *shots: Shot) -> Verdict:
         """Return the mean relMSE of renders of equally many samples, and the bias of their mean.
@@ -93,13 +99,15 @@ class Reference:
         the renders and of the reference.
         """
         images = [shot.image.astype(np.float64) for shot in shots]
-        relmse = float(np.mean([self._relative((image - self.mean) ** 2) for image in images])) - self.own_relmse
+        relmse = float(np.mean([self.relmse(image) for image in images]))
+        squares = np.mean([(image - self.mean) ** 2 for image in images], axis=0)
+        certain = relmse >= min(self.own_relmse, _SURE * self._uncertainty(squares))
         covered = self.alpha > 0.0
         difference = (np.mean(images, axis=0) - self.mean)[covered].mean(axis=-1)
         brightness = float(self.mean[covered].mean())
         spread = float(difference.std(ddof=1)) / np.sqrt(len(difference))
         return Verdict(
-            relmse if relmse >= self.own_relmse else None,
+            relmse if certain else None,
             float(difference.mean()) / brightness,
             float(spread / brightness),
         )
@@ -107,6 +115,19 @@ class Reference:
     def _variance(self) -> Floats:
         """Return the variance of the mean (H, W, 3)."""
         return np.asarray(self._squares / (self.parts * (self.parts - 1)))
+
+    def _uncertainty(self, squares: Floats) -> float:
+        """Return the standard error of a relMSE that its own noise causes.
+
+        Pixels are independent, channels are not. With m without noise, x a render and r this reference, the variance of
+        ``(x - r)^2 - var(r)`` over r, for normal noise, is ``4 (x - m)^2 var(r) + 2 var(r)^2``, and the estimated
+        variance adds as much as the last term over the parts but one.
+        """
+        variance = self._variance()
+        excess = np.maximum(squares - variance, 0.0)
+        spread = 4.0 * excess * variance + 2.0 * variance**2 * self.parts / (self.parts - 1)
+        of_pixels = (np.sqrt(spread) / (self.mean**2 + EPSILON)).mean(axis=-1)[self.alpha > 0.0]
+        return float(np.sqrt((of_pixels**2).sum()) / len(of_pixels))
 
     def _relative(self, squares: Floats) -> float:
         """Return the mean over the asset of squared errors, relative as `lookdev.metrics.relmse` has it."""
@@ -147,7 +168,7 @@ def obtain(
     key: str,
     samples: int,
     parts: int,
-    render: Render,
+    render: Callable[[int, int], Shot],
     *,
     enough: float = 0.0,
     fresh: bool = False,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -59,7 +59,8 @@ def run_table(
     results = Results(options, this_machine(), restricted)
     try:
         with _kept(results, folder):
-            backends = _measure_cells(results, folder, report, opened)
+            # Plots take seconds: they are drawn at the end.
+            backends = _measure_cells(results, folder, report, opened, lambda: _write_table(results, document))
             for each in measure_growth(backends, options, report, growth):
                 if isinstance(each, str):
                     results.failures.append(each)
@@ -68,16 +69,20 @@ def run_table(
                 results.write(folder)
             results.complete = True
     finally:
-        if results.cells:
-            _write_table(results, document)
+        _write_table(results, document, _draw(results, document))
     return results
 
 
-def _write_table(results: Results, document: Path) -> None:
+def _write_table(results: Results, document: Path, plots: Sequence[Path] = ()) -> None:
+    if results.cells:
+        write_section(document, table.NAME, table.table_text(results, plots))
+
+
+def _draw(results: Results, document: Path) -> list[Path]:
     plots = draw_curves(results.cells, results.options.targets, document.parent, "bench_")
     if results.growth:
         plots.append(draw_growth(results.growth, document.parent / "bench_growth.svg"))
-    write_section(document, table.NAME, table.table_text(results, plots))
+    return plots
 
 
 def run_sequence(
@@ -116,8 +121,10 @@ def run_sequence(
     return results
 
 
-def _measure_cells(results: Results, folder: Path, report: Report, opened: Open) -> tuple[str, ...]:
-    """Measure all cells; return the backends that are on this machine."""
+def _measure_cells(
+    results: Results, folder: Path, report: Report, opened: Open, after: Callable[[], None] = lambda: None
+) -> tuple[str, ...]:
+    """Measure all cells, with `after` each; return the backends that are on this machine."""
     options = results.options
     for backend in options.backends:
         try:
@@ -140,10 +147,11 @@ def _measure_cells(results: Results, folder: Path, report: Report, opened: Open)
                     if result.measurements:
                         results.cells.append(result)
                     results.failures += [f"{cell}: {backend}: {why}" for backend, why in result.failures.items()]
-        except LookdevError as error:
+        except (LookdevError, OSError) as error:
             results.failures.append(f"{cell}: {error}")
             report(f"{cell} fails: {error}")
         results.write(folder)
+        after()
     return backends
 
 

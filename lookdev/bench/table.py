@@ -22,7 +22,7 @@ _LEGEND = (
     "Seconds of a frame to the relMSE; in brackets the least and the most of the repeats. *takes*: the time of `exact` "
     "over that of the backend before it. *by samples*: the samples that `exact` needs over those of the backend, times "
     "what a sample of `exact` costs more in renders that followed each other. `~`: beyond the most samples, which did "
-    "not suffice; `<`: the fewest samples suffice; `-`: not reached."
+    "not suffice; `<`: the fewest samples suffice; `-`: not reached. Geometric means are of all ratios but bounds."
 )
 
 
@@ -139,7 +139,7 @@ def _most(cells: Sequence[CellResult]) -> str:
 
 
 def _point(point: CurvePoint) -> str:
-    error = "below its reference's" if point.relmse is None else f"{point.relmse:.2e}"
+    error = "uncertain" if point.relmse is None else f"{point.relmse:.2e}"
     return f"{point.samples}, {_short(point.seconds)}, {error}"
 
 
@@ -167,7 +167,7 @@ def _aimed(rows: Sequence[Measurement]) -> tuple[str, str, str]:
         return "-", "-", "-"
     seconds = [row.seconds for row in rows]
     known = [row.relmse for row in rows if row.relmse is not None]
-    error = f"{statistics.median(known):.2e}" if known else "below its reference's"
+    error = f"{statistics.median(known):.2e}" if known else "uncertain"
     samples = f"{statistics.median(row.samples for row in rows):.0f}"
     return f"{_short(statistics.median(seconds))}{_spread(min(seconds), max(seconds))}", samples, error
 

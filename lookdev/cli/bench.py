@@ -43,6 +43,12 @@ def bench(
     scale: Annotated[
         bool, typer.Option("--scale", help="Large assets, against Blender's own import.", rich_help_panel=_KINDS)
     ] = False,
+    denoise_trial: Annotated[
+        bool,
+        typer.Option(
+            "--denoise-trial", help="Random denoised frames: is their error as measured?", rich_help_panel=_KINDS
+        ),
+    ] = False,
     scenes: Annotated[str, _names("--scenes", "Scenes, separated by commas.")] = "",
     ibls: Annotated[str, _names("--ibls", "Lights.")] = "",
     looks: Annotated[str, _names("--looks", "Looks.")] = "",
@@ -52,7 +58,9 @@ def bench(
     repeats: Annotated[int | None, _number("--repeats", "Renders of each count.")] = None,
     reference: Annotated[int | None, _number("--reference", "Samples of a reference, in largest counts.")] = None,
     seed: Annotated[int | None, _number("--seed", "Chooses the samples.")] = None,
-    frames: Annotated[int | None, _number("--frames", "Frames of the sequence whose growth is measured.")] = None,
+    frames: Annotated[
+        int | None, _number("--frames", "Frames of the sequence whose growth is measured, or of the trial.")
+    ] = None,
     everything: Annotated[
         bool, typer.Option("--all", help="Default to all names instead of a few.", rich_help_panel=_CHOICE)
     ] = False,
@@ -71,7 +79,8 @@ def bench(
         say(listing())
         return
     given: dict[str, Path | None] = {name: file for name, file in (("table", table), ("profile", profile)) if file}
-    given |= {name: None for name, chosen in {"sequence": sequence, "scale": scale}.items() if chosen}
+    flags = {"sequence": sequence, "denoise-trial": denoise_trial, "scale": scale}
+    given |= {name: None for name, chosen in flags.items() if chosen}
     if len(given) > 1:
         raise LookdevError(f"one kind of benchmark at a time, not {' and '.join(f'--{name}' for name in given)}")
     name, document = next(iter(given.items()), ("matrix", None))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,12 @@ from bench_fakes import quiet
 
 from lookdev.bench import growth, sequence
 from lookdev.bench.backends import open_candidates
-from lookdev.bench.matrix import Cell, Options
-from lookdev.bench.run import run_matrix, run_sequence
+from lookdev.bench.document import END, marker
+from lookdev.bench.kinds import KINDS
+from lookdev.bench.matrix import Cell, Options, parse_options
+from lookdev.bench.measure import PICTURES, Series
+from lookdev.bench.profile import run_profile
+from lookdev.bench.run import run_matrix, run_sequence, run_table
 from lookdev.bench.scale import Case, run_scale
 from lookdev.bench.scale_files import write_instances, write_meshes, write_quads
 from lookdev.bench.sequence import Subject, producers
@@ -80,16 +83,55 @@ def test_the_plain_script_shows_what_the_batch_runner_does(tmp_path: Path) -> No
 def test_a_small_sequence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(sequence, "FRAMES", 3)
     monkeypatch.setattr(sequence, "TARGET", 2e-2)
-    monkeypatch.setattr(growth, "PIXELS", (32, 64))
-    monkeypatch.setattr(growth, "LAYERS", (1, 4))
-    monkeypatch.setattr(growth, "TRIANGLES", (1000, 10_000))
     options = Options(scenes=("suzanne",), ibls=("city",), samples=(4, 16), resolution=48, repeats=1)
-    results = run_sequence(options, tmp_path, quiet, frames=8)
+    results = run_sequence(options, tmp_path, quiet)
     assert results.complete
     assert results.sequence is not None
     assert results.sequence.ratio > 0.0
-    stored = json.loads((tmp_path / "results.json").read_text())
-    assert [each["of"] for each in stored["growth"]] == ["frames", "pixels", "layers", "triangles"]
+
+
+def test_a_small_table(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(growth, "_REPEATS", 1)
+    monkeypatch.setattr(growth, "PIXELS", (32, 64))
+    monkeypatch.setattr(growth, "LOOK_COUNTS", (1, 3))
+    monkeypatch.setattr(growth, "LIGHTS", (1, 5))
+    monkeypatch.setattr(growth, "LAYERS", (4,))
+    monkeypatch.setattr(growth, "TRIANGLES", (1000,))
+    document = tmp_path / "bench.md"
+    document.write_text(f"{marker('table')}\n{END}\n")
+    lists = {"scenes": "shaderball", "looks": "copper", "ibls": "city", "samples": "4,16"}
+    options = parse_options(lists, defaults=KINDS["table"].defaults, resolution=48, repeats=2, frames=4)
+    results = run_table(options, tmp_path, quiet, document=document)
+    assert results.complete
+    assert results.failures == []
+    assert {each.of for each in results.growth} == set(growth.QUANTITIES)
+    (cell,) = results.cells
+    here = [name for name in options.backends if name not in results.missing]
+    assert list(cell.curves) == [Series(name, way) for name in here for way in PICTURES]
+    for series, curve in cell.curves.items():
+        raw = cell.curves[Series(series.backend)]
+        assert all(point.seconds > of_raw.seconds for point, of_raw in zip(curve, raw, strict=True)) == (
+            series.way == "denoised"
+        )
+    # Recesses of copper are noisy: 16 samples leave more than a denoiser's bias, with every renderer's guides.
+    for name in here:
+        noisy, smooth = (cell.curves[Series(name, way)][0].relmse for way in PICTURES)
+        assert noisy is not None
+        assert smooth is not None
+        assert smooth < noisy
+    assert (tmp_path / "bench_copper.svg").exists()
+
+
+def test_a_small_profile(tmp_path: Path) -> None:
+    document = tmp_path / "bench.md"
+    document.write_text(f"{marker('profile')}\n{END}\n")
+    lists = {"scenes": "sphere", "looks": "plastic", "samples": "16"}
+    options = parse_options(lists, defaults=KINDS["profile"].defaults, resolution=32, repeats=2)
+    profile = run_profile(options, tmp_path, quiet, document=document)
+    assert profile.failures == []
+    (cell,) = profile.cells
+    # Medians of two are their mean.
+    assert sum(middle for middle, _, _ in cell.parts.values()) == pytest.approx(1.0)
 
 
 def test_a_small_scale(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from bench_fakes import SIDE, FakeRenderer, quiet, truth
 
 from lookdev.bench.reference import FIRST_SEED, Reference, obtain
 from lookdev.errors import LookdevError
+from lookdev.metrics import EPSILON
 
 SAMPLES = 16
 
@@ -30,11 +31,32 @@ def test_the_references_own_error_is_taken_away() -> None:
     assert reference.own_relmse == pytest.approx(render.relmse(4 * SAMPLES), rel=0.1)
 
 
-def test_what_is_below_the_references_own_error_is_not_reported() -> None:
+def test_what_the_references_own_noise_leaves_uncertain_is_not_reported() -> None:
     render = FakeRenderer()
     reference = make_reference(render)
     assert reference.judge(render(2 * SAMPLES, 1)).relmse is not None
-    assert reference.judge(render(16 * SAMPLES, 1)).relmse is None
+    # Of half its own error, over some thousand pixels, its noise is a sixth.
+    below = [reference.judge(render(8 * SAMPLES, seed)).relmse for seed in range(3)]
+    assert below == [pytest.approx(render.relmse(8 * SAMPLES), rel=0.5)] * 3
+    assert reference.judge(render(512 * SAMPLES, 1)).relmse is None
+
+
+def test_the_noise_of_a_reference_is_what_it_is_estimated_to_be() -> None:
+    render = FakeRenderer()
+    shot = render(16 * SAMPLES, 1)
+    image, alpha = truth()
+    covered = alpha > 0.0
+    exact = (((shot.image - image) ** 2) / (image**2 + EPSILON))[covered].mean()
+    off, expected = [], []
+    for start in range(0, 200, 4):
+        reference = Reference(SAMPLES)
+        for seed in range(start, start + 4):
+            reference.add(render(SAMPLES, FIRST_SEED + seed))
+        squares = (shot.image - reference.mean) ** 2
+        off.append(reference._relative(squares) - reference.own_relmse - exact)
+        expected.append(reference._uncertainty(squares))
+    # Fifty of them: their spread is known to a tenth; channels of the fake are independent, which is a third of it.
+    assert np.std(off) == pytest.approx(np.mean(expected) / np.sqrt(3.0), rel=0.4)
 
 
 def test_bias_and_its_standard_error() -> None:

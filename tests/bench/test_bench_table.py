@@ -126,7 +126,7 @@ def test_plots_are_beside_the_document_and_the_same_for_the_same_figures(whole: 
         assert len(drawn) < 100_000
         assert drawn.count(">mitsuba-principled<") == 1  # one legend, whose text is text
     first = {name: (document.parent / name).read_bytes() for name in names}
-    run._write_table(results, document)
+    run._draw(results, document)
     assert first == {name: (document.parent / name).read_bytes() for name in names}
 
 

@@ -1,0 +1,130 @@
+"""The trial of denoised frames: what it draws, what counts as true, and its report, with a renderer of known noise."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bench_fakes import SIDE, quiet, truth
+from typer.testing import CliRunner
+
+from lookdev.bench import denoise_trial
+from lookdev.bench.denoise_trial import CSV_FILE, SAMPLES, Trial, cell_scene, draw_cell, run_trial, summary
+from lookdev.bench.reference import FIRST_SEED
+from lookdev.cli import app
+from lookdev.metrics import EPSILON
+from lookdev.render.task import FrameTask
+from lookdev.render.worker import Rendered
+
+NOISE = 0.5
+BIAS = 0.02  # of a denoised frame, which has no noise
+
+
+class Renderer:
+    """Renders `truth` with noise of variance ``NOISE^2 / samples``; denoised frames are off by `BIAS`."""
+
+    def __init__(self, ends_after: int | None = None) -> None:
+        self.tasks: list[FrameTask] = []
+        self._ends_after = ends_after
+
+    @contextmanager
+    def __call__(self) -> Iterator[Renderer.render]:
+        yield self.render
+
+    def render(self, task: FrameTask) -> Rendered:
+        if len(self.tasks) == self._ends_after:
+            raise KeyboardInterrupt
+        self.tasks.append(task)
+        sampling = task.scene.sampling
+        image, alpha = truth()
+        covered = alpha[..., None]
+        noise = np.random.default_rng((sampling.seed, sampling.samples)).normal(size=image.shape)
+        raw = image + noise * NOISE / np.sqrt(sampling.samples) * covered
+        frame = raw if sampling.denoise == "off" else image + BIAS * covered
+        arrays = {"a": frame, "b": frame, "alpha": alpha}
+        given = {name: each.astype(np.float32) for name, each in arrays.items()}
+        rendered = Rendered(**given, samples=sampling.samples, seconds=1.0, relmse=2.0, blender="", memory=0)
+        return rendered if sampling.denoise == "off" else replace(rendered, raw=raw.astype(np.float32), raw_relmse=3.0)
+
+
+@pytest.fixture(autouse=True)
+def _one_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let every cell be cheap to prepare; poses stay."""
+    monkeypatch.setattr(denoise_trial, "_ASSETS", ("sphere",))
+    monkeypatch.setattr(denoise_trial, "_LIGHTS", ("lamp",))
+    monkeypatch.setattr(denoise_trial, "looks", lambda: {"plastic": denoise_trial.LOOKS["plastic"].make})
+
+
+def test_true_errors_are_without_the_references_own(tmp_path: Path) -> None:
+    renderer = Renderer()
+    trials = run_trial(7, tmp_path / "out", quiet, resolution=SIDE, opened=renderer)
+    assert [each.samples for each in trials] == [*SAMPLES, *SAMPLES[:2]]
+    image, alpha = truth()
+    relative = float((1.0 / (image[alpha > 0.0] ** 2 + EPSILON)).mean())
+    for each in trials:
+        # The reference has 8 times the largest count; squares of 8,000 values spread by some percent.
+        assert each.reference == pytest.approx(NOISE**2 / (8 * SAMPLES[-1]) * relative, rel=0.2)
+        assert each.raw == pytest.approx(NOISE**2 / each.samples * relative, rel=0.1)
+        assert each.denoised == pytest.approx(BIAS**2 * relative, rel=0.1)
+        assert (each.raw_estimate, each.estimate) == (3.0, 2.0)
+    # What an eye sees of noise is less than its error.
+    assert trials[0].flip < 0.5 * trials[0].raw_flip
+    with (tmp_path / "out" / CSV_FILE).open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert [float(row["denoised"]) for row in rows] == [each.denoised for each in trials]
+
+
+def test_frames_share_no_seed_and_references_are_kept(tmp_path: Path) -> None:
+    first, second = Renderer(), Renderer()
+    run_trial(10, tmp_path, quiet, resolution=SIDE, opened=first)
+    seeds = [task.scene.sampling.seed for task in first.tasks if task.scene.sampling.denoise == "measured"]
+    assert len(set(seeds)) == 10
+    assert max(seeds) < FIRST_SEED
+    run_trial(10, tmp_path, quiet, resolution=SIDE, opened=second)
+    assert {task.scene.sampling.denoise for task in second.tasks} == {"measured"}
+
+
+def test_a_cell_depends_on_seed_and_number_alone() -> None:
+    assert draw_cell(3, 5) == draw_cell(3, 5)
+    assert len({draw_cell(seed, number) for seed in range(3) for number in range(3)}) == 9
+    assert cell_scene(draw_cell(0, 0), SIDE)[1] != cell_scene(draw_cell(0, 1), SIDE)[1]
+
+
+def test_ctrl_c_keeps_the_frames_before_it(tmp_path: Path) -> None:
+    # A reference of four parts, then frames.
+    trials = run_trial(5, tmp_path, quiet, resolution=SIDE, opened=Renderer(ends_after=6))
+    assert len(trials) == 2
+    assert len((tmp_path / CSV_FILE).read_text().splitlines()) == 3
+
+
+def test_the_report_counts_what_is_out_of_bounds() -> None:
+    one = Trial("sphere", "plastic", "lamp", 0.0, 0.0, 8, 4e-2, 4e-2, 1e-2, 1e-2, 0.2, 0.1, 1e-5, 1.0)
+    trials = [one, replace(one, estimate=1.4e-2), replace(one, estimate=0.5e-2), replace(one, denoised=5e-2)]
+    lines = summary(trials).splitlines()
+    assert "denoised frames / truth: within 1.3 for 25%, least 0.20 (2 below 0.6)" in lines[1]
+    assert "raw frames / truth: within 1.3 for 100%, least 1.00 (0 below 0.6)" in lines[2]
+    assert lines[3] == "worse than raw: 1, at most x1.250"
+    assert lines[4] == "8 samples: error / 2.67, FLIP 0.2000 raw, 0.1000 denoised"
+    assert summary([]) == "no frame was measured"
+
+
+def test_a_command_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    given: dict[str, object] = {}
+
+    def run(frames: int, folder: Path, report: object, **options: object) -> list[Trial]:
+        given.update(options, frames=frames, folder=folder)
+        return []
+
+    monkeypatch.setattr(denoise_trial, "run_trial", run)
+    line = ["bench", "--denoise-trial", "--frames", "12", "--seed", "3", "--out", str(tmp_path)]
+    assert CliRunner().invoke(app, line).exit_code == 130
+    assert given == {
+        "frames": 12, "folder": tmp_path, "seed": 3, "reference": 8, "fresh": False, "resolution": denoise_trial.SIDE
+    }  # fmt: skip
+    CliRunner().invoke(app, [*line, "--resolution", "160"])
+    assert given["resolution"] == 160
