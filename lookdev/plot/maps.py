@@ -81,7 +81,7 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
 
 
 def grid(options: Options) -> tuple[Floats, Floats, Floats]:
-    """Return the angles (n,) of a slice's columns and rows in degrees, the centres of pixels, and wo and wi (n, n, 3)."""
+    """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
     count = options.size or _PIXELS
     theta = (np.arange(count) + 0.5) / count * 90.0
     angle = np.radians(theta)
