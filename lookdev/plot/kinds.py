@@ -1,0 +1,67 @@
+"""The kinds of plots: the only list of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from lookdev.errors import LookdevError, nearest_hint
+from lookdev.plot import curves, maps, sampling, solid
+from lookdev.plot.figure import Plot
+from lookdev.plot.options import Options
+from lookdev.plot.subject import Subject
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of plot: a sentence, the function, the options that it uses, and its own defaults of them."""
+
+    text: str
+    draw: Callable[[Sequence[Subject], Options], Plot]
+    uses: tuple[str, ...]
+    most: int = 8
+
+
+_PICTURE = ("exposure", "chroma", "size")
+_CURVE = ("scale", "angles", "limit", "channels", "size")
+
+KINDS: dict[str, Kind] = {
+    "slice": Kind("f over theta_h and theta_d, as a picture", maps.slice_, ("phi", "cosine", *_PICTURE), most=12),
+    "polar": Kind(
+        "lobes in the plane of incidence", curves.polar, ("theta", "phi", "scale", "channels", "cosine", "size")
+    ),
+    "lobe3d": Kind("the lobe as a surface", solid.lobe3d, ("theta", "phi", "scale", "cosine", "size")),
+    "cartesian": Kind(
+        "f against theta_h, theta_d or theta_i", curves.cartesian, ("theta", "phi", "axis", "cosine", *_CURVE)
+    ),
+    "albedo": Kind("directional albedo, with its error", curves.albedo, ("phi", "scale", "limit", "channels", "size")),
+    "sphere": Kind("spheres under a point light and a dome", solid.sphere, ("theta", "phi", *_PICTURE), most=12),
+    "retro": Kind("f where light and view coincide", curves.retro, ("phi", "cosine", *_CURVE)),
+    "fresnel": Kind("how reflectance rises with theta_d", curves.fresnel, ("phi", *_CURVE)),
+    "difference": Kind("slices of two, and their difference", maps.difference, ("phi", "cosine", *_PICTURE), most=2),
+    "sampling": Kind("pdf, weights of samples and chi-square", sampling.sampling, ("theta", "phi", "size"), most=6),
+}
+"""Every kind of plot by its name."""
+
+
+def kind_named(name: str) -> Kind:
+    """Return a kind; an unknown name raises LookdevError."""
+    if name not in KINDS:
+        raise LookdevError(f"unknown plot '{name}' ({nearest_hint(name, list(KINDS))})")
+    return KINDS[name]
+
+
+def draw(name: str, subjects: Sequence[Subject], options: Options = Options()) -> Plot:  # noqa: B008
+    """Return a plot of some surfaces.
+
+    Raises
+    ------
+    LookdevError
+        The kind is unknown, does not use an option that is given, or cannot show so many surfaces, or one of them.
+    """
+    kind = kind_named(name)
+    if unused := [each for each in options.given() if each not in kind.uses]:
+        raise LookdevError(f"{name} has no --{unused[0]}; its options: {', '.join(f'--{each}' for each in kind.uses)}")
+    if not 1 <= len(subjects) <= kind.most:
+        raise LookdevError(f"{name}: {len(subjects)} given; 1 to {kind.most} would be right")
+    return kind.draw(subjects, options)

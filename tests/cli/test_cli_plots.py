@@ -1,0 +1,37 @@
+"""``lookdev plot``: files, notes, and exit codes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import OpenImageIO as oiio
+import pytest
+
+Command = Callable[..., tuple[int, str, str]]
+
+
+def test_a_plot_is_written_and_its_notes_printed(run_cli: Command, tmp_path: Path) -> None:
+    file = tmp_path / "albedo.png"
+    code, out, err = run_cli("plot", "albedo", "lambert", "disney:roughness=.4", "-o", file, "--size", "4")
+    assert (code, err) == (0, "")
+    assert "integration error at most" in out
+    image = oiio.ImageBuf(str(file))
+    assert image.spec().width > 400
+    assert tmp_path.joinpath("albedo.png").exists()
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("retor", "lambert"), "unknown plot 'retor' (did you mean 'retro'?)"),
+        (("retro", "lamber"), "did you mean 'lambert'"),
+        (("retro", "lambert", "--theta", "20"), "retro has no --theta"),
+    ],
+)
+def test_a_wrong_plot_ends_in_a_message(run_cli: Command, tmp_path: Path, words: tuple[str, ...], message: str) -> None:
+    code, out, err = run_cli("plot", *words, "-o", tmp_path / "plot.png")
+    assert (code, out) == (2, "")
+    assert message in err
+    assert not list(tmp_path.iterdir())
