@@ -14,16 +14,18 @@ from lookdev.mitsuba import sobol
 
 
 class DomeLight:
-    """A dome light of a variant's arrays. Directions are vectors of the world, `turn` is the light's in radians.
+    """The map of a dome light in a variant's arrays, multiplied by the light's colour if `colored`.
 
-    A map that is the same all around needs no tables: then `sampled` is false.
+    Directions are by its own axes. A map that is the same all around needs no tables: then `sampled` is false.
     """
 
-    def __init__(self, mi: Any, dome: Dome) -> None:
+    def __init__(self, mi: Any, dome: Dome, *, colored: bool = True) -> None:
         self._mi = mi
+        self.number = mi.Float
         self.sampled = dome.slots_file is not None and not dome.constant
         texels = np.zeros((dome.height, dome.width, 4), np.float32)
-        texels[..., :3] = read_exr(dome.radiance_file.path, "RGB") * np.asarray(dome.emission.color, np.float32)
+        color = dome.emission.color if colored else (1.0, 1.0, 1.0)
+        texels[..., :3] = read_exr(dome.radiance_file.path, "RGB") * np.asarray(color, np.float32)
         self._texels = mi.Float(texels.ravel())
         self._width, self._height = dome.width, dome.height
         if self.sampled:
@@ -33,10 +35,10 @@ class DomeLight:
             self._bins = mi.Float(np.load(dome.bins_file.path).ravel())
             self._cells, self._first = mi.UInt32(bins.CELLS), mi.UInt32(bins.FIRST)
 
-    def radiance(self, w: Any, turn: Any, active: Any) -> Any:
+    def radiance(self, w: Any, active: Any) -> Any:
         """Return the radiance from directions, bilinear, periodic around, clamped at the poles."""
         mi = self._mi
-        x = 0.5 - (dr.atan2(w.y, w.x) - turn) / (2.0 * math.pi)
+        x = 0.5 - dr.atan2(w.y, w.x) / (2.0 * math.pi)
         y = dr.atan2(dr.sqrt(w.x * w.x + w.y * w.y), w.z) / math.pi
         column, row = x * self._width - 0.5, dr.clip(y * self._height - 0.5, 0.0, self._height - 1.0)
         i, j = dr.floor(column), dr.floor(row)
@@ -53,14 +55,14 @@ class DomeLight:
         below = dr.lerp(texel(bottom, left), texel(bottom, right), s)
         return dr.lerp(above, below, t)
 
-    def bin(self, n: Any, turn: Any) -> NormalBin:
+    def bin(self, n: Any) -> NormalBin:
         """Return the bin of normals (`lookdev.light.dome.bins`)."""
         mi = self._mi
         row = mi.UInt32(dr.clip(dr.acos(dr.clip(n.z, -1.0, 1.0)) * (bins.ROWS / math.pi), 0, bins.ROWS - 1))
         cells = dr.gather(mi.UInt32, self._cells, row)
-        around = (dr.atan2(n.y, n.x) - turn) / (2.0 * math.pi)
+        around = dr.atan2(n.y, n.x) / (2.0 * math.pi)
         cell = dr.minimum(mi.UInt32((around - dr.floor(around)) * mi.Float(cells)), cells - 1)
-        azimuth = 2.0 * math.pi * (mi.Float(cell) + 0.5) / mi.Float(cells) + turn
+        azimuth = 2.0 * math.pi * (mi.Float(cell) + 0.5) / mi.Float(cells)
         theta = math.pi * (mi.Float(row) + 0.5) / bins.ROWS
         (s, c), (sine, cosine) = dr.sincos(azimuth), dr.sincos(theta)
         number = dr.gather(mi.UInt32, self._first, row) + cell
@@ -75,19 +77,30 @@ class NormalBin:
         self._light = light
         self._number = number
         self._axis = axis
-        self._scale = scale
+        self.scale = scale
         self._share = share
 
     def pdf(self, w: Any, radiance: Any) -> Any:
         """Return the pdf q over solid angle, by which directions are weighed."""
-        return self._scale * self._widened(w) * dr.mean(radiance)
+        return self.scale * self._widened(w) * dr.mean(radiance)
 
-    def sample(self, number: Any, seed: Any, turn: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Return a direction, its radiance, and q / p, 0 where there is none, of a sample's number."""
+    def numbered(self, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any]:
+        """Return a direction, its radiance, and q / p, 0 where there is none, of a sample's number.
+
+        Reversed bits: consecutive numbers are far apart on the curve of the points.
+        """
+        kind = self._light.number
+        u = sobol.unit(kind, sobol.hashed(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
+        return self._sample(sobol.reverse(number) >> (33 - slots.SLOTS.bit_length()), u, active)
+
+    def placed(self, u1: Any, u2: Any, active: Any) -> tuple[Any, Any, Any]:
+        """Return the same of two uniform numbers."""
+        slot = dr.minimum(dr.uint32_array_t(self._light.number)(u1 * slots.SLOTS), slots.SLOTS - 1)
+        return self._sample(slot, u2, active)
+
+    def _sample(self, slot: Any, u: Any, active: Any) -> tuple[Any, Any, Any]:
         light = self._light
         mi = light._mi
-        u = sobol.unit(mi.Float, sobol.hashed(seed ^ (number * 0x2C1B3C6D + 0x297A2D39)))
-        slot = sobol.reverse(number) >> (33 - slots.SLOTS.bit_length())
         packed = dr.gather(mi.UInt32, light._slots, self._number * slots.SLOTS + slot, active)
         code = packed & ((1 << slots.CODE_BITS) - 1)
         single = code > slots.MOST_POINTS
@@ -95,7 +108,7 @@ class NormalBin:
         times = dr.select(single, code - slots.MOST_POINTS + 1, 1)
         point = (packed >> slots.CODE_BITS) + dr.minimum(mi.UInt32(mi.Float(count) * u), dr.maximum(count, 1) - 1)
         found = dr.gather(mi.Vector4f, light._points, point, active)
-        s, c = dr.sincos(found.x + turn)
+        s, c = dr.sincos(found.x)
         horizontal = dr.safe_sqrt(1.0 - found.y * found.y)
         w = mi.Vector3f(horizontal * c, horizontal * s, found.y)
         red = dr.floor(found.w / 4096.0)

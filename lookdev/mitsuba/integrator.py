@@ -15,9 +15,10 @@ import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.geometry import Geometry
+from lookdev.mitsuba.lights import Lighting, Lights
 from lookdev.mitsuba.surface import Looks, Surface
 from lookdev.scene import Camera, Pose
 
@@ -37,13 +38,16 @@ class Counts:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera about the centre of the geometry, and the light's turn in radians, as inputs of a kernel."""
+    """A camera about the centre of the geometry, and the turns of the lights in radians, as inputs of a kernel.
+
+    The first turn is that of lights that turn with the rig, the second that of those that stay.
+    """
 
     origin: Any
     right: Any
     up: Any
     back: Any
-    turn: Any
+    turns: Any
     width: int
     height: int
     aperture: float
@@ -63,11 +67,12 @@ class View:
         shifted = back - 2.0 * camera.shift[0] * across - 2.0 * camera.shift[1] * along
         vectors = (orbited.position - center, across, along * height / width, shifted)
         opaque = [dr.opaque(mi.Float, float(x)) for vector in vectors for x in vector]
-        turn = dr.opaque(mi.Float, math.radians(pose.lighting - pose.element))
+        angles = (math.radians(each) for each in (pose.lighting - pose.element, -pose.element))
+        turns = mi.Vector2f(*(dr.opaque(mi.Float, each) for each in angles))
         lens = camera.lens
         aperture, focus = (lens.aperture, lens.focus) if lens else (0.0, 1.0)
         origin, right, up, back = (mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4))
-        return cls(origin, right, up, back, turn, width, height, aperture, focus, camera.clip[0])
+        return cls(origin, right, up, back, turns, width, height, aperture, focus, camera.clip[0])
 
     def rays(self, mi: Any, x: Any, y: Any, u: Any, v: Any) -> Any:
         """Return the rays through places of the film, in pixels from the upper left corner; u and v are on the lens."""
@@ -83,10 +88,10 @@ class View:
 
 
 class Estimator:
-    """A scene: geometry, looks, and a dome light."""
+    """A scene: geometry, looks and lights."""
 
     def __init__(
-        self, mi: Any, geometry: Geometry, looks: Looks, light: DomeLight, counts: Counts, bounces: int, shadows: bool
+        self, mi: Any, geometry: Geometry, looks: Looks, light: Lights, counts: Counts, bounces: int, shadows: bool
     ) -> None:
         self._mi = mi
         self._geometry = geometry
@@ -108,7 +113,7 @@ class Estimator:
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
         triangle, uv, ray, hit = self._seen(view, pixel, index, place)
-        radiance, cover = self._reflected(triangle, uv, -ray.d, hit, view.turn, index, place)
+        radiance, cover = self._reflected(triangle, uv, -ray.d, hit, view.turns, index, place)
         return radiance.x, radiance.y, radiance.z, cover
 
     def guides(self, view: View, samples: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -138,7 +143,7 @@ class Estimator:
         return found.prim_index, found.prim_uv, ray, found.is_valid()
 
     @dr.syntax
-    def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turn: Any, index: Any, place: Any) -> Any:
+    def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, place: Any) -> Any:
         """Return the radiance that comes back from triangles along directions, and how much of them is covered."""
         mi = self._mi
         radiance = mi.Color3f(0.0)
@@ -153,11 +158,11 @@ class Estimator:
             first = depth == 0
             drawn = dr.select(first, mi.UInt32(self._counts.brdf), mi.UInt32(self._counts.brdf_onward))
             lit = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
-            bins = self._bins(surface, turn)
+            lighting = self._light.at(surface, turns, lit, self._looks.transmits)
             onward = depth < self._bounces
 
             direct, passed, share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_straight = self._follow(
-                surface, turn, active, straight, onward, seed ^ index
+                surface, lighting, active, straight, onward, seed ^ index
             )
             radiance += throughput * direct
             cover -= dr.mean(throughput) * passed
@@ -172,10 +177,9 @@ class Estimator:
                 w = surface.to_world(wi)
                 met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (pdf > 0.0)
                 density = mi.Float(drawn) * pdf
-                blocked, other, other_uv = self._trace(surface, w, met)
-                arriving = self._light.radiance(w, turn, met & ~blocked)
-                total = density + self._light_density(bins, lit, w, arriving)
-                radiance += dr.select(met & ~blocked, throughput * value * arriving / total, 0.0)
+                blocked, occluder, other, other_uv = self._trace(surface, w, met)
+                arriving = lighting.arriving(w, density, 1.0, occluder, met)
+                radiance += dr.select(met, throughput * value * arriving, 0.0)
                 # Weighted reservoir: each hit is kept with probability proportional to its luminance.
                 weight = dr.select(met & blocked & onward, value / density, 0.0)
                 size = dr.mean(weight)
@@ -190,7 +194,7 @@ class Estimator:
                 chosen_straight &= ~kept
                 k += 1
 
-            radiance += throughput * self._from_light(surface, bins, index, drawn, lit, seed, turn, active)
+            radiance += throughput * self._from_light(surface, lighting, index, drawn, lit, seed, active)
 
             throughput *= chosen * share
             # Russian roulette: paths of little throughput end, and others stand for them.
@@ -204,7 +208,7 @@ class Estimator:
 
     @dr.syntax
     def _from_light(
-        self, surface: Surface, bins: Any, index: Any, drawn: Any, lit: Any, seed: Any, turn: Any, active: Any
+        self, surface: Surface, lighting: Lighting, index: Any, drawn: Any, lit: Any, seed: Any, active: Any
     ) -> Any:
         """Return the part of reflected light that directions drawn from the light find."""
         mi = self._mi
@@ -212,17 +216,16 @@ class Estimator:
         if self._light.sampled:
             j = mi.UInt32(0)
             while active & (j < lit):
-                w, arriving, ratio = self._sample(bins, index, j, lit, seed, turn, active)
+                w, arriving, distance, density = lighting.draw(index, j, seed, active)
                 wi = surface.to_local(w)
                 value, pdf = surface.respond(wi, active)
-                met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (ratio > 0.0)
-                met &= ~self._occluded(surface, w, met)
-                total = mi.Float(drawn) * pdf + self._light_density(bins, lit, w, arriving)
-                radiance += dr.select(met, ratio * value * arriving / total, 0.0)
+                met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (dr.max(arriving) > 0.0)
+                met &= ~self._occluded(surface, w, distance, met)
+                radiance += dr.select(met, value * arriving / (mi.Float(drawn) * pdf + density), 0.0)
                 j += 1
         return radiance
 
-    def _follow(self, surface: Surface, turn: Any, active: Any, straight: Any, onward: Any, seed: Any) -> Any:
+    def _follow(self, surface: Surface, lighting: Lighting, active: Any, straight: Any, onward: Any, seed: Any) -> Any:
         """Follow single directions: no direction of the light is ever one of them.
 
         Where the surface is absent, a path goes straight on, from the camera to a black background. Returns the light
@@ -235,10 +238,10 @@ class Estimator:
         chosen_straight = mi.Bool(False)
         for number, (w, weight, passes) in enumerate(self._singles(surface)):
             met = active & (dr.max(weight) > 0.0)
-            blocked, triangle, uv = self._trace(surface, w, met)
+            blocked, occluder, triangle, uv = self._trace(surface, w, met)
             unseen = straight & passes
-            lit = met & ~blocked & ~unseen
-            direct += dr.select(lit, weight * self._light.radiance(w, turn, lit), 0.0)
+            lit = met & ~unseen
+            direct += dr.select(lit, weight * lighting.arriving(w, self._mi.Float(1.0), 0.0, occluder, lit), 0.0)
             passed += dr.select(met & ~blocked & unseen, weight.x, 0.0)
             size = dr.select(met & blocked & onward, dr.mean(weight), 0.0)
             share += size
@@ -259,33 +262,6 @@ class Estimator:
             found.append((-surface.viewer, self._mi.Color3f(1.0 - surface.presence()), True))
         return found
 
-    def _bins(self, surface: Surface, turn: Any) -> tuple[NormalBin, ...]:
-        """Return the bins of normals that the light is sampled by: in front, and behind what transmits."""
-        if not self._light.sampled:
-            return ()
-        front = self._light.bin(surface.normal, turn)
-        return (front, self._light.bin(-surface.normal, turn)) if self._looks.transmits else (front,)
-
-    def _light_density(self, bins: tuple[NormalBin, ...], lit: Any, w: Any, radiance: Any) -> Any:
-        """Return the density of `lit` directions of the light."""
-        total = self._mi.Float(0.0)
-        for number, each in enumerate(bins):
-            total += self._mi.Float(_divided(lit, len(bins))[number]) * each.pdf(w, radiance)
-        return total
-
-    def _sample(
-        self, bins: tuple[NormalBin, ...], index: Any, number: Any, lit: Any, seed: Any, turn: Any, active: Any
-    ) -> tuple[Any, Any, Any]:
-        """Return direction number `number` of `lit` of a sample, its radiance, and its ratio of densities."""
-        start = sobol.hashed(seed ^ 0x2545F491)
-        if len(bins) == 1:
-            return bins[0].sample(start ^ (index * lit + number), seed, turn, active)
-        in_front, behind = _divided(lit, 2)
-        back = number >= in_front
-        own = dr.select(back, index * behind + number - in_front, index * in_front + number)
-        drawn = [each.sample(start ^ own, seed + side, turn, active) for side, each in enumerate(bins)]
-        return tuple(dr.select(back, b, a) for a, b in zip(*drawn, strict=True))
-
     def _agree(self, surface: Surface, wi: Any, w: Any) -> Any:
         """Return where shading normal and facet agree on which side a direction is, and the looks let it be there."""
         height = dr.dot(w, surface.facet)
@@ -297,19 +273,17 @@ class Estimator:
         side = dr.select(dr.dot(w, surface.facet) < 0.0, -surface.lift, surface.lift)
         return self._mi.Ray3f(self._mi.Point3f(surface.point + side * surface.facet), w)
 
-    def _trace(self, surface: Surface, w: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Return which directions meet the asset, and the triangles and their coordinates there."""
+    def _trace(self, surface: Surface, w: Any, active: Any) -> tuple[Any, Any, Any, Any]:
+        """Return which directions meet the asset, and how far, the triangles and their coordinates there."""
         if not self._shadows:
-            return self._mi.Bool(False), surface.triangle, surface.uv
+            return self._mi.Bool(False), self._mi.Float(FAR), surface.triangle, surface.uv
         found = self._geometry.scene.ray_intersect_preliminary(self._ray(surface, w), coherent=False, active=active)
-        return found.is_valid(), found.prim_index, found.prim_uv
+        hit = found.is_valid()
+        return hit, dr.select(hit, found.t, FAR), found.prim_index, found.prim_uv
 
-    def _occluded(self, surface: Surface, w: Any, active: Any) -> Any:
+    def _occluded(self, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
         if not self._shadows:
             return self._mi.Bool(False)
-        return self._geometry.scene.ray_test(self._ray(surface, w), coherent=False, active=active)
-
-
-def _divided(count: Any, parts: int) -> tuple[Any, ...]:
-    """Divide a number of directions among front and back, as the shader does."""
-    return (count,) if parts == 1 else (count - count // 2, count // 2)
+        ray = self._ray(surface, w)
+        ray.maxt = distance
+        return self._geometry.scene.ray_test(ray, coherent=False, active=active)

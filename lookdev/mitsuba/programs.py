@@ -8,7 +8,7 @@ from typing import Any
 
 import drjit as dr
 
-from lookdev.codegen import Operation, ProgramSource
+from lookdev.codegen import Operation
 
 VARYING = frozenset(("wi_x", "wi_y", "wi_z", "u1", "u2"))
 """Symbols that change between the directions of one place."""
@@ -55,22 +55,23 @@ OPERATIONS: Mapping[str, Callable[..., Any]] = {
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """A look's program, its constants and tables as arrays of `number`, a type of Dr.Jit's floats."""
+    """Operations and outputs of a `ProgramSource`, its constants and tables as arrays of `number`, Dr.Jit's floats."""
 
-    source: ProgramSource
+    operations: Sequence[Operation]
+    outputs: Mapping[str, tuple[int, ...]]
     number: Any
-    constants: Sequence[Any]
-    tables: Sequence[Any]
+    constants: Sequence[Any] = ()
+    tables: Sequence[Any] = ()
     needs: Mapping[str, tuple[int, ...]] = field(init=False)
     varying: frozenset[int] = field(init=False)
 
     def __post_init__(self) -> None:
         varying: set[int] = set()
-        for number, operation in enumerate(self.source.operations):
+        for number, operation in enumerate(self.operations):
             if operation.name in VARYING or varying.intersection(operation.operands):
                 varying.add(number)
         object.__setattr__(self, "varying", frozenset(varying))
-        needs = {name: _reached(self.source.operations, roots) for name, roots in self.source.outputs.items()}
+        needs = {name: _reached(self.operations, roots) for name, roots in self.outputs.items()}
         object.__setattr__(self, "needs", needs)
 
 
@@ -103,15 +104,15 @@ class Place:
         for number in program.needs[name]:
             store = local if number in program.varying else self._known
             if number not in store:
-                store[number] = self._value(program.source.operations[number], local, given)
-        return tuple(local[n] if n in local else self._known[n] for n in program.source.outputs[name])
+                store[number] = self._value(program.operations[number], local, given)
+        return tuple(local[n] if n in local else self._known[n] for n in program.outputs[name])
 
     def prepare(self, *names: str) -> None:
         """Compute what outputs depend on besides what varies."""
         for name in names:
             for number in self._program.needs[name]:
                 if number not in self._program.varying and number not in self._known:
-                    self._known[number] = self._value(self._program.source.operations[number], {}, {})
+                    self._known[number] = self._value(self._program.operations[number], {}, {})
 
     def _value(self, operation: Operation, local: Mapping[int, Any], given: Mapping[str, Any]) -> Any:
         program = self._program

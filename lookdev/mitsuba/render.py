@@ -14,11 +14,10 @@ from numpy.typing import NDArray
 
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
-from lookdev.light.dome import Dome
 from lookdev.metrics import relmse_of_halves
-from lookdev.mitsuba.dome import DomeLight
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, View
+from lookdev.mitsuba.lights import lights_of
 from lookdev.mitsuba.surface import Looks
 from lookdev.render.denoise import denoised
 from lookdev.render.frame import Progress, RenderedFrame, rounds
@@ -47,9 +46,7 @@ class MitsubaScene:
         sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
         self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn)
         looks = Looks(mi, sources, self._geometry)
-        (dome,) = task.lights
-        assert isinstance(dome, Dome), "the backend's record refuses other lights"
-        light = DomeLight(mi, dome)
+        light = lights_of(mi, task.lights, self._geometry.center, task.camera.pivot)
         shadows = any(source.shadows for source in sources)
         counts = _counts(task.sampling, light.sampled)
         self._estimator = Estimator(mi, self._geometry, looks, light, counts, task.sampling.bounces, shadows)
@@ -60,7 +57,8 @@ class MitsubaScene:
         sampling = replace(
             task.sampling, samples=own.sampling.samples, error=own.sampling.error, seed=own.sampling.seed
         )
-        return replace(task, sampling=sampling, camera=own.camera) == own
+        camera = own.camera if own.camera.pivot == task.camera.pivot else task.camera
+        return replace(task, sampling=sampling, camera=camera) == own
 
     def render(self, task: FrameTask, progress: Progress) -> RenderedFrame:
         """Render one frame. The halves have independent scrambles, so that their difference measures the error."""

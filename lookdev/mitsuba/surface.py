@@ -20,6 +20,7 @@ class Looks:
     def __init__(self, mi: Any, sources: Sequence[ProgramSource], geometry: Geometry) -> None:
         self.mi = mi
         self.geometry = geometry
+        self.sources = sources
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
@@ -37,7 +38,7 @@ class Looks:
 def _program(mi: Any, source: ProgramSource) -> Program:
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
     tables = [mi.Float(np.load(each.path).ravel()) for each in source.tables]
-    return Program(source, mi.Float, constants, tables)
+    return Program(source.operations, source.outputs, mi.Float, constants, tables)
 
 
 class Surface:
@@ -152,8 +153,8 @@ class _Symbols:
         self._hit = hit
         self._viewer = viewer
         self._images = looks.images[number]
-        self._bindings = {each.parameter: each for each in looks.programs[number].source.attributes}
-        self._uvs = {each.name: each.uv for each in looks.programs[number].source.look_ups}
+        self._bindings = {each.parameter: each for each in looks.sources[number].attributes}
+        self._uvs = {each.name: each.uv for each in looks.sources[number].look_ups}
         self._known: dict[str, Any] = {"viewer": viewer}
 
     def __call__(self, name: str) -> Any:

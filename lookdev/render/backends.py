@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
-from lookdev.light import Light, called, native_gaps
+from lookdev.light import Light, called, mitsuba_gaps, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.scene import Sampling
 
@@ -141,12 +141,6 @@ def _only_domes(lights: Sequence[Light]) -> Sequence[str]:
     return [*lamps, *native_gaps(domes)]
 
 
-def _one_plain_dome(lights: Sequence[Light]) -> Sequence[str]:
-    if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
-        return ()
-    return ["this backend is lit by one dome alone, in its own axes"]
-
-
 def _one_dome(lights: Sequence[Light]) -> Sequence[str]:
     if len(lights) == 1 and lights[0].kind == "dome" and is_plain(lights[0]):
         return ()
@@ -209,7 +203,7 @@ BACKENDS: dict[str, Backend] = {
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
-            cannot_light=_one_plain_dome,
+            cannot_light=mitsuba_gaps,
             directions=True,
             features=True,
             version=_of_mitsuba,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -13,8 +14,10 @@ from frames import POSE, RenderScene, orbit_camera
 from looks import LOOKS, quick_among
 from painted import embossed, painted, sparkling
 
-from lookdev.asset import Instance, load_asset, make_asset
+from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.checks.images import check_frame, choose_pixels
+from lookdev.errors import EnvironmentMapError
+from lookdev.light import LIGHT_KINDS, DiskLight, Emission, Falloff, Light, RectLight, Shaping, SphereLight
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
@@ -128,3 +131,44 @@ def test_a_target_is_reached(render: RenderScene, light_of) -> None:
     frame = render("suzanne", LOOKS["coated"], light_of("city"), samples=4096, error=2e-3)
     assert frame.relmse <= 2e-3
     assert frame.samples < 4096
+
+
+def rig_agreement(worker: Worker, asset: Asset, look: Look, lights: Sequence[Light], **sampling: int) -> None:
+    camera = orbit_camera(asset.center, asset.radius)
+    scene = Scene(asset, {slot.path: look for slot in asset.slots}, tuple(lights), camera, Film((40, 40)))
+    task = scene_task(scene, Sampling(samples=64, bounces=2, **sampling), "mitsuba")
+    worker.start()
+    frames = [worker.render(one_frame(task, POSE, f"{n}", seed=n), lambda progress: None) for n in range(6)]
+    chosen = choose_pixels(frames[0].alpha, 120, seed=1)
+    halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
+    reference = frame_pixels(
+        MeshScene(asset, scene.looks), list(lights), camera, POSE, (40, 40), chosen, bounces=2, samples=256
+    )
+    found = check_frame("rig", halves, frames[0].alpha, 6 * 64, chosen, reference)
+    assert found.passed, "\n".join((found.summary, *found.details))
+
+
+@pytest.mark.parametrize("kind", ["rect", "disk", "sphere", "cylinder", "distant"])
+def test_each_kind_of_lamp_agrees(kind: str, worker: Worker) -> None:
+    look = Look("coated", LOOKS["coated"])
+    rig_agreement(worker, load_asset(builtin="suzanne"), look, [LIGHT_KINDS[kind].example()])
+
+
+def test_a_rig_of_lamps_and_domes_agrees(worker: Worker, light_of) -> None:
+    """Lamps that turn and one that stays, a beam, a falloff, two domes with axes of their own; and transmission."""
+    shaped = Emission((4.0, 3.0, 2.0), shaping=Shaping(60.0, 0.5, focus=2.0), falloff=Falloff(0.2, 1.5, 2.0, 6.0))
+    sphere = replace(SphereLight.example(), emission=shaped)
+    still = replace(DiskLight.example(), emission=replace(DiskLight.example().emission, turns=False))
+    leaning = ((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8))
+    dome = replace(light_of("slopes"), axes=leaning, emission=Emission((0.4, 0.3, 0.5)))
+    white = replace(light_of("white"), emission=Emission((0.1, 0.2, 0.1)))
+    look = Look("leaf", LOOKS["leaf"])
+    rig_agreement(worker, load_asset(builtin="suzanne"), look, [RectLight.example(), sphere, dome, still, white])
+
+
+def test_lights_that_are_not_shown_are_refused_in_words() -> None:
+    asset, look = load_asset(builtin="sphere"), Look("coated", LOOKS["coated"])
+    seen = replace(RectLight.example(), emission=Emission(camera=True))
+    scene = Scene.of_look(asset, look, seen, (8, 8))
+    with pytest.raises(EnvironmentMapError, match="a light that the camera sees, which it does not show yet: backend"):
+        scene_task(scene, Sampling(), "mitsuba")

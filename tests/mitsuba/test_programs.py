@@ -30,7 +30,8 @@ def test_programs_agree_with_the_models(model: str, tokens: dict[str, str], drji
         look = Look("look", (Layer("Layer", model, inputs),))
         source = generate_program(look, lambda texture: pytest.fail("no texture is read"))
         tables = [number(np.load(each.path).astype(np.float64)) for each in source.tables]
-        program = Program(source, number, [number(each) for each in source.constants], tables)
+        constants = [number(each) for each in source.constants]
+        program = Program(source.operations, source.outputs, number, constants, tables)
         wo = directions(rng, COUNT)
         wi, u = near_the_mirror_image(rng, wo), rng.random((COUNT, 2))
         symbols = {f"wo_{axis}": number(wo[:, i].copy()) for i, axis in enumerate("xyz")} | {"handed": number(1.0)}

@@ -7,8 +7,8 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +19,13 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
 from lookdev.cache import Content, derived
+from lookdev.codegen.drjit.written import Written
 from lookdev.codegen.inputs import Inputs
-from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, Operation, ProgramSource
+from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, ProgramSource
 from lookdev.codegen.trace.azimuth import reads_tangent
-from lookdev.codegen.trace.graph import Graph, Node, Uniform, in_order
+from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
-from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
@@ -63,7 +63,7 @@ def generate_program(
             albedo = albedo + delta.value
         outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else ZENITH}
     directed = reads_tangent(graph, lobes)
-    written = _Written(inputs)
+    written = Written()
     for name, result in outputs.items():
         written.add(name, elements_of(result))
     attributes = inputs.read_by(written.symbols)
@@ -125,58 +125,3 @@ def _content(table: Table) -> Content:
 
     (content,) = derived("tables", f"{table.digest}.npy", lambda: (Content.written(".npy", save),))
     return content
-
-
-@dataclass
-class _Written:
-    """Operations written so far, each node once."""
-
-    inputs: Inputs
-    operations: list[Operation] = field(default_factory=list)
-    outputs: dict[str, tuple[int, ...]] = field(default_factory=dict)
-    constants: list[float] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
-    symbols: set[str] = field(default_factory=set)
-    _numbers: dict[Any, int] = field(default_factory=dict)
-
-    def add(self, name: str, roots: Sequence[Any]) -> None:
-        """Write nodes and constants as the results of a name."""
-        for node in in_order(roots):
-            self._numbers[node] = self._append(self._operation(node))
-        self.outputs[name] = tuple(map(self._number, roots))
-
-    def _append(self, operation: Operation) -> int:
-        self.operations.append(operation)
-        return len(self.operations) - 1
-
-    def _operation(self, node: Node) -> Operation:
-        if node in self._numbers:
-            return self.operations[self._numbers[node]]
-        match node.op, node.args:
-            case "symbol", (name,):
-                self.symbols.add(name)
-                return Operation("symbol", name=name)
-            case "look_up", (table, channel, row, column):
-                if table not in self.tables:
-                    self.tables.append(table)
-                place, columns = self.tables.index(table), table.values.shape[1]
-                cell = (self._number(row), self._number(column))
-                name = "" if channel is None else str(channel)
-                return Operation("look_up", cell, value=float(columns), place=place, name=name)
-            case op, operands:
-                return Operation(op, tuple(map(self._number, operands)))
-
-    def _number(self, value: Any) -> int:
-        if isinstance(value, Node):
-            return self._numbers[value]
-        key = (isinstance(value, Uniform), type(value).__name__, str(value))
-        if key not in self._numbers:
-            if not np.isfinite(value):
-                raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
-            if isinstance(value, Uniform):
-                self.constants.append(float(value))
-                operation = Operation("uniform", place=len(self.constants) - 1)
-            else:
-                operation = Operation("truth" if isinstance(value, bool | np.bool_) else "constant", value=float(value))
-            self._numbers[key] = self._append(operation)
-        return self._numbers[key]

@@ -1,0 +1,68 @@
+"""Nodes of a graph as operations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf.table import Table
+from lookdev.codegen.source import Operation
+from lookdev.codegen.trace.graph import Node, Uniform, in_order
+from lookdev.errors import CodegenError
+
+
+@dataclass
+class Written:
+    """Operations written so far, each node once; the symbols, constants and tables that they read."""
+
+    operations: list[Operation] = field(default_factory=list)
+    outputs: dict[str, tuple[int, ...]] = field(default_factory=dict)
+    constants: list[float] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    symbols: set[str] = field(default_factory=set)
+    _numbers: dict[Any, int] = field(default_factory=dict)
+
+    def add(self, name: str, roots: Sequence[Any]) -> None:
+        """Write nodes and constants as the results of a name."""
+        for node in in_order(roots):
+            self._numbers[node] = self._append(self._operation(node))
+        self.outputs[name] = tuple(map(self._number, roots))
+
+    def _append(self, operation: Operation) -> int:
+        self.operations.append(operation)
+        return len(self.operations) - 1
+
+    def _operation(self, node: Node) -> Operation:
+        if node in self._numbers:
+            return self.operations[self._numbers[node]]
+        match node.op, node.args:
+            case "symbol", (name,):
+                self.symbols.add(name)
+                return Operation("symbol", name=name)
+            case "look_up", (table, channel, row, column):
+                if table not in self.tables:
+                    self.tables.append(table)
+                place, columns = self.tables.index(table), table.values.shape[1]
+                cell = (self._number(row), self._number(column))
+                name = "" if channel is None else str(channel)
+                return Operation("look_up", cell, value=float(columns), place=place, name=name)
+            case op, operands:
+                return Operation(op, tuple(map(self._number, operands)))
+
+    def _number(self, value: Any) -> int:
+        if isinstance(value, Node):
+            return self._numbers[value]
+        key = (isinstance(value, Uniform), type(value).__name__, str(value))
+        if key not in self._numbers:
+            if not np.isfinite(value):
+                raise CodegenError(f"a constant folded to {value}; the model leaves its domain")
+            if isinstance(value, Uniform):
+                self.constants.append(float(value))
+                operation = Operation("uniform", place=len(self.constants) - 1)
+            else:
+                operation = Operation("truth" if isinstance(value, bool | np.bool_) else "constant", value=float(value))
+            self._numbers[key] = self._append(operation)
+        return self._numbers[key]
