@@ -77,8 +77,8 @@ def bench(
     if denoise_trial:
         from lookdev.bench import denoise_trial as trial
 
-        side = {} if resolution is None else {"resolution": resolution}
-        measured = trial.run_trial(frames, out, report, seed=seed, reference=reference, fresh=fresh, **side)
+        side = resolution or trial.SIDE
+        measured = trial.run_trial(frames, out, report, seed=seed, resolution=side, reference=reference, fresh=fresh)
         say(trial.summary(measured))
         raise typer.Exit(0 if len(measured) == frames else 130)
     options = parse_options(
