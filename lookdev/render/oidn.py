@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import weakref
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -67,23 +68,29 @@ def denoiser(albedo: Image, normal: Image) -> Callable[[Image], Image]:
         The library is not there, or refuses the pictures.
     """
     library, device = _library()
-    guides = {b"albedo": np.ascontiguousarray(albedo, np.float32), b"normal": np.ascontiguousarray(normal, np.float32)}
     height, width = albedo.shape[:2]
+    noisy, smooth = (np.zeros((height, width, 3), np.float32) for _ in range(2))
+    images = {
+        b"color": noisy,
+        b"output": smooth,
+        b"albedo": np.ascontiguousarray(albedo, np.float32),
+        b"normal": np.ascontiguousarray(normal, np.float32),
+    }
+    filter_ = library.oidnNewFilter(device, b"RT")
+    for name, image in images.items():
+        library.oidnSetSharedFilterImage(filter_, name, image.ctypes.data, _FLOAT3, width, height, 0, 0, 0)
+    library.oidnSetFilterBool(filter_, b"hdr", True)
+    library.oidnSetFilterBool(filter_, b"cleanAux", True)
+    library.oidnCommitFilter(filter_)
+    _check(library, device)
 
-    def denoise(noisy: Image) -> Image:
-        smooth = np.empty((height, width, 3), np.float32)
-        images = {b"color": np.ascontiguousarray(noisy, np.float32), b"output": smooth, **guides}
-        filter_ = library.oidnNewFilter(device, b"RT")
-        for name, image in images.items():
-            library.oidnSetSharedFilterImage(filter_, name, image.ctypes.data, _FLOAT3, width, height, 0, 0, 0)
-        library.oidnSetFilterBool(filter_, b"hdr", True)
-        library.oidnSetFilterBool(filter_, b"cleanAux", True)
-        library.oidnCommitFilter(filter_)
+    def denoise(picture: Image) -> Image:
+        images[b"color"][...] = picture
         library.oidnExecuteFilter(filter_)
-        library.oidnReleaseFilter(filter_)
         _check(library, device)
-        return smooth
+        return smooth.copy()
 
+    weakref.finalize(denoise, library.oidnReleaseFilter, filter_)
     return denoise
 
 

