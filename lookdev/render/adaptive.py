@@ -29,7 +29,7 @@ _AIM = 0.9  # of the target: a round that falls short takes another one
 _LEAST_GROWTH = 0.05  # of a round over rectangles
 _LAST_ROUND = 24  # from which on samples double, so that seeds suffice
 _TILE, _TILES = 16, 32  # pixels along the side of a tile at least; tiles along the side of a frame at most
-_CALL = 4096.0  # samples of pixels of the asset that take as long as a call of the renderer does besides
+_CALL = 1024.0  # samples of pixels of the asset that take as long as a call of the renderer does besides
 _BACKGROUND = 0.1  # of the time of a pixel of the asset, for one that shows none
 
 
