@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +19,13 @@ sys.path.append(str(Path(bpy.utils.resource_path("LOCAL")) / "scripts" / "addons
 import cycles
 
 _ENGINE = "LOOKDEV_CYCLES"
-_SMALLEST = 4  # pixels along a side that Blender renders
+SMALLEST = 4
+"""Pixels along a side of the least picture that Blender renders."""
+
+_LONGEST_TABLE = 8192  # samples for which Cycles tabulates points; more repeat them, shuffled
+
+Box = tuple[int, int, int, int]
+"""Left, bottom, right and top in pixels from the lower left corner of the frame."""
 
 
 class Capture(cycles.CyclesRender):  # type: ignore[misc]
@@ -45,16 +53,22 @@ class Capture(cycles.CyclesRender):  # type: ignore[misc]
 bpy.utils.register_class(Capture)
 
 
-def render_passes(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
+def render_passes(scene: Any, samples: int, seed: int = 0, box: Box | None = None) -> dict[str, NDArray[np.float32]]:
     """Render the scene with `samples` a pixel and return its passes by Blender's names, rows bottom-up.
 
     Cycles places sample 0 of every pixel at its centre, which would bias coverage by up to half a sample. The second
     block of the sequence has no such sample, and a block of a power of two is as stratified as the first.
+
+    With a `box`, the passes have its pixels alone, which are bit for bit those of the whole frame. A ValueError reports
+    a box of less than 4 pixels along a side, which Blender does not render.
     """
     scene.cycles.samples = 2 * samples
     scene.cycles.use_sample_subset = True
     scene.cycles.sample_offset = scene.cycles.sample_subset_length = samples
-    return _render(scene, seed)
+    if box is None:
+        return _render(scene, seed)
+    with _bordered(scene.render, box):
+        return _render(scene, seed)
 
 
 def render_whole(scene: Any, samples: int, seed: int = 0) -> dict[str, NDArray[np.float32]]:
@@ -74,15 +88,44 @@ def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
         layer.denoising_store_passes = False
 
 
+def fill_tables(scene: Any) -> None:
+    """Make Cycles' table of sample points as long as it ever is.
+
+    It grows with the most samples that were rendered, and what it has for fewer changes as it does: rounds of different
+    samples would depend on what was rendered before.
+    """
+    scene.cycles.samples = _LONGEST_TABLE
+    scene.cycles.use_sample_subset = True
+    scene.cycles.sample_offset, scene.cycles.sample_subset_length = 0, 1
+    with _bordered(scene.render, (0, 0, SMALLEST, SMALLEST)):
+        _render(scene, seed=0)
+
+
 def compile_shaders(scene: Any) -> None:
     """Render a tiny picture of a scene, whose compiled shaders persistent data keeps for its frames."""
     render = scene.render
     size = render.resolution_x, render.resolution_y
-    render.resolution_x = render.resolution_y = _SMALLEST
+    render.resolution_x = render.resolution_y = SMALLEST
     try:
         render_whole(scene, samples=1)
     finally:
         render.resolution_x, render.resolution_y = size
+
+
+@contextmanager
+def _bordered(render: Any, box: Box) -> Iterator[None]:
+    left, bottom, right, top = box
+    if min(right - left, top - bottom) < SMALLEST:
+        raise ValueError(f"a box has at least {SMALLEST} pixels along a side, found: {box}")
+    width, height = render.resolution_x, render.resolution_y
+    # Borders are numbers of 32 bits, cut to whole pixels: a quarter of a pixel keeps them from the next.
+    render.border_min_x, render.border_max_x = (left + 0.25) / width, (right + 0.25) / width
+    render.border_min_y, render.border_max_y = (bottom + 0.25) / height, (top + 0.25) / height
+    render.use_border = render.use_crop_to_border = True
+    try:
+        yield
+    finally:
+        render.use_border = render.use_crop_to_border = False
 
 
 def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:
@@ -179,7 +222,7 @@ def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
     render.resolution_x, render.resolution_y = resolution
     render.resolution_percentage = 100
     render.pixel_aspect_x = render.pixel_aspect_y = 1.0
-    render.use_border = render.use_compositing = render.use_sequencer = False
+    render.use_border = render.use_crop_to_border = render.use_compositing = render.use_sequencer = False
     render.use_persistent_data = True
     render.use_simplify = False
     render.threads_mode = "AUTO"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,17 +13,15 @@ from numpy.typing import NDArray
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
 from lookdev.metrics import relmse_of_halves
+from lookdev.render.adaptive import Half, Region, mean_samples, next_round
 from lookdev.render.denoise import Denoised, denoised
 from lookdev.render.oidn import denoiser
 from lookdev.render.task import FrameTask
-from lookdev.scene import Sampling
 
 Image = NDArray[np.float32]
 
 # Seeds of one frame's rounds and halves: those of neighbouring `seed` values never coincide.
 _SEEDS_PER_FRAME = 64
-# Samples of a half in the first round towards a target error.
-_FIRST_ROUND = 8
 # Samples of the pictures that guide a denoiser: they have no noise but that of edges, lenses and textures.
 _FEATURE_SAMPLES = 16
 
@@ -63,41 +61,40 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     scene.pose(task.scene.camera, task.pose)
     if scene.by_user:
         return _frame_of_user(scene, sampling, progress)
-    sums = np.zeros((2, height, width, 3))
-    coverage = np.zeros((height, width))
-    done = 0
-    error = raw_error = math.nan
+    if sampling.error is not None:
+        engine.fill_tables(scene.scene)
+    halves = Half(width, height, gain), Half(width, height, gain)
+    a = b = alpha = np.zeros(0)
+    error = raw_error = math.inf
     before = time.perf_counter()
     smooth = _denoiser(scene, task) if sampling.denoise != "off" else None
     denoising = time.perf_counter() - before
     result: Denoised | None = None
-    for number, size in enumerate(_rounds(sampling)):
-        for half in (0, 1):
-            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + half
-            scene.control(task.pose, seed, size)
-            passes = engine.render_passes(scene.scene, size, seed)
-            sums[half] += size * passes["Combined"][::-1, :, :3]
-            coverage += size * (passes["UV"][::-1, :, 2] if scene.by_portals else passes["Combined"][::-1, :, 3])
-            done += size
-            progress(done, sampling.samples, None if math.isnan(error) else error)
-        a, b = (2.0 / done) * sums
-        error = raw_error = relmse_of_halves(a * gain, b * gain, coverage)
+    done = number = 0
+    while any(regions := next_round(sampling, halves, number, error)):
+        for which, half in enumerate(halves):
+            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + which
+            for region in regions[which]:
+                half.add(region, *_rendered(scene, task, seed, region))
+            done = round(2.0 * mean_samples(halves))
+            progress(done, sampling.samples, error if number else None)
+        number += 1
+        a, b, alpha = halves[0].color, halves[1].color, 0.5 * (halves[0].alpha + halves[1].alpha)
+        error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
         if smooth is not None:
             before = time.perf_counter()
-            result = denoised(a * gain, b * gain, coverage / done, smooth)
+            result = denoised(a * gain, b * gain, alpha, smooth)
             error = result.relmse
             denoising += time.perf_counter() - before
         progress(done, sampling.samples, error)
-        if sampling.error is not None and error <= sampling.error:
-            break
     raw = None if result is None else (0.5 * (a + b)).astype(np.float32)
     if result is not None:
         a, b = result.a / gain, result.b / gain
-    a, b, alpha = (array.astype(np.float32) for array in (a, b, coverage / done))
+    shown = (a.astype(np.float32), b.astype(np.float32), alpha.astype(np.float32))
     seconds = time.perf_counter() - started
     if result is None:
-        return RenderedFrame(a, b, alpha, done, seconds, error)
-    return RenderedFrame(a, b, alpha, done, seconds, error, raw, raw_error, seconds - denoising)
+        return RenderedFrame(*shown, done, seconds, error)
+    return RenderedFrame(*shown, done, seconds, error, raw, raw_error, seconds - denoising)
 
 
 def _frame_of_user(scene: Scene, sampling: Sampling, progress: Progress) -> RenderedFrame:
@@ -127,16 +124,13 @@ def _denoiser(scene: Scene, task: FrameTask) -> Callable[[Image], Image]:
     return denoiser(shown(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
 
 
-def _rounds(sampling: Sampling) -> Iterator[int]:
-    """Yield the samples a pixel of each half by rounds: powers of two, as only such blocks are stratified.
-
-    The fewest rounds with the sum that is set; with a target error, each round doubles the total up to the sum.
-    """
-    left = sampling.samples // 2
-    size = _FIRST_ROUND if sampling.error is not None else left
-    while left:
-        size = 1 << (min(size, left).bit_length() - 1)
-        yield size
-        left -= size
-        if sampling.error is not None:
-            size = max(size, sampling.samples // 2 - left)
+def _rendered(scene: Scene, task: FrameTask, seed: int, region: Region) -> tuple[Image, Image]:
+    """Return the colours and the coverage of a region."""
+    scene.control(task.pose, seed, region.samples)
+    # Blender counts rows from the bottom.
+    height = task.scene.resolution[1]
+    rows, columns = region.rows, region.columns
+    box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
+    passes = engine.render_passes(scene.scene, region.samples, seed, box)
+    color = passes["Combined"][::-1]
+    return color[..., :3], passes["UV"][::-1, :, 2] if scene.by_portals else color[..., 3]

@@ -1,0 +1,74 @@
+"""A rectangle of a frame is bit for bit that part of the whole frame; rectangles bring a frame to its target."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames import POSE, RenderScene, orbit_camera
+from scripts import run_script
+
+from lookdev.asset import load_asset
+from lookdev.light import Dome
+from lookdev.material import Layer, Look
+from lookdev.metrics import relmse
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.scene import Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+COPPER = Layer("copper", "disney", {"metallic": 1.0, "roughness": 0.35})
+PLASTIC = Layer("plastic", "disney", {"baseColor": (0.1, 0.2, 0.5), "roughness": 0.3})
+
+WIDTH, HEIGHT = 67, 45
+BOXES = [
+    (0, 0, WIDTH, HEIGHT),
+    (0, 0, 4, 4),
+    (WIDTH - 4, HEIGHT - 4, WIDTH, HEIGHT),
+    (21, 16, 46, 32),
+    (32, 0, 48, HEIGHT),
+    (0, 16, WIDTH, 31),
+]
+
+
+@pytest.mark.parametrize("backend", ["exact", "nodes-exact", "nodes"])
+def test_a_rectangle_is_that_part_of_the_frame(backend: str, tmp_path: Path, light_of: Callable[[str], Dome]) -> None:
+    asset = load_asset(builtin="shaderball")
+    look = Look("copper", (COPPER,))
+    camera = orbit_camera(asset.center, asset.radius)
+    shown = Scene.of_look(asset, look, light_of("studio"), (WIDTH, HEIGHT), camera)
+    task = one_frame(scene_task(shown, Sampling(), backend), POSE, "regions")
+    request, out = tmp_path / "request.pickle", tmp_path / "found.npz"
+    request.write_bytes(pickle.dumps((task, BOXES, 4)))
+    run_script("region_probe.py", request, out)
+    with np.load(out, allow_pickle=False) as stored:
+        found = dict(stored)
+    for number, (left, bottom, right, top) in enumerate(BOXES):
+        part = found[f"part{number}"]
+        assert part.shape == (top - bottom, right - left, 4)
+        for other in ("before", "again", "after"):
+            np.testing.assert_array_equal(part, found[f"{other}{number}"], err_msg=f"box {number}, {other}")
+    assert any(found[f"part{number}"][..., :3].any() for number in (1, 3)), "the boxes show nothing"
+
+
+def test_rectangles_bring_a_frame_to_its_target(render: RenderScene, light_of: Callable[[str], Dome]) -> None:
+    def frame(**given):
+        return render("shaderball", [PLASTIC], light_of("studio"), size=64, **given)
+
+    found = frame(samples=4096, error=4e-3, seed=3)
+    # What else is rendered in between does not matter.
+    converged = frame(samples=1024, seed=1000)
+    again = frame(samples=4096, error=4e-3, seed=3)
+    # Rounds over the whole frame alone would end at a power of two.
+    assert found.samples & (found.samples - 1), f"nothing was adaptive at {found.samples} samples"
+    for name in ("a", "b", "alpha"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
+    assert found.relmse <= 4e-3
+    true = relmse(0.5 * (found.a + found.b), 0.5 * (converged.a + converged.b), converged.alpha)
+    assert 0.5 < found.relmse / true < 2.0, (found.relmse, true, found.samples)
+    # At a silhouette alpha is a mean as the colours are.
+    assert np.abs(found.alpha - converged.alpha)[converged.alpha > 0.0].mean() < 0.03
