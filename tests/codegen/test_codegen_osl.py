@@ -21,7 +21,7 @@ from lookdev.codegen.osl.surface import expand_template, generate_surface
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import present_lobes
 from lookdev.errors import CodegenError, ModelError
-from lookdev.light import Dome
+from lookdev.light import Dome, SphereLight
 from lookdev.material import Bump, Layer, Look, Primvar, Texture
 
 DISNEY = PointLayer("disney", {"variant": "2014"})
@@ -349,6 +349,34 @@ def test_broad_lobes_are_light_sampled() -> None:
         assert not light_sampled_in(without)
         assert "#define LIGHT_SAMPLED 0" in without.osl
         assert "bsdf_sampled_pdf += " not in without.osl
+
+
+def counts(source: ShaderSource) -> list[int]:
+    """Return the directions of BSDF and light at the first hit, and after a bounce."""
+    names = [f"{name}_SAMPLES{where}" for where in ("", "_ONWARD") for name in ("BRDF", "FRONT", "BACK")]
+    (values,) = zip(*(re.findall(rf"#define {name} (\d+)\n", source.osl) for name in names), strict=True)
+    brdf, front, back, *onward = map(int, values)
+    return [brdf, front + back, onward[0], onward[1] + onward[2]]
+
+
+def test_directions_are_few_at_the_first_hit_of_glossy_looks_in_recesses(textures: dict[str, Texture]) -> None:
+    def chosen(layer: Layer, *lights: Dome | SphereLight, bounces: int = 2, **given: int) -> list[int]:
+        options: dict[str, Any] = {"brdf_samples": None, "ibl_samples": None, "bounces": bounces} | given
+        options |= {"lights": lights or (DOME,), "resolution": (8, 8)}
+        return counts(generate_surface(Look("test", (layer,)), lambda source: textures["mask"].file, **options))
+
+    # Whatever says how glossy it is.
+    rough = replace(textures["mask"], scale=(0.5,) * 4)
+    metals = base(metallic=1.0), base(metallic=1.0, anisotropic=0.8), base(metallic=1.0, roughness=rough)
+    for metal in metals:
+        assert chosen(metal) == [2, 2, 1, 4]
+        assert chosen(metal, SphereLight.example()) == [2, 2, 1, 4]
+        assert chosen(metal, bounces=0) == [4, 4, 1, 2]
+        assert chosen(metal, brdf_samples=8) == [8, 4, 2, 2]
+        assert chosen(metal, replace(DOME, constant=True)) == [4, 0, 1, 0]
+    # Where some lobe is broad, or light comes from both sides, they are more.
+    for layer in (base(), base(metallic=textures["mask"]), pixar(clear=0.5, roughness=0.4)):
+        assert chosen(layer) == [4, 4, 1, 2]
 
 
 def test_lobes_that_transmit_are_light_sampled_if_there_are_directions_from_behind_at_every_depth() -> None:

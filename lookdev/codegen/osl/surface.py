@@ -17,6 +17,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
+from lookdev.codegen.osl.directions import directions
 from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
@@ -38,6 +39,10 @@ _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vect
 # Share of a broad lobe in the directions drawn from the BSDF, without and with bounces: light-sampled, it needs
 # directions of its own only for light that the asset reflects. Measured (docs/bench.md): smaller shares are no better.
 _BROAD_SHARES = (0.05, 0.3)
+
+# In 1/sr. Of the light's directions to which a glossy BSDF has a smaller pdf, and smaller values, few are traced.
+# Measured (docs/bench.md): a metal's error does not grow, and roulette on more directions saves no more time.
+_LEAST_DENSITY = 0.01
 
 
 def expand_template(name: str, sections: Mapping[str, Sequence[str]]) -> str:
@@ -102,11 +107,9 @@ def generate_surface(
     deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
     by_light = ibl_samples != 0 and not constant
-    brdf_samples, ibl_samples = _split(lobes, brdf_samples, ibl_samples, bounces, constant)
-    # A path goes on as long as there is a direction of the BSDF.
-    onward = max(1, brdf_samples // 4), -(-ibl_samples // 2)
+    drawn = directions(lobes, brdf_samples, ibl_samples, bounces, constant_light=constant)
     # Of a single direction none is for light from behind.
-    from_behind = min(ibl_samples, onward[1]) > 1
+    from_behind = min(drawn.ibl, drawn.ibl_onward) > 1
     if by_light:
         share = _BROAD_SHARES[bounces > 0]
         lobes = [replace(lobe, share=lobe.share * share) if lobe.broad else lobe for lobe in lobes]
@@ -114,7 +117,7 @@ def generate_surface(
 
     def light_sampled(lobe: Lobe) -> bool:
         behind = lobe.transmits or (transmits and lobe.crosses)
-        return ibl_samples > 0 and lobe.broad and (from_behind or not behind)
+        return drawn.ibl > 0 and lobe.broad and (from_behind or not behind)
 
     traced = trace_lobes(graph, lobes, light_sampled)
     names = Names(inputs)
@@ -142,10 +145,11 @@ def generate_surface(
             **of_lights,
             "constants": [
                 *of_lights["constants"],
-                f"#define IBL_SAMPLES {ibl_samples}",
-                *_counts("", brdf_samples, ibl_samples, code.transmits),
-                *_counts("_ONWARD", *onward, code.transmits),
+                f"#define IBL_SAMPLES {drawn.ibl}",
+                *_counts("", drawn.brdf, drawn.ibl, code.transmits),
+                *_counts("_ONWARD", drawn.brdf_onward, drawn.ibl_onward, code.transmits),
                 f"#define LIGHT_SAMPLED {int(code.light_sampled)}",
+                f"#define LEAST_DENSITY {_LEAST_DENSITY}",
                 f"#define BOUNCES {bounces}",
                 f"#define SHADOWS {int(shadows)}",
                 f"#define LIFT {LIFT}",
@@ -156,7 +160,7 @@ def generate_surface(
                 f"#define DELTAS_TRANSMIT {int(passes)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 f"#define FEATURES {int(features)}",
-                *lights_code(lights, sampled=ibl_samples > 0).constants,
+                *lights_code(lights, sampled=drawn.ibl > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
             ],
@@ -177,8 +181,8 @@ def generate_surface(
         digest.update(binding.file.digest.encode())
     for attribute in attributes:
         digest.update(repr(attribute).encode())
-    passing, directions = (code.transmits or passes, code.see_through), (brdf_samples, ibl_samples)
-    known = bound, tuple(attributes), digest.hexdigest(), *passing, directions, shadows, tables.bindings, constants
+    passing, numbers = (code.transmits or passes, code.see_through), (drawn.brdf, drawn.ibl)
+    known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, shadows, tables.bindings, constants
     return ShaderSource(look.name, osl, *known)
 
 
@@ -209,19 +213,3 @@ def _counts(where: str, brdf_samples: int, ibl_samples: int, transmits: bool) ->
         f"#define FRONT_SAMPLES{where} {ibl_samples - back}",
         f"#define BACK_SAMPLES{where} {back}",
     ]
-
-
-def _split(
-    lobes: Sequence[Lobe], brdf_samples: int | None, ibl_samples: int | None, bounces: int, constant_light: bool
-) -> tuple[int, int]:
-    """Return the numbers of directions from the BSDF and from the light, chosen by the lobes where they are None."""
-    if not lobes:
-        return 1, 0
-    if constant_light:
-        # Every direction is equally bright, so samples of the light reduce no variance, even where a job sets some.
-        return brdf_samples or 4, 0
-    broad = bounces == 0 and all(lobe.broad for lobe in lobes)
-    brdf = (0 if broad else 4) if brdf_samples is None else brdf_samples
-    ibl = 4 if ibl_samples is None else ibl_samples
-    # Keep at least one sampling strategy.
-    return (brdf, ibl) if brdf + ibl else (1, 0)
