@@ -17,6 +17,7 @@ from lookdev.render.adaptive import Half, Region, mean_samples, next_round
 from lookdev.render.denoise import Denoised, denoised
 from lookdev.render.oidn import denoiser
 from lookdev.render.task import FrameTask
+from lookdev.scene import Sampling
 
 Image = NDArray[np.float32]
 
