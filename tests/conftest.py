@@ -41,6 +41,12 @@ frames = 3
 
 
 @pytest.fixture(autouse=True)
+def _no_config_of_a_studio(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Pictures are in the views of the config that ships, whatever ``$OCIO`` is."""
+    monkeypatch.delenv("OCIO", raising=False)
+
+
+@pytest.fixture(autouse=True)
 def _no_notes() -> None:
     """Forget what the test before left of damaged files."""
     take_notes()

@@ -20,7 +20,7 @@ STATE_FOLDER = ".lookdev"
 SCRATCH_PREFIX = "scratch-"
 
 # The names that lookdev.cache.atomic_path gives.
-_TEMPORARY = re.compile(r"\..+\.\d+-[0-9a-f]{8}\.(exr|png|json)")
+_TEMPORARY = re.compile(r"\..+\.\d+-[0-9a-f]{8}\.[a-z0-9]+")  # of any output
 
 
 @contextmanager

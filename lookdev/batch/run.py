@@ -263,7 +263,7 @@ class _Run:
         chosen = self._chosen(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named by lights, beside those of the looks.
-        remove_leftovers({self._folder} | folders | {self._folder / folder.name for folder in folders})
+        remove_leftovers({self._folder} | folders | {self._root / folder.name for folder in folders})
         # By file: equal looks have one digest.
         waiting = {task.files for task in self._plan.pending()} | (chosen if force else set())
         pending = [task for task in tasks if task.files in waiting & chosen]

@@ -67,7 +67,7 @@ class OutputsTable(Table):
     @field_validator("ocio")
     @classmethod
     def _readable_config(cls, value: str) -> str:
-        with _named_fault():
+        with _named_fault("$OCIO: " if value == default_config() else ""):
             default_display(value)
         return value
 

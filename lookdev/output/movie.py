@@ -137,7 +137,6 @@ def write_movie(path: Path, pictures: Iterable[Floats], codec: Codec, rate: Frac
                 frame = av.VideoFrame(planes[0].shape[1], planes[0].shape[0], codec.pixels)
                 frame.pts, frame.time_base = number, 1 / rate
                 frame.colorspace, frame.color_range = _BT709, _LIMITED
-                frame.color_primaries = frame.color_trc = _BT709
                 for plane, values in zip(frame.planes, planes, strict=True):
                     plane.update(_rows(values, plane.line_size))
                 container.mux(stream.encode(frame))

@@ -56,6 +56,16 @@ def test_a_launched_worker_is_started_once(worker: Worker, task: FrameTask, tmp_
     assert len(worker_pids(tmp_path)) == 2
 
 
+def test_a_worker_does_not_see_the_config_of_a_studio(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OCIO", "/nowhere/config.ocio")
+    monkeypatch.setenv("OTHER", "kept")
+    seen = tmp_path / "seen"
+    program = f"import os; open({str(seen)!r}, 'w').write(str((os.environ.get('OCIO'), os.environ['OTHER'])))"
+    with Worker((sys.executable, "-c", program), tmp_path / "worker.log", tmp_path) as worker:
+        worker.launch()
+        wait_until(lambda: seen.exists() and seen.read_text() == "(None, 'kept')")
+
+
 @pytest.mark.parametrize("size", [10, 300_000])  # the second fills the pipe
 def test_a_scene_is_sent_ahead_of_its_frames_without_an_answer(
     worker: Worker, task: FrameTask, tmp_path: Path, size: int
