@@ -1,4 +1,4 @@
-"""The verb that shows reflectance: plot."""
+"""The verbs that show and fit reflectance: plot and fit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from lookdev.cli.options import say
+from lookdev.cli.options import AsJson, say, say_json
 
 app = typer.Typer()
 
@@ -65,3 +65,50 @@ def plot(
     for note in made.notes:
         say(note)
     say(f"{output}: {kind}")
+
+
+@app.command(rich_help_panel="Looks")
+def fit(
+    what: Annotated[
+        str,
+        typer.Argument(metavar="DATA", help="Measured data, or anything else that plot shows.", show_default=False),
+    ],
+    model: Annotated[
+        str, typer.Option("--model", metavar="MODEL", help="The model; parameters given with it stay: disney:sheen=0.")
+    ] = "disney",
+    only: Annotated[
+        list[str] | None,
+        typer.Option("--only", metavar="NAME", help="Fit this parameter, not all. Repeatable.", show_default=False),
+    ] = None,
+    loss: Annotated[str, typer.Option("--loss", help="Of f cos: log, cbrt or linear.")] = "log",
+    starts: Annotated[int, typer.Option("--starts", help="How many of the best random starts are followed.")] = 4,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", metavar="FILE", help="The difference as a plot.", show_default=False),
+    ] = None,
+    look: Annotated[
+        Path | None, typer.Option("--look", metavar="FILE", help="The result as a look, USD.", show_default=False)
+    ] = None,
+    as_json: AsJson = False,
+    library: Library = None,
+) -> None:
+    """Fit the parameters of a model to measured data, a look or another model."""
+    from lookdev.fit import fit as fitted
+    from lookdev.fit import fit_text
+    from lookdev.material.library.edit import model_look
+    from lookdev.plot import draw, read_subject
+    from lookdev.plot.figure import checked_suffix
+    from lookdev.plot.subject import read_model
+
+    if output is not None:
+        checked_suffix(output)
+    data = read_subject(what, library)
+    found = fitted(data, *read_model(model), wanted=only or (), loss=loss, starts=starts)
+    if as_json:
+        say_json(found.data())
+    else:
+        say(fit_text(found))
+    if output is not None:
+        draw("difference", [data, found.subject]).write(output)
+    if look is not None:
+        model_look(look, found.model, found.values)

@@ -90,12 +90,19 @@ def read_subject(words: str, library: Path | None = None) -> Subject:
         return _of_look(words, Path(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
     if name in MODELS:
-        return subject_of(model_named(name), _parameters(words, model_named(name), rest), words)
+        return subject_of(*read_model(words), words)
     if Path(words).is_file():
         return subject_of(MEASURED, {"file": words}, Path(words).name)
     if Path(name).suffix:
         raise LookdevError(f"{words}: no such file; a look, a MERL binary or data of Ngan et al. would be right")
     return _of_preset(words, name, rest, library)
+
+
+def read_model(words: str) -> tuple[Model, dict[str, Any]]:
+    """Return the model that words such as ``disney:sheen=0`` name, and the parameters given; errors as above."""
+    name, _, rest = words.partition(":")
+    model = model_named(name)
+    return model, _parameters(words, model, rest)
 
 
 def subject_of(model: Model, given: Mapping[str, object], label: str) -> Subject:

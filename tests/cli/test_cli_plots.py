@@ -1,12 +1,15 @@
-"""``lookdev plot``: files, notes, and exit codes."""
+"""``lookdev plot`` and ``lookdev fit``: files, notes, and exit codes."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
 import OpenImageIO as oiio
 import pytest
+
+from lookdev.material.usd import read_look
 
 Command = Callable[..., tuple[int, str, str]]
 
@@ -35,3 +38,18 @@ def test_a_wrong_plot_ends_in_a_message(run_cli: Command, tmp_path: Path, words:
     assert (code, out) == (2, "")
     assert message in err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_fit_is_written_as_look_and_plot(run_cli: Command, tmp_path: Path) -> None:
+    look, picture = tmp_path / "fitted.usda", tmp_path / "fitted.png"
+    words = "red=disney:roughness=.3,baseColor=.5/.2/.1", "--model", "disney:metallic=0,specularTint=0,variant=2014"
+    code, out, err = run_cli("fit", *words, "--starts", "1", "--look", look, "-o", picture)
+    assert (code, err) == (0, "")
+    assert "Disney: log loss" in out
+    (layer,) = read_look(look).layers
+    assert layer.inputs["roughness"] == pytest.approx(0.3, rel=0.01)
+    assert layer.inputs["baseColor"] == pytest.approx((0.5, 0.2, 0.1), rel=0.01)
+    assert picture.stat().st_size > 10_000
+    code, out, err = run_cli("fit", *words, "--starts", "1", "--json", "--only", "roughness", "--only", "baseColor")
+    assert (code, err) == (0, "")
+    assert json.loads(out)["parameters"]["roughness"] == pytest.approx(0.3, rel=0.01)

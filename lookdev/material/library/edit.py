@@ -10,14 +10,15 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
-from pxr import Sdf, Usd, UsdShade
+from pxr import Gf, Sdf, Usd, UsdShade
 
-from lookdev.brdf import Mode, layer_shaders
+from lookdev.brdf import Mode, Model, layer_shaders
 from lookdev.brdf.measured import MEASURED, grid_of
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
@@ -31,6 +32,7 @@ from lookdev.material.usd.network import LAYER_INPUT, TERMINAL, Network, Source,
 from lookdev.stage import open_stage, reading
 
 _TYPES = Sdf.ValueTypeNames
+_INPUT_TYPES = {"float": _TYPES.Float, "color": _TYPES.Color3f, "normal": _TYPES.Normal3f, "token": _TYPES.Token}
 
 
 def new_look(file: Path, preset: Preset, name: str | None = None) -> str:
@@ -52,6 +54,26 @@ def measured_look(file: Path, measurement: Path) -> str:
         shader = UsdShade.Shader.Define(stage, path)
         shader.CreateIdAttr(MEASURED.identifier)
         shader.CreateInput("file", _TYPES.Asset).Set(relative_asset(measurement, stage))
+        shader.CreateOutput("layer", _TYPES.Token)
+        return path
+
+    return _new(file, None, define)
+
+
+def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
+    """Write a new look whose base is a model with some parameters, constants by name; otherwise as `new_look`.
+
+    A ModelError reports what is wrong with them.
+    """
+    model.complete(values)
+
+    def define(stage: Usd.Stage, path: Sdf.Path) -> Sdf.Path:
+        shader = UsdShade.Shader.Define(stage, path)
+        shader.CreateIdAttr(model.identifier)
+        for name, value in values.items():
+            kind = model.parameters[name].kind
+            given = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
+            shader.CreateInput(name, _INPUT_TYPES[kind]).Set(given if kind != "float" else float(value))
         shader.CreateOutput("layer", _TYPES.Token)
         return path
 
