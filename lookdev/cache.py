@@ -15,15 +15,18 @@ import os
 import secrets
 import shutil
 import stat
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Self
 
 from lookdev.errors import ContentError, OutputError
 from lookdev.text import has_text_path
 
+_CODE = {".py", ".h", ".osl", ".csv", ".json"}
 _notes: list[str] = []
 _digests: dict[tuple[Path, int, int, int], str] = {}  # of files as they were when they were read
 
@@ -94,6 +97,23 @@ def file_digest(path: Path) -> str:
     """Return the SHA-256 of a file's content, in hexadecimal."""
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+@cache
+def code_digest(*rooms: str) -> str:
+    """Return a digest of the code of some rooms of the package, by default of all, and of Python and NumPy.
+
+    It is part of the key of what code makes, so that a version of it finds nothing of another.
+    """
+    import numpy as np
+
+    digest = hashlib.sha256(f"{sys.version} {np.__version__}".encode())
+    package = Path(__file__).parent
+    for folder in [package / room for room in rooms] or [package]:
+        for file in sorted(file for file in folder.rglob("*") if file.suffix in _CODE and file.is_file()):
+            digest.update(f"\0{file.relative_to(package)}\0".encode())
+            digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def share(source: Path, target: Path) -> None:
@@ -183,14 +203,21 @@ def derived(room: str, key: str, make: Callable[[], tuple[Content, ...]]) -> tup
 
     The key names all that it depends on. `make` puts it into the store. Raises OutputError where it cannot be kept.
     """
+    if (found := known(room, key)) is not None:
+        return found
+    made = make()
+    keep(room, key, [[content.digest, content.suffix] for content in made])
+    return made
+
+
+def known(room: str, key: str) -> tuple[Content, ...] | None:
+    """Return what `derived` has made for a key; None where there is nothing, or a file of it is missing."""
     match kept(room, key):
         case [*names]:
             found = tuple(Content(digest, suffix) for digest, suffix in names)
             if all(content.is_whole() for content in found):
                 return found
-    made = make()
-    keep(room, key, [[content.digest, content.suffix] for content in made])
-    return made
+    return None
 
 
 def keep(room: str, key: str, value: Any) -> None:

@@ -11,18 +11,15 @@ import io
 import json
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-import lookdev.asset
 from lookdev.asset import Asset, read_asset, save_asset
 from lookdev.asset.silhouette import outline
 from lookdev.asset.store import asset_digest
 from lookdev.asset.subdivision import Refinement
-from lookdev.cache import Content, derived, keep, kept
+from lookdev.cache import Content, code_digest, derived, keep, kept
 
 _ROOM = "refined"
 
@@ -30,7 +27,7 @@ _ROOM = "refined"
 def key_of(asset: Asset, detailed: Collection[int], by: Sequence[float]) -> str:
     """Return the key of what becomes of an asset, of which some meshes carry detail, by a camera or by levels."""
     digest = asset.digest or asset_digest(asset)
-    return hashlib.sha256(json.dumps([_code(), digest, sorted(detailed), list(by)]).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([code_digest("asset"), digest, sorted(detailed), list(by)]).encode()).hexdigest()
 
 
 def keep_levels(key: str, chosen: Refinement) -> None:
@@ -76,12 +73,3 @@ def kept_outline(asset: Asset) -> NDArray[np.float64]:
 
     (file,) = derived("outlines", key_of(asset, (), ()), found)
     return np.asarray(np.load(file.path))
-
-
-@cache
-def _code() -> str:
-    """Return a digest of the code that reads and refines assets."""
-    digest = hashlib.sha256(np.__version__.encode())
-    for file in sorted(Path(lookdev.asset.__file__).parent.rglob("*.py")):
-        digest.update(file.read_bytes())
-    return digest.hexdigest()

@@ -11,8 +11,9 @@ from lookdev.job.faults import collected
 from lookdev.job.schema import Job, JobIbl, JobRig
 from lookdev.job.wedge import Value
 from lookdev.job.wedges import Wedges, varied_rig
-from lookdev.light import Light, load_environment, prepare_light
+from lookdev.light import Light
 from lookdev.light.builtin_rigs import rig_file
+from lookdev.light.dome.maps import load_dome
 from lookdev.light.fit import fitted
 from lookdev.light.rig import Rig, load_rig
 
@@ -54,11 +55,11 @@ def job_lights(job: Job, notes: list[str], faults: list[Fault]) -> tuple[Lit, ..
     found: list[Lit] = []
     for index, ibl in enumerate(job.ibl):
         with collected(job, f"ibl[{index}]", faults):
-            environment = load_environment(ibl.file, ibl.builtin)
-            environment.check_exposed(ibl.exposure)
-            if environment.repairs:
-                notes.append(f"ibl '{ibl.name}': {environment.repairs}")
-            found.append(Lit(ibl.name, (prepare_light(environment),), check_exposed=environment.check_exposed))
+            known = load_dome(ibl.file, ibl.builtin)
+            known.check_exposed(ibl.exposure)
+            if known.repairs:
+                notes.append(f"ibl '{ibl.name}': {known.repairs}")
+            found.append(Lit(ibl.name, (known.dome,), check_exposed=known.check_exposed))
     for index, given in enumerate(job.rig):
         with collected(job, f"rig[{index}]", faults):
             rig = _rig(given)

@@ -14,6 +14,7 @@ from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.link import MOST_GROUPS
 from lookdev.render.backends import BACKENDS, Setting
+from lookdev.render.kept import kept_source
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
 
@@ -67,7 +68,7 @@ def scene_task(
             setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows)
             key = (number, backend, *like[lit], setting.resolution, sampling, shadows)
             if key not in known:
-                known[key] = record.generate(look, setting)
+                known[key] = kept_source(record, look, setting, like[lit])
             sources.append(known[key])
         return sources
 

@@ -23,7 +23,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.cache import Content, derived
+from lookdev.cache import Content, derived, known
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.dome import bins, points, slots
 from lookdev.light.dome.environment import EnvironmentMap, make_environment
@@ -169,6 +169,16 @@ def prepare_light(env: EnvironmentMap, *, sampled: bool = True, local: bool = Fa
     if sampled and (local or not env.is_constant):
         drawn_from, cut, weights = derived("ibl", f"{digest}.tables", written_tables)
     return Dome(radiance_file, drawn_from, cut, weights, width, height, digest, env.is_constant)
+
+
+def known_dome(digest: str, width: int, height: int, constant: bool) -> Dome | None:
+    """Return the sampled dome that `prepare_light` made, by its `map_digest`; None where a file of it is missing."""
+    radiance = known("ibl", f"{digest}.radiance")
+    tables = () if constant else known("ibl", f"{digest}.tables")
+    if radiance is None or tables is None:
+        return None
+    drawn_from, cut, weights = tables or (None, None, None)
+    return Dome(radiance[0], drawn_from, cut, weights, width, height, digest, constant)
 
 
 def example_dome() -> Dome:

@@ -69,17 +69,22 @@ class EnvironmentMap:
 
     def check_exposed(self, exposure: float = 0.0) -> None:
         """Raise EnvironmentMapError where shaders, in float32, cannot compute with the radiance times 2^exposure."""
-        largest = float(self.radiance.max()) * 2.0**exposure
-        if largest and not LEAST <= largest <= MOST:
-            exposed = f" times 2^{exposure:g}" if exposure else ""
-            raise EnvironmentMapError(
-                f"{self.where}: its largest radiance{exposed} is {largest:g}; from {LEAST:g} to {MOST:g} would be right"
-            )
+        check_exposed(float(self.radiance.max()), exposure, self.where)
 
     @property
     def is_constant(self) -> bool:
         """Whether the radiance is the same from every direction."""
         return bool((self.radiance == self.radiance[0, 0]).all())
+
+
+def check_exposed(largest: float, exposure: float, where: str) -> None:
+    """Raise EnvironmentMapError where shaders cannot compute with the `largest` radiance of a map times 2^exposure."""
+    largest *= 2.0**exposure
+    if largest and not LEAST <= largest <= MOST:
+        exposed = f" times 2^{exposure:g}" if exposure else ""
+        raise EnvironmentMapError(
+            f"{where}: its largest radiance{exposed} is {largest:g}; from {LEAST:g} to {MOST:g} would be right"
+        )
 
 
 def load_environment(file: Path | None = None, builtin: str | None = None) -> EnvironmentMap:
@@ -96,12 +101,13 @@ def load_environment(file: Path | None = None, builtin: str | None = None) -> En
         return make_environment(file.stem, read_pixels(file), str(file))
     if file is None and builtin is not None:
         white = builtin == "white"
-        pixels = np.ones((32, 64, 3), np.float32) if white else read_pixels(_builtin_file(builtin))
+        pixels = np.ones((32, 64, 3), np.float32) if white else read_pixels(builtin_file(builtin))
         return make_environment(builtin, pixels)
     raise EnvironmentMapError("an environment map is given either by file or by built-in name, not both or none")
 
 
-def _builtin_file(name: str) -> Path:
+def builtin_file(name: str) -> Path:
+    """Return the file of a built-in map but ``white``; errors as `load_environment`."""
     if name not in BUILTIN_LIGHTS:
         raise EnvironmentMapError(f"no built-in light '{name}' ({nearest_hint(name, BUILTIN_LIGHTS)})")
     spec = importlib.util.find_spec("bpy")  # finds the package without importing Blender

@@ -1,0 +1,57 @@
+"""Domes of maps that were read before: what is known of a file by its content, so that no pixel is read again."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from lookdev.cache import code_digest, file_digest, keep, kept
+from lookdev.errors import EnvironmentMapError
+from lookdev.images import check_file
+from lookdev.light.dome import Dome, known_dome, prepare_light
+from lookdev.light.dome.environment import Repairs, builtin_file, check_exposed, load_environment
+
+_ROOM = "maps"
+
+
+@dataclass(frozen=True)
+class KnownMap:
+    """The dome of a map, its repairs, and the largest radiance of its texels."""
+
+    dome: Dome
+    repairs: Repairs
+    largest: float
+    where: str
+
+    def check_exposed(self, exposure: float) -> None:
+        """Raise EnvironmentMapError as `EnvironmentMap.check_exposed`."""
+        check_exposed(self.largest, exposure, self.where)
+
+
+def load_dome(file: Path | None = None, builtin: str | None = None) -> KnownMap:
+    """Load a map as `load_environment`, and its dome as `prepare_light`; errors as both.
+
+    The pixels of a content that was read before are not read while the cache has the dome's files.
+    """
+    if builtin == "white" or (file is None) == (builtin is None):
+        return _read(file, builtin)
+    source = builtin_file(builtin or "") if file is None else file
+    check_file(source, EnvironmentMapError)
+    # The name says how its content is read.
+    named = f"{code_digest('light')} {source.suffix.lower()} {file_digest(source)}"
+    key = hashlib.sha256(named.encode()).hexdigest()
+    match kept(_ROOM, key):
+        case [str(digest), int(width), int(height), bool(constant), float(largest), dict(repairs)]:
+            if dome := known_dome(digest, width, height, constant):
+                return KnownMap(dome, Repairs(**repairs), largest, str(file or builtin))
+    found = _read(file, builtin)
+    dome = found.dome
+    keep(_ROOM, key, [dome.map_digest, dome.width, dome.height, dome.constant, found.largest, asdict(found.repairs)])
+    return found
+
+
+def _read(file: Path | None, builtin: str | None) -> KnownMap:
+    environment = load_environment(file, builtin)
+    dome = prepare_light(environment)
+    return KnownMap(dome, environment.repairs, float(environment.radiance.max()), environment.where)
