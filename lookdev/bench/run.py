@@ -21,7 +21,7 @@ from lookdev.errors import LookdevError, RenderError
 Open = Callable[[Cell, Options], AbstractContextManager[list[Candidate]]]
 Report = Callable[[str], None]
 
-NEEDS: dict[str, Callable[[], object]] = {"mitsuba-principled": mitsuba_worker.check_mitsuba}
+NEEDS: dict[str, Callable[[], object]] = dict.fromkeys(("mitsuba", "mitsuba-principled"), mitsuba_worker.check_mitsuba)
 """Of a backend that is not on every machine: raises RenderError where it is not."""
 
 

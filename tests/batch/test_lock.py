@@ -53,7 +53,7 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
         state / "pictures.json",
         frames / "element.0001.exr",
         frames / ".element.0001.exr",
-        frames / ".notes.77-0a1b2c3d.txt",
+        frames / ".notes.77-0a1b2c.txt",
         frames / "element.77-0a1b2c3d.exr",
     ]
     for path in left + kept:

@@ -114,7 +114,7 @@ def test_the_list_names_everything() -> None:
         ({"scenes": ("spere",)}, "no scene 'spere' (did you mean 'sphere'?)"),
         ({"ibls": ("citty",)}, "no IBL 'citty' (did you mean 'city'?)"),
         ({"looks": ("plastik",)}, "did you mean 'plastic'?"),
-        ({"backends": ("cycles",)}, "known: exact, nodes, nodes-exact, principled, mitsuba-principled"),
+        ({"backends": ("cycles",)}, "known: exact, nodes, nodes-exact, mitsuba, principled, mitsuba-principled"),
         ({"backends": ()}, "no backend is given"),
         ({"scenes": ("sphere", "sphere")}, "given twice"),
         ({"samples": (4, 6)}, "6 samples"),

@@ -216,12 +216,14 @@ def test_planted_faults_are_found(worker: Worker, fault: str) -> None:
     """Under a rectangle that some of the asset sees from behind, and a sphere."""
     behind = RectLight(width=1.0, height=1.0, position=(0.5, 0.0, 0.3), axes=FACING, emission=sent())
     given, planted = FAULTS[fault]
+    # Of metal, directions of the light have a small part of the weight.
+    look = "plastic" if "drawn" in fault else "metal"
 
     def alter(osl: str) -> str:
         assert given in osl
         return osl.replace(given, planted)
 
-    assert not agreement(worker, "suzanne", (behind, near("sphere")), "metal", alter).passed
+    assert not agreement(worker, "suzanne", (behind, near("sphere")), look, alter).passed
 
 
 def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:

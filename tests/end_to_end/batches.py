@@ -73,7 +73,12 @@ def frames(job: Path) -> dict[str, tuple[int, int]]:
 def leftovers(job: Path) -> list[Path]:
     """Return what a finished run leaves besides its results: nothing but its state."""
     output = job.parent / "out"
-    known = {".lookdev", ".lookdev/lock", ".lookdev/worker.log", ".lookdev/pictures.json"}
+    known = {
+        ".lookdev",
+        ".lookdev/lock",
+        ".lookdev/worker.log",
+        *(f".lookdev/{name}.json" for name in ("pictures", "digests")),
+    }
     hidden = [path.relative_to(output) for path in output.rglob("*") if "/." in f"/{path.relative_to(output)}"]
     return [path for path in hidden if path.as_posix() not in known]
 
