@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from lookdev.cycles.render import Progress
+from lookdev.render.frame import Progress
 
 _SAMPLE = re.compile(r"\bSample (\d+)/\d+")
 

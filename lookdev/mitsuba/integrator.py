@@ -20,6 +20,7 @@ from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.lights import Lighting, Lights
 from lookdev.mitsuba.surface import Looks, Surface
+from lookdev.render.adaptive import Region
 from lookdev.scene import Camera, Pose
 
 _LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
@@ -87,6 +88,20 @@ class View:
         return mi.Ray3f(origin + self.near * direction, dr.normalize(direction))
 
 
+@dataclass(frozen=True, eq=False)
+class Rectangle:
+    """A part of the frame: its upper left pixel, and its width, as inputs of a kernel."""
+
+    left: Any
+    top: Any
+    width: Any
+
+    @classmethod
+    def of(cls, mi: Any, region: Region) -> Rectangle:
+        left, right = region.columns.start, region.columns.stop
+        return cls(*(dr.opaque(mi.UInt32, each) for each in (left, region.rows.start, right - left)))
+
+
 class Estimator:
     """A scene: geometry, looks and lights."""
 
@@ -101,15 +116,17 @@ class Estimator:
         self._bounces = bounces
         self._shadows = shadows
 
-    def pixels(self, view: View, count: int, seed: Any, first: Any, shift: Any) -> Any:
+    def pixels(self, view: View, rectangle: Rectangle, count: int, seed: Any, first: Any, shift: Any) -> Any:
         """Return the three channels of radiance, and the coverage, of `count` samples of pixels, not yet evaluated.
 
-        `first` is the number of the first of the pixels, whose samples follow each other, and `shift` the logarithm of
-        the samples of each: inputs of the kernel.
+        `first` is the number of the first of the pixels in a rectangle, whose samples follow each other, and `shift`
+        the logarithm of the samples of each: inputs of the kernel.
         """
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
-        pixel = first + (lane >> shift)
+        number = first + (lane >> shift)
+        row = number // rectangle.width
+        pixel = (rectangle.top + row) * view.width + rectangle.left + number - row * rectangle.width
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
         triangle, uv, ray, hit = self._seen(view, pixel, index, place)

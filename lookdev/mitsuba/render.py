@@ -1,11 +1,12 @@
-"""A scene in Mitsuba's arrays, and frames of it: two independent halves, in rounds up to the target error."""
+"""A scene in Mitsuba's arrays, and frames of it."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -14,13 +15,12 @@ from numpy.typing import NDArray
 
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
-from lookdev.metrics import relmse_of_halves
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import Counts, Estimator, View
+from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
 from lookdev.mitsuba.lights import lights_of
 from lookdev.mitsuba.surface import Looks
-from lookdev.render.denoise import denoised
-from lookdev.render.frame import Progress, RenderedFrame, rounds
+from lookdev.render.adaptive import Region
+from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
@@ -32,8 +32,6 @@ LONGEST_LAUNCH = 0.2
 
 _FIRST_LAUNCH = 1 << 16  # samples, before their time is known
 _MOST_SAMPLES = 1 << 24  # of a launch: four numbers of each are stored
-_FEATURE_SAMPLES = 16  # edges, lenses and textures are all their noise
-_SEEDS_PER_FRAME = 64  # of rounds and halves: those of neighbouring `seed` values never coincide
 
 
 class MitsubaScene:
@@ -61,41 +59,30 @@ class MitsubaScene:
         return replace(task, sampling=sampling, camera=camera) == own
 
     def render(self, task: FrameTask, progress: Progress) -> RenderedFrame:
-        """Render one frame. The halves have independent scrambles, so that their difference measures the error."""
-        started = time.perf_counter()
-        sampling, (width, height) = task.scene.sampling, task.scene.resolution
-        gain = 2.0**task.exposure
-        view = View.of(self._mi, task.scene.camera, task.pose, (width, height), self._geometry.center)
-        smooth = self._denoiser(view) if sampling.denoise != "off" else None
-        sums = np.zeros((2, height, width, 4))
-        done, error = 0, math.nan
-        result = None
-        for number, size in enumerate(rounds(sampling)):
-            for half in (0, 1):
-                seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + half
-                for share, rows in self._launches(view, seed, size):
-                    sums[half].reshape(-1, 4)[rows] += share
-                    progress(done + size * rows.stop // (width * height), sampling.samples, _known(error))
-                done += size
-            alpha = sums[..., 3].sum(axis=0) / done
-            a, b = (2.0 / done) * sums[..., :3]
-            error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
-            if smooth is not None:
-                result = denoised(a * gain, b * gain, alpha, smooth)
-                error = result.relmse
-            progress(done, sampling.samples, error)
-            if sampling.error is not None and error <= sampling.error:
-                break
-        raw = None if result is None else (0.5 * (a + b)).astype(np.float32)
-        if result is not None:
-            a, b = result.a / gain, result.b / gain
-        a, b, alpha = (array.astype(np.float32) for array in (a, b, alpha))
-        seconds, measured = time.perf_counter() - started, None if result is None else raw_error
-        return RenderedFrame(a, b, alpha, done, seconds, error, raw, measured)
+        """Render one frame; what `progress` was called with last is repeated between launches."""
+        view = View.of(self._mi, task.scene.camera, task.pose, task.scene.resolution, self._geometry.center)
+        last: tuple[int, int, float | None] = (0, task.scene.sampling.samples, None)
 
-    def _launches(self, view: View, seed: int, size: int) -> Iterator[tuple[Floats, slice]]:
-        """Yield sums (n, 4) of radiance and coverage over `size` samples, and the n pixels that they are of."""
-        mi, total = self._mi, view.width * view.height
+        def report(done: int, of: int, relmse: float | None) -> None:
+            nonlocal last
+            last = done, of, relmse
+            progress(*last)
+
+        def render(seed: int, region: Region) -> tuple[Image, Image]:
+            height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
+            sums = np.zeros((height * width, 4))
+            for part, pixels in self._launches(view, seed, region, height * width):
+                sums[pixels] = part
+                progress(*last)
+            means = (sums / region.samples).astype(np.float32).reshape(height, width, 4)
+            return means[..., :3], means[..., 3]
+
+        return render_halves(task, render, partial(self._denoiser, view), report)
+
+    def _launches(self, view: View, seed: int, region: Region, total: int) -> Iterator[tuple[Floats, slice]]:
+        """Yield sums (n, 4) of radiance and coverage over the samples of n pixels of a region, and which these are."""
+        mi, size = self._mi, region.samples
+        place = Rectangle.of(mi, region)
         first = 0
         while first < total:
             started = time.perf_counter()
@@ -104,7 +91,7 @@ class MitsubaScene:
             # So frames do not depend on how long launches take, nor on the number of threads.
             count = 1 << int(math.log2(max(1.0, min(most, total - first))))
             numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1)]
-            parts = self._estimator.pixels(view, count * size, *numbers)
+            parts = self._estimator.pixels(view, place, count * size, *numbers)
             dr.eval(*parts)
             # By NumPy, whose order of summation does not depend on the size of a launch.
             sums = np.stack([np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts], -1)
@@ -112,15 +99,11 @@ class MitsubaScene:
             yield sums, slice(first, first + count)
             first += count
 
-    def _denoiser(self, view: View) -> Callable[[NDArray[np.float32]], NDArray[np.float32]]:
+    def _denoiser(self, view: View) -> Denoiser:
         albedo, normal = (
-            each.reshape(view.height, view.width, 3) for each in self._estimator.guides(view, _FEATURE_SAMPLES)
+            each.reshape(view.height, view.width, 3) for each in self._estimator.guides(view, FEATURE_SAMPLES)
         )
         return denoiser(albedo, normal)
-
-
-def _known(error: float) -> float | None:
-    return None if math.isnan(error) else error
 
 
 def _counts(sampling: Sampling, sampled: bool) -> Counts:

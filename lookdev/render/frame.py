@@ -1,19 +1,26 @@
-"""A rendered frame, and the rounds in which it is rendered, of whichever renderer."""
+"""A frame, of whichever renderer: two independent halves, in rounds until they reach the target, denoised if wanted."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.scene import Sampling
+from lookdev.metrics import relmse_of_halves
+from lookdev.render.adaptive import Half, Region, mean_samples, next_round
+from lookdev.render.denoise import Denoised, denoised
+from lookdev.render.task import FrameTask
 
 Image = NDArray[np.float32]
 
-# Samples of a half in the first round towards a target error.
-_FIRST_ROUND = 8
+# Seeds of one frame's rounds and halves: those of neighbouring `seed` values never coincide.
+_SEEDS_PER_FRAME = 64
+FEATURE_SAMPLES = 16
+"""Samples of the pictures that guide a denoiser: they have no noise but that of edges, lenses and textures."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +28,7 @@ class RenderedFrame:
     """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
 
     A frame as a user of Cycles would have it is one render: `a` and `b` are equal, and `relmse` is nan. `raw` is the
-    mean of the halves before they were denoised, `raw_relmse` its error.
+    mean of the halves before they were denoised, `raw_relmse` its error, `raw_seconds` what it took.
     """
 
     a: Image
@@ -32,22 +39,55 @@ class RenderedFrame:
     relmse: float
     raw: Image | None = None
     raw_relmse: float | None = None
+    raw_seconds: float | None = None
 
 
 Progress = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
+Renderer = Callable[[int, Region], tuple[Image, Image]]
+"""Renders a region with a seed: returns the mean colours (h, w, 3) and coverage (h, w) of its samples."""
 
-def rounds(sampling: Sampling) -> Iterator[int]:
-    """Yield the samples a pixel of each half by rounds: powers of two, as only such blocks are stratified.
+Denoiser = Callable[[Image], Image]
 
-    The fewest rounds with the sum that is set; with a target error, each round doubles the total up to the sum.
+
+def render_halves(
+    task: FrameTask, render: Renderer, denoiser: Callable[[], Denoiser], progress: Progress
+) -> RenderedFrame:
+    """Render the halves of a frame, by seeds of their own, so that their difference measures the error of their mean.
+
+    `denoiser` makes one that is guided by the features of the frame, if the task wants it.
     """
-    left = sampling.samples // 2
-    size = _FIRST_ROUND if sampling.error is not None else left
-    while left:
-        size = 1 << (min(size, left).bit_length() - 1)
-        yield size
-        left -= size
-        if sampling.error is not None:
-            size = max(size, sampling.samples // 2 - left)
+    started = time.perf_counter()
+    sampling, (width, height), gain = task.scene.sampling, task.scene.resolution, 2.0**task.exposure
+    halves = Half(width, height, gain), Half(width, height, gain)
+    a = b = alpha = np.zeros(0)
+    error = raw_error = math.inf
+    smooth = denoiser() if sampling.denoise != "off" else None
+    denoising = time.perf_counter() - started
+    result: Denoised | None = None
+    done = number = 0
+    while any(regions := next_round(sampling, halves, number, error)):
+        for which, half in enumerate(halves):
+            seed = sampling.seed * _SEEDS_PER_FRAME + 2 * number + which
+            for region in regions[which]:
+                half.add(region, *render(seed, region))
+            done = round(2.0 * mean_samples(halves))
+            progress(done, sampling.samples, error if number else None)
+        number += 1
+        a, b, alpha = halves[0].color, halves[1].color, 0.5 * (halves[0].alpha + halves[1].alpha)
+        error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
+        if smooth is not None:
+            before = time.perf_counter()
+            result = denoised(a * gain, b * gain, alpha, smooth)
+            error = result.relmse
+            denoising += time.perf_counter() - before
+        progress(done, sampling.samples, error)
+    raw = None if result is None else (0.5 * (a + b)).astype(np.float32)
+    if result is not None:
+        a, b = result.a / gain, result.b / gain
+    shown = (a.astype(np.float32), b.astype(np.float32), alpha.astype(np.float32))
+    seconds = time.perf_counter() - started
+    if result is None:
+        return RenderedFrame(*shown, done, seconds, error)
+    return RenderedFrame(*shown, done, seconds, error, raw, raw_error, seconds - denoising)
