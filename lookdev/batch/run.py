@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import math
-import platform
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-import lookdev
 from lookdev.batch.events import (
     FrameDone,
     FrameFailed,
@@ -27,14 +23,14 @@ from lookdev.batch.events import (
     RunStarted,
     SheetWritten,
 )
+from lookdev.batch.frame_file import write_rendered
 from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
-from lookdev.batch.pictures import Background, Pictures, write_shared
+from lookdev.batch.pictures import Background, Pictures
 from lookdev.batch.sanity import doubts
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
-from lookdev.metrics import standard_error
-from lookdev.output.exr import read_frame, read_header, write_frame
+from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
@@ -350,24 +346,7 @@ class _Run:
         constant = all(light.constant for light in task.scene.lights)
         for doubt in doubts(rendered, beauty, constant_light=constant):
             self._report(Noted(f"{self._name(task)}: {doubt}"))
-        header = task.labels | {
-            "digest": task.digest,
-            "samples": str(rendered.samples),
-            "seconds": repr(rendered.seconds),
-            "relmse": repr(rendered.relmse),
-            "version.blender": rendered.blender,
-            "version.lookdev": lookdev.__version__,
-            "version.python": platform.python_version(),
-            "version.numpy": np.__version__,
-            "time": datetime.now(UTC).isoformat(timespec="seconds"),
-        }
-        layers = {}
-        if rendered.raw is not None:
-            layers["raw"] = rendered.raw * np.float32(2.0**task.exposure)
-            header["raw.relmse"] = repr(rendered.raw_relmse)
-        if not math.isnan(rendered.relmse):  # else the halves are one render
-            layers["error"] = standard_error(rendered.a, rendered.b) * np.float32(2.0**task.exposure)
-        write_shared(task.files, lambda path: write_frame(path, beauty, rendered.alpha, header, layers))
+        write_rendered(task, rendered, beauty)
         self._pictures.write(task, beauty, rendered.alpha)
         self._done.update(task.files)
         self._rendered += 1

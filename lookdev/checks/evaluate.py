@@ -19,7 +19,8 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.metal import INTERFACE
 from lookdev.brdf.parameters import as_numbers, complete, spelled_out, with_followers
-from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
+from lookdev.codegen.osl.points import generate_points
+from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint, shortened
 from lookdev.material.expression import ExpressionError
 from lookdev.material.values import seen
@@ -50,6 +51,15 @@ class Batch:
     def bsdf(self) -> Bsdf:
         """Build the stacks."""
         return _stack(self.layers, self.numbers, self.wo)
+
+    def rounded(self) -> Batch:
+        """Return the cases with all numbers as float32 has them: what code in float32 is given."""
+        numbers = tuple({name: _rounded(values) for name, values in each.items()} for each in self.numbers)
+        return Batch(self.layers, _rounded(self.wo), _rounded(self.wi), numbers)
+
+
+def _rounded(values: Floats) -> Floats:
+    return values.astype(np.float32).astype(np.float64)
 
 
 def _stack(layers: Sequence[PointLayer], numbers: Sequence[dict[str, Any]], wo: Array) -> Bsdf:
@@ -97,6 +107,12 @@ def evaluate_lines(lines: Iterable[str], backend: Backend) -> Iterator[str]:
             yield json.dumps(case.line | {"f": f, "pdf": density})
 
 
+def batches_of(lines: Iterable[str]) -> Iterator[Batch]:
+    """Yield the cases of `evaluate_lines`, but those of Fresnel's equations, in groups that differ in numbers only."""
+    for _, batch in _batches([_parse(number, line, "numpy") for number, line in enumerate(lines, start=1)]):
+        yield batch
+
+
 def evaluate_numpy(batch: Batch) -> tuple[Floats, Floats]:
     """Evaluate in float64 NumPy: f (n, 3) and pdf (n,)."""
     bsdf = batch.bsdf()
@@ -111,14 +127,7 @@ def evaluate_cycles(
     `lobes` restricts the stack to some of its lobes; `alter` takes the shader's text and returns the one to run. Raises
     WorkerError with the last lines of the process where it fails.
     """
-    columns: dict[str, Floats] = {}
-    for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):
-        columns |= {f"{prefix}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
-    for number, numbers in enumerate(batch.numbers):
-        for name, values in numbers.items():
-            place = f"layer{number}_{name}"
-            columns |= {f"{place}_{i}": values[:, i] for i in range(3)} if values.ndim == 2 else {place: values}
-    table = np.stack([columns[name] for name in point_columns(batch.layers)], axis=-1).astype(np.float32)
+    table = point_table(batch)
     with tempfile.TemporaryDirectory(prefix="lookdev-eval-") as folder:
         request = Path(folder) / "request.npz"
         source = generate_points(batch.layers, lobes)
@@ -133,6 +142,18 @@ def evaluate_cycles(
             raise WorkerError(f"evaluation inside Cycles failed (exit {process.returncode}):\n{lines}")
         with np.load(result, allow_pickle=False) as stored:
             return stored["f"].astype(np.float64), stored["pdf"].astype(np.float64)
+
+
+def point_table(batch: Batch) -> NDArray[np.float32]:
+    """Return the numbers of a batch by `lookdev.codegen.points.point_columns`, (n, columns)."""
+    columns: dict[str, Floats] = {}
+    for prefix, vectors in (("wo", batch.wo), ("wi", batch.wi)):
+        columns |= {f"{prefix}_{axis}": vectors[:, i] for i, axis in enumerate("xyz")}
+    for number, numbers in enumerate(batch.numbers):
+        for name, values in numbers.items():
+            place = f"layer{number}_{name}"
+            columns |= {f"{place}_{i}": values[:, i] for i in range(3)} if values.ndim == 2 else {place: values}
+    return np.stack([columns[name] for name in point_columns(batch.layers)], axis=-1).astype(np.float32)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from lookdev.asset.store import make_asset
 from lookdev.brdf import MODELS, Parameter
 from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch
-from lookdev.codegen.osl.points import PointLayer
+from lookdev.codegen.points import PointLayer
 from lookdev.light import EnvironmentMap, make_environment
 
 Floats = NDArray[np.float64]

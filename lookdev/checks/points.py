@@ -16,7 +16,7 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.checks.evaluate import Batch, Floats, evaluate_cycles
 from lookdev.checks.finding import Finding, Plot, Series
 from lookdev.checks.samples import case_line, constant, following, sample_layers, tokens, varying
-from lookdev.codegen.osl.points import PointLayer
+from lookdev.codegen.points import PointLayer
 from lookdev.material import Look
 
 TOLERANCE = 2e-4

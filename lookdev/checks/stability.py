@@ -26,7 +26,7 @@ from lookdev.checks.extremes import SceneCase, extreme_cases, hostile_scenes, mo
 from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Alter, Halves, Render, unaltered
 from lookdev.checks.samples import case_line, constant, following, sample_layers, tokens
-from lookdev.codegen.osl.points import PointLayer
+from lookdev.codegen.points import PointLayer
 from lookdev.errors import RenderError, WorkerError
 from lookdev.light import prepare_light
 from lookdev.material import Layer, Look

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from lookdev.cache import Content, atomic_path, cache_dir
 from lookdev.codegen import ShaderSource, TableBinding
-from lookdev.codegen.osl.points import PointLayer, generate_points, point_cells, point_columns
+from lookdev.codegen.osl.points import generate_points
+from lookdev.codegen.points import PointLayer, point_cells, point_columns
 from lookdev.cycles import engine, version
 from lookdev.cycles.shaders import array_text, script_node
 from lookdev.errors import RenderError

@@ -11,7 +11,7 @@ import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.codegen.drjit.written import Written
+from lookdev.codegen.program.written import Written
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
 from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis

@@ -118,7 +118,7 @@ def _nodes_exact(look: Look, setting: Setting) -> Source:
 
 
 def _program(look: Look, setting: Setting) -> Source:
-    from lookdev.codegen.drjit.program import generate_program
+    from lookdev.codegen.program.look import generate_program
 
     features = setting.sampling.denoise != "off"
     return generate_program(look, setting.image_file, shadows=setting.shadows, features=features)

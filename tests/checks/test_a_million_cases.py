@@ -11,7 +11,7 @@ import pytest
 from lookdev.brdf import CONTINUOUS, sample
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import extreme_cases
-from lookdev.codegen.osl.points import PointLayer
+from lookdev.codegen.points import PointLayer
 
 pytestmark = pytest.mark.slow
 

@@ -23,7 +23,7 @@ from lookdev.checks.finding import Finding
 from lookdev.checks.frames import Render
 from lookdev.checks.samples import case_line
 from lookdev.checks.stability import check_scenes, check_stack, look_stack, model_stacks, stress
-from lookdev.codegen.osl.points import PointLayer
+from lookdev.codegen.points import PointLayer
 from lookdev.errors import WorkerError
 from lookdev.material import Layer, Look, Texture
 from lookdev.render.task import FrameTask

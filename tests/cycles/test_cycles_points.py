@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from lookdev.brdf import MODELS, evaluate, pdf
 from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_lines, evaluate_numpy
-from lookdev.codegen.osl.points import PointLayer
+from lookdev.codegen.points import PointLayer
 
 pytestmark = pytest.mark.cycles
 

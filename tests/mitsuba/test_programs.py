@@ -9,7 +9,7 @@ import pytest
 from random_parameters import EVERY, directions, near_the_mirror_image, random_parameters
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, pdf, sample, stack_bsdf
-from lookdev.codegen.drjit.program import generate_program
+from lookdev.codegen.program.look import generate_program
 from lookdev.material import Layer, Look
 
 pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]

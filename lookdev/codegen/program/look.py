@@ -19,8 +19,8 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
 from lookdev.cache import Content, derived
-from lookdev.codegen.drjit.written import Written
 from lookdev.codegen.inputs import Inputs
+from lookdev.codegen.program.written import Written
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, ProgramSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node

@@ -1,0 +1,202 @@
+"""A program as functions of GLSL ES 3.00: an operation a line, which the browser's compiler folds further.
+
+Numbers are float32. Of `sin`, `cos` and `atan`, GLSL asks for three or four digits only, and implementations give no
+more; `pow` and `atan` are undefined at places where NumPy has values; there is no `expm1`. These are functions of
+``PRELUDE``: series up to the last place of float32, after reduction to an eighth of a turn or less.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lookdev.brdf.mixture import Mixture
+from lookdev.brdf.table import Table
+from lookdev.codegen.points import PointLayer, point_bsdf
+from lookdev.codegen.program.written import Written
+from lookdev.codegen.source import Operation
+from lookdev.codegen.trace.graph import Graph
+from lookdev.codegen.trace.lobes import WI, WO, assume_positive, present_lobes
+from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
+from lookdev.errors import CodegenError
+
+TABLE_WIDTH = 2048
+"""Texels of a row of a table's texture, R32F: numbers follow each other over all rows."""
+
+PRELUDE = """
+float look_expm1(float x) {
+    // Below .1 the series has no term above 1e-9 of x left.
+    return abs(x) < 0.1 ? x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0 + x * (1.0 / 120.0 + x / 720.0)))))
+                        : exp(x) - 1.0;
+}
+float look_power(float x, float y) { return y == 0.0 ? 1.0 : x == 0.0 ? 0.0 : pow(x, y); }
+// sin and cos of x: by the nearest quarter turn, which is subtracted in three parts (Cody and Waite 1980).
+vec2 look_turn(float x) {
+    float quarters = floor(x * 0.6366197723675814 + 0.5);
+    float r = ((x - quarters * 1.5703125) - quarters * 4.837512969970703e-4) - quarters * 7.549789948768648e-8;
+    float z = r * r;
+    float s = r * (1.0 + z * (-1.0 / 6.0 + z * (1.0 / 120.0 + z * (-1.0 / 5040.0 + z / 362880.0))));
+    float c = 1.0 + z * (-0.5 + z * (1.0 / 24.0 + z * (-1.0 / 720.0 + z / 40320.0)));
+    int place = int(quarters) & 3;
+    return place == 0 ? vec2(s, c) : place == 1 ? vec2(c, -s) : place == 2 ? vec2(-s, -c) : vec2(-c, s);
+}
+float look_sin(float x) { return look_turn(x).x; }
+float look_cos(float x) { return look_turn(x).y; }
+float look_tan(float x) { vec2 turn = look_turn(x); return turn.x / turn.y; }
+float look_atan2(float y, float x) {
+    float a = abs(x), b = abs(y), most = max(a, b);
+    if (most == 0.0) return 0.0;
+    // Of the smaller over the larger; above tan(22.5 degrees) by the distance to 45 degrees.
+    float q = min(a, b) / most;
+    bool far = q > 0.41421356;
+    float t = far ? (q - 1.0) / (q + 1.0) : q;
+    float z = t * t;
+    float series = 1.0 / 7.0 - z * (1.0 / 9.0 - z * (1.0 / 11.0 - z * (1.0 / 13.0 - z * (1.0 / 15.0 - z / 17.0))));
+    float angle = t * (1.0 - z * (1.0 / 3.0 - z * (1.0 / 5.0 - z * series)));
+    angle = far ? angle + 0.7853981633974483 : angle;
+    angle = b > a ? 1.5707963267948966 - angle : angle;
+    angle = x < 0.0 ? 3.141592653589793 - angle : angle;
+    return y < 0.0 ? -angle : angle;
+}
+float look_up(highp sampler2D table, float cell) {
+    int number = int(cell);
+    return texelFetch(table, ivec2(number % 2048, number / 2048), 0).r;
+}
+"""
+"""What the functions call: it comes before them, once."""
+
+_CODE: Mapping[str, str] = {
+    "add": "{} + {}",
+    "subtract": "{} - {}",
+    "multiply": "{} * {}",
+    "divide": "{} / {}",
+    "negative": "-{}",
+    "absolute": "abs({})",
+    "sqrt": "sqrt({})",
+    "exp": "exp({})",
+    "expm1": "look_expm1({})",
+    "log": "log({})",
+    "sin": "look_sin({})",
+    "cos": "look_cos({})",
+    "tan": "look_tan({})",
+    "arctan2": "look_atan2({}, {})",
+    "floor": "floor({})",
+    "power": "look_power({}, {})",
+    "maximum": "max({}, {})",
+    "minimum": "min({}, {})",
+    "greater": "{} > {}",
+    "greater_equal": "{} >= {}",
+    "less": "{} < {}",
+    "less_equal": "{} <= {}",
+    "equal": "{} == {}",
+    "logical_and": "{} && {}",
+    "logical_or": "{} || {}",
+    "logical_not": "!{}",
+    "where": "{} ? {} : {}",
+}
+_TRUTHS = {
+    "greater", "greater_equal", "less", "less_equal", "equal", "logical_and", "logical_or", "logical_not", "truth",
+}  # fmt: skip
+_LARGEST = float(np.finfo(np.float32).max)
+
+
+@dataclass(frozen=True)
+class Functions:
+    """The text of functions, the symbols that it reads as variables of their names, and its tables.
+
+    ``void look_evaluate(out vec3 f, out float pdf)`` sets the BSDF times the cosine, and the density, for light along
+    ``wi_x wi_y wi_z``; ``void look_draw(out vec3 wi)`` draws a direction by ``u1 u2``. Both read ``wo_x wo_y wo_z``,
+    above the horizon. Table `k` is a ``sampler2D look_table<k>``, rows of `TABLE_WIDTH`.
+    """
+
+    text: str
+    symbols: frozenset[str]
+    tables: tuple[Table, ...]
+    two_sided: bool
+    transmits: bool
+
+
+def point_functions(layers: Sequence[PointLayer]) -> Functions:
+    """Return the functions of a stack of layers, whose numbers are symbols by the names of their `point_columns`.
+
+    Raises CodegenError where it scatters along single directions.
+    """
+    graph = Graph()
+    bsdf = point_bsdf(graph, layers)
+    lobes = present_lobes(graph, bsdf)
+    mixture, written = Mixture(lobes, symbols(graph, WO)), Written()
+    assume_positive(graph, mixture.wo[..., 2])
+    value, pdf = mixture.response(symbols(graph, WI))
+    drawn = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    for name, result in {"f": value, "pdf": pdf, "wi": drawn}.items():
+        written.add(name, elements_of(result))
+    evaluate = _function(written, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
+    draw = _function(written, "look_draw(out vec3 wi)", ("wi",))
+    transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
+    text = "\n".join([*evaluate, *draw]) + "\n"
+    return Functions(text, frozenset(written.symbols), tuple(written.tables), bsdf.two_sided, transmits)
+
+
+def _function(written: Written, head: str, outputs: Sequence[str]) -> list[str]:
+    needed: set[int] = set()
+    left = [number for name in outputs for number in written.outputs[name]]
+    while left:
+        if (number := left.pop()) not in needed:
+            needed.add(number)
+            left += written.operations[number].operands
+    names: dict[int, str] = {}
+    truths: set[int] = set()
+    lines = [f"void {head} {{"]
+    for number in sorted(needed):
+        operation = written.operations[number]
+        code = _code(operation, names, written)
+        if operation.op in _TRUTHS or (operation.op == "where" and operation.operands[1] in truths):
+            truths.add(number)
+        if operation.operands:
+            names[number] = f"v{number}"
+            lines.append(f"    {'bool' if number in truths else 'float'} v{number} = {code};")
+        else:
+            names[number] = code
+    for name in outputs:
+        values = [names[number] for number in written.outputs[name]]
+        lines.append(
+            f"    {name} = {f'vec3({values[0]}, {values[1]}, {values[2]})' if len(values) == 3 else values[0]};"
+        )
+    return [*lines, "}"]
+
+
+def _code(operation: Operation, names: Mapping[int, str], written: Written) -> str:
+    match operation.op:
+        case "constant":
+            return _literal(operation.value)
+        case "truth":
+            return "true" if operation.value else "false"
+        case "uniform":
+            return _literal(written.constants[operation.place])
+        case "symbol":
+            return operation.name
+        case "look_up":
+            row, column = (names[number] for number in operation.operands)
+            cell = f"{row} * {_literal(operation.value)} + {column}"
+            if operation.name:
+                cell = f"3.0 * ({cell}) + {operation.name}.0"
+            return f"look_up(look_table{operation.place}, {cell})"
+    return _CODE[operation.op].format(*(names[number] for number in operation.operands))
+
+
+def _literal(value: float) -> str:
+    if abs(value) > _LARGEST:
+        raise CodegenError(f"a constant folded to {value:g}, which no float32 has; the model leaves its domain")
+    text = repr(float(value))
+    return f"({text})" if value < 0.0 else text
+
+
+def table_texels(table: Table) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """Return the texture of a table, (rows, `TABLE_WIDTH`)."""
+    numbers = np.asarray(table.values, np.float32).ravel()
+    texels = np.zeros((-(-len(numbers) // TABLE_WIDTH), TABLE_WIDTH), np.float32)
+    texels.ravel()[: len(numbers)] = numbers
+    return texels
