@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
 
 from lookdev.brdf import Model, evaluate
 from lookdev.errors import LookdevError, nearest_hint
@@ -205,14 +206,16 @@ class _Problem:
 
     def follow(self, start: Floats, most: int) -> tuple[Floats, float]:
         """Return where least squares ends from some numbers, and the loss there."""
-        end = least_squares(
-            lambda unit: self.residual(unit[None])[0],
-            np.clip(start, 1e-3, 1.0 - 1e-3),
-            self.jacobian,
-            bounds=(0.0, 1.0),
-            max_nfev=most,
-            xtol=1e-10,
-            ftol=1e-12,
-            gtol=1e-14,
-        )
+        # Threads of the linear algebra take ten times as long on matrices of ten columns, more beside other work.
+        with threadpool_limits(1, "blas"):
+            end = least_squares(
+                lambda unit: self.residual(unit[None])[0],
+                np.clip(start, 1e-3, 1.0 - 1e-3),
+                self.jacobian,
+                bounds=(0.0, 1.0),
+                max_nfev=most,
+                xtol=1e-10,
+                ftol=1e-12,
+                gtol=1e-14,
+            )
         return end.x, float(np.sqrt(np.mean(end.fun**2)))
