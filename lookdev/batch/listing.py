@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
 
+from lookdev.codegen import ShaderSource
 from lookdev.plan import Plan, PlannedFile
 
 LINKED = "shown by another frame that is done: linked, not rendered"
@@ -43,7 +44,7 @@ def plan_ranges(plan: Plan, output: Path) -> Iterator[Range]:
 
 
 def plan_text(plan: Plan, output: Path) -> str:
-    """Return a plan as an aligned table, a line for each scene with skips, and a line of sums."""
+    """Return a plan as an aligned table, a line for each scene with skips, and lines of sums."""
     rows = [("turntable", "frames", "state", "reason")]
     for part in plan_ranges(plan, output):
         numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
@@ -54,9 +55,19 @@ def plan_text(plan: Plan, output: Path) -> str:
         lines.append(f"{look}/{ibl} skipped: {', '.join(map(str, skips))}")
     counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
     lines.append(f"{len(plan.pending())} of {len(plan.frames)} frames to render (files: {counts})")
+    sources, programs = _programs(plan)
+    if programs < sources:
+        lines.append(f"{programs} programs to compile for {sources} looks, of which others differ in numbers alone")
     if plan.pictures:
         lines.append(f"{len(plan.pictures)} pictures to make from frames that are done")
     return "\n".join(lines)
+
+
+def _programs(plan: Plan) -> tuple[int, int]:
+    """Count the OSL shaders of the frames to render, and the programs that are compiled for them."""
+    scenes = {id(task.scene): task.scene for task in plan.pending()}.values()
+    sources = {shader for scene in scenes for shader in scene.shaders if isinstance(shader, ShaderSource)}
+    return len(sources), len({source.program for source in sources})
 
 
 def plan_data(plan: Plan, output: Path) -> dict[str, object]:
@@ -77,4 +88,5 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
         "pictures": [name(path) for path in plan.pictures],
         "skipped": [asdict(skip) for skip in plan.skips],
         "render": len(plan.pending()),
+        **dict(zip(("shaders", "programs"), _programs(plan), strict=True)),
     }

@@ -102,7 +102,7 @@ KINDS: dict[str, Kind] = {
             "scenes": ("sphere", "shaderball"),
             "ibls": ("studio", "city"),
             "looks": ("plastic", "car_paint", "metal", "brushed_metal", "copper"),
-            "backends": ("exact", "principled", "mitsuba-principled"),
+            "backends": ("exact", "mitsuba", "principled", "mitsuba-principled"),
             "samples": (4, 16, 64, 256),
             "resolution": 96,
             "repeats": 5,

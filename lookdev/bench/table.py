@@ -17,7 +17,7 @@ from lookdev.bench.results import Results, machine_line
 NAME = "table"
 """Of the section of the document, and the prefix of its plots."""
 
-_TITLES = {"principled": "Blender's Principled", "mitsuba-principled": "Mitsuba's principled"}
+_TITLES = {"mitsuba": "`mitsuba`", "principled": "Blender's Principled", "mitsuba-principled": "Mitsuba's principled"}
 _LEGEND = (
     "Seconds of a frame to the relMSE; in brackets the least and the most of the repeats. *takes*: the time of `exact` "
     "over that of the backend before it. *by samples*: the samples that `exact` needs over those of the backend, times "

@@ -128,13 +128,16 @@ def build_plan(
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
     """Yield what setups leave out, in their order, except what the user turned off."""
     for setup in setups:
-        for what, why in (*scene_skips(setup.task, setup.scene.looks, setup.requested), *_frame_skips(setup, turns)):
+        of_scene = scene_skips(setup.task, setup.scene.looks, setup.requested, len(setup.scene.lights))
+        for what, why in (*of_scene, *_frame_skips(setup, turns)):
             yield Skip(setup.look, setup.ibl, what, why)
 
 
 def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
-    poses = {pose for each in turns.turntables for pose in turntable_poses(each, setup.rotation, turns.azimuth)}
-    left = turns.poses(setup)
+    asked = [pose for each in turns.turntables for pose in turntable_poses(each, setup.rotation, turns.azimuth)]
+    poses, left = set(asked), turns.poses(setup)
+    if len(poses) < len(asked):
+        yield f"{len(asked) - len(poses)} of {len(asked)} frames", "same pose"
     if len(left) < len(poses):
         causes = ["same all around"] * setup.around + ["constant light"] * setup.task.light_stays
         yield f"{len(poses) - len(left)} of {len(poses)} frames", ", ".join(causes)

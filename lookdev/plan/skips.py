@@ -35,8 +35,15 @@ def same_all_around(shaders: Iterable[Source]) -> bool:
     return not any(shader.images or shader.attributes for shader in shaders)
 
 
-def scene_skips(scene: SceneTask, looks: Sequence[Look], requested: Sampling) -> Iterator[tuple[str, str]]:
-    """Yield what a scene leaves out of the sampling `requested`, and why; `looks` are those of its slots."""
+def scene_skips(
+    scene: SceneTask, looks: Sequence[Look], requested: Sampling, lights: int | None = None
+) -> Iterator[tuple[str, str]]:
+    """Yield what a scene leaves out of the sampling `requested`, and why.
+
+    `looks` are those of its slots, `lights` the number of lights that it was to have.
+    """
+    if lights is not None and (idle := lights - len(scene.lights)):
+        yield ("1 light", "reaches no part") if idle == 1 else (f"{idle} lights", "reach no part")
     if scene.sampling.bounces < requested.bounces:
         yield "bounces", "convex asset"
     ours = [shader for shader in scene.shaders if isinstance(shader, ShaderSource)]

@@ -32,9 +32,10 @@ def scene_task(
     """Generate the sources of a scene, but for those in `generated`, to which they are added.
 
     Reflected light does not reach a convex asset again, so it is rendered without bounces and shadow rays, unless it is
-    closed and a look transmits. Raises CodegenError or EnvironmentMapError where the backend cannot show a look or
-    lights, a line each.
+    closed and a look transmits. Lights that reach nothing are left out. Raises CodegenError or EnvironmentMapError,
+    a line each, where the backend cannot show a look or lights.
     """
+    scene = scene.without_idle_lights()
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look, and are lit by the same lights, share its source.
     worn_by = [(id(look), lit) for look, lit in zip(scene.looks, scene.lit_by, strict=True)]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 from lookdev.asset import Asset
 from lookdev.light import Light
+from lookdev.light.reach import may_reach
 from lookdev.material import Look
 from lookdev.scene.camera import Camera
 from lookdev.scene.framing import frame_camera
@@ -59,6 +61,22 @@ class Scene:
         """The numbers of the lights of each slot of the asset, in the order of the slots."""
         every = tuple(range(len(self.lights)))
         return tuple(self.lit.get(slot.path, every) for slot in self.asset.slots)
+
+    def without_idle_lights(self) -> Scene:
+        """Return the scene without lights that reach no part in any pose and are not seen; each part keeps a light."""
+        # Around the axis of the turns, at its height, the asset is in this sphere in every pose.
+        x, y = self.camera.pivot
+        center = (x, y, self.asset.center[2])
+        radius = 1.001 * (self.asset.radius + math.dist((x, y), self.asset.center[:2]))
+        reaching = {number for number, each in enumerate(self.lights) if may_reach(each, center, radius)}
+        kept = {number for number, light in enumerate(self.lights) if light.emission.camera}
+        for numbers in self.lit_by:
+            kept |= reaching.intersection(numbers) or set(numbers[:1])
+        if len(kept) == len(self.lights):
+            return self
+        place = {number: k for k, number in enumerate(sorted(kept))}
+        lit = {path: tuple(place[each] for each in numbers if each in place) for path, numbers in self.lit.items()}
+        return replace(self, lights=tuple(self.lights[number] for number in place), lit=lit)
 
     @property
     def grouped(self) -> tuple[int, ...]:

@@ -1,1 +1,1 @@
-"""Models as functions of GLSL ES 3.00, the language of WebGL 2 (Khronos 2016)."""
+"""Models and looks as functions of GLSL ES 3.00, the language of WebGL 2 (Khronos 2016)."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -133,14 +133,26 @@ def point_functions(layers: Sequence[PointLayer]) -> Functions:
     drawn = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
     for name, result in {"f": value, "pdf": pdf, "wi": drawn}.items():
         written.add(name, elements_of(result))
-    evaluate = _function(written, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
-    draw = _function(written, "look_draw(out vec3 wi)", ("wi",))
+    evaluate = function_text(written, "look_evaluate(out vec3 f, out float pdf)", ("f", "pdf"))
+    draw = function_text(written, "look_draw(out vec3 wi)", ("wi",))
     transmits = any(lobe.transmits or lobe.crosses for lobe in lobes)
     text = "\n".join([*evaluate, *draw]) + "\n"
     return Functions(text, frozenset(written.symbols), tuple(written.tables), bsdf.two_sided, transmits)
 
 
-def _function(written: Written, head: str, outputs: Sequence[str]) -> list[str]:
+class Program(Protocol):
+    """Operations in order, their results by name, and the numbers of ``"uniform"``, which are written as they are."""
+
+    @property
+    def operations(self) -> Sequence[Operation]: ...
+    @property
+    def outputs(self) -> Mapping[str, tuple[int, ...]]: ...
+    @property
+    def constants(self) -> Sequence[float]: ...
+
+
+def function_text(written: Program, head: str, outputs: Sequence[str]) -> list[str]:
+    """Return the lines of a function that sets results, each its parameter of 1 or 3 numbers, from the symbols."""
     needed: set[int] = set()
     left = [number for name in outputs for number in written.outputs[name]]
     while left:
@@ -168,7 +180,7 @@ def _function(written: Written, head: str, outputs: Sequence[str]) -> list[str]:
     return [*lines, "}"]
 
 
-def _code(operation: Operation, names: Mapping[int, str], written: Written) -> str:
+def _code(operation: Operation, names: Mapping[int, str], written: Program) -> str:
     match operation.op:
         case "constant":
             return _literal(operation.value)

@@ -30,19 +30,31 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
 
+Live = Callable[[int, str], bool]
+_CONSTANT = (np.ndarray, float)
+
 
 def generate_program(
-    look: Look, resolve: Callable[[Texture | Bump], Path], *, shadows: bool = True, features: bool = False
+    look: Look,
+    resolve: Callable[[Texture | Bump], Path],
+    *,
+    shadows: bool = True,
+    features: bool = False,
+    live: Live = lambda number, name: False,
 ) -> ProgramSource:
     """Generate the program of a look.
 
     Its constants are folded, and named, so that looks which differ in numbers alone have one text. `resolve` turns a
     texture into its linear EXR file, a height map into that of its slopes. With `shadows`, rays are traced along
     directions; `features` adds what guides a denoiser.
+
+    Constants that are `live`, by their layer's number from the base and their parameter (or ``"mask"``), do not fold:
+    they are symbols by their `live_name`, three with ``[0]`` to ``[2]`` behind it. An editor changes them while the
+    program stays.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
-    bsdf = stack_bsdf([_of_look(graph, layer) for layer in look_layers(look, inputs)])
+    bsdf = stack_bsdf([_of_look(graph, *each, live) for each in enumerate(look_layers(look, inputs))])
     lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, Node) or presence < 1.0
@@ -90,13 +102,45 @@ def generate_program(
     return replace(made, digest=hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest())
 
 
-def _of_look(graph: Graph, layer: StackLayer) -> StackLayer:
-    """Return a layer, its constants as uniforms."""
-    # By identity: a parameter that follows another has the same object.
-    found = {id(each): each for each in (*layer.parameters.values(), layer.mask)}
-    found = {key: uniforms(graph, v) if isinstance(v, np.ndarray | float) else v for key, v in found.items()}
-    parameters = {name: found[id(value)] for name, value in layer.parameters.items()}
+def live_name(layer: int, parameter: str) -> str:
+    """Return the symbol of a parameter of a layer."""
+    return f"layer{layer}_{parameter}"
+
+
+def live_numbers(look: Look, live: Live) -> Mapping[str, tuple[float, ...]]:
+    """Return the constants of a look that are live, by their names."""
+    layers = look_layers(look, Inputs(Graph(), _unopened))
+    given = {(k, name): each for k, layer in enumerate(layers) for name, each in _values(layer).items()}
+    constants = {key: np.asarray(each) for key, each in given.items() if isinstance(each, _CONSTANT) and live(*key)}
+    return {live_name(*key): tuple(map(float, each.ravel())) for key, each in constants.items()}
+
+
+def _of_look(graph: Graph, number: int, layer: StackLayer, live: Live) -> StackLayer:
+    """Return a layer, its constants as uniforms or as symbols."""
+
+    def traced(name: str, value: Any) -> Any:
+        if not isinstance(value, _CONSTANT):
+            return value
+        if not live(number, name):
+            return uniforms(graph, value)
+        place = live_name(number, name)
+        return symbols(graph, [f"{place}[{i}]" for i in range(3)]) if np.ndim(value) else symbol(graph, place)
+
+    found: dict[int, Any] = {}
+    for name, value in (given := _values(layer)).items():
+        # By identity: a parameter that follows another has the same object.
+        if id(value) not in found:
+            found[id(value)] = traced(name, value)
+    parameters = {name: found[id(given[name])] for name in layer.parameters}
     return replace(layer, parameters=parameters, mask=found[id(layer.mask)])
+
+
+def _values(layer: StackLayer) -> Mapping[str, Any]:
+    return {**layer.parameters, "mask": layer.mask}
+
+
+def _unopened(texture: Texture | Bump) -> Path:
+    raise AssertionError("no image is opened")
 
 
 def _frame(graph: Graph, directed: bool, leaning: bool) -> Mapping[str, Any]:

@@ -1,0 +1,133 @@
+"""A look as functions of GLSL ES 3.00: its stack, images, expressions and shading frame.
+
+Constants may stay uniforms: while they change, what is compiled stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from lookdev.cache import Content
+from lookdev.codegen.glsl.functions import function_text
+from lookdev.codegen.program.look import Live, generate_program, live_numbers
+from lookdev.codegen.source import AttributeBinding, ImageBinding
+from lookdev.errors import CodegenError
+from lookdev.material import Bump, Look, Texture
+
+_TYPES = {"uv": "vec2", "float": "float", "color": "vec3", "vector": "vec3"}
+_DIRECTIONS = "float wo_x, wo_y, wo_z, wi_x, wi_y, wi_z, u1, u2, inside, hand;"
+_MESH = "vec3 mesh_normal, mesh_tangent, mesh_facet, viewer;"
+
+LOOK_UPS = """
+// Bilinear between texels, row 0 at the top, wrapped as UsdUVTexture says; no texel beyond a border that is black.
+ivec2 look_texel(float place, float size, int wrap) {
+    bool there = wrap != 3 || (place >= 0.0 && place < size);
+    if (wrap == 0) place -= size * floor(place / size);
+    if (wrap == 1) { place -= 2.0 * size * floor(place / (2.0 * size)); place = min(place, 2.0 * size - 1.0 - place); }
+    return ivec2(int(clamp(place, 0.0, size - 1.0)), there ? 1 : 0);
+}
+vec4 look_bilinear(highp sampler2D image, vec2 st, int wrap_s, int wrap_t) {
+    vec2 size = vec2(textureSize(image, 0)), place = vec2(st.x, 1.0 - st.y) * size - 0.5, corner = floor(place);
+    vec4 total = vec4(0.0);
+    for (int dy = 0; dy < 2; dy++) for (int dx = 0; dx < 2; dx++) {
+        vec2 at = corner + vec2(dx, dy), weight = 1.0 - abs(place - at);
+        ivec2 column = look_texel(at.x, size.x, wrap_s), row = look_texel(at.y, size.y, wrap_t);
+        if (column.y * row.y == 1) total += weight.x * weight.y * texelFetch(image, ivec2(column.x, row.x), 0);
+    }
+    return total;
+}
+float look_slope(float place, int wrap) {
+    if (wrap == 1) return mod(floor(place), 2.0) == 1.0 ? -1.0 : 1.0;
+    return wrap == 2 && (place < 0.0 || place > 1.0) ? 0.0 : 1.0;
+}
+"""
+"""What `look_read` calls: it comes before it, once."""
+
+_WRAPS = {"repeat": 0, "mirror": 1, "clamp": 2, "black": 3}
+
+
+@dataclass(frozen=True)
+class LookFunctions:
+    """The text of a look's functions, after `functions.PRELUDE` and `LOOK_UPS`, and what they read.
+
+    Globals are set before a call: the attributes by the names of their parameters; ``mesh_normal``, ``mesh_tangent``,
+    ``mesh_facet`` and ``viewer`` in the world, ``hand``; then ``wo_x`` to ``wi_z`` in the shading frame, above its
+    horizon, and ``u1 u2``. ``look_read()`` looks up images by the attributes. ``look_frame(tangent, bitangent, normal,
+    facet)`` sets the shading frame, ``look_evaluate(value, pdf)`` the BSDF times the cosine and the density,
+    ``look_draw(wi)`` a direction, ``look_presence(presence)`` the presence, if the look is `see_through`.
+
+    `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
+    look_<name>``, or ``look_<name>_<tile>`` of UDIM tiles, RGBA32F; a table ``look_table<k>``, as of `Functions`.
+    """
+
+    text: str
+    numbers: Mapping[str, tuple[float, ...]]
+    look_ups: tuple[ImageBinding, ...]
+    attributes: tuple[AttributeBinding, ...]
+    tables: tuple[Content, ...]
+    transmits: bool
+    see_through: bool
+
+
+def look_functions(look: Look, resolve: Callable[[Texture | Bump], Path], live: Live) -> LookFunctions:
+    """Return the functions of a look, whose `live` constants are uniforms; arguments as of `generate_program`.
+
+    Raises
+    ------
+    CodegenError
+        It scatters along single directions.
+    TextureError
+        An image is missing or unreadable.
+    """
+    program = generate_program(look, resolve, live=live)
+    if program.deltas:
+        raise CodegenError(f"{look.name}: scatters along single directions, which are no functions of two directions")
+    read = {each.name.partition("[")[0] for each in program.operations if each.op == "symbol"}
+    numbers = {name: each for name, each in live_numbers(look, live).items() if name in read}
+    lines = [_DIRECTIONS, _MESH]
+    lines += [f"uniform {'vec3' if len(each) == 3 else 'float'} {name};" for name, each in numbers.items()]
+    lines += [f"uniform highp sampler2D look_table{number};" for number in range(len(program.tables))]
+    own = {"shading_tangent"}  # the tangents are `mesh_tangent`
+    lines += [f"{_TYPES[each.kind]} {each.parameter};" for each in program.attributes if each.parameter not in own]
+    for each in program.look_ups:
+        lines += [f"vec3 {each.name}; float {each.name}_a;"]
+        lines += [f"uniform highp sampler2D {_sampler(each, tile)};" for tile in each.files]
+    lines += ["void look_read() {", *(f"    {line}" for each in program.look_ups for line in _read(each)), "}"]
+    frame = "tangent", "bitangent", "normal", "facet"
+    lines += function_text(program, f"look_frame({', '.join(f'out vec3 {name}' for name in frame)})", frame)
+    lines += function_text(program, "look_evaluate(out vec3 value, out float pdf)", ("value", "pdf"))
+    lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
+    if program.see_through:
+        lines += function_text(program, "look_presence(out float presence)", ("presence",))
+    text = "\n".join(lines) + "\n"
+    return LookFunctions(
+        text, numbers, program.look_ups, program.attributes, program.tables, program.transmits, program.see_through
+    )
+
+
+def _sampler(each: ImageBinding, tile: int) -> str:
+    return f"look_{each.name}_{tile}" if tile else f"look_{each.name}"
+
+
+def _read(each: ImageBinding) -> Iterator[str]:
+    """Write what sets a look-up's channels from its coordinates."""
+    m = ", ".join(repr(each.transform[k]) for k in (0, 3, 1, 4, 2, 5))
+    wraps = f"{_WRAPS[each.wrap_s]}, {_WRAPS[each.wrap_t]}"
+    yield "{"
+    yield f"    vec2 st = mat3x2({m}) * vec3({each.uv}, 1.0);"
+    if 0 in each.files:
+        yield f"    vec4 texel = look_bilinear({_sampler(each, 0)}, st, {wraps});"
+        if each.slopes:
+            s, t = _WRAPS[each.wrap_s], _WRAPS[each.wrap_t]
+            yield f"    texel.xy *= vec2(look_slope(st.x, {s}), look_slope(st.y, {t}));"
+    else:
+        # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1); within it, edges are clamped.
+        yield "    vec2 tile = floor(st); vec4 texel = vec4(0.0);"
+        for number in each.files:
+            i, j = (number - 1001) % 10, (number - 1001) // 10
+            here = f"tile == vec2({i}.0, {j}.0)"
+            yield f"    if ({here}) texel = look_bilinear({_sampler(each, number)}, st - tile, 2, 2);"
+    yield f"    {each.name} = texel.rgb; {each.name}_a = texel.a;"
+    yield "}"

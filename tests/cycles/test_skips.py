@@ -1,0 +1,131 @@
+"""What a scene leaves out changes no picture: each skip is undone, and the frame rendered with what was left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from frames import POSE, orbit_camera
+
+from lookdev.asset import Asset, load_asset
+from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight, load_environment, prepare_light
+from lookdev.light.dome.environment import make_environment
+from lookdev.material import Layer, Look
+from lookdev.plan.poses import unturned
+from lookdev.plan.setup import make_setup
+from lookdev.plan.skips import scene_skips
+from lookdev.render.scene import scene_task
+from lookdev.render.task import SceneTask, one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Pose, Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+COAT = Layer("Paint", "disney", {"baseColor": (0.6, 0.1, 0.05), "roughness": 0.3, "clearcoat": 0.7})
+CHALK = Layer("Chalk", "lambert", {"reflectance": (0.6, 0.5, 0.3)})
+SAMPLING = Sampling(samples=128, bounces=4)
+
+
+def scene_of(asset: Asset, layer: Layer, light: Dome) -> Scene:
+    camera = orbit_camera(asset.center, asset.radius)
+    return Scene.of_look(asset, Look("look", (layer,)), light, (48, 48), camera)
+
+
+def same_both_ways(worker: Worker, short: Scene, full: Scene, skips: set[str], **sampling: int) -> None:
+    """A scene that skips something, and the same one so disguised that it does not, have the same picture."""
+    tasks = [scene_task(short, SAMPLING), scene_task(full, replace(SAMPLING, **sampling))]
+    assert skips <= skipped(short, tasks[0])
+    assert not skips & skipped(full, tasks[1])
+    same(*(rendered(worker, task, seed=str(number)) for number, task in enumerate(tasks)))
+
+
+def rendered(worker: Worker, task: SceneTask, pose: Pose = POSE, seed: str = "a") -> Rendered:
+    worker.start()
+    return worker.render(one_frame(task, pose, seed), lambda progress: None)
+
+
+def same(a: Rendered, b: Rendered) -> None:
+    """Equal within the noise of both, known by their halves: the mean of relative differences, to 1e-3 or better."""
+    inside = (a.alpha == 1.0) & (b.alpha == 1.0)
+    of_a, of_b = ((each.a + each.b)[inside].astype(float) / 2 for each in (a, b))
+    weight = 1.0 / ((of_a + of_b) / 2 + 0.1)
+    variance = sum((each.a - each.b)[inside].astype(float) ** 2 / 4 for each in (a, b))
+    noise = np.sqrt((weight**2 * variance).sum()) / weight.size
+    assert noise < 1e-3
+    assert abs((weight * (of_a - of_b)).mean()) < 4.0 * noise + 1e-6
+
+
+def skipped(scene: Scene, task: SceneTask) -> set[str]:
+    return {what for what, _ in scene_skips(task, scene.looks, SAMPLING)}
+
+
+@pytest.fixture(scope="module")
+def sphere() -> Asset:
+    return load_asset(builtin="sphere")
+
+
+@pytest.mark.parametrize("layer", [COAT, CHALK], ids=lambda layer: layer.model)
+def test_a_convex_asset_needs_no_bounces_and_no_shadow_rays(
+    layer: Layer, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
+) -> None:
+    full = replace(sphere, convex=False)
+    scenes = [scene_of(asset, layer, light_of("studio")) for asset in (sphere, full)]
+    same_both_ways(worker, *scenes, {"bounces", "shadow rays"})
+
+
+def test_a_constant_light_needs_no_light_samples(
+    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
+) -> None:
+    # A texel of 32,768 differs by a thousandth.
+    radiance = load_environment(builtin="white").radiance.copy()
+    radiance = np.broadcast_to(radiance[:1, :1], (128, 256, 3)).copy()
+    radiance[60, 100] *= 1.001
+    nearly = prepare_light(make_environment("nearly", radiance, "nearly"))
+    scenes = [scene_of(sphere, COAT, light) for light in (light_of("white"), nearly)]
+    same_both_ways(worker, *scenes, {"light samples"})
+
+
+def test_a_broad_lobe_needs_no_samples_of_its_own(
+    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
+) -> None:
+    scene = scene_of(sphere, CHALK, light_of("studio"))
+    same_both_ways(worker, scene, scene, {"BRDF samples"}, brdf_samples=2)
+
+
+def test_lights_that_reach_nothing_are_left_out(
+    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rectangle that is turned away, a beam that passes by, a lamp that is off, and one light that is there."""
+    bright = Emission((8.0, 8.0, 8.0))
+    behind = RectLight(width=1.0, height=1.0, position=(0.0, 0.0, -3.0), emission=bright)  # shines down, from below
+    beam = replace(bright, shaping=Shaping(cone_angle=20.0))
+    beside = SphereLight(radius=0.2, position=(6.0, 0.0, 0.0), emission=beam)
+    off = SphereLight(radius=0.2, position=(1.0, -3.0, 3.0), emission=Emission((0.0, 0.0, 0.0)))
+    lamp = replace(off, emission=bright)
+    scene = replace(scene_of(sphere, COAT, light_of("studio")), lights=(behind, lamp, beside, off, light_of("studio")))
+    short = scene_task(scene, SAMPLING)
+    assert short.lights == (lamp, light_of("studio"))
+    assert ("3 lights", "reach no part") in scene_skips(short, scene.looks, SAMPLING, len(scene.lights))
+    monkeypatch.setattr(Scene, "without_idle_lights", lambda scene: scene)
+    full = scene_task(scene, SAMPLING)
+    assert len(full.lights) == 5
+    same(rendered(worker, short), rendered(worker, full))
+
+
+@pytest.mark.parametrize(("ibl", "causes"), [("studio", "same all around"), ("white", "constant light")])
+def test_frames_of_other_poses_are_the_one_that_is_rendered(
+    ibl: str, causes: str, worker: Worker, sphere: Asset, light_of: Callable[[str], Dome]
+) -> None:
+    """Every pose that shares a frame with another, rendered as it was asked for."""
+    scene = scene_of(sphere, COAT, light_of(ibl))
+    setup = make_setup("look", ibl, scene, SAMPLING)
+    asked = [Pose(0.0, 40.0), Pose(75.0, 40.0), Pose(190.0, 40.0)]
+    if causes == "constant light":
+        asked = [Pose(20.0, 0.0), Pose(20.0, 100.0)]
+    shown = {unturned(pose, setup.around, setup.task.light_stays) for pose in asked}
+    assert len(shown) == 1
+    one = rendered(worker, setup.task, shown.pop())
+    for number, pose in enumerate(asked):
+        same(one, rendered(worker, setup.task, pose, f"pose {number}"))
