@@ -99,8 +99,8 @@ def seen() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     return hit, origin + distance * direction, normal, distance[..., 0] * -(direction @ back)
 
 
-# The facets of a ball of radius 1 are up to 1 - cos(pi / 96) below it along meridians, and as much across; by the cosine
-# at which the view meets it, more along the view.
+# The facets of a ball of radius 1 are up to 1 - cos(pi / 96) below it along meridians, and as much across; by the
+# cosine at which the view meets it, more along the view.
 COSINE = 0.3
 FACETS = 2.0 * (1.0 - np.cos(np.pi / 96.0)) / COSINE
 
