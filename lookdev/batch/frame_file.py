@@ -13,6 +13,8 @@ import lookdev
 from lookdev.batch.pictures import write_shared
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
+from lookdev.render.cryptomatte import matte_header
+from lookdev.render.passes import arrays_of
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
 
@@ -39,4 +41,14 @@ def write_rendered(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float
         header["raw.relmse"] = repr(rendered.raw_relmse)
     if not math.isnan(rendered.relmse):  # else the halves are one render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
-    write_shared(task.files, lambda path: write_frame(path, beauty, rendered.alpha, header, layers))
+    channels = arrays_of(task.scene.sampling.passes)
+    planes = {
+        channel: rendered.passes[name][..., i] for name, each in channels.items() for i, channel in enumerate(each)
+    }
+    attributes = {
+        key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()
+    }
+    write_shared(
+        task.files,
+        lambda path: write_frame(path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes),
+    )

@@ -66,7 +66,7 @@ def _serve(answers: Answers) -> None:
             scene.show(task.scene)
             with finer_progress(task.scene.sampling.samples, progress) as report:
                 frame = render_frame(scene, task, report)
-            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw)
+            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
             kept = _log_size()

@@ -10,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from lookdev.cycles import engine
+from lookdev.cycles.passes import Passes, render_frame_passes
 from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
 from lookdev.render.adaptive import Region
 from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, render_halves
@@ -28,9 +29,16 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
         engine.fill_tables(scene.scene)
     before = time.perf_counter() - started
     frame = render_halves(task, partial(_rendered, scene, task), partial(_denoiser, scene, task), progress)
+    made = Passes({}, {})
+    if {*task.scene.sampling.passes} - {*frame.passes}:
+        begun = time.perf_counter()
+        made = render_frame_passes(scene, task, frame.alpha, frame.samples)
+        before += time.perf_counter() - begun
     return replace(
         frame,
         seconds=frame.seconds + before,
+        passes={**frame.passes, **made.arrays},
+        names=made.names,
         raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + before,
     )
 

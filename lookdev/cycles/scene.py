@@ -25,7 +25,10 @@ from lookdev.light.native import still_domes, varied_domes
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Pose
 
-ALBEDOS, NORMALS = 0.25, 0.5
+MATTE, ALBEDOS, NORMALS = 0.0625, 0.25, 0.5
+
+_APART = {"uv", "cryptomatte"}
+"""Passes for which every prim is an object, with all of its UV sets."""
 
 
 class Scene:
@@ -37,6 +40,8 @@ class Scene:
         Blender's scene, the empty that is the parent of the whole asset, and the camera.
     objects
         The objects that show the asset.
+    names_of_objects
+        Where the task has the paths of prims, these by the names of objects, one for each.
     lamps
         The lights that are objects: none where OSL shaders integrate the light.
     origin
@@ -67,7 +72,7 @@ class Scene:
         self._asset = read_asset(task.asset.path)
         self._add_materials()
         # Blender's own BSDF reads no attribute by name, but the first UV set.
-        self._apart = apart or self.by_user
+        self._apart = apart or self.by_user or not _APART.isdisjoint(task.sampling.passes)
         self.camera = self.scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
         self.camera.cycles.use_motion_blur = False
         self.scene.collection.objects.link(self.camera)
@@ -93,6 +98,16 @@ class Scene:
         """Whether the settings are those of a user of Cycles: one render, no halves."""
         return isinstance(self.task.shaders[0], PrincipledSource)
 
+    @property
+    def name_of_asset(self) -> str:
+        """The name of the asset."""
+        return self._asset.name
+
+    @property
+    def names_of_materials(self) -> dict[str, str]:
+        """The names of looks by those of materials."""
+        return {each.name: source.name for each, source in zip(self._materials, self.task.shaders, strict=True)}
+
     def _configure(self) -> None:
         task = self.task
         bounces = task.sampling.bounces
@@ -109,6 +124,9 @@ class Scene:
             self.scene.world = build_world("light", task.lights, sampled=sampled)
         if self.by_user:
             configure_as_users_do(self.scene)
+        if "uv" in task.sampling.passes:
+            # From the first render on: meshes keep the attributes that they had then.
+            self.scene.view_layers[0].use_pass_uv = True
         if not self.by_shaders:
             # A lamp that a ray passes counts as one of them, seen from either side where it is a mesh.
             self.scene.cycles.transparent_max_bounces += 2 * sum(not isinstance(each, Dome) for each in task.lights)
@@ -137,6 +155,9 @@ class Scene:
         dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
         shown = add_asset(*dressed, groups=task.groups, apart=self._apart, covered=self.by_portals)
         self.root, self.objects = shown.root, shown.objects
+        if task.prims:
+            paths = (path or asset.name for path in task.prims)
+            self.names_of_objects = {item.name: path for item, path in zip(self.objects, paths, strict=True)}
         if self.by_user:
             shade_by_normals(shown)
         self._pass_constants()
@@ -162,7 +183,7 @@ class Scene:
         """Show another task that fits, and delete the asset shown before where it is another one, in all scenes."""
         before, self.task = self.task, task
         made, wanted = _materials(before), _materials(task)
-        if (task.asset, task.worn, task.groups, wanted) != (before.asset, before.worn, before.groups, made):
+        if (_shown(task), wanted) != (_shown(before), made):
             data = bpy.data
             trees = [tree for tree in data.node_groups if tree.type == "GEOMETRY"]
             objects = [item for item in data.objects if item != self.camera]
@@ -192,7 +213,7 @@ class Scene:
         ``lighting``.
         """
         camera = camera.moved(tuple(-self.origin))
-        frame = 0.0 if still_domes(self.task.lights) else pose.lighting
+        frame = self._frame(pose)
         orbit, turn = (pose.element, 0.0) if self.by_shaders else (frame, pose.element - frame)
         _place_camera(self.camera, camera.orbited(-orbit))
         (x, y), angle = camera.pivot, math.radians(turn)
@@ -202,10 +223,17 @@ class Scene:
         for lamp in self.lamps:
             lamp.stand(pose.lighting, frame, camera.pivot)
 
+    def turn_of_world(self, pose: Pose) -> float:
+        """Return the degrees about the pivot from Blender's world to the one in which the asset turns."""
+        return pose.element if self.by_shaders else self._frame(pose)
+
+    def _frame(self, pose: Pose) -> float:
+        return 0.0 if still_domes(self.task.lights) else pose.lighting
+
     def control(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass the values that change from render to render to OSL shaders, by the colour of the objects.
 
-        For `ALBEDOS` or `NORMALS` in place of samples, shaders generated with features show these.
+        For `MATTE`, `ALBEDOS` or `NORMALS` in place of samples, shaders generated with features show these.
 
         Unlike a shader parameter, that does not recompile the shader. Channels are not negative: the angle is in
         [0, 2 pi). The fourth is the depth of the near clip, at which the camera's rays start.
@@ -222,7 +250,11 @@ class Scene:
 def _built_from(task: SceneTask) -> tuple[object, ...]:
     by_shaders = isinstance(task.shaders[0], ShaderSource)
     fixed = "OSL" if by_shaders else (task.shaders, task.lights, task.lit, *_stand(task))
-    return fixed, task.resolution, task.sampling.bounces, task.device
+    return fixed, task.resolution, task.sampling.bounces, task.sampling.passes, task.device
+
+
+def _shown(task: SceneTask) -> tuple[object, ...]:
+    return task.asset, task.worn, task.groups, task.prims
 
 
 def _materials(task: SceneTask) -> tuple[object, ...]:

@@ -25,6 +25,7 @@ from lookdev.job.keys import (
     IblFile,
     JobPath,
     Name,
+    PassName,
     Pixels,
     PrimPath,
     Table,
@@ -37,6 +38,7 @@ from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.wedge import JobWedge
 from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.render.passes import PASSES
 from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
 
@@ -205,6 +207,10 @@ class JobRender(Table):
         description="'measured': by Open Image Denoise, mixed with the raw picture so that no frame is worse; the "
         "error is that of the result, bias included. Exact backend only.",
     )
+    passes: tuple[PassName, ...] = Field(
+        default=(),
+        description="Further layers of the EXR: " + "; ".join(f"{e.name}: {e.help}" for e in PASSES.values()) + ".",
+    )
     background: Background = Field(
         default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
     )
@@ -238,6 +244,20 @@ class JobRender(Table):
             others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.features)
             raise wrong(f"backend '{backend.name}' renders no albedos and normals to denoise by", f"backend = {others}")
         return value
+
+    @field_validator("passes")
+    @classmethod
+    def _passes_of_the_backend(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        backend = BACKENDS.get(info.data.get("backend", ""))
+        lacking = [name for name in value if backend is not None and name not in backend.passes]
+        if backend is not None and lacking:
+            others = " or ".join(f'"{n}"' for n, each in job_backends().items() if {*lacking} <= {*each.passes})
+            made = ", ".join(backend.passes)
+            raise wrong(
+                f"backend '{backend.name}' makes no {' and no '.join(lacking)}; it makes {made}", f"backend = {others}"
+            )
+        # One picture has one digest.
+        return tuple(name for name in PASSES if name in value)
 
     @property
     def sampling(self) -> Sampling:

@@ -47,7 +47,7 @@ def main() -> None:
             if scene is None or not scene.fits(task.scene):
                 scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene)
             frame = scene.render(task, progress)
-            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw)
+            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
             scene = None
             traceback.print_exc()  # Dr.Jit's errors are about those before them

@@ -12,6 +12,7 @@ import struct
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import BinaryIO
 
 import numpy as np
@@ -41,27 +42,33 @@ def write_frame(
     alpha: ArrayLike,
     header: Mapping[str, str | float | int],
     layers: Mapping[str, ArrayLike] | None = None,
+    *,
+    planes: Mapping[str, ArrayLike] = MappingProxyType({}),
+    attributes: Mapping[str, str] = MappingProxyType({}),
 ) -> None:
     """Write a frame, whole or not at all; makes folders.
 
     `beauty` is premultiplied linear Rec.709 radiance, (H, W, 3), as are the other `layers` by their names; `alpha` is
-    coverage in [0, 1], (H, W). `read_header` returns `header` as strings. Raises OutputError where the shapes differ or
+    coverage in [0, 1], (H, W). `planes` (H, W) are further channels by their names, `attributes` entries of the
+    header as they are. `read_header` returns `header` as strings. Raises OutputError where the shapes differ or
     the file cannot be written.
     """
     rgb, coverage = np.asarray(beauty, np.float32), np.asarray(alpha, np.float32)
     if rgb.shape != (*coverage.shape, 3) or coverage.ndim != 2:
         raise OutputError(f"{path}: beauty {rgb.shape} and alpha {coverage.shape} must be (H, W, 3) and (H, W)")
     pictures = {"": rgb, **{f"{name}.": np.asarray(each, np.float32) for name, each in (layers or {}).items()}}
-    planes = {
+    written = {
         f"{k}{name}": np.ascontiguousarray(p[..., i]) for k, p in pictures.items() for i, name in enumerate("RGB")
     }
-    planes["A"] = np.ascontiguousarray(coverage)
-    attributes: dict[str, object] = {PREFIX + key: str(value) for key, value in header.items()}
-    attributes |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    attributes[_CHECKSUM] = _NO_CHECKSUM.decode()
+    written["A"] = np.ascontiguousarray(coverage)
+    written |= {name: np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()}
+    entries: dict[str, object] = {PREFIX + key: str(value) for key, value in header.items()}
+    entries |= attributes
+    entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    entries[_CHECKSUM] = _NO_CHECKSUM.decode()
     try:
         with atomic_path(path) as temporary, from_memory(temporary) as name:
-            with OpenEXR.File(attributes, planes) as exr:
+            with OpenEXR.File(entries, written) as exr:
                 exr.write(name)
             with Path(name).open("r+b") as stream:
                 place = _attributes(stream)[_CHECKSUM.encode()]

@@ -17,9 +17,14 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
 
     No part contains a path: geometry, textures and light tables count by their content.
     """
+    sampling = asdict(scene.sampling)
+    if scene.sampling.passes:
+        sampling["prims"] = scene.prims
+    else:
+        del sampling["passes"]
     render = {
         "resolution": scene.resolution,
-        "sampling": asdict(scene.sampling),
+        "sampling": sampling,
         "device": scene.device,
         "backend": scene.backend,
         "version": BACKENDS[scene.backend].version(),

@@ -55,7 +55,8 @@ def make_setup(
     task = scene_task(scene, sampling, backend, device, generated)
     if faults := tuple(_attribute_faults(scene, task)):
         raise FaultsError(faults)
-    around = scene.asset.revolved and _about_its_axis(scene) and same_all_around(task.shaders)
+    # Passes show places, which turn with the asset.
+    around = not sampling.passes and scene.asset.revolved and _about_its_axis(scene) and same_all_around(task.shaders)
     return Setup(look, ibl, scene, task, sampling, around)
 
 

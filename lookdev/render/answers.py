@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -70,20 +71,28 @@ class Answers:
 
 
 def save_arrays(
-    a: NDArray[np.float32], b: NDArray[np.float32], alpha: NDArray[np.float32], raw: NDArray[np.float32] | None = None
+    a: NDArray[np.float32],
+    b: NDArray[np.float32],
+    alpha: NDArray[np.float32],
+    raw: NDArray[np.float32] | None = None,
+    passes: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
+    names: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> str:
     """Save halves (H, W, 3) and coverage (H, W) to a file in ``TMPDIR``, which the parent removes; return its path.
 
-    Of a denoised frame, `raw` (H, W, 3) is the picture before.
+    Of a denoised frame, `raw` (H, W, 3) is the picture before. `passes` and `names` are of `RenderedFrame`.
 
     Raises OutputError where it cannot be written; nothing is left then.
     """
+    arrays = {"a": a, "b": b, "alpha": alpha, **({} if raw is None else {"raw": raw})}
+    arrays |= {f"pass {name}": each for name, each in passes.items()}
+    texts = {"names": np.frombuffer(json.dumps(dict(names)).encode(), np.uint8)} if names else {}
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
     try:
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
         try:
             with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, a=a, b=b, alpha=alpha, **({} if raw is None else {"raw": raw}))
+                np.savez(stream, **arrays, **texts)
         except OSError:
             Path(path).unlink()
             raise

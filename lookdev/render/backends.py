@@ -14,6 +14,7 @@ from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderS
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, mitsuba_gaps, native_gaps
 from lookdev.light.lamps import is_plain
+from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ class Backend:
     cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
+    passes: tuple[str, ...] = ("samples",)  # of `PASSES`
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
@@ -101,7 +103,7 @@ def _exact(look: Look, setting: Setting) -> Source:
         lights=setting.lights,
         shadows=setting.shadows,
         resolution=setting.resolution,
-        features=setting.sampling.denoise != "off",
+        features=setting.sampling.features,
     )
 
 
@@ -157,6 +159,7 @@ def _unlike_principled(look: Look) -> str | None:
     return None
 
 
+_PLACES = ("depth", "position", "uv", "samples")
 _ANY_DEVICE = ("cpu", "cuda", "optix", "hip", "metal", "oneapi")
 
 BACKENDS: dict[str, Backend] = {
@@ -172,6 +175,7 @@ BACKENDS: dict[str, Backend] = {
             any_light=True,
             directions=True,
             features=True,
+            passes=tuple(PASSES),
             ahead=True,
         ),
         Backend(
@@ -181,6 +185,7 @@ BACKENDS: dict[str, Backend] = {
             generate=_nodes,
             devices=_ANY_DEVICE,
             in_jobs=True,
+            passes=tuple(PASSES),
         ),
         Backend(
             name="nodes-exact",
@@ -191,6 +196,7 @@ BACKENDS: dict[str, Backend] = {
             devices=_ANY_DEVICE,
             exact=True,
             in_jobs=True,
+            passes=_PLACES,
             cannot_light=_only_domes,
         ),
         Backend(

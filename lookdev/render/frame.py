@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,8 @@ class RenderedFrame:
     """Half renders (H, W, 3), coverage (H, W), rows top-down, exposure not applied; samples over both halves.
 
     A frame as a user of Cycles would have it is one render: `a` and `b` are equal, and `relmse` is nan. `raw` is the
-    mean of the halves before they were denoised, `raw_relmse` its error, `raw_seconds` what it took.
+    mean of the halves before they were denoised, `raw_relmse` its error, `raw_seconds` what it took. `passes` are
+    (H, W, channels) by the names of their arrays, `names` those that are in each matte.
     """
 
     a: Image
@@ -40,6 +41,8 @@ class RenderedFrame:
     raw: Image | None = None
     raw_relmse: float | None = None
     raw_seconds: float | None = None
+    passes: Mapping[str, Image] = field(default_factory=dict)
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 Progress = Callable[[int, int, float | None], None]
@@ -87,7 +90,10 @@ def render_halves(
     if result is not None:
         a, b = result.a / gain, result.b / gain
     shown = (a.astype(np.float32), b.astype(np.float32), alpha.astype(np.float32))
+    passes: dict[str, Image] = {}
+    if "samples" in sampling.passes:
+        passes["samples"] = (halves[0].samples + halves[1].samples).astype(np.float32)[..., None]
     seconds = time.perf_counter() - started
     if result is None:
-        return RenderedFrame(*shown, done, seconds, error)
-    return RenderedFrame(*shown, done, seconds, error, raw, raw_error, seconds - denoising)
+        return RenderedFrame(*shown, done, seconds, error, passes=passes)
+    return RenderedFrame(*shown, done, seconds, error, raw, raw_error, seconds - denoising, passes)

@@ -93,6 +93,7 @@ def scene_task(
         groups=scene.grouped if scene.groups else (),
         resolution=scene.film.resolution,
         sampling=chosen,
+        prims=tuple(each.path for each in asset.instances) if "cryptomatte" in chosen.passes else (),
         camera=scene.camera,
         device=device,
     )

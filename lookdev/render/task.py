@@ -54,6 +54,8 @@ class SceneTask:
     lit: tuple[tuple[int, ...], ...] = ()  # the numbers of the lights of each source; (): of each all
     groups: tuple[int, ...] = ()  # the group of each slot, as `Emission.spared` has them; (): of each 0
 
+    prims: tuple[str, ...] = ()  # the path of each instance, where a pass has them
+
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]
         # Both backends of nodes have one type of source, with a field for whether it is exact.

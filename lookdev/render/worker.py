@@ -7,6 +7,7 @@ when stdin ends, also after a crash of this process.
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -14,9 +15,9 @@ import tempfile
 import threading
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -27,6 +28,7 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
+from lookdev.render.passes import arrays_of
 from lookdev.render.task import FrameTask, SceneTask
 
 PATIENCE = 600.0
@@ -89,6 +91,8 @@ class Rendered:
     raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before
     raw_relmse: float | None = None
     raw_seconds: float | None = None  # without features and denoising
+    passes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (H, W, channels) by their arrays' names
+    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # in each matte
 
 
 class Worker:
@@ -192,7 +196,7 @@ class Worker:
             self._check_digest(message.digest, task)
             if isinstance(message, Failed):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
-            return _load(message, task.scene.resolution, self._blender)
+            return _load(message, task.scene, self._blender)
 
     def kill(self) -> None:
         """Kill the process and its children."""
@@ -309,14 +313,17 @@ def last_line(log: Path) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip()), "")
 
 
-def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
+def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
-    width, height = resolution
+    width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
+    passes = arrays_of(scene.sampling.passes)
+    shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in shapes}
+            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise WorkerError(f"the render worker's result cannot be read: {error}") from error
     done.arrays.unlink(missing_ok=True)
@@ -325,8 +332,12 @@ def _load(done: Done, resolution: tuple[int, int], blender: str) -> Rendered:
             raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
         if not np.isfinite(arrays[name]).all():
             raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
+    found = {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}
+    shown = {name: found.pop(f"pass {name}") for name in passes}
     return Rendered(
-        **{name: array.astype(np.float32, copy=False) for name, array in arrays.items()},
+        **found,
+        passes=shown,
+        names={name: tuple(each) for name, each in names.items()},
         samples=done.samples,
         seconds=done.seconds,
         relmse=done.relmse,

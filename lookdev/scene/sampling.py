@@ -24,3 +24,9 @@ class Sampling:
     bounces: int = 2  # indirect
     seed: int = 0
     denoise: Literal["off", "measured"] = "off"  # after which its error is measured again
+    passes: tuple[str, ...] = ()  # besides the beauty, of `lookdev.render.passes`
+
+    @property
+    def features(self) -> bool:
+        """Whether shaders can show albedos and normals."""
+        return self.denoise != "off" or bool(self.passes)

@@ -153,6 +153,20 @@ def test_a_backend_runs_on_its_devices(backend: Backend, folder: Path) -> None:
         assert (render.backend, render.device) == (backend.name, device)
 
 
+def test_passes_are_named_and_made_by_the_backend(folder: Path) -> None:
+    assert parse(f'{MINIMAL}[render]\npasses = ["uv", "depth", "uv"]\n', folder).render.passes == ("depth", "uv")
+    assert faults(f'{MINIMAL}[render]\npasses = ["dept"]\n', folder) == {
+        "render.passes[0]": ("unknown value 'dept'", "did you mean 'depth'?")
+    }
+    text = f'{MINIMAL}[render]\nbackend = "mitsuba"\npasses = ["samples", "uv", "cryptomatte"]\n'
+    assert faults(text, folder) == {
+        "render.passes": (
+            "backend 'mitsuba' makes no uv and no cryptomatte; it makes samples",
+            'backend = "exact" or "nodes"',
+        )
+    }
+
+
 def test_faults_of_every_table_are_reported_at_once(folder: Path) -> None:
     text = """
     output = "out"

@@ -48,6 +48,7 @@ def camera(**values: Any) -> Change:
         (lambda scene: replace(scene, resolution=(48, 64)), "render"),
         (lambda scene: replace(scene, device="cuda"), "render"),
         (sampling(samples=128), "render"),
+        (sampling(passes=("depth",)), "render"),
         (sampling(error=1e-3), "render"),
         (sampling(brdf_samples=3), "render"),
         (sampling(ibl_samples=3), "render"),

@@ -1,0 +1,169 @@
+"""The passes of a frame besides its light: cheap renders, in which OSL shaders show their features.
+
+Cycles' own passes of places are those of the first sample, which is at the centre of the pixel.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.cycles import engine
+from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, Scene
+from lookdev.render.cryptomatte import filled, renamed
+from lookdev.render.frame import FEATURE_SAMPLES, Image
+from lookdev.render.passes import MATTES
+from lookdev.render.task import FrameTask
+
+_OF_CYCLES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
+_COLORS = ("diffuse", "glossy", "transmission")
+# Blender 4.5 abbreviates the names of passes.
+_COLOR_NAMES = {"DiffCol", "GlossCol", "TransCol", *(f"{kind.capitalize()} Color" for kind in _COLORS)}
+_MATTE_DEPTH = 16  # the most that Cycles has: things of one name are merged afterwards
+_MATTE_SAMPLES = 32, 4096  # at least and at most
+
+
+@dataclass(frozen=True)
+class Passes:
+    """Arrays (H, W, channels) by the names of `lookdev.render.passes.arrays_of`, and the names in each matte."""
+
+    arrays: Mapping[str, Image]
+    names: Mapping[str, tuple[str, ...]]
+
+
+def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: int) -> Passes:
+    """Render the passes that a task wants, in a scene that shows its pose; `alpha`, `samples` are those of the frame.
+
+    Mattes take half as many samples, and sum up to the frame's alpha.
+    """
+    wanted = {*task.scene.sampling.passes}
+    arrays: dict[str, Image] = {}
+    names: dict[str, tuple[str, ...]] = {}
+    with _few_bounces(scene):
+        if central := wanted & {*_OF_CYCLES}:
+            arrays |= _central(scene, task, central)
+        if "albedo" in wanted:
+            arrays["albedo"] = _albedo(scene, task)
+        if "cryptomatte" in wanted:
+            least, most = _MATTE_SAMPLES
+            size = min(max(least, 1 << (samples // 2 - 1).bit_length()), most)
+            for kind, matte in _mattes(scene, task, alpha > 0.0, size).items():
+                known = _names(scene, kind)
+                arrays[MATTES[kind]] = filled(renamed(matte, known), alpha)
+                names[MATTES[kind]] = tuple(sorted({*known.values()}))
+    return Passes(arrays, names)
+
+
+def _central(scene: Scene, task: FrameTask, wanted: set[str]) -> dict[str, Image]:
+    """Return what is at the centre of each pixel."""
+    scene.control(task.pose, 0, NORMALS)
+    with _storing(scene, {f"use_pass_{_OF_CYCLES[name]}": True for name in wanted}):
+        shown = {name: each[::-1] for name, each in engine.render_whole(scene.scene, 1).items()}
+    found: dict[str, Image] = {}
+    covered = shown["UV"][..., 2:] > 0.0 if scene.by_portals else shown["Combined"][..., 3:] > 0.0
+    turn = scene.turn_of_world(task.pose)
+    if "depth" in wanted:
+        found["depth"] = shown["Depth"]
+    if "uv" in wanted:
+        found["uv"] = np.ascontiguousarray(shown["UV"][..., :2])
+    if "position" in wanted:
+        pivot = np.array([*task.scene.camera.pivot, 0.0])
+        place = pivot + _turned(shown["Position"].astype(np.float64) + scene.origin - pivot, turn)
+        found["position"] = np.where(covered, place, 0.0).astype(np.float32)
+    if "normal" in wanted:
+        normal = shown["Normal"].astype(np.float64)
+        if scene.by_shaders:
+            # Shown in [0, 1], and black where there is no surface.
+            normal = 2.0 * shown["Combined"][..., :3].astype(np.float64) - shown["Combined"][..., 3:]
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        unit = _turned(normal, turn) / np.where(length > 0.0, length, 1.0)
+        found["normal"] = np.where(covered, unit, 0.0).astype(np.float32)
+    return found
+
+
+def _albedo(scene: Scene, task: FrameTask) -> Image:
+    """Return the mean albedo of each pixel; that of closures is theirs."""
+    scene.control(task.pose, 0, ALBEDOS)
+    with _storing(scene, {} if scene.by_shaders else {f"use_pass_{kind}_color": True for kind in _COLORS}):
+        shown = engine.render_passes(scene.scene, FEATURE_SAMPLES)
+    colors = [each for name, each in shown.items() if name in _COLOR_NAMES] or [shown["Combined"][..., :3]]
+    return np.ascontiguousarray(np.sum(colors, axis=0, dtype=np.float32)[::-1])
+
+
+def _mattes(scene: Scene, task: FrameTask, covered: NDArray[np.bool_], samples: int) -> dict[str, Image]:
+    """Return the coverage (H, W, 2 n) of Blender's objects and materials, as `renamed` takes it."""
+    scene.control(task.pose, 0, MATTE)
+    settings = {"pass_cryptomatte_depth": _MATTE_DEPTH}
+    settings |= {f"use_pass_cryptomatte_{kind}": True for kind in ("object", "material")}
+    with _storing(scene, settings):
+        box = _around(covered)
+        shown = engine.render_passes(scene.scene, samples, box=box)
+
+    def layers(blender: str) -> Image:
+        found = sorted(name for name in shown if f"Crypto{blender}" in name)
+        whole = np.zeros((*covered.shape, 4 * len(found)), np.float32)
+        whole[box[1] : box[3], box[0] : box[2]] = np.concatenate([shown[name] for name in found], axis=-1)
+        return whole[::-1]
+
+    objects, materials = layers("Object"), layers("Material")
+    return {"object": objects, "material": materials, "asset": objects}
+
+
+def _around(covered: NDArray[np.bool_]) -> engine.Box:
+    """Return the least box of pixels that are covered, rows top-down."""
+    height, width = covered.shape
+    ends = []
+    for size, axis in ((width, 0), (height, 1)):
+        there = np.flatnonzero(covered.any(axis=axis))
+        low, high = (int(there[0]), int(there[-1]) + 1) if len(there) else (0, 0)
+        high = min(max(high, low + engine.SMALLEST), size)
+        ends.append((min(low, high - engine.SMALLEST), high))
+    (left, right), (top, bottom) = ends
+    return left, height - bottom, right, height - top
+
+
+def _names(scene: Scene, kind: str) -> dict[str, str]:
+    """Return the names in a matte, by those of Blender's data."""
+    if kind == "material":
+        return scene.names_of_materials
+    names = scene.names_of_objects
+    return names if kind == "object" else dict.fromkeys(names, scene.name_of_asset)
+
+
+def _turned(vectors: NDArray[np.float64], degrees: float) -> NDArray[np.float64]:
+    """Return vectors (..., 3) turned about the vertical."""
+    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.stack([cosine * x - sine * y, sine * x + cosine * y, z], axis=-1)
+
+
+@contextmanager
+def _storing(scene: Scene, settings: Mapping[str, Any]) -> Iterator[None]:
+    """Set what the view layer stores."""
+    layer = scene.scene.view_layers[0]
+    before = {name: getattr(layer, name) for name in settings}
+    try:
+        for name, value in settings.items():
+            setattr(layer, name, value)
+        yield
+    finally:
+        for name, value in before.items():
+            setattr(layer, name, value)
+
+
+@contextmanager
+def _few_bounces(scene: Scene) -> Iterator[None]:
+    """Let closures reflect nothing: light is not what these renders are for."""
+    settings = scene.scene.cycles
+    before = settings.max_bounces
+    settings.max_bounces = 0
+    try:
+        yield
+    finally:
+        settings.max_bounces = before

@@ -1,0 +1,51 @@
+"""The passes of a frame: what an EXR can have besides the beauty, and the names of its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from lookdev.render.cryptomatte import RANKS
+
+
+@dataclass(frozen=True)
+class Pass:
+    """What a job asks for by a name: arrays (H, W, channels) by their names, with the EXR's names of the channels."""
+
+    name: str
+    help: str
+    arrays: Mapping[str, tuple[str, ...]]
+
+
+def _layer(name: str, help: str, letters: str) -> Pass:
+    return Pass(name, help, {name: tuple(f"{name}.{letter}" for letter in letters)})
+
+
+def _matte_channels(name: str) -> tuple[str, ...]:
+    return tuple(f"{name}{layer:02}.{letter}" for layer in range(RANKS // 2) for letter in "RGBA")
+
+
+MATTES = {kind: f"Crypto{kind.capitalize()}" for kind in ("object", "material", "asset")}
+"""The names of the mattes by what they tell apart: prims, looks, assets."""
+
+PASSES: dict[str, Pass] = {
+    each.name: each
+    for each in (
+        _layer("depth", "distance along the camera's axis, metres", "Z"),
+        _layer("position", "place in the world, metres", "XYZ"),
+        _layer("normal", "shading normal in the world", "XYZ"),
+        _layer("uv", "texture coordinates of the first UV set", "UV"),
+        _layer("albedo", "reflectance of the look seen from the camera, premultiplied", "RGB"),
+        _layer("samples", "samples of each pixel", "Y"),
+        Pass(
+            "cryptomatte",
+            "coverage of each prim, look and asset",
+            {name: _matte_channels(name) for name in MATTES.values()},
+        ),
+    )
+}
+
+
+def arrays_of(passes: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """Return the channels of each array of passes, by its name."""
+    return {name: channels for each in passes for name, channels in PASSES[each].arrays.items()}

@@ -1,0 +1,225 @@
+"""The passes of a frame, beside rays of the camera and parts that are rendered alone."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.asset import Asset, Instance, Slot
+from lookdev.asset.builtin import make_sphere
+from lookdev.asset.store import make_asset
+from lookdev.batch.frame_file import write_rendered
+from lookdev.light import load_environment, prepare_light
+from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
+from lookdev.render.passes import PASSES
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Camera, Pose, Sampling, Scene
+from lookdev.scene.rays import camera_rays
+
+pytestmark = pytest.mark.cycles
+
+POSE = Pose(40.0, 15.0)
+SIZE = (40, 30)
+CENTER = np.array([3.0, -2.0, 1.0])
+PARTS = {"/set/ball": ((0.0, 0.0, 0.0), 1.0), "/set/left": ((-1.1, -0.9, 0.2), 0.6), "/set/top": ((0.3, 0.2, 1.0), 0.5)}
+"""The places about `CENTER` and the radii of balls, by their prims."""
+RED, GREY = (
+    Look(name, (Layer("paint", "disney", {"baseColor": color}),))
+    for name, color in (("red", (0.7, 0.1, 0.1)), ("grey", (0.4,) * 3))
+)
+
+
+def balls(names: tuple[str, ...] = tuple(PARTS)) -> Asset:
+    """Return balls of one mesh; each but the first has the mesh of the second slot."""
+    mesh = make_sphere(96, 48).meshes[0]
+    meshes = [replace(mesh, face_slots=np.full(len(mesh.face_sizes), i, np.int32)) for i in range(2)]
+    instances = []
+    for name in names:
+        place, radius = PARTS[name]
+        matrix = np.diag([radius, radius, radius, 1.0])
+        matrix[:3, 3] = CENTER + place
+        instances.append(Instance(int(name != "/set/ball"), matrix, name))
+    asset = make_asset("balls", meshes, instances, [Slot("/set/ball"), Slot("/set/others")])
+    # Framed alike, whatever it has.
+    return replace(asset, center=tuple(CENTER.tolist()), radius=2.0)
+
+
+def task_of(
+    asset: Asset, passes: tuple[str, ...], backend: str = "exact", size: tuple[int, int] = SIZE, **given: object
+) -> FrameTask:
+    camera = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0)
+    light = prepare_light(load_environment(builtin="studio"))
+    scene = Scene.of_look(asset, GREY, light, size, camera)
+    scene = replace(scene, wears={"/set/ball": RED, "/set/others": GREY})
+    sampling = Sampling(**{"samples": 16, "bounces": 1, "passes": passes} | given)
+    return one_frame(scene_task(scene, sampling, backend), POSE, f"{backend} {passes} {given}")
+
+
+def rendered(worker: Worker, task: FrameTask) -> Rendered:
+    worker.start()
+    return worker.render(task, lambda progress: None)
+
+
+def world(points: np.ndarray) -> np.ndarray:
+    """Turn places of the asset as POSE does, about the vertical through its centre."""
+    angle = np.radians(POSE.element)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return (points - CENTER) @ turn.T + CENTER
+
+
+@pytest.fixture(scope="module")
+def seen() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Rays through the centres of pixels: where they meet, place, outward direction and depth (H, W, ...)."""
+    width, height = SIZE
+    x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+    # The camera of the world, which the asset turns before.
+    camera = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0)
+    origin, direction = camera_rays(camera, Pose(0.0, 0.0), SIZE, x, y)
+    nearest, normal = np.full(x.shape, np.inf), np.zeros((*x.shape, 3))
+    for place, radius in PARTS.values():
+        middle = world(CENTER + np.array(place))
+        start = origin - middle
+        b = direction @ start
+        root = b * b - (start @ start - radius**2)
+        distance = np.where(root > 0.0, -b - np.sqrt(np.maximum(root, 0.0)), np.inf)
+        nearer = distance < nearest
+        outward = (start + np.where(nearer, distance, 0.0)[..., None] * direction) / radius
+        nearest, normal = np.where(nearer, distance, nearest), np.where(nearer[..., None], outward, normal)
+    hit = np.isfinite(nearest)
+    distance = np.where(hit, nearest, 0.0)[..., None]
+    _, _, back = camera.frame
+    return hit, origin + distance * direction, normal, distance[..., 0] * -(direction @ back)
+
+
+# The facets of a ball of radius 1 are up to 1 - cos(pi / 96) below it along meridians, and as much across; by the
+# cosine at which the view meets it, more along the view.
+COSINE = 0.3
+FACETS = 2.0 * (1.0 - np.cos(np.pi / 96.0)) / COSINE
+
+
+@pytest.mark.parametrize("backend", ["exact", "nodes", "nodes-exact"])
+def test_places_are_those_that_rays_meet(backend: str, worker: Worker, seen: tuple[np.ndarray, ...]) -> None:
+    hit, place, normal, depth = seen
+    wanted = tuple(name for name in ("depth", "position", "normal") if backend != "nodes-exact" or name != "normal")
+    shown = rendered(worker, task_of(balls(), wanted, backend)).passes
+    assert {*shown} == {*wanted}
+    there = np.abs(shown["position"]).sum(axis=-1) > 0.0
+    assert np.count_nonzero(there != hit) <= 2  # at the rim
+    _, _, back = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0).frame
+    grazing = np.abs(normal @ back)
+    inside = hit & there & (grazing > COSINE)
+    assert np.count_nonzero(inside) > 200
+    # Between two balls a pixel's centre may be on either.
+    off = np.abs(shown["position"] - place).max(axis=-1)
+    assert np.quantile(off[inside], 0.98) < FACETS
+    assert np.quantile(np.abs(shown["depth"][..., 0] - depth)[inside], 0.98) < FACETS
+    assert (shown["depth"][~there] == 1e10).all()
+    if "normal" in wanted:
+        np.testing.assert_allclose(np.linalg.norm(shown["normal"], axis=-1)[inside], 1.0, atol=1e-6)
+        # Interpolated over a facet, a normal is off by its curvature, 1e-3.
+        assert np.quantile(np.abs(shown["normal"] - normal).max(axis=-1)[inside], 0.98) < 4e-3
+
+
+def test_texture_coordinates_are_the_spheres(worker: Worker, seen: tuple[np.ndarray, ...]) -> None:
+    hit, _, normal, _ = seen
+    uv = rendered(worker, task_of(balls(), ("uv",))).passes["uv"]
+    _, _, back = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0).frame
+    # v is the latitude: linear in it but for half a facet.
+    latitude = 0.5 + np.arcsin(np.clip(normal[..., 2], -1.0, 1.0)) / np.pi
+    inside = hit & (normal @ back > COSINE)
+    assert np.quantile(np.abs(uv[..., 1] - latitude)[inside], 0.98) < 2e-3
+
+
+def test_an_albedo_is_that_of_the_look_times_alpha(worker: Worker) -> None:
+    frame = rendered(worker, task_of(balls(("/set/ball",)), ("albedo", "samples")))
+    middle = frame.passes["albedo"][SIZE[1] // 2, SIZE[0] // 2]
+    # Disney's specular lobe adds some percent to the base colour, in equal parts.
+    assert (middle > [0.69, 0.1, 0.1]).all()
+    assert (middle < [0.8, 0.2, 0.2]).all()
+    assert not frame.passes["albedo"][0].any()
+    assert (frame.passes["samples"] == 16.0).all()
+
+
+def decoded(path: Path, matte: str) -> dict[str, np.ndarray]:
+    """Decode a Cryptomatte by its specification: the coverage (H, W) of each name in its manifest."""
+    buffer = oiio.ImageBuf(str(path))
+    names, pixels = list(buffer.spec().channelnames), buffer.get_pixels(oiio.FLOAT)
+    entries = {each.name: each.value for each in buffer.spec().extra_attribs if each.name.startswith("cryptomatte/")}
+    (key,) = [name.split("/")[1] for name, value in entries.items() if name.endswith("/name") and value == matte]
+    assert entries[f"cryptomatte/{key}/hash"] == "MurmurHash3_32"
+    assert entries[f"cryptomatte/{key}/conversion"] == "uint32_to_float32"
+    manifest = json.loads(entries[f"cryptomatte/{key}/manifest"])
+    found = {name: np.zeros(pixels.shape[:2]) for name in manifest}
+    for channel in names:
+        if channel.startswith(matte) and channel[-1] in "RB":
+            coverage = pixels[..., names.index(channel[:-1] + ("G" if channel[-1] == "R" else "A"))]
+            bits = np.ascontiguousarray(pixels[..., names.index(channel)]).view(np.uint32)
+            for name, digits in manifest.items():
+                found[name] += np.where(bits == int(digits, 16), coverage, 0.0)
+    return found
+
+
+def covered(names: tuple[str, ...], size: tuple[int, int], side: int = 96) -> dict[str, np.ndarray]:
+    """Return the coverage of parts by a grid of rays in each pixel, the parts alone deciding which is before which."""
+    width, height = size
+    step = (np.arange(side) + 0.5) / side
+    x = (np.arange(width)[:, None] + step).ravel()
+    y = (np.arange(height)[:, None] + step).ravel()
+    grid_x, grid_y = (each.ravel() for each in np.meshgrid(x, y))
+    camera = Camera(30.0, 20.0, tuple(CENTER.tolist()), 7.0)
+    origin, direction = camera_rays(camera, POSE, size, grid_x, grid_y)
+    distances = []
+    for name in names:
+        alone = MeshScene(balls((name,)), [RED, GREY])
+        hit, places = alone.hit(origin, direction)
+        distances.append(np.where(hit, np.linalg.norm(alone.points(places) - origin, axis=-1), np.inf))
+    first = np.argmin(distances, axis=0)
+    shown = np.isfinite(np.min(distances, axis=0))
+    return {
+        name: ((first == i) & shown).reshape(height, side, width, side).mean(axis=(1, 3))
+        for i, name in enumerate(names)
+    }
+
+
+@pytest.mark.parametrize("backend", ["exact", "nodes"])
+def test_mattes_are_the_coverage_of_each_part(backend: str, worker: Worker, tmp_path: Path) -> None:
+    # Of 4096 samples, stratified in both dimensions, coverage at an edge is off by some 8e-4.
+    size = (24, 18)
+    task = task_of(balls(), ("cryptomatte",), backend, size, samples=8192, bounces=0)
+    task = replace(task, files=(tmp_path / "frame.exr",))
+    frame = rendered(worker, task)
+    write_rendered(task, frame, 0.5 * (frame.a + frame.b))
+    expected = covered(tuple(PARTS), size)
+    objects, looks, assets = (decoded(task.files[0], f"Crypto{kind}") for kind in ("Object", "Material", "Asset"))
+    assert {*objects} == {*PARTS}
+    assert {*looks} == {"red", "grey"}
+    assert {*assets} == {"balls"}
+    for name, coverage in expected.items():
+        assert coverage.max() > 0.2
+        assert np.abs(objects[name] - coverage).max() < 1.0 / 255.0, name
+    assert np.abs(looks["red"] - expected["/set/ball"]).max() < 1.0 / 255.0
+    assert np.abs(assets["balls"] - frame.alpha).max() < 1e-6
+    assert np.abs(sum(objects.values()) - frame.alpha).max() < 1e-6
+
+
+def test_passes_leave_the_beauty_as_it_is(worker: Worker) -> None:
+    plain = rendered(worker, task_of(balls(), ()))
+    assert not plain.passes
+    shown = rendered(worker, task_of(balls(), ("depth", "position", "normal", "albedo", "samples")))
+    # Shaders of more modes are compiled to other instructions of the same arithmetic.
+    np.testing.assert_allclose(shown.a, plain.a, rtol=1e-5, atol=1e-6)
+    np.testing.assert_array_equal(shown.alpha, plain.alpha)
+
+
+def test_every_pass_has_a_channel_of_its_own() -> None:
+    channels = [channel for each in PASSES.values() for names in each.arrays.values() for channel in names]
+    assert len(channels) == len({*channels})
+    assert not {*channels} & {*"RGBA"}
