@@ -1,0 +1,72 @@
+"""A batch that is killed at random and started again ends with the same files as one that was not."""
+
+from __future__ import annotations
+
+import random
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.output.exr import read_frame, read_header
+
+pytest.importorskip("av")
+
+PROGRAM = Path(__file__).with_name("all_outputs.py")
+# What depends on when and by which process a frame was rendered.
+OF_THE_RUN = {"time", "seconds", "host", "memory"}
+
+
+def finish(folder: Path, kills: random.Random | None, longest: float) -> int:
+    """Run the batch until it ends by itself; return how often it was killed."""
+    killed = 0
+    while True:
+        process = subprocess.Popen([sys.executable, str(PROGRAM), str(folder)], stdout=subprocess.DEVNULL)
+        try:
+            assert process.wait(kills.uniform(0.0, longest) if kills else 120.0) == 0
+            return killed
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+            killed += 1
+            # So that it ends at last, whatever the machine's speed.
+            longest *= 1.05
+
+
+def files(folder: Path) -> dict[str, object]:
+    """Return all files of the output by their names: bytes, of frames pixels and the header but what is of the run."""
+    found: dict[str, object] = {}
+    for path in sorted((folder / "out").rglob("*")):
+        name = path.relative_to(folder / "out").as_posix()
+        if path.is_dir() or name.startswith(".lookdev/") or name in ("manifest.json", "pictures.json"):
+            continue
+        if path.suffix == ".exr":
+            header = {key: each for key, each in (read_header(path) or {}).items() if key not in OF_THE_RUN}
+            found[name] = (header, [np.asarray(each).tobytes() for each in read_frame(path)])
+        else:
+            found[name] = path.read_bytes()
+    return found
+
+
+@pytest.mark.parametrize(
+    "rounds", [2, pytest.param(100, marks=pytest.mark.chaos)], ids=lambda rounds: f"{rounds} times"
+)
+def test_a_killed_batch_ends_with_the_same_bytes(rounds: int, tmp_path: Path) -> None:
+    started = time.perf_counter()
+    finish(tmp_path, None, 0.0)
+    seconds = time.perf_counter() - started
+    whole = files(tmp_path)
+    assert {Path(name).suffix for name in whole} >= {".exr", ".png", ".mp4", ".mov", ".webm"}
+    rng = random.Random(rounds)
+    killed = 0
+    for _ in range(rounds):
+        shutil.rmtree(tmp_path / "out")
+        killed += finish(tmp_path, rng, 0.8 * seconds)
+        again = files(tmp_path)
+        assert list(again) == list(whole)
+        assert [name for name, each in again.items() if each != whole[name]] == []
+    assert killed >= rounds // 2
