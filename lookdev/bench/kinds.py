@@ -16,6 +16,7 @@ from lookdev.bench.profile import run_profile
 from lookdev.bench.report import print_profile, print_results, print_scale
 from lookdev.bench.results import Results
 from lookdev.bench.scale import run_scale
+from lookdev.bench.setup import run_setup, setup_text
 
 Report = Callable[[str], None]
 
@@ -81,6 +82,12 @@ def _profile(order: Order) -> Outcome:
     return Outcome(partial(print_profile, made, order.options), made.complete, bool(made.failures))
 
 
+def _setup(order: Order) -> Outcome:
+    assert order.document is not None
+    made = run_setup(order.folder, order.report, document=order.document, repeats=order.options.repeats)
+    return Outcome(lambda console: console.print(setup_text(made), markup=False, highlight=False), made.complete)
+
+
 def _denoise_trial(order: Order) -> Outcome:
     options = order.options
     chosen = {name: getattr(options, name) for name in ("seed", "resolution", "reference", "fresh")}
@@ -131,6 +138,7 @@ KINDS: dict[str, Kind] = {
         },
         document=True,
     ),
+    "setup": Kind("commands, a first frame, changes of scene", _setup, {"repeats": 5}, document=True),
     "sequence": Kind("turntables against a plain Blender script", _sequence, {"scenes": ("shaderball",), "repeats": 1}),
     "denoise-trial": Kind(
         "denoised frames at random: is their error as measured?",

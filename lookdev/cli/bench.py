@@ -37,6 +37,15 @@ def bench(
     profile: Annotated[
         Path | None, _document("--profile", "Where a second of rendering goes: for docs/bench.md.")
     ] = None,
+    setup: Annotated[
+        Path | None,
+        typer.Option(
+            "--setup",
+            metavar="FILE",
+            help="Whole commands, a first frame, changes of scene: for docs/bench.md.",
+            rich_help_panel=_KINDS,
+        ),
+    ] = None,
     sequence: Annotated[
         bool, typer.Option("--sequence", help="Turntables against a plain Blender script.", rich_help_panel=_KINDS)
     ] = False,
@@ -78,7 +87,8 @@ def bench(
     if show:
         say(listing())
         return
-    given: dict[str, Path | None] = {name: file for name, file in (("table", table), ("profile", profile)) if file}
+    files = {"table": table, "profile": profile, "setup": setup}
+    given: dict[str, Path | None] = {name: file for name, file in files.items() if file}
     flags = {"sequence": sequence, "denoise-trial": denoise_trial, "scale": scale}
     given |= {name: None for name, chosen in flags.items() if chosen}
     if len(given) > 1:

@@ -1,0 +1,47 @@
+"""The benchmark of set-up: its section, also of one that was interrupted, and what it times."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from lookdev.bench import setup
+from lookdev.bench.setup import Taken
+from lookdev.errors import LookdevError
+
+DOCUMENT = "# Title\n<!-- bench: setup -->\nold\n<!-- end -->\nafter\n"
+
+
+def test_what_was_measured_is_written_also_after_ctrl_c(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measured(scratch: Path, repeats: int) -> Iterator[Taken]:
+        assert repeats == 3
+        yield Taken("`lookdev --help`", (0.3, 0.1, 0.2), (0.25, 0.15, 0.2))
+        yield Taken("start", (1.0,))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(setup, "_measured", measured)
+    (tmp_path / "bench.md").write_text(DOCUMENT)
+    said: list[str] = []
+    results = setup.run_setup(tmp_path / "out", said.append, document=tmp_path / "bench.md", repeats=3)
+    assert not results.complete
+    assert said == ["`lookdev --help`: 0.20 (0.10..0.30) s", "start: 1.00 s"]
+    text = (tmp_path / "bench.md").read_text()
+    assert (
+        "| `lookdev --help` | 0.20 (0.10..0.30) | 0.20 (0.15..0.25) |\n| start | 1.00 |  |\n<!-- end -->\nafter" in text
+    )
+    assert "Not complete" in text
+    assert json.loads((tmp_path / "out" / "setup.json").read_text())["taken"][1]["seconds"] == [1.0]
+
+
+def test_a_command_that_fails_is_an_error() -> None:
+    with pytest.raises(LookdevError, match=r"lookdev plan missing\.toml ended with 2: .*missing\.toml"):
+        setup._command("plan", "missing.toml")
+
+
+def test_a_document_without_a_place_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    (tmp_path / "bench.md").write_text("# Title\n")
+    with pytest.raises(LookdevError, match="bench: setup"):
+        setup.run_setup(tmp_path, print, document=tmp_path / "bench.md", repeats=1)
