@@ -6,6 +6,7 @@ import json
 import platform
 import shlex
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ import lookdev
 from lookdev.batch.lock import STATE_FOLDER
 from lookdev.batch.pictures import ledger_names
 from lookdev.cache import atomic_path, file_digest
-from lookdev.errors import StageError
+from lookdev.errors import LookError, StageError
 from lookdev.job import Job
+from lookdev.mtlx import document_layer, is_document
 from lookdev.output.exr import read_header
 from lookdev.output.manifest import NAME, Deviation, deviations, read_manifest, write_manifest
 from lookdev.plan import Plan
@@ -37,10 +39,15 @@ def input_files(job: Job) -> list[Path]:
 
 
 def _composed_of(file: Path) -> set[Path]:
-    try:
-        return dependencies(file)
-    except StageError:  # a MaterialX document, or one that was replaced since it was read
-        return {file}
+    found = {file}
+    with suppress(StageError):  # one that was replaced since it was read
+        if not is_document(str(file)):
+            found = dependencies(file)
+    for document in [each for each in found if is_document(str(each))]:
+        with suppress(StageError, LookError):
+            layer = document_layer(str(document))
+            found |= dependencies(layer) - {layer.resolve()}
+    return found
 
 
 def record_run(job: Job, plan: Plan) -> Path:

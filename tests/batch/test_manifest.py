@@ -8,12 +8,14 @@ import shlex
 from pathlib import Path
 
 import batch_case as case
+import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.batch.manifest import input_files, record_run, verify
 from lookdev.cache import file_digest
 from lookdev.errors import LookdevError, OutputError
-from lookdev.job import load_job
+from lookdev.job import load_job, parse_job
 from lookdev.output.exr import read_header
 from lookdev.output.manifest import read_manifest
 from lookdev.shipped import shipped_folder
@@ -127,3 +129,30 @@ def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> N
 
 def test_a_manifest_is_plain_json(out: Path) -> None:
     assert json.loads((out / "manifest.json").read_text())["format"] == 1
+
+
+DOCUMENT = """<?xml version="1.0"?>
+<materialx version="1.38">
+  <image name="color" type="color3"><input name="file" type="filename" value="maps/color.&lt;UDIM&gt;.png"/></image>
+  <standard_surface name="shader" type="surfaceshader">
+    <input name="base_color" type="color3" nodename="color"/>
+  </standard_surface>
+  <surfacematerial name="Paint" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="shader"/>
+  </surfacematerial>
+</materialx>
+"""
+
+
+@pytest.mark.parametrize("through", ["x.mtlx", "look.usda"])
+def test_what_a_materialx_document_reads_is_an_input(through: str, tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    for tile in (1001, 1002):
+        oiio.ImageBuf(np.full((2, 2, 3), 0.5, np.float32)).write(str(tmp_path / "maps" / f"color.{tile}.png"))
+    (tmp_path / "x.mtlx").write_text(DOCUMENT)
+    (tmp_path / "look.usda").write_text('#usda 1.0\ndef "M" (references = @x.mtlx@</MaterialX/Materials/Paint>) {}\n')
+    text = case.JOB.replace("gold.usda", through) + case.TURNTABLES + case.RENDER
+    job = parse_job(text, tmp_path / "job.toml")
+    found = {file.relative_to(tmp_path).as_posix() for file in input_files(job)}
+    named = {"job.toml", "x.mtlx", "maps/color.1001.png", "maps/color.1002.png"}
+    assert found == named | {through}
