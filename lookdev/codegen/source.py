@@ -180,7 +180,8 @@ class ProgramSource:
     symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
     ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
     light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
-    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced.
+    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced. A
+    look is `glossy` if no lobe is broad or lets light pass.
     """
 
     name: str
@@ -195,6 +196,7 @@ class ProgramSource:
     see_through: bool = False
     shadows: bool = True
     deltas: int = 0
+    glossy: bool = False
 
     @property
     def images(self) -> tuple[Content, ...]:

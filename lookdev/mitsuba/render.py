@@ -46,7 +46,8 @@ class MitsubaScene:
         looks = Looks(mi, sources, self._geometry)
         light = lights_of(mi, task.lights, self._geometry.center, task.camera.pivot)
         shadows = any(source.shadows for source in sources)
-        counts = _counts(task.sampling, light.sampled)
+        glossy = all(source.glossy for source in sources)
+        counts = _counts(task.sampling, light.sampled, glossy)
         self._estimator = Estimator(mi, self._geometry, looks, light, counts, task.sampling.bounces, shadows)
 
     def fits(self, task: SceneTask) -> bool:
@@ -106,11 +107,18 @@ class MitsubaScene:
         return denoiser(albedo, normal)
 
 
-def _counts(sampling: Sampling, sampled: bool) -> Counts:
+# In recesses a path that goes on adds one sample of what other parts reflect, however many directions were drawn where
+# it began, as in `lookdev.codegen.osl.directions`: glossy looks take few at the first hit.
+_COUNTS, _GLOSSY = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4)
+
+
+def _counts(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
     """Return the numbers of directions: those of the job, or those that take the least time to an error."""
-    brdf = 2 if sampling.brdf_samples is None else sampling.brdf_samples
-    light = 4 if sampling.ibl_samples is None else sampling.ibl_samples
+    usual = _GLOSSY if glossy and sampling.bounces > 0 else _COUNTS
+    brdf = usual.brdf if sampling.brdf_samples is None else sampling.brdf_samples
+    light = usual.light if sampling.ibl_samples is None else sampling.ibl_samples
     if not sampled or light == 0:
         return Counts(max(brdf, 1), 0, 1, 0)
+    onward = usual.light_onward if sampling.ibl_samples is None else -(-light // 2)
     # A path goes on as long as there is a direction of the BSDF.
-    return Counts(brdf, light, 1, -(-light // 2))
+    return Counts(brdf, light, 1, onward)

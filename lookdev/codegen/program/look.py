@@ -97,6 +97,7 @@ def generate_program(
         transmits=any(lobe.transmits or lobe.crosses for lobe in lobes) or any(delta.transmits for delta in deltas),
         see_through=see_through,
         deltas=len(deltas),
+        glossy=not any(lobe.broad or lobe.transmits or lobe.crosses for lobe in lobes),
         shadows=shadows,
     )
     return replace(made, digest=hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest())
