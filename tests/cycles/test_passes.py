@@ -230,13 +230,17 @@ PARTS_OF_LIGHT = (("diffuse", "specular", "clearcoat", "transmission"), ("direct
 COATED = Look("coated", (Layer("paint", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3}),))
 
 
-def light_of_balls(worker: Worker, ball: Look, others: Look, passes: tuple[str, ...], **given: object) -> Rendered:
+def light_of_balls(
+    worker: Worker, ball: Look, others: Look, passes: tuple[str, ...], map_: str = "studio", **given: object
+) -> Rendered:
     task = task_of(balls(), passes)
-    light = prepare_light(load_environment(builtin="studio"))
+    light = prepare_light(load_environment(builtin=map_))
     camera = task.scene.camera
     scene = replace(Scene.of_look(balls(), ball, light, SIZE, camera), wears={"/set/ball": ball, "/set/others": others})
     sampling = Sampling(**{"samples": 64, "bounces": 1, "passes": passes} | given)
-    return rendered(worker, one_frame(scene_task(scene, sampling), POSE, f"{ball.name} {others.name} {passes} {given}"))
+    return rendered(
+        worker, one_frame(scene_task(scene, sampling), POSE, f"{ball.name} {others.name} {passes} {map_} {given}")
+    )
 
 
 @pytest.mark.parametrize("given", [{}, {"error": 2e-3, "samples": 256}], ids=["samples", "error"])
@@ -260,20 +264,27 @@ def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) ->
         return Look(name, (Layer("p", "modified-phong", inputs),))
 
     other, black = phong("both too"), (0.0, 0.0, 0.0)
-    shown = light_of_balls(worker, phong("both"), other, ("lobes", "direct"), samples=512)
     # Light of one bounce reaches the camera by the ball's lobe, after it has left other balls, which stay as they are.
     on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 4)["/set/ball"] == 1.0
     assert np.count_nonzero(on_ball) > 100
+
+    def frames(look: Look) -> list[Rendered]:
+        return [light_of_balls(worker, look, other, ("lobes", "direct"), "white", seed=seed) for seed in range(8)]
+
+    def means(of: list[Rendered], part: str) -> np.ndarray:
+        """Return the means over the ball of a part of the light, by seeds."""
+        return np.array([each.passes[part][on_ball].mean(axis=0) for each in of])
+
+    both = frames(phong("both"))
     for name, without in (("diffuse", "specular"), ("specular", "diffuse")):
-        alone = light_of_balls(worker, phong(name, **{without: black}), other, ("direct",), samples=512)
-        truth = 0.5 * (alone.a + alone.b)
-        # Of each of both renders; that of a group is noisier, as paths are of it by chance.
-        noise = 4.0 * 2.0 * np.sqrt((standard_error(alone.a, alone.b)[on_ball] ** 2).sum(axis=0)) / on_ball.sum()
-        off = np.abs((shown.passes[name] - truth)[on_ball].mean(axis=0))
-        assert (off < noise).all(), (name, off, noise)
-        assert (noise < 0.05 * truth[on_ball].mean(axis=0)).all()
-        indirect = alone.passes["indirect"][on_ball].mean(axis=0)
-        assert (indirect > noise).all(), "the test would not notice indirect light that lacks"
+        single = frames(phong(name, **{without: black}))
+        shown, alone = means(both, name), means(single, name)
+        noise = np.sqrt((shown.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / len(shown))
+        off = np.abs(shown.mean(axis=0) - alone.mean(axis=0))
+        # Student's t of 7 degrees of freedom and more: beyond 6 by chance once in a thousand.
+        assert (off < 6.0 * noise).all(), (name, off, noise)
+        indirect = means(single, "indirect").mean(axis=0)
+        assert (indirect > 12.0 * noise).all(), "the test would not notice half of the indirect light"
 
 
 def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
