@@ -60,6 +60,7 @@ def main() -> None:
             seconds=frame.seconds,
             relmse=frame.relmse,
             raw_relmse=frame.raw_relmse,
+            raw_seconds=frame.raw_seconds,
             notes=take_notes(),
         )
 

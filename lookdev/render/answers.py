@@ -55,6 +55,8 @@ class Answers:
         `arrays` is of `save_arrays`; `samples` and `seconds` are over both halves; `relmse` is the estimate, or nan.
         `raw_relmse` is that of the picture before it was denoised, `raw_seconds` the time without what denoising takes.
         """
+        if (raw_relmse is None) != (raw_seconds is None):
+            raise ValueError("a denoised frame has the error and the seconds of its raw picture")
         figures = {"samples": samples, "seconds": seconds, "relmse": relmse, "memory": peak_memory()}
         raw = {"raw_relmse": raw_relmse, "raw_seconds": raw_seconds}
         figures |= {name: value for name, value in raw.items() if value is not None}

@@ -1,0 +1,192 @@
+"""BSDFs for scenes of Mitsuba's users: values, sampling, gradients, and light that stock plug-ins carry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine, pdf
+
+pytestmark = pytest.mark.mitsuba
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+SETTINGS: dict[str, dict[str, Any]] = {
+    "disney": {"baseColor": [0.6, 0.3, 0.1], "roughness": 0.4, "metallic": 0.3, "clearcoat": 0.6, "anisotropic": 0.5},
+    "pixar": {"roughness": 0.3},
+    "ward": {"alphaX": 0.5, "alphaY": 0.3},
+    "oren-nayar": {},
+    "torrance-sparrow": {},
+}
+COUNT = 500
+
+
+@pytest.fixture(scope="module")
+def mi(drjit: Any) -> Any:
+    import mitsuba
+
+    import lookdev.mitsuba  # noqa: F401
+
+    mitsuba.set_variant("llvm_ad_rgb")
+    return mitsuba
+
+
+def plugin(mi: Any, model: str, **inputs: Any) -> Any:
+    return mi.load_dict({"type": f"lookdev_{model.replace('-', '_')}", **inputs})
+
+
+def place(mi: Any, wi: np.ndarray) -> Any:
+    """Places in the plane z = 0 that are seen along directions, whose frame is that of the world."""
+    si = mi.SurfaceInteraction3f()
+    si.wi = mi.Vector3f(*wi.T.astype(np.float32))
+    si.sh_frame = mi.Frame3f(mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0), mi.Vector3f(0, 0, 1))
+    si.n, si.dp_du, si.dp_dv = mi.Normal3f(0, 0, 1), mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0)
+    si.uv = mi.Point2f(0.3, 0.6)
+    return si
+
+
+def scattered() -> tuple[np.ndarray, np.ndarray]:
+    directions = np.random.default_rng(3).normal(size=(2, COUNT, 3))
+    directions[..., 2] = np.abs(directions[..., 2]) + 0.05
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    seen, lit = directions.astype(np.float32).astype(float)
+    return seen, lit
+
+
+def test_every_continuous_model_is_a_plugin(mi: Any) -> None:
+    for model in CONTINUOUS:
+        if model != "measured":  # needs a file
+            assert "LookBSDF" in str(plugin(mi, model))
+
+
+@pytest.mark.parametrize("model", SETTINGS)
+def test_a_plugin_agrees_with_its_model(model: str, mi: Any) -> None:
+    wo, wi = scattered()
+    given = {name: np.asarray(each, float) for name, each in SETTINGS[model].items()}
+    bsdf = MODELS[model].bsdf(complete_parameters(model, given))
+    found, density = plugin(mi, model, **SETTINGS[model]).eval_pdf(
+        mi.BSDFContext(), place(mi, wo), mi.Vector3f(*wi.T.astype(np.float32)), True
+    )
+    expected = evaluate_cosine(bsdf, wo, wi)
+    scale = np.maximum(np.abs(expected), 1e-3)
+    assert np.quantile(np.abs(np.array(found).T - expected) / scale, 0.99) < 2e-4
+    np.testing.assert_allclose(np.array(density), pdf(bsdf, wo, wi), rtol=1e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("model", SETTINGS)
+def test_samples_follow_their_pdf(model: str, mi: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)  # where a failing test writes its histogram
+    from mitsuba.chi2 import BSDFAdapter, ChiSquareTest, SphericalDomain
+
+    inputs = "".join(
+        f'<rgb name="{name}" value="{" ".join(map(str, each))}"/>'
+        if isinstance(each, list)
+        else f'<float name="{name}" value="{each}"/>'
+        for name, each in SETTINGS[model].items()
+    )
+    name = f"lookdev_{model.replace('-', '_')}"
+    sample, density = BSDFAdapter(name, inputs, wi=[0.5, 0.2, 0.84])
+    test = ChiSquareTest(
+        domain=SphericalDomain(),
+        sample_func=sample,
+        pdf_func=density,
+        sample_dim=3,
+        sample_count=200_000,
+        res=60,
+        ires=8,
+    )
+    assert test.run(0.01, len(SETTINGS)), test.messages
+
+
+@pytest.mark.parametrize("name", ["car_paint", "lacquer_wood", "leaf", "frosted_plastic"])
+def test_a_look_of_a_file_weighs_its_samples_rightly(name: str, mi: Any) -> None:
+    """Weights are value over pdf, from both sides; what passes through a leaf's holes passes unchanged."""
+    import drjit as dr
+
+    bsdf = mi.load_dict({"type": "lookdev_look", "file": str(MATERIALS / f"{name}.usda")})
+    wo, _ = scattered()
+    wo[::3, 2] *= -1.0
+    si = place(mi, wo)
+    rng = np.random.default_rng(1)
+    u = [mi.Float(each) for each in rng.random((3, COUNT)).astype(np.float32)]
+    drawn, weight = bsdf.sample(mi.BSDFContext(), si, u[0], mi.Point2f(u[1], u[2]), True)
+    value, density = bsdf.eval_pdf(mi.BSDFContext(), si, drawn.wo, True)
+    passed = np.array(drawn.sampled_type) == int(+mi.BSDFFlags.Null)
+    kept = ~passed & (np.array(density) > 0.0)
+    assert kept.sum() > COUNT // 4
+    expected = np.array(value / dr.maximum(density, 1e-20)).T
+    np.testing.assert_allclose(np.array(weight).T[kept], expected[kept], rtol=1e-3, atol=1e-5)
+    np.testing.assert_allclose(np.array(drawn.pdf)[kept], np.array(density)[kept], rtol=1e-3)
+    assert (np.array(drawn.wo).T[passed] == -wo[passed].astype(np.float32)).all()
+    np.testing.assert_allclose(np.array(weight).T[passed], 1.0, rtol=1e-6)
+
+
+def test_a_furnace_of_stock_plugins_shows_the_albedo(mi: Any) -> None:
+    """A rectangle under a constant emitter, seen at 60 degrees, by Mitsuba's own path tracer."""
+    eye = np.array([np.sin(np.pi / 3), 0.0, np.cos(np.pi / 3)])
+    scene = mi.load_dict({
+        "type": "scene",
+        "integrator": {"type": "path", "max_depth": 2, "hide_emitters": True},
+        "sky": {"type": "constant"},
+        "shape": {"type": "rectangle", "bsdf": {"type": "lookdev_disney", **SETTINGS["disney"]}},
+        "sensor": {
+            "type": "perspective", "fov": 0.4,
+            "to_world": mi.ScalarTransform4f().look_at(origin=list(100 * eye), target=[0, 0, 0], up=[0, 1, 0]),
+            "film": {"type": "hdrfilm", "width": 8, "height": 8, "pixel_format": "rgb"},
+        },
+    })  # fmt: skip
+    found = np.array(mi.render(scene, spp=1 << 14)).mean(axis=(0, 1))
+    given = {name: np.asarray(each, float) for name, each in SETTINGS["disney"].items()}
+    bsdf = MODELS["disney"].bsdf(complete_parameters("disney", given))
+    # The midpoint rule in the cosine and the azimuth.
+    z, phi = np.meshgrid((np.arange(800) + 0.5) / 800, (np.arange(1600) + 0.5) / 1600 * 2 * np.pi, indexing="ij")
+    r = np.sqrt(1 - z * z)
+    wi = np.stack([r * np.cos(phi), r * np.sin(phi), z], axis=-1)
+    albedo = evaluate_cosine(bsdf, np.broadcast_to(eye, wi.shape), wi).mean(axis=(0, 1)) * 2 * np.pi
+    np.testing.assert_allclose(found, albedo, rtol=2e-3)
+
+
+def test_gradients_are_those_of_differences(mi: Any) -> None:
+    import drjit as dr
+
+    bsdf = plugin(mi, "disney", **SETTINGS["disney"])
+    parameters = mi.traverse(bsdf)
+    wo, wi = scattered()
+
+    def total(value: float) -> Any:
+        parameters["roughness"] = mi.Float(value)
+        dr.enable_grad(parameters["roughness"])
+        parameters.update()
+        found = bsdf.eval(mi.BSDFContext(), place(mi, wo), mi.Vector3f(*wi.T.astype(np.float32)), True)
+        return dr.mean(dr.mean(found))
+
+    loss = total(0.4)
+    dr.backward(loss)
+    slope = float(np.array(dr.grad(parameters["roughness"]))[0])
+    high, low = (float(np.array(dr.detach(total(0.4 + h)))[0]) for h in (0.003, -0.003))
+    assert slope == pytest.approx((high - low) / 0.006, rel=2e-3)
+
+
+def test_what_is_wrong_is_said(mi: Any) -> None:
+    with pytest.raises(RuntimeError, match="no parameter 'roughnes'; it has: baseColor"):
+        plugin(mi, "disney", roughnes=0.3)
+    with pytest.raises(RuntimeError, match=r"roughness is 3\.0; its range is 0 to 1"):
+        plugin(mi, "disney", roughness=3.0)
+    with pytest.raises(RuntimeError, match="no 'file'"):
+        mi.load_dict({"type": "lookdev_look"})
+    with pytest.raises(RuntimeError, match="scatters along single directions"):
+        mi.load_dict({"type": "lookdev_look", "file": str(MATERIALS / "classic" / "mirror.usda")})
+
+
+def test_a_texture_of_mitsuba_feeds_a_parameter(mi: Any) -> None:
+    texture = {"type": "checkerboard", "color0": 0.2, "color1": 0.7}
+    bsdf = plugin(mi, "disney", roughness=texture)
+    wo, wi = scattered()
+    direction = mi.Vector3f(*wi.T.astype(np.float32))
+    found = np.array(bsdf.eval(mi.BSDFContext(), place(mi, wo), direction, True))
+    plain = [plugin(mi, "disney", roughness=each) for each in (0.2, 0.7)]
+    either = [np.array(each.eval(mi.BSDFContext(), place(mi, wo), direction, True)) for each in plain]
+    assert any(np.allclose(found, each, rtol=1e-4, atol=1e-7) for each in either)
+    assert not np.allclose(*either)
