@@ -14,7 +14,7 @@ from lookdev.batch.pictures import write_shared
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.render.cryptomatte import matte_header
-from lookdev.render.passes import arrays_of
+from lookdev.render.passes import LIGHT, arrays_of
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
 
@@ -43,7 +43,9 @@ def write_rendered(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
     channels = arrays_of(task.scene.sampling.passes)
     planes = {
-        channel: rendered.passes[name][..., i] for name, each in channels.items() for i, channel in enumerate(each)
+        channel: rendered.passes[name][..., i] * (exposure if name in LIGHT else np.float32(1.0))
+        for name, each in channels.items()
+        for i, channel in enumerate(each)
     }
     attributes = {
         key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()

@@ -105,13 +105,18 @@ class Source(Protocol):
     def see_through(self) -> bool: ...
 
 
+LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "transmission")
+"""The groups of lobes whose light can be recorded; a lobe that transmits is of the last, whatever its own."""
+
+
 @dataclass(frozen=True)
 class ShaderSource:
     """A `Source` of OSL.
 
     The text reads the look's `constants` by their names `look_0`, `look_1`, ...; those of the places `varying` are not
     compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
-    a shading point from the BSDF and from the light; with `shadows`, rays are traced along them.
+    a shading point from the BSDF and from the light; with `shadows`, rays are traced along them. `recorded` are those
+    of `LOBE_GROUPS` that the look has, if it can record parts of its light.
     """
 
     name: str
@@ -126,6 +131,7 @@ class ShaderSource:
     tables: tuple[TableBinding, ...] = ()
     constants: tuple[float, ...] = ()
     varying: tuple[int, ...] = ()
+    recorded: tuple[str, ...] = ()
 
     @property
     def program(self) -> ShaderSource:

@@ -6,7 +6,7 @@ Cycles' own passes of places are those of the first sample, which is at the cent
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.codegen import ShaderSource
+from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, Scene
 from lookdev.render.cryptomatte import filled, renamed
-from lookdev.render.frame import FEATURE_SAMPLES, Image
+from lookdev.render.frame import FEATURE_SAMPLES, Image, RenderedFrame
 from lookdev.render.passes import MATTES
 from lookdev.render.task import FrameTask
 
@@ -35,6 +37,60 @@ class Passes:
 
     arrays: Mapping[str, Image]
     names: Mapping[str, tuple[str, ...]]
+
+
+Batch = Sequence[tuple[str, int]]
+"""The parts of the light that are recorded in one render, at most two: names, and numbers in the shaders' template."""
+
+# Blender 4.5 abbreviates the names of passes.
+_RECORDS = (("GlossCol", "Glossy Color"), ("TransCol", "Transmission Color"))
+
+
+@contextmanager
+def recording(scene: Scene, task: FrameTask) -> Iterator[list[Batch]]:
+    """Yield the parts that have to be recorded, by renders; of each set of parts the last is what remains."""
+    wanted = task.scene.sampling.passes
+    parts: list[tuple[str, int]] = []
+    if "lobes" in wanted:
+        parts += ((group, 2 + LOBE_GROUPS.index(group)) for group in _groups(task)[:-1])
+    if "direct" in wanted:
+        parts.append(("direct", 1))
+    settings = scene.scene.cycles
+    before = settings.min_transparent_bounces
+    if parts:
+        # Cycles' Russian roulette would weigh recorded light, and not the light itself.
+        settings.min_transparent_bounces = settings.transparent_max_bounces
+    with _storing(scene, {f"use_pass_{kind}_color": True for kind in _COLORS[1:]} if parts else {}):
+        yield [parts[i : i + 2] for i in range(0, len(parts), 2)]
+    settings.min_transparent_bounces = before
+
+
+def _groups(task: FrameTask) -> list[str]:
+    """Return the groups of lobes that a task's looks have."""
+    found = {each for source in task.scene.shaders if isinstance(source, ShaderSource) for each in source.recorded}
+    return [group for group in LOBE_GROUPS if group in found]
+
+
+def record_of(batch: Batch, passes: Mapping[str, Image]) -> dict[str, Image]:
+    """Return what shaders recorded (`recording` in the template), rows top-down."""
+    return {
+        name: -2.0 * next(passes[each] for each in names if each in passes)[::-1]
+        for (name, _), names in zip(batch, _RECORDS, strict=False)
+    }
+
+
+def completed(task: FrameTask, frame: RenderedFrame) -> dict[str, Image]:
+    """Return the passes of a frame with what remains of the light, and black for lobes that no look has."""
+    wanted, passes = task.scene.sampling.passes, dict(frame.passes)
+    beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
+    if "lobes" in wanted:
+        groups = _groups(task)
+        if groups:
+            passes[groups[-1]] = beauty - sum(passes[group] for group in groups[:-1])
+        passes |= {group: np.zeros_like(beauty) for group in LOBE_GROUPS if group not in groups}
+    if "direct" in wanted:
+        passes["indirect"] = beauty - passes["direct"]
+    return passes
 
 
 def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: int) -> Passes:

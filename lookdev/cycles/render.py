@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from lookdev.cycles import engine
-from lookdev.cycles.passes import Passes, render_frame_passes
+from lookdev.cycles.passes import Batch, Passes, completed, record_of, recording, render_frame_passes
 from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
 from lookdev.render.adaptive import Region
 from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
+from lookdev.render.passes import arrays_of
 from lookdev.render.task import FrameTask
 from lookdev.scene import Sampling
 
@@ -28,9 +30,12 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     if task.scene.sampling.error is not None:
         engine.fill_tables(scene.scene)
     before = time.perf_counter() - started
-    frame = render_halves(task, partial(_rendered, scene, task), partial(_denoiser, scene, task), progress)
+    with recording(scene, task) as batches:
+        render = partial(_rendered, scene, task, batches)
+        frame = render_halves(task, render, partial(_denoiser, scene, task), progress)
+    frame = replace(frame, passes=completed(task, frame))
     made = Passes({}, {})
-    if {*task.scene.sampling.passes} - {*frame.passes}:
+    if {*arrays_of(task.scene.sampling.passes)} - {*frame.passes}:
         begun = time.perf_counter()
         made = render_frame_passes(scene, task, frame.alpha, frame.samples)
         before += time.perf_counter() - begun
@@ -70,13 +75,22 @@ def _denoiser(scene: Scene, task: FrameTask) -> Denoiser:
     return denoiser(shown(ALBEDOS)[..., :3], 2.0 * normals[..., :3] - normals[..., 3:])
 
 
-def _rendered(scene: Scene, task: FrameTask, seed: int, region: Region) -> tuple[Image, Image]:
-    """Return the colours and the coverage of a region."""
+def _rendered(
+    scene: Scene, task: FrameTask, batches: Sequence[Batch], seed: int, region: Region
+) -> tuple[Image, Image, dict[str, Image]]:
+    """Return the colours and the coverage of a region, and the recorded parts of colours."""
     scene.control(task.pose, seed, region.samples)
     # Blender counts rows from the bottom.
     height = task.scene.resolution[1]
     rows, columns = region.rows, region.columns
     box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
-    passes = engine.render_passes(scene.scene, region.samples, seed, box)
+    parts: dict[str, Image] = {}
+    # Reversed, as the light is that of the first: what paths carry is in the last bits of the places that they reach,
+    # which the noise of later hits depends on.
+    for batch in reversed(batches or [()]):
+        if batch:
+            scene.record([number for _, number in batch])
+        passes = engine.render_passes(scene.scene, region.samples, seed, box)
+        parts |= record_of(batch, passes)
     color = passes["Combined"][::-1]
-    return color[..., :3], passes["UV"][::-1, :, 2] if scene.by_portals else color[..., 3]
+    return color[..., :3], passes["UV"][::-1, :, 2] if scene.by_portals else color[..., 3], parts

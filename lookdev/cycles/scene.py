@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import bpy
@@ -16,7 +17,7 @@ from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.principled import configure_as_users_do, principled_material, shade_by_normals
-from lookdev.cycles.shaders import surface_material, varying_values
+from lookdev.cycles.shaders import RECORD, surface_material, varying_values
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
@@ -155,6 +156,10 @@ class Scene:
         dressed = self.scene, about_origin(asset), task.shaders, task.worn, self._materials
         shown = add_asset(*dressed, groups=task.groups, apart=self._apart, covered=self.by_portals)
         self.root, self.objects = shown.root, shown.objects
+        if task.sampling.recorded:
+            # Closures that record reflect no ray of Cycles' own to another place of the asset.
+            for item in bpy.data.objects:
+                item.visible_diffuse = item.visible_glossy = item.visible_transmission = False
         if task.prims:
             paths = (path or asset.name for path in task.prims)
             self.names_of_objects = {item.name: path for item, path in zip(self.objects, paths, strict=True)}
@@ -229,6 +234,13 @@ class Scene:
 
     def _frame(self, pose: Pose) -> float:
         return 0.0 if still_domes(self.task.lights) else pose.lighting
+
+    def record(self, parts: Sequence[int]) -> None:
+        """Let OSL shaders record at most two parts of their light, by their numbers in the template."""
+        first, second = (*parts, 0, 0)[:2]
+        for item in self.objects:
+            item[RECORD] = (float(first), float(second), 0.0)
+            item.update_tag()
 
     def control(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass the values that change from render to render to OSL shaders, by the colour of the objects.

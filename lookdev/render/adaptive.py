@@ -10,8 +10,9 @@ A rectangle takes a power of two of samples, as only such blocks are stratified.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,7 @@ class Half:
     coverage: Floats = field(init=False)  # (H, W), sum over samples
     samples: Floats = field(init=False)  # (H, W)
     spread: Floats = field(init=False)  # (H, W, 3), squared deviations of whole rounds, by samples
+    parts: dict[str, Floats] = field(default_factory=dict)  # (H, W, 3), of colors
     whole_rounds: int = 0
 
     def __post_init__(self) -> None:
@@ -65,8 +67,14 @@ class Half:
         self.colors, self.spread = np.zeros((*shape, 3)), np.zeros((*shape, 3))
         self.coverage, self.samples = np.zeros(shape), np.zeros(shape)
 
-    def add(self, region: Region, color: NDArray[np.float32], coverage: NDArray[np.float32]) -> None:
-        """Add the mean colour (h, w, 3) and coverage (h, w) of the samples of a region."""
+    def add(
+        self,
+        region: Region,
+        color: NDArray[np.float32],
+        coverage: NDArray[np.float32],
+        parts: Mapping[str, NDArray[np.float32]] = MappingProxyType({}),
+    ) -> None:
+        """Add the mean colour (h, w, 3), coverage (h, w) and parts of the colour of the samples of a region."""
         part, size = (region.rows, region.columns), region.samples
         if region.whole:
             if done := float(self.samples[0, 0]):
@@ -76,6 +84,8 @@ class Half:
         self.colors[part] += size * color.astype(np.float64)
         self.coverage[part] += size * coverage.astype(np.float64)
         self.samples[part] += size
+        for name, each in parts.items():
+            self.parts.setdefault(name, np.zeros_like(self.colors))[part] += size * each.astype(np.float64)
 
     @property
     def color(self) -> Floats:

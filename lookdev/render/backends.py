@@ -104,6 +104,7 @@ def _exact(look: Look, setting: Setting) -> Source:
         shadows=setting.shadows,
         resolution=setting.resolution,
         features=setting.sampling.features,
+        recorded=setting.sampling.recorded,
     )
 
 
@@ -185,7 +186,7 @@ BACKENDS: dict[str, Backend] = {
             generate=_nodes,
             devices=_ANY_DEVICE,
             in_jobs=True,
-            passes=tuple(PASSES),
+            passes=tuple(name for name, each in PASSES.items() if not each.light),
         ),
         Backend(
             name="nodes-exact",

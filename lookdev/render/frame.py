@@ -48,8 +48,8 @@ class RenderedFrame:
 Progress = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
-Renderer = Callable[[int, Region], tuple[Image, Image]]
-"""Renders a region with a seed: returns the mean colours (h, w, 3) and coverage (h, w) of its samples."""
+Renderer = Callable[[int, Region], tuple[Image, Image] | tuple[Image, Image, Mapping[str, Image]]]
+"""Renders a region with a seed: returns the mean colours (h, w, 3), coverage (h, w), and parts of colours by name."""
 
 Denoiser = Callable[[Image], Image]
 
@@ -93,6 +93,9 @@ def render_halves(
     passes: dict[str, Image] = {}
     if "samples" in sampling.passes:
         passes["samples"] = (halves[0].samples + halves[1].samples).astype(np.float32)[..., None]
+    for name in halves[0].parts:
+        mean = 0.5 * sum(half.parts[name] / half.samples[..., None] for half in halves)
+        passes[name] = np.asarray(mean, np.float32)
     seconds = time.perf_counter() - started
     if result is None:
         return RenderedFrame(*shown, done, seconds, error, passes=passes)

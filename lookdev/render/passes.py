@@ -5,20 +5,29 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.render.cryptomatte import RANKS
 
 
 @dataclass(frozen=True)
 class Pass:
-    """What a job asks for by a name: arrays (H, W, channels) by their names, with the EXR's names of the channels."""
+    """What a job asks for by a name: arrays (H, W, channels) by their names, with the EXR's names of the channels.
+
+    If `light`, they are parts of the beauty, to which exposure applies.
+    """
 
     name: str
     help: str
     arrays: Mapping[str, tuple[str, ...]]
+    light: bool = False
 
 
 def _layer(name: str, help: str, letters: str) -> Pass:
     return Pass(name, help, {name: tuple(f"{name}.{letter}" for letter in letters)})
+
+
+def _parts(name: str, help: str, parts: Iterable[str]) -> Pass:
+    return Pass(name, help, {part: tuple(f"{part}.{letter}" for letter in "RGB") for part in parts}, light=True)
 
 
 def _matte_channels(name: str) -> tuple[str, ...]:
@@ -37,6 +46,8 @@ PASSES: dict[str, Pass] = {
         _layer("uv", "texture coordinates of the first UV set", "UV"),
         _layer("albedo", "reflectance of the look seen from the camera, premultiplied", "RGB"),
         _layer("samples", "samples of each pixel", "Y"),
+        _parts("lobes", "light by the lobes that reflect it to the camera", LOBE_GROUPS),
+        _parts("direct", "light that reaches the surface from lights, and by way of the asset", ("direct", "indirect")),
         Pass(
             "cryptomatte",
             "coverage of each prim, look and asset",
@@ -44,6 +55,10 @@ PASSES: dict[str, Pass] = {
         ),
     )
 }
+
+
+LIGHT = frozenset(name for each in PASSES.values() if each.light for name in each.arrays)
+"""The names of arrays that are parts of the beauty."""
 
 
 def arrays_of(passes: Iterable[str]) -> dict[str, tuple[str, ...]]:

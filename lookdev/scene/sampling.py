@@ -30,3 +30,8 @@ class Sampling:
     def features(self) -> bool:
         """Whether shaders can show albedos and normals."""
         return self.denoise != "off" or bool(self.passes)
+
+    @property
+    def recorded(self) -> bool:
+        """Whether shaders can record parts of their light."""
+        return not {"lobes", "direct"}.isdisjoint(self.passes)

@@ -4,10 +4,10 @@
 
 //@ section macros
 #if RIG_SPLIT
-#define RIG_REFLECTED(at) (straight ? f : lamps[at + LAMP_specular] * f \
-                           + (lamps[at + LAMP_diffuse] - lamps[at + LAMP_specular]) * f_diffuse)
+#define RIG_REFLECTED(at, f, f_diffuse) (straight ? f : lamps[at + LAMP_specular] * f \
+                                         + (lamps[at + LAMP_diffuse] - lamps[at + LAMP_specular]) * f_diffuse)
 #else
-#define RIG_REFLECTED(at) f
+#define RIG_REFLECTED(at, f, f_diffuse) f
 #endif
 #if RIG_SPARED > 0
 #define RIG_OCCLUDER(at) occluders[int(lamps[at + LAMP_spares])]
@@ -39,7 +39,16 @@ color lamp_picture(float lamps[], int at, vector p, vector w, float distance
 #else
 #define RIG_SENT(at, p, w, distance) lamp_sent(lamps, tables, at, p, w)
 #endif
-#define RIG_ADD(at, arriving, distance) direct += RIG_REFLECTED(at) * (arriving) * RIG_PASSED(at, distance);
+#if RECORDED
+#define RIG_ADD(at, arriving, distance) { \
+    color arrived = (arriving) * RIG_PASSED(at, distance); \
+    direct += RIG_REFLECTED(at, f, f_diffuse) * arrived; \
+    recorded_a += RIG_REFLECTED(at, f_a, f_a_diffuse) * arrived; \
+    recorded_b += RIG_REFLECTED(at, f_b, f_b_diffuse) * arrived; }
+#else
+#define RIG_ADD(at, arriving, distance) \
+    direct += RIG_REFLECTED(at, f, f_diffuse) * (arriving) * RIG_PASSED(at, distance);
+#endif
 // Directions that are drawn of a light.
 #if IBL_SAMPLES > 0
 #define RIG_SHARE(sums, sum, j) ((sums[j] - (j > 0 ? sums[j - 1] : 0)) / sum)
@@ -133,6 +142,9 @@ color lamp_picture(float lamps[], int at, vector p, vector w, float distance
     }
     if (hidden) {
         surface = before * emission();
+#if RECORDED
+        surface += recording(normal(I), (records_a == 1) * before, (records_b == 1) * before);
+#endif
         return;
     }
 //@ section sample

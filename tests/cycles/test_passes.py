@@ -16,6 +16,7 @@ from lookdev.asset.store import make_asset
 from lookdev.batch.frame_file import write_rendered
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
+from lookdev.metrics import standard_error
 from lookdev.reference.mesh import MeshScene
 from lookdev.render.passes import PASSES
 from lookdev.render.scene import scene_task
@@ -223,3 +224,73 @@ def test_every_pass_has_a_channel_of_its_own() -> None:
     channels = [channel for each in PASSES.values() for names in each.arrays.values() for channel in names]
     assert len(channels) == len({*channels})
     assert not {*channels} & {*"RGBA"}
+
+
+PARTS_OF_LIGHT = (("diffuse", "specular", "clearcoat", "transmission"), ("direct", "indirect"))
+COATED = Look("coated", (Layer("paint", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3}),))
+
+
+def light_of_balls(
+    worker: Worker, ball: Look, others: Look, passes: tuple[str, ...], map_: str = "studio", **given: object
+) -> Rendered:
+    task = task_of(balls(), passes)
+    light = prepare_light(load_environment(builtin=map_))
+    camera = task.scene.camera
+    scene = replace(Scene.of_look(balls(), ball, light, SIZE, camera), wears={"/set/ball": ball, "/set/others": others})
+    sampling = Sampling(**{"samples": 64, "bounces": 1, "passes": passes} | given)
+    return rendered(
+        worker, one_frame(scene_task(scene, sampling), POSE, f"{ball.name} {others.name} {passes} {map_} {given}")
+    )
+
+
+@pytest.mark.parametrize("given", [{}, {"error": 2e-3, "samples": 256}], ids=["samples", "error"])
+def test_parts_of_the_light_sum_up_to_it(given: dict[str, float], worker: Worker) -> None:
+    frame = light_of_balls(worker, COATED, GREY, ("lobes", "direct"), bounces=2, **given)
+    beauty = 0.5 * (frame.a + frame.b)
+    for parts in PARTS_OF_LIGHT:
+        total = sum(frame.passes[name] for name in parts)
+        assert (np.abs(total - beauty) <= 1e-4 * beauty).all()
+        for name in parts:
+            # What remains is a difference of float32.
+            assert (frame.passes[name] >= -1e-5 * (1.0 + beauty)).all(), name
+    assert not frame.passes["transmission"].any()
+    assert frame.passes["clearcoat"].mean() > 1e-3
+    assert 0.01 < frame.passes["indirect"].mean() / beauty.mean() < 0.5
+
+
+def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) -> None:
+    def phong(name: str, **given: object) -> Look:
+        inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0} | given
+        return Look(name, (Layer("p", "modified-phong", inputs),))
+
+    other, black = phong("both too"), (0.0, 0.0, 0.0)
+    # Light of one bounce reaches the camera by the ball's lobe, after it has left other balls, which stay as they are.
+    on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 4)["/set/ball"] == 1.0
+    assert np.count_nonzero(on_ball) > 100
+
+    def frames(look: Look) -> list[Rendered]:
+        return [light_of_balls(worker, look, other, ("lobes", "direct"), "white", seed=seed) for seed in range(8)]
+
+    def means(of: list[Rendered], part: str) -> np.ndarray:
+        """Return the means over the ball of a part of the light, by seeds."""
+        return np.array([each.passes[part][on_ball].mean(axis=0) for each in of])
+
+    both = frames(phong("both"))
+    for name, without in (("diffuse", "specular"), ("specular", "diffuse")):
+        single = frames(phong(name, **{without: black}))
+        shown, alone = means(both, name), means(single, name)
+        noise = np.sqrt((shown.var(axis=0, ddof=1) + alone.var(axis=0, ddof=1)) / len(shown))
+        off = np.abs(shown.mean(axis=0) - alone.mean(axis=0))
+        # Student's t of 7 degrees of freedom and more: beyond 6 by chance once in a thousand.
+        assert (off < 6.0 * noise).all(), (name, off, noise)
+        indirect = means(single, "indirect").mean(axis=0)
+        assert (indirect > 12.0 * noise).all(), "the test would not notice half of the indirect light"
+
+
+def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
+    plain, shown = (light_of_balls(worker, COATED, GREY, passes, samples=256) for passes in ((), ("lobes", "direct")))
+    a, b = (0.5 * (each.a + each.b) for each in (plain, shown))
+    # Other noise of indirect light.
+    noise = np.sqrt(sum((standard_error(each.a, each.b) ** 2).sum(axis=(0, 1)) for each in (plain, shown)))
+    assert (np.abs((a - b).sum(axis=(0, 1))) < 4.0 * noise).all()
+    np.testing.assert_array_equal(plain.alpha, shown.alpha)

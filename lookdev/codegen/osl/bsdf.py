@@ -22,6 +22,7 @@ from dataclasses import dataclass
 from lookdev.brdf import Array, Delta, Lobe
 from lookdev.brdf.table import Table
 from lookdev.codegen.osl.block import Block, Spell, bare, by_name
+from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
 from lookdev.codegen.trace.lobes import INSIDE, WI, WO, trace_mixture
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
@@ -47,7 +48,17 @@ class TracedLobe:
     below: Scalar
     wi: tuple[Scalar, ...]
     light_sampled: bool
-    diffuse: bool
+    group: str
+
+    @property
+    def diffuse(self) -> bool:
+        """Whether lights' factors of diffuse lobes apply."""
+        return self.group == "diffuse"
+
+    @property
+    def recorded(self) -> int:
+        """Its number among `LOBE_GROUPS`."""
+        return LOBE_GROUPS.index("transmission" if self.transmits else self.group)
 
     def evaluated(self) -> tuple[Scalar, ...]:
         """Return what is computed for each direction of the light."""
@@ -73,6 +84,7 @@ class BrdfCode:
     light_sampled: bool
     deltas: tuple[Delta, ...] = ()
     features: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()  # of `LOBE_GROUPS`, of all lobes and deltas
 
     @property
     def sections(self) -> dict[str, Sequence[str]]:
@@ -114,7 +126,7 @@ def trace_lobes(
             below=elements_of(choice.below)[0],
             wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
             light_sampled=light_sampled(lobe),
-            diffuse=lobe.group == "diffuse",
+            group=lobe.group,
         )
         for lobe, side, term, choice in zip(lobes, sides, terms, choices, strict=True)
     )
@@ -139,13 +151,15 @@ def emit_brdf(
     spell: Spell = by_name,
     *,
     by_group: bool = False,
+    recorded: bool = False,
     deltas: Sequence[Delta] = (),
     features: Mapping[str, Sequence[Scalar]] | None = None,
 ) -> BrdfCode:
     """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`.
 
-    `by_group`: evaluate sets ``f_diffuse``, too. `features` are triples of numbers that depend on the view alone, by
-    the names of the colours that they become in a fragment of their own.
+    `by_group`: evaluate sets ``f_diffuse``. `recorded`: it sets ``f_a`` and ``f_b``, sums over lobes of values times
+    ``part_a`` and ``part_b`` of their groups, and setup sets ``int delta_group[]``. `features` are triples of
+    numbers that depend on the view alone, by the names of the colours that they become in a fragment of their own.
     """
     lobes = mixture.lobes
     see_through = isinstance(presence, Node) or presence < 1.0
@@ -172,6 +186,9 @@ def emit_brdf(
     for assigned, triple in triples:
         setup.write(f"{assigned}({', '.join(map(setup.expression, triple))});")
 
+    if recorded:
+        for number, delta in enumerate(deltas):
+            setup.write(f"delta_group[{number}] = {_delta_group(delta)};")
     others = [each for triple in (features or {}).values() for each in triple]
     shown = setup.inner("a", indent=2)
     shown.prepare(others)
@@ -183,7 +200,7 @@ def emit_brdf(
     tables = {node.args[0].digest: node.args[0] for node in read if node.op == "look_up"}
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(mixture, setup, varying, by_group)),
+        evaluate=tuple(_evaluate(mixture, setup, varying, by_group, recorded)),
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
         tables=tuple(tables.values()),
@@ -193,7 +210,12 @@ def emit_brdf(
         light_sampled=any(lobe.light_sampled for lobe in lobes),
         deltas=tuple(deltas),
         features=tuple(shown.lines),
+        groups=tuple(LOBE_GROUPS[each] for each in (*(lobe.recorded for lobe in lobes), *map(_delta_group, deltas))),
     )
+
+
+def _delta_group(delta: Delta) -> int:
+    return LOBE_GROUPS.index("transmission" if delta.transmits else "specular")
 
 
 def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
@@ -203,7 +225,9 @@ def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
     return [node for node in dict.fromkeys([*roots, *operands]) if node not in varying and node.op != "symbol"]
 
 
-def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool) -> Iterable[str]:
+def _evaluate(
+    mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool, recorded: bool
+) -> Iterable[str]:
     """Sum the lobes of the side that the light is on."""
     split = len(mixture.densities) > 1
     sides: dict[bool | Node, list[TracedLobe]] = {False: [], True: []}
@@ -211,8 +235,12 @@ def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node], by_group
         sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
     outer = setup.inner("g", indent=2)
     outer.write("color f = 0;")
-    if by_group:
-        outer.write("color f_diffuse = 0;")
+    sums = {"f": None, **({"f_a": "part_a", "f_b": "part_b"} if recorded else {})}
+    for name in sums:
+        if name != "f":
+            outer.write(f"color {name} = 0;")
+        if by_group:
+            outer.write(f"color {name}_diffuse = 0;")
     for name in mixture.densities:
         outer.write(f"float {name} = 0;")
     groups = {side: members for side, members in sides.items() if members}
@@ -222,7 +250,7 @@ def _evaluate(mixture: TracedMixture, setup: Block, varying: set[Node], by_group
             condition = bare(outer.expression(side)) if isinstance(side, Node) else f"wi_z {'<' if side else '>'} 0"
             outer.write(f"if ({condition}) {{")
         prefix = f"c{number}_" if isinstance(side, Node) else "t" if side else "e"
-        outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + (len(groups) > 1), split, by_group)
+        outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + (len(groups) > 1), split, by_group, sums)
         if guarded:
             outer.write("}")
     for name, density in mixture.densities.items():
@@ -239,11 +267,12 @@ def _evaluate_side(
     indent: int,
     split: bool,
     by_group: bool,
+    sums: Mapping[str, str | None],
 ) -> Iterable[str]:
     """Sum lobes: common subexpressions first, then each lobe's own part under a guard on its share.
 
     With `split` the densities of lobes that are not light-sampled are summed by themselves, too, and so are the values
-    of diffuse lobes `by_group`.
+    of diffuse lobes `by_group`. `sums` are the colours to which values are added, and the arrays of their factors.
     """
     groups = [reachable(lobe.evaluated(), stop=setup.named) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
@@ -270,12 +299,16 @@ def _evaluate_side(
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
         outer.write(f"{guard}{{  // {lobe.name}")
         outer.lines += inner.lines
-        if by_group and lobe.diffuse:
-            outer.write(f"    color own_f = color({color});")
-            outer.write("    f += own_f;")
-            outer.write("    f_diffuse += own_f;")
-        else:
-            outer.write(f"    f += color({color});")
+        again = by_group and lobe.diffuse
+        summand = f"color({color})"
+        if again or len(sums) > 1:
+            outer.write(f"    color own_f = {summand};")
+            summand = "own_f"
+        for name, part in sums.items():
+            share = "" if part is None else f"{part}[{lobe.recorded}] * "
+            outer.write(f"    {name} += {share}{summand};")
+            if again:
+                outer.write(f"    {name}_diffuse += {share}{summand};")
         if split and not lobe.light_sampled:
             outer.write(f"    float own_pdf = {density};")
             outer.write("    bsdf_sampled_pdf += own_pdf;")

@@ -22,7 +22,7 @@ from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
-from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ShaderSource
+from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, continuous_lobes, present_deltas
@@ -75,6 +75,7 @@ def generate_surface(
     shadows: bool = True,
     resolution: tuple[int, int],
     features: bool = False,
+    recorded: bool = False,
     replaced: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
@@ -97,6 +98,8 @@ def generate_surface(
         Width and height of the picture in pixels: each pixel has a scramble of its own.
     features
         Whether the shader can show, instead, what a denoiser is guided by: near albedos and normals.
+    recorded
+        Whether the shader can record parts of its light, besides.
     replaced
         Other lines for sections of the template, by their names: what the benchmark takes the time of.
     """
@@ -125,7 +128,9 @@ def generate_surface(
     split = rig is not None and rig.split
     guides = _guides(graph, continuous_lobes(graph, bsdf), deltas) if features else None
     presence = elements_of(bsdf.presence)[0]
-    code = emit_brdf(traced, presence, spell=names.spell, by_group=split, deltas=deltas, features=guides)
+    code = emit_brdf(
+        traced, presence, spell=names.spell, by_group=split, recorded=recorded, deltas=deltas, features=guides
+    )
     passes = any(delta.transmits for delta in deltas)
     if code.see_through and rig is not None and (rig.shadowed or rig.spared):
         raise CodegenError(
@@ -160,6 +165,8 @@ def generate_surface(
                 f"#define DELTAS_TRANSMIT {int(passes)}",
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 f"#define FEATURES {int(features)}",
+                f"#define RECORDED {int(recorded)}",
+                f"#define GROUPS {len(LOBE_GROUPS)}",
                 *lights_code(lights, sampled=drawn.ibl > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
@@ -183,7 +190,8 @@ def generate_surface(
         digest.update(repr(attribute).encode())
     passing, numbers = (code.transmits or passes, code.see_through), (drawn.brdf, drawn.ibl)
     known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, shadows, tables.bindings, constants
-    return ShaderSource(look.name, osl, *known)
+    made = ShaderSource(look.name, osl, *known)
+    return replace(made, recorded=tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))) if recorded else made
 
 
 def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Any]]:
