@@ -85,7 +85,7 @@ def _profile(order: Order) -> Outcome:
 def _setup(order: Order) -> Outcome:
     assert order.document is not None
     made = run_setup(order.folder, order.report, document=order.document, repeats=order.options.repeats)
-    return Outcome(lambda console: console.print(setup_text(made), markup=False, highlight=False), made.complete)
+    return Outcome(lambda console: console.print(setup_text(made), markup=False, soft_wrap=True), made.complete)
 
 
 def _denoise_trial(order: Order) -> Outcome:
