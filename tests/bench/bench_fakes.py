@@ -80,7 +80,8 @@ class FakeRenderer:
 class FakeBackends:
     """Gives ``exact`` and ``principled`` for each cell; the second has twice the noise and half the cost a sample.
 
-    The first has skips, more of them under the city. A third, ``mitsuba-principled``, has the noise of the second.
+    The first has skips, more of them under the city. ``mitsuba`` is as the first at half the cost a sample, and
+    ``mitsuba-principled`` has the noise of the second.
     """
 
     def __init__(self, ends_after: int | None = None, **fails_after: int) -> None:
@@ -89,6 +90,7 @@ class FakeBackends:
         self._renderers = {
             "exact": FakeRenderer("exact", 0.1, calls=self.calls, ends_after=ends_after),
             "principled": FakeRenderer("principled", 0.2, rate=0.0005, calls=self.calls, ends_after=ends_after),
+            "mitsuba": FakeRenderer("mitsuba", 0.1, rate=0.0005, calls=self.calls, ends_after=ends_after),
             "mitsuba-principled": FakeRenderer("mitsuba-principled", 0.2, calls=self.calls, ends_after=ends_after),
         }
         for name, calls in fails_after.items():
