@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 
 import batch_case as case
@@ -76,29 +74,6 @@ def test_an_interrupted_batch_ends_with_the_same_movies(tmp_path: Path, last: st
     case.misbehave(tmp_path / "halted", **{last: ["failed", "failed", "failed", "failed", "ok"]})
     assert len(run(tmp_path / "halted")) < len(NAMES)
     assert run(tmp_path / "halted") == whole
-
-
-def test_a_batch_killed_again_and_again_ends_with_the_same_bytes(tmp_path: Path) -> None:
-    for name in ("whole", "killed"):
-        (tmp_path / name).mkdir()
-    whole, halted = run(tmp_path / "whole"), tmp_path / "killed"
-    program = f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r}); import test_movies; "
-    program += f"from pathlib import Path; test_movies.run(Path({str(halted)!r}))"
-    kills = 0
-    while True:
-        with subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE) as process:
-            try:
-                # Later and later, so that kills fall into start, rendering and each of the movies, and it ends at last.
-                _, errors = process.communicate(timeout=1.0 + 0.4 * kills)
-                break
-            except subprocess.TimeoutExpired:
-                process.kill()
-                kills += 1
-    assert (process.returncode, errors) == (0, b"")
-    assert kills > 0
-    root = halted / "out"
-    assert {name: (root / name).read_bytes() for name in NAMES} == whole
-    assert not [path for path in root.rglob(".*") if path.is_file() and path.parent.name != ".lookdev"]
 
 
 @pytest.mark.parametrize("name", ["gold/city/.element.4711-0123abcd.mp4", "city/.element.looks.4711-0123abcd.mp4"])

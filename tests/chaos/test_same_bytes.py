@@ -62,11 +62,13 @@ def test_a_killed_batch_ends_with_the_same_bytes(rounds: int, tmp_path: Path) ->
     whole = files(tmp_path)
     assert {Path(name).suffix for name in whole} >= {".exr", ".png", ".mp4", ".mov", ".webm"}
     rng = random.Random(rounds)
-    killed = 0
-    for _ in range(rounds):
+    while rounds:
         shutil.rmtree(tmp_path / "out")
-        killed += finish(tmp_path, rng, 0.8 * seconds)
+        if not finish(tmp_path, rng, seconds):
+            # The first run was slower, as its files were not in memory yet: a round counts only with a kill.
+            seconds /= 2
+            continue
+        rounds -= 1
         again = files(tmp_path)
         assert list(again) == list(whole)
         assert [name for name, each in again.items() if each != whole[name]] == []
-    assert killed >= rounds // 2
