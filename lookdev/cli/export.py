@@ -12,11 +12,6 @@ from lookdev.cli.options import JobFile, say
 app = typer.Typer(help="Write a job for another program.", no_args_is_help=True)
 
 
-@app.callback()
-def _group() -> None:
-    """Keep the name of the only verb in the command."""
-
-
 @app.command("blend")
 def export_blend(
     job: JobFile,
@@ -31,6 +26,22 @@ def export_blend(
     from lookdev.batch.export import export_blend as export
 
     exported = export(job, out, pack=pack)
+    for note in exported.notes:
+        say(f"note: {note}", err=True)
+    say(exported.summary())
+
+
+@app.command("mitsuba")
+def export_mitsuba(
+    job: JobFile,
+    out: Annotated[
+        Path, typer.Option("-o", "--out", metavar="FOLDER", help="The folder of the scenes.", show_default=False)
+    ],
+) -> None:
+    """Write the job's looks under its lights as scenes of Mitsuba 3, with their first pose."""
+    from lookdev.batch.export_mitsuba import export_mitsuba as export
+
+    exported = export(job, out)
     for note in exported.notes:
         say(f"note: {note}", err=True)
     say(exported.summary())

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, Protocol
 
 from lookdev.cache import Content
+from lookdev.errors import CodegenError
 
 TANGENT = "lookdev_tangent"
 """Name of the mesh attribute of the tangents, which only sources that depend on their direction read."""
@@ -207,6 +208,18 @@ class ProgramSource:
     @property
     def images(self) -> tuple[Content, ...]:
         return tuple(file for each in self.look_ups for file in each.files.values())
+
+    def check_plugin(self, look: str) -> None:
+        """Raise CodegenError for what a BSDF of Mitsuba's own scenes has not: single directions, UV sets, primvars."""
+        if self.deltas:
+            raise CodegenError(f"{look}: scatters along single directions; Mitsuba's own plug-ins do that")
+        uvs = {each.attribute for each in self.attributes if each.kind == "uv"}
+        if len(uvs) > 1:
+            raise CodegenError(
+                f"{look}: reads {len(uvs)} UV sets ({', '.join(sorted(uvs))}); Mitsuba's shapes have one"
+            )
+        if primvars := [each.attribute for each in self.attributes if each.parameter.startswith("primvar_")]:
+            raise CodegenError(f"{look}: reads the primvar '{primvars[0]}', which Mitsuba's shapes do not have")
 
 
 @dataclass(frozen=True)

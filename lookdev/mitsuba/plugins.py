@@ -18,7 +18,7 @@ import numpy as np
 from lookdev.brdf import MODELS, Parameter
 from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import generate_program, live_name, live_numbers
-from lookdev.errors import CodegenError, ModelError
+from lookdev.errors import ModelError
 from lookdev.material import Layer, Look
 from lookdev.material.textures import image_file
 from lookdev.material.usd import read_look
@@ -90,15 +90,7 @@ def _live(look: Look) -> Callable[[int, str], bool]:
 def _bsdf(properties: Any, look: Look, textures: Mapping[str, tuple[Any, Parameter]]) -> Any:
     live = _live(look)
     source = generate_program(look, image_file, live=live)
-    if source.deltas:
-        raise CodegenError(f"{look.name}: scatters along single directions; Mitsuba's own plug-ins do that")
-    uvs = {each.attribute for each in source.attributes if each.kind == "uv"}
-    if len(uvs) > 1:
-        raise CodegenError(
-            f"{look.name}: reads {len(uvs)} UV sets ({', '.join(sorted(uvs))}); Mitsuba's shapes have one"
-        )
-    if primvars := [each.attribute for each in source.attributes if each.parameter.startswith("primvar_")]:
-        raise CodegenError(f"{look.name}: reads the primvar '{primvars[0]}', which Mitsuba's shapes do not have")
+    source.check_plugin(look.name)
     return _class(mi.variant())(properties, look, source, live_numbers(look, live), textures)
 
 

@@ -54,6 +54,7 @@ def test_a_failure_of_blender_leaves_with_1(run_cli: Command, exported: dict[str
         (("blend", ROOT / "jobs" / "suzanne.toml"), "Missing option '-o' / '--out'"),
         (("blend", ROOT / "jobs" / "suzanne.toml", "-o", "look.usd"), "look.blend would be right"),
         (("blend", ROOT / "jobs" / "none.toml", "-o", "look.blend"), "none.toml"),
+        (("mitsuba", ROOT / "jobs" / "none.toml", "-o", "scenes"), "none.toml"),
         (("blnd", ROOT / "jobs" / "suzanne.toml", "-o", "look.blend"), "No such command 'blnd'"),
         (("blend", ROOT / "jobs" / "suzanne.toml", "-o", "look.blend", "--packed"), "No such option: --packed"),
     ],

@@ -1,0 +1,155 @@
+"""Scenes for Mitsuba's users: its own plug-ins show what the backend does; what they lack is refused by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.batch.export_mitsuba import export_mitsuba
+from lookdev.batch.prepare import read_setups
+from lookdev.errors import LookdevError
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Worker
+
+pytestmark = pytest.mark.mitsuba
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+CITY = 'builtin = "city"'
+CLASSIC = {"material": MATERIALS / "classic" / "lambert.usda"}
+FITTED = 'usd = "rig.usda"'
+JOB = """
+asset = {{ builtin = "suzanne" }}
+output = "out"
+[[look]]
+name = "paint"
+material = "{material}"
+{look}
+[[{light}]]
+name = "light"
+exposure = 0.5
+rotation = 20.0
+{where}
+[[turntable]]
+kind = "lighting"
+frames = 4
+start = 40.0
+[camera]
+{camera}
+[render]
+resolution = [64, 48]
+samples = 256
+bounces = 2
+"""
+RIG = """#usda 1.0
+(
+    metersPerUnit = 1
+    upAxis = "Y"
+)
+def Xform "Rig"
+{
+    def RectLight "Key"
+    {
+        float inputs:intensity = 8
+        color3f inputs:color = (1, 0.7, 0.4)
+        float inputs:width = 2
+        float inputs:height = 1
+        double3 xformOp:translate = (1, 2, 4)
+        double xformOp:rotateX = -25
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateX"]
+    }
+    def DiskLight "Rim"
+    {
+        float inputs:intensity = 20
+        float inputs:radius = 0.7
+        double3 xformOp:translate = (-4, 0, -1)
+        double xformOp:rotateY = -105
+        uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:rotateY"]
+    }
+    def SphereLight "Bulb"
+    {
+        float inputs:intensity = 30
+        float inputs:radius = 0.3
+        double3 xformOp:translate = (0, 4, 1)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+        BESIDE
+    }
+    def Camera "Lens"
+    {
+        float focalLength = 50
+        float horizontalAperture = 36
+        float fStop = 2.8
+        float focusDistance = 6
+        double3 xformOp:translate = (0, 0, 6)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+}
+"""
+
+
+def write_job(
+    folder: Path, light: str = "ibl", where: str = 'builtin = "city"', beside: str = "", **parts: str
+) -> Path:
+    (folder / "rig.usda").write_text(RIG.replace("BESIDE", beside))
+    given = {"material": str(MATERIALS / "car_paint.usda"), "look": "", "camera": "azimuth = 30.0", **parts}
+    (folder / "job.toml").write_text(JOB.format(light=light, where=where, **given))
+    return folder / "job.toml"
+
+
+@pytest.mark.parametrize(("light", "where"), [("ibl", CITY), ("rig", FITTED)])
+def test_a_scene_shows_what_the_backend_shows(
+    light: str, where: str, drjit: Any, worker: Worker, tmp_path: Path
+) -> None:
+    import mitsuba as mi
+
+    import lookdev.mitsuba  # noqa: F401
+
+    mi.set_variant("llvm_ad_rgb")
+    job = write_job(tmp_path, light, where)
+    made = export_mitsuba(job, tmp_path / "scenes")
+    assert [each.name for each in made.scenes] == ["paint.light.xml"]
+    scene = mi.load_file(str(made.scenes[0]))
+    found = np.stack([np.array(mi.render(scene, spp=256, seed=seed)) for seed in range(8)]).astype(float)
+
+    setups = read_setups(job, backend="mitsuba")
+    [setup] = setups.setups
+    pose = setup.poses(setups.job.turntable[0], setups.job.camera.azimuth)[0]
+    worker.start()
+    task = setup.task
+    frames = [worker.render(one_frame(task, pose, f"{n}", seed=n), lambda progress: None) for n in range(4)]
+    # Workers leave the exposure to the output.
+    expected = 2.0**setup.exposure * np.stack([half for frame in frames for half in (frame.a, frame.b)]).astype(float)
+
+    # Both have films of boxes, so that each pixel has one mean.
+    inside = np.min([frame.alpha for frame in frames], axis=0) == 1.0
+    assert inside.sum() > 200
+    chosen = [picture[:, inside, :3].mean(axis=-1) for picture in (found, expected)]
+    means, errors = [
+        np.array([each.mean(axis=0) for each in chosen]),
+        np.array([each.std(axis=0, ddof=1) / np.sqrt(len(each)) for each in chosen]),
+    ]
+    whole = [each.mean(axis=1) for each in chosen]
+    noise = np.hypot(*(each.std(ddof=1) / np.sqrt(len(each)) for each in whole))
+    assert abs(whole[0].mean() - whole[1].mean()) < 4.0 * noise < 0.02 * whole[1].mean()
+    # Student's t of 14 degrees of freedom, of some hundreds of pixels.
+    z = (means[0] - means[1]) / np.hypot(*errors)
+    assert np.quantile(np.abs(z), 0.95) < 2.6
+    assert np.abs(z).max() < 8.0
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"light": "rig", "where": FITTED, "beside": "float inputs:diffuse = 0.5"}, "Bulb.*multiplier"),
+        ({"camera": 'usd = "/Rig/Lens"\nfile = "rig.usda"'}, "depth of field"),
+        ({"material": str(MATERIALS / "none.usda")}, "none.usda"),
+        ({"material": str(MATERIALS / "classic" / "mirror.usda")}, "'paint': scatters along single directions"),
+        ({"look": '[[look.assign]]\nprims = ["/*"]\nmaterial = "{material}"'.format(**CLASSIC)}, "on parts"),
+    ],
+)
+def test_what_mitsuba_lacks_is_refused_by_name(parts: dict[str, str], words: str, tmp_path: Path) -> None:
+    with pytest.raises(LookdevError, match=words):
+        export_mitsuba(write_job(tmp_path, **parts), tmp_path / "scenes")
+    assert not list(tmp_path.rglob("*.xml"))
