@@ -117,7 +117,8 @@ class ShaderSource:
     The text reads the look's `constants` by their names `look_0`, `look_1`, ...; those of the places `varying` are not
     compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
     a shading point from the BSDF and from the light; with `shadows`, rays are traced along them. `recorded` are those
-    of `LOBE_GROUPS` that the look has, if it can record parts of its light.
+    of `LOBE_GROUPS` that the look has, if it can record parts of its light. So many lobes are `folded`: constants make
+    them 0, and no code is theirs.
     """
 
     name: str
@@ -133,6 +134,7 @@ class ShaderSource:
     constants: tuple[float, ...] = ()
     varying: tuple[int, ...] = ()
     recorded: tuple[str, ...] = ()
+    folded: int = 0
 
     @property
     def program(self) -> ShaderSource:
@@ -188,7 +190,7 @@ class ProgramSource:
     ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
     light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
     there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced. A
-    look is `glossy` if no lobe is broad or lets light pass.
+    look is `glossy` if no lobe is broad or lets light pass. `folded` as in `ShaderSource`.
     """
 
     name: str
@@ -204,6 +206,7 @@ class ProgramSource:
     shadows: bool = True
     deltas: int = 0
     glossy: bool = False
+    folded: int = 0
 
     @property
     def images(self) -> tuple[Content, ...]:

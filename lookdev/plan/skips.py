@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from lookdev.codegen import NodeSource, ShaderSource, Source
+from lookdev.codegen import NodeSource, ProgramSource, ShaderSource, Source
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.look import leaves
 from lookdev.render.task import SceneTask
@@ -57,6 +57,8 @@ def scene_skips(
             yield "light samples", "constant light"
         if not brdf:
             yield "BRDF samples", "every lobe is broad"
+    if folded := sum(shader.folded for shader in scene.shaders if isinstance(shader, ShaderSource | ProgramSource)):
+        yield ("1 lobe", "is 0 by constants") if folded == 1 else (f"{folded} lobes", "are 0 by constants")
     if unread := _unread_textures(looks, [scene.shaders[number] for number in scene.worn]):
         yield ("1 texture", "reaches no pixel") if unread == 1 else (f"{unread} textures", "reach no pixel")
 

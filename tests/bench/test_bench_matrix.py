@@ -54,8 +54,10 @@ def test_skips_are_those_of_the_scene() -> None:
         return skips_of(Cell(scene, "white", look), made)
 
     opaque, lit = "light from behind (nothing transmits)", "light samples (constant light)"
-    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit)
-    assert skips("suzanne", "plastic") == (opaque, lit)
+    # Plastic has no clearcoat.
+    lobe = "1 lobe (is 0 by constants)"
+    assert skips("sphere", "plastic") == ("bounces (convex asset)", "shadow rays (convex asset)", opaque, lit, lobe)
+    assert skips("suzanne", "plastic") == (opaque, lit, lobe)
     assert skips("sphere", "pixar") == (lit,)
     # All five masks are read: no texture is skipped.
     assert skips("suzanne", "stack") == (opaque, lit)

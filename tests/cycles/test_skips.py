@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from frames import POSE, orbit_camera
 from lookdev.asset import Asset, load_asset
 from lookdev.light import Dome, Emission, RectLight, Shaping, SphereLight, load_environment, prepare_light
 from lookdev.light.dome.environment import make_environment
-from lookdev.material import Layer, Look
+from lookdev.light.dome.files import write_exr
+from lookdev.material import Layer, Look, Texture
 from lookdev.plan.poses import unturned
 from lookdev.plan.setup import make_setup
 from lookdev.plan.skips import scene_skips
@@ -92,6 +94,16 @@ def test_a_broad_lobe_needs_no_samples_of_its_own(
 ) -> None:
     scene = scene_of(sphere, CHALK, light_of("studio"))
     same_both_ways(worker, scene, scene, {"BRDF samples"}, brdf_samples=2)
+
+
+def test_a_lobe_that_constants_make_0_needs_no_code(
+    worker: Worker, sphere: Asset, light_of: Callable[[str], Dome], tmp_path: Path
+) -> None:
+    """An image of zeros does not fold."""
+    write_exr(tmp_path / "none.exr", "RGB", np.zeros((4, 4, 3), np.float32))
+    bare = replace(COAT, inputs={**COAT.inputs, "clearcoat": 0.0})
+    full = replace(COAT, inputs={**COAT.inputs, "clearcoat": Texture(tmp_path / "none.exr", "r", "raw")})
+    same_both_ways(worker, *(scene_of(sphere, each, light_of("studio")) for each in (bare, full)), {"1 lobe"})
 
 
 def test_lights_that_reach_nothing_are_left_out(

@@ -173,6 +173,8 @@ def test_each_skip_has_its_cause(skips_of: SkipsOf, make_job: MakeJob, bare: Sce
     assert changed((unlit,), lights=(white,)) == ["light samples (constant light)"]
     assert changed((unlit,), lights=(white,), more="[render]\nibl_samples = 0\n") == []
     assert changed((unlit, source), lights=(white,)) == []
+    assert changed((replace(source, folded=1),)) == ["1 lobe (is 0 by constants)"]
+    assert changed((replace(source, folded=1), replace(source, folded=2))) == ["3 lobes (are 0 by constants)"]
     broad = replace(source, directions=(0, 4))
     assert changed((broad, broad)) == ["BRDF samples (every lobe is broad)"]
     assert changed((broad, source)) == []
@@ -185,11 +187,13 @@ def test_generated_shaders_have_the_facts(skips_of: SkipsOf, bare: SceneTask, sh
         "bounces (convex asset)",
         "light from behind (nothing transmits)",
         "BRDF samples (every lobe is broad)",
+        "5 lobes (are 0 by constants)",
     ]
     white = replace(LIGHT, constant=True)
     leaf = look(base("pixar", roughness=0.5, back=0.5))
     assert skips_of("", replace(bare, lights=(white,), shaders=(shader(leaf, white),)), leaf) == [
         "light samples (constant light)",
+        "3 lobes (are 0 by constants)",
         "2 of 6 frames (constant light)",
     ]
 
@@ -218,7 +222,7 @@ def test_textures_that_reach_no_pixel_are_counted(
     skips_of: SkipsOf, bare: SceneTask, shader: Callable[..., Any], layers: tuple[Layer, ...], skip: str | None
 ) -> None:
     worn = look(*layers)
-    source = replace(shader(worn), transmits=True, directions=(4, 4))
+    source = replace(shader(worn), transmits=True, directions=(4, 4), folded=0)
     # Two slots that wear one look read its textures once.
     assert skips_of("", replace(bare, shaders=(source,), worn=(0, 0)), worn) == ([skip] if skip else [])
 
@@ -227,7 +231,7 @@ def test_a_formulas_textures_count(skips_of: SkipsOf, bare: SceneTask, shader: C
     kinds: dict[str, Any] = {"a": "float", "b": "float"}
     mask = Formula(parse("a"), {"a": MAP, "b": OTHER}, kinds)
     worn = look(PLAIN, Layer("Dirt", "disney", {"roughness": 0.9}, mask))
-    source = replace(shader(worn), transmits=True, directions=(4, 4))
+    source = replace(shader(worn), transmits=True, directions=(4, 4), folded=0)
     assert skips_of("", replace(bare, shaders=(source,)), worn) == ["1 texture (reaches no pixel)"]
 
 

@@ -25,7 +25,7 @@ from lookdev.codegen.osl.tables import bind_tables
 from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.lobes import WO, continuous_lobes, present_deltas
+from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of, symbols, uniforms
 from lookdev.errors import CodegenError
 from lookdev.light import Light, coded, lights_code
@@ -190,7 +190,7 @@ def generate_surface(
         digest.update(repr(attribute).encode())
     passing, numbers = (code.transmits or passes, code.see_through), (drawn.brdf, drawn.ibl)
     known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, shadows, tables.bindings, constants
-    made = ShaderSource(look.name, osl, *known)
+    made = ShaderSource(look.name, osl, *known, folded=folded_lobes(graph, bsdf))
     return replace(made, recorded=tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))) if recorded else made
 
 

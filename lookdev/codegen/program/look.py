@@ -24,7 +24,7 @@ from lookdev.codegen.program.written import Written
 from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, ProgramSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node
-from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, present_deltas
+from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
@@ -100,7 +100,8 @@ def generate_program(
         glossy=not any(lobe.broad or lobe.transmits or lobe.crosses for lobe in lobes),
         shadows=shadows,
     )
-    return replace(made, digest=hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest())
+    digest = hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest()
+    return replace(made, digest=digest, folded=folded_lobes(graph, bsdf))
 
 
 def live_name(layer: int, parameter: str) -> str:

@@ -41,6 +41,11 @@ def continuous_lobes(graph: Graph, bsdf: Bsdf) -> list[Lobe]:
     return [lobe for lobe, share in shares if isinstance(share, Node) or share > 0.0]
 
 
+def folded_lobes(graph: Graph, bsdf: Bsdf) -> int:
+    """Return the number of lobes whose share folds to zero: no code is generated for them."""
+    return len(bsdf.lobes(symbols(graph, WO))) - len(continuous_lobes(graph, bsdf))
+
+
 def trace_mixture(graph: Graph, lobes: Sequence[Lobe]) -> Mixture:
     """Return the mixture of lobes seen along the symbols `WO`, above the horizon, where each lobe has a share."""
     mixture = Mixture(lobes, symbols(graph, WO))
