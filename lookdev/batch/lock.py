@@ -13,11 +13,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from lookdev.errors import OutputError
+from lookdev.render.executors.local import SCRATCH_PREFIX
 
 STATE_FOLDER = ".lookdev"
 """Folder inside the output for lock, log, ledger and scratch files."""
-
-SCRATCH_PREFIX = "scratch-"
 
 # The names that lookdev.cache.atomic_path gives.
 _TEMPORARY = re.compile(r"\..+\.\d+-[0-9a-f]{8}\.[a-z0-9]+")  # of any output

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -23,39 +21,46 @@ from lookdev.batch.events import (
     RunStarted,
     SheetWritten,
 )
-from lookdev.batch.frame_file import write_rendered
-from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
+from lookdev.batch.frame_file import exposed, store
+from lookdev.batch.lock import STATE_FOLDER, output_lock, remove_leftovers
 from lookdev.batch.pictures import Background, Pictures
-from lookdev.batch.sanity import doubts
 from lookdev.cache import share
-from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError, close_hint
+from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
+from lookdev.render.executors import (
+    Executor,
+    Finished,
+    GivenUp,
+    Happening,
+    LocalExecutor,
+    Place,
+    Progressed,
+    Remarked,
+    Retried,
+    Started,
+    Stored,
+)
+from lookdev.render.executors.choice import Choice, opened
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_line
+from lookdev.render.worker import PATIENCE, Rendered
 
 if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared
 
 Backdrop = str | tuple[float, float, float]
 
-CRASH_TRIES = 3
-"""Tries of a frame whose worker dies, hangs or sends no valid answer: the frame before may be the cause."""
-
-CLEAN_TRIES = 2
-"""Tries of a frame that the worker reports as failed: most such errors recur."""
-
 
 @dataclass(frozen=True)
 class Failure:
-    """A failed frame, the reason of its last try, and the log with the details."""
+    """A failed frame, the reason of its last try, and the log with the details, if it is on this machine."""
 
     name: str
     reason: str
-    log: Path
+    log: Path | None
 
 
 @dataclass(frozen=True)
@@ -77,7 +82,8 @@ class RunResult:
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
-        lines = [f"{failure.name}: {failure.reason} (log: {failure.log})" for failure in self.failures]
+        logged = [f" (log: {failure.log})" if failure.log else "" for failure in self.failures]
+        lines = [f"{each.name}: {each.reason}{log}" for each, log in zip(self.failures, logged, strict=True)]
         if lines:
             lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
         lines.append(f"{self.done} of {self.total} frames are done, {self.rendered} of them rendered now.")
@@ -102,33 +108,46 @@ def render_job(
     prepare: Prepare = _plan_job,
     force: bool = False,
     only: Sequence[str] = (),
+    choice: Choice = Choice(),
     report: Report = lambda event: None,
 ) -> RunResult:
     """Render a job file: lock its output, prepare it, run its plan, write its manifest.
 
-    `force`, `only` and `report` are as for `run_plan`.
+    `force`, `only` and `report` are as for `run_plan`; `choice` is of what renders.
 
     `prepare`, `lookdev.batch.prepare.plan_job` but in tests, is called under the lock, so that no other run changes the
     frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
     """
-    job = load_job(path)
+    job = _on_device(load_job(path), choice.device)
     backend = BACKENDS[job.render.backend]
-    with output_lock(job.output) as folder, _opened(folder, backend.command) as worker:
+    with output_lock(job.output) as folder, opened(choice, Place(folder, backend.command), store) as executor:
         if force or _lacks_frames(job):
-            # Blender starts while files are read; an error is that of the first frame, then.
-            with suppress(WorkerError):
-                worker.launch()
-        prepared = prepare(job, worker.prepare if backend.ahead else None)
+            # Blender starts while files are read.
+            executor.launch()
+        prepared = prepare(job, executor.prepare if backend.ahead else None)
         for note in prepared.notes:
             report(Noted(note))
         job = prepared.job
         result = run_plan(
-            prepared.plan, job.outputs, job.render.background, force=force, only=only, worker=worker, report=report
+            prepared.plan, job.outputs, job.render.background, force=force, only=only, executor=executor, report=report
         )
         from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
 
         record_run(job, prepared.plan)
         return result
+
+
+def _on_device(job: Job, device: str | None) -> Job:
+    """Return a job rendered on another kind of device; raises LookdevError where its backend does not run there."""
+    if device is None:
+        return job
+    backend = BACKENDS[job.render.backend]
+    if device not in backend.devices:
+        raise LookdevError(
+            f"--device: backend '{backend.name}' of the job does not run on '{device}'; it runs on "
+            f"{' or '.join(backend.devices)}"
+        )
+    return job.model_copy(update={"render": job.render.model_copy(update={"device": device})})
 
 
 def _lacks_frames(job: Job) -> bool:
@@ -150,16 +169,6 @@ def _lacks_frames(job: Job) -> bool:
     return False
 
 
-@contextmanager
-def _opened(folder: Path, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Worker]:
-    """Yield a worker with its log and scratch in a state folder, and end it."""
-    with (
-        tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=folder) as scratch,
-        Worker(command, folder / "worker.log", Path(scratch), patience) as worker,
-    ):
-        yield worker
-
-
 def render_setups(
     setups: Sequence[Setup], turns: Turns, outputs: JobOutputs, *, report: Report = lambda event: None
 ) -> tuple[Plan, RunResult]:
@@ -177,7 +186,7 @@ def run_plan(
     force: bool = False,
     only: Sequence[str] = (),
     behind: Background | None = None,
-    worker: Worker | None = None,
+    executor: Executor | None = None,
     worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
     report: Report = lambda event: None,
@@ -198,9 +207,9 @@ def run_plan(
         Render no frames but these, each by the path of one of its files in the output, as "gold/city/element.0001".
     behind
         Returns the light behind each frame, instead of `background_light`.
-    worker
-        The render worker, which the caller ends; None: one that `worker_command`, by default the backend's, and
-        `patience` describe.
+    executor
+        What renders, in a context of the caller's; None: one worker of this machine, which `worker_command`, by default
+        the backend's, and `patience` describe.
     report
         Is called with every event.
 
@@ -216,7 +225,7 @@ def run_plan(
     pictures = Pictures(plan, outputs, background, behind or background_light(background))
     run = _Run(plan, pictures, report)
     try:
-        run.render(run.bring_up_to_date(force, only), worker, worker_command, patience)
+        run.render(run.bring_up_to_date(force, only), executor, worker_command, patience)
     except KeyboardInterrupt:
         return run.result(interrupted=True)
     except BrokenPipeError:
@@ -299,57 +308,48 @@ class _Run:
         return {known[name] for name in names}
 
     def render(
-        self, tasks: Sequence[FrameTask], worker: Worker | None, command: Sequence[str] | None, patience: float
+        self, tasks: Sequence[FrameTask], executor: Executor | None, command: Sequence[str] | None, patience: float
     ) -> None:
-        """Render frames; only a worker that never starts ends the batch."""
+        """Render frames; only workers that never start end the batch."""
         if not tasks:
             return
         with ExitStack() as stack:
-            if worker is None:
-                command = command or BACKENDS[tasks[0].scene.backend].command
-                worker = stack.enter_context(_opened(self._folder, command, patience))
-            for task in tasks:
-                started = time.monotonic()
+            if executor is None:
+                command = tuple(command or BACKENDS[tasks[0].scene.backend].command)
+                executor = stack.enter_context(LocalExecutor(Place(self._folder, command, patience)))
+            for happening in executor.render(tasks, lambda task: True):
+                self._take(happening)
+
+    def _take(self, what: Happening) -> None:
+        match what:
+            case Started(task):
                 self._report(FrameStarted(self._name(task)))
-                if (rendered := self._rendered_in_tries(worker, task)) is None:
-                    continue
-                for note in rendered.notes:
-                    self._report(Noted(note))
-                self._write(task, rendered)
-                seconds = time.monotonic() - started
-                self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse))
-                self._report_sheets(self._pictures.refresh_sheets(self._done, task))
+            case Progressed(task, progress):
+                name = self._name(task)
+                self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse))
+            case Retried(task, reason, attempt, attempts):
+                self._report(FrameRetried(self._name(task), reason, attempt, attempts))
+            case GivenUp(task, reason, log):
+                self._failures.append(Failure(self._name(task), reason, log))
+                self._report(FrameFailed(self._name(task), reason))
+            case Remarked(text):
+                self._report(Noted(text))
+            case Finished(task, rendered, seconds):
+                self._finish(task, rendered, seconds)
 
-    def _rendered_in_tries(self, worker: Worker, task: FrameTask) -> Rendered | None:
-        name = self._name(task)
-
-        def report(progress: Progress) -> None:
-            self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse))
-
-        attempt = 1
-        while True:
-            _start(worker)
-            try:
-                return worker.render(task, report)
-            except (WorkerError, RenderError) as error:
-                tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
-                attempt += 1
-                if attempt > tries:
-                    self._failures.append(Failure(name, str(error), self._folder / "worker.log"))
-                    self._report(FrameFailed(name, str(error)))
-                    return None
-                self._report(FrameRetried(name, str(error), attempt, tries))
-
-    def _write(self, task: FrameTask, rendered: Rendered) -> None:
-        with np.errstate(over="ignore"):
-            beauty = (rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure)
-        constant = all(light.constant for light in task.scene.lights)
-        for doubt in doubts(rendered, beauty, constant_light=constant):
-            self._report(Noted(f"{self._name(task)}: {doubt}"))
-        write_rendered(task, rendered, beauty)
-        self._pictures.write(task, beauty, rendered.alpha)
+    def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
+        """Write a frame, unless its worker did, and what is made of it."""
+        stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
+        for note in stored.notes:
+            self._report(Noted(note))
+        if isinstance(rendered, Stored):
+            self._pictures.refresh(task)
+        else:
+            self._pictures.write(task, exposed(task, rendered), rendered.alpha)
         self._done.update(task.files)
         self._rendered += 1
+        self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse))
+        self._report_sheets(self._pictures.refresh_sheets(self._done, task))
 
     def _report_sheets(self, paths: Sequence[Path]) -> None:
         for path in paths:
@@ -365,20 +365,3 @@ def _is_whole(frame: Path) -> bool:
     except OutputError:
         return False
     return True
-
-
-def _start(worker: Worker) -> None:
-    """Start the worker, with `CRASH_TRIES` tries."""
-    for attempt in range(CRASH_TRIES):
-        try:
-            worker.start()
-        except WorkerError as error:
-            if attempt == CRASH_TRIES - 1:
-                line = last_line(worker.log)
-                logged = f"; its last line: {line}" if line and line not in str(error) else ""
-                raise WorkerError(
-                    f"{error}{logged}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
-                    "'lookdev doctor' lists what this machine lacks"
-                ) from error
-        else:
-            return

@@ -28,6 +28,38 @@ def render(
             show_default=False,
         ),
     ] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            help="Render so many frames at once; default: one, and more while that leaves cores and memory unused.",
+            show_default=False,
+        ),
+    ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device",
+            metavar="KIND[:N,...]",
+            help="Render on this kind of device instead of the job's, as cuda, or on some of them, as cuda:0,1.",
+            show_default=False,
+        ),
+    ] = None,
+    executor: Annotated[
+        str,
+        typer.Option(
+            "--executor",
+            metavar="NAME[:ADDRESS]",
+            help="What renders: local, workers of this machine; dask, those of a Dask cluster of this machine, or of "
+            "the scheduler at an address; warm:SOCKET, a worker that 'lookdev warm start' keeps.",
+        ),
+    ] = "local",
+    shared: Annotated[
+        bool,
+        typer.Option("--shared", help="Workers of Dask write frames themselves, to an output that all machines share."),
+    ] = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
@@ -38,9 +70,11 @@ def render(
         return
     from lookdev.batch.progress import show_progress
     from lookdev.batch.run import render_job
+    from lookdev.render.executors.choice import choose
 
+    choice = choose(executor, workers=workers, device=device, stored=shared)
     with show_progress(sys.stdout) as report:
-        result = render_job(job, force=force, only=frame or (), report=report)
+        result = render_job(job, force=force, only=frame or (), choice=choice, report=report)
     say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -108,12 +109,21 @@ class Worker:
         An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
     patience
         Seconds without an answer after which it counts as hung.
+    variables
+        Variables of its environment besides those of this process.
     """
 
-    def __init__(self, command: Sequence[str], log: Path, scratch: Path, patience: float = PATIENCE) -> None:
+    def __init__(
+        self,
+        command: Sequence[str],
+        log: Path,
+        scratch: Path,
+        patience: float = PATIENCE,
+        variables: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.log = log
         self._command = tuple(command)
-        self._environment = os.environ | {"TMPDIR": str(scratch)}
+        self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
         # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
         self._environment.pop("OCIO", None)
         self._patience = patience
@@ -197,6 +207,12 @@ class Worker:
             if isinstance(message, Failed):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
             return _load(message, task.scene, self._blender)
+
+    def stop(self) -> None:
+        """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
+        process = self._process
+        if process is not None and process.returncode is None:
+            _kill_group(process)
 
     def kill(self) -> None:
         """Kill the process and its children."""

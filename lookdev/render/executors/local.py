@@ -1,0 +1,219 @@
+"""Workers of this machine: one, or several that render frames of their own at once.
+
+Each worker has a thread, which tries a frame again where its process dies. The thread of the run hands frames out, one
+ahead where frames are short, so that no worker waits until a frame is written.
+"""
+
+from __future__ import annotations
+
+import queue
+import tempfile
+import threading
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+from lookdev.errors import RenderError, WorkerError
+from lookdev.render.executors.protocol import (
+    CLEAN_TRIES,
+    CRASH_TRIES,
+    Finished,
+    GivenUp,
+    Happening,
+    Place,
+    Progressed,
+    Retried,
+    Started,
+    Wanted,
+)
+from lookdev.render.executors.shares import Shares
+from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.threads import THREADS_VARIABLE, cores
+from lookdev.render.worker import Progress, Worker, last_line
+
+SCRATCH_PREFIX = "scratch-"
+"""Of the folders of workers' temporary files."""
+
+_SHORT = 5.0
+"""Seconds of a frame up to which a worker is given the next one ahead: at the end the others would wait for it."""
+
+
+@dataclass(frozen=True)
+class _Ended:
+    """The thread of a worker has an error of the whole run."""
+
+    error: BaseException
+
+
+class _Slot:
+    """A worker and its thread, which renders what it is given and reports to a queue that all slots share."""
+
+    def __init__(self, worker: Worker, reports: queue.Queue[tuple[_Slot, Happening | _Ended]]) -> None:
+        self.worker = worker
+        self.given = 0  # frames that it has and did not finish
+        self.seconds: float | None = None  # of its last frame
+        self._inbox: queue.SimpleQueue[FrameTask | None] = queue.SimpleQueue()
+        self._reports = reports
+        self._thread: threading.Thread | None = None
+        self._closing = False
+
+    def give(self, task: FrameTask) -> None:
+        """Have a frame rendered after those given before."""
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._serve, daemon=True)
+            self._thread.start()
+        self.given += 1
+        self._inbox.put(task)
+
+    def close(self) -> None:
+        """End the process and the thread, and drop what is given."""
+        self._closing = True
+        self._inbox.put(None)
+        # The thread may be starting another process just then.
+        while self._thread is not None and self._thread.is_alive():
+            self.worker.stop()
+            self._thread.join(0.05)
+        self.worker.kill()
+
+    def _serve(self) -> None:
+        while (task := self._inbox.get()) is not None and not self._closing:
+            try:
+                self._render(task)
+            except BaseException as error:  # noqa: BLE001  the thread of the run raises it
+                self._report(_Ended(error))
+                return
+
+    def _render(self, task: FrameTask) -> None:
+        started = time.monotonic()
+        self._report(Started(task))
+
+        def progressed(progress: Progress) -> None:
+            self._report(Progressed(task, progress))
+
+        attempt = 1
+        while not self._closing:
+            start(self.worker)
+            try:
+                rendered = self.worker.render(task, progressed)
+            except (WorkerError, RenderError) as error:
+                tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
+                attempt += 1
+                if attempt > tries:
+                    self._report(GivenUp(task, str(error), self.worker.log))
+                    return
+                self._report(Retried(task, str(error), attempt, tries))
+            else:
+                self._report(Finished(task, rendered, time.monotonic() - started))
+                return
+
+    def _report(self, what: Happening | _Ended) -> None:
+        if not self._closing:
+            self._reports.put((self, what))
+
+
+class LocalExecutor:
+    """Workers of this machine.
+
+    Parameters
+    ----------
+    place
+        Of logs and scratch, the workers' command and patience.
+    workers
+        How many; None: one, and others while they have cores and memory to gain from.
+    devices
+        Variables of the environment that show a worker its devices, of which workers take turns.
+    """
+
+    def __init__(self, place: Place, workers: int | None = 1, devices: Sequence[Mapping[str, str]] = ({},)) -> None:
+        self._place = place
+        self._workers = workers
+        self._devices = devices
+        self._slots: list[_Slot] = []
+        self._stack = ExitStack()
+        self._reports: queue.Queue[tuple[_Slot, Happening | _Ended]] = queue.Queue()
+
+    def __enter__(self) -> LocalExecutor:
+        for old in self._place.folder.glob("worker-*.log"):
+            old.unlink(missing_ok=True)
+        scratch = tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=self._place.folder)
+        self._scratch = Path(self._stack.enter_context(scratch))
+        self._slots.append(self._slot())
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        with self._stack:
+            for slot in self._slots:
+                slot.close()
+
+    def launch(self) -> None:
+        """Start the first worker, without waiting for it; an error is that of the first frame."""
+        try:
+            self._slots[0].worker.launch()
+        except WorkerError:
+            return
+
+    def prepare(self, scene: SceneTask) -> None:
+        """Send a scene to the first worker, if it starts."""
+        self._slots[0].worker.prepare(scene)
+
+    def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
+        """Render tasks, as the protocol has it."""
+        shares = Shares(tasks)
+        firsts: dict[_Slot, object] = {}
+        while len(self._slots) < min(self._workers or 1, len(tasks)):
+            self._slots.append(self._slot())
+        for slot in self._slots:
+            self._feed(slot, shares, wanted)
+        while any(slot.given for slot in self._slots):
+            slot, what = self._reports.get()
+            match what:
+                case _Ended(error):
+                    raise error
+                case Finished(task, _, seconds):
+                    first = firsts.get(slot) is not task.scene
+                    firsts[slot] = task.scene
+                    shares.measured(task, seconds, first=first)
+                    slot.seconds = seconds
+            if isinstance(what, Finished | GivenUp):
+                slot.given -= 1
+                self._feed(slot, shares, wanted)
+            yield what
+
+    def _feed(self, slot: _Slot, shares: Shares, wanted: Wanted) -> None:
+        """Give a worker frames until it has enough."""
+        enough = 2 if slot.seconds is not None and slot.seconds < _SHORT else 1
+        while slot.given < enough and (task := shares.next_for(slot)) is not None:
+            if wanted(task):
+                slot.give(task)
+        if not slot.given:
+            shares.leave(slot)
+
+    def _slot(self) -> _Slot:
+        number = len(self._slots)
+        name = f"worker-{number + 1}.log" if number else "worker.log"
+        variables = dict(self._devices[number % len(self._devices)])
+        if self._workers is not None and self._workers > 1:
+            # The same pixels with any number: each is one sum, in the order of its samples.
+            variables[THREADS_VARIABLE] = str(max(cores() // self._workers, 1))
+        place = self._place
+        worker = Worker(place.command, place.folder / name, self._scratch, place.patience, variables)
+        return _Slot(worker, self._reports)
+
+
+def start(worker: Worker) -> None:
+    """Start a worker, with `CRASH_TRIES` tries; raises WorkerError, or OutputError where files cannot be written."""
+    for attempt in range(CRASH_TRIES):
+        try:
+            worker.start()
+        except WorkerError as error:
+            if attempt == CRASH_TRIES - 1:
+                line = last_line(worker.log)
+                logged = f"; its last line: {line}" if line and line not in str(error) else ""
+                raise WorkerError(
+                    f"{error}{logged}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
+                    "'lookdev doctor' lists what this machine lacks"
+                ) from error
+        else:
+            return
