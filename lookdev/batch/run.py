@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 from lookdev.batch.events import (
     FrameDone,
     FrameFailed,
+    FrameFound,
     FrameProgressed,
     FrameRetried,
     FrameStarted,
@@ -24,14 +25,16 @@ from lookdev.batch.events import (
     SheetWritten,
 )
 from lookdev.batch.frame_file import write_rendered
-from lookdev.batch.lock import SCRATCH_PREFIX, STATE_FOLDER, output_lock, remove_leftovers
 from lookdev.batch.pictures import Background, Pictures
+from lookdev.batch.runs import Run
 from lookdev.batch.sanity import doubts
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan.chunks import Chunk, part_of, split
+from lookdev.plan.costs import estimated
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask, SceneTask
@@ -44,6 +47,10 @@ Backdrop = str | tuple[float, float, float]
 
 CRASH_TRIES = 3
 """Tries of a frame whose worker dies, hangs or sends no valid answer: the frame before may be the cause."""
+
+_NAMED = 5  # frames in a message
+
+_WAITS = (0.05, 2.0)  # seconds between looks at what others render, the first and the longest
 
 CLEAN_TRIES = 2
 """Tries of a frame that the worker reports as failed: most such errors recur."""
@@ -60,26 +67,33 @@ class Failure:
 
 @dataclass(frozen=True)
 class RunResult:
-    """The result of a run: of `total` frames, `done` are on disk, `rendered` of them by this run."""
+    """The result of a run: of `total` frames, `done` are on disk, `rendered` of them by this run.
+
+    `missing` are the names of those that it was to find on disk, and did not.
+    """
 
     total: int
     done: int
     rendered: int
     failures: tuple[Failure, ...]
     interrupted: bool
+    missing: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:
-        """0 when all is done, 1 when frames failed, 130 after Ctrl-C."""
+        """0 when all is done, 1 when frames failed or are missing, 130 after Ctrl-C."""
         if self.interrupted:
             return 130
-        return 1 if self.failures else 0
+        return 1 if self.failures or self.missing else 0
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
         lines = [f"{failure.name}: {failure.reason} (log: {failure.log})" for failure in self.failures]
         if lines:
             lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
+        if self.missing:
+            named = ", ".join(self.missing[:_NAMED]) + (", ..." if len(self.missing) > _NAMED else "")
+            lines.append(f"{len(self.missing)} of {self.total} frames are not rendered yet: {named}")
         lines.append(f"{self.done} of {self.total} frames are done, {self.rendered} of them rendered now.")
         if self.interrupted:
             lines.append("Interrupted; run the same command again to continue.")
@@ -102,29 +116,44 @@ def render_job(
     prepare: Prepare = _plan_job,
     force: bool = False,
     only: Sequence[str] = (),
+    chunk: Chunk | None = None,
+    outputs_only: bool = False,
     report: Report = lambda event: None,
 ) -> RunResult:
-    """Render a job file: lock its output, prepare it, run its plan, write its manifest.
+    """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
 
-    `force`, `only` and `report` are as for `run_plan`.
-
-    `prepare`, `lookdev.batch.prepare.plan_job` but in tests, is called under the lock, so that no other run changes the
-    frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
+    A `chunk` of it has its share of the frames, and makes nothing of several frames, nor the manifest. `force`, `only`,
+    `outputs_only` and `report` are as for `run_plan`; `prepare` is `lookdev.batch.prepare.plan_job` but in tests.
+    Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
     """
     job = load_job(path)
     backend = BACKENDS[job.render.backend]
-    with output_lock(job.output) as folder, _opened(folder, backend.command) as worker:
-        if force or _lacks_frames(job):
+    with Run(job.output, str(chunk or "")) as run, _opened(run, backend.command) as worker:
+        if not outputs_only and (force or _lacks_frames(job)):
             # Blender starts while files are read; an error is that of the first frame, then.
             with suppress(WorkerError):
                 worker.launch()
         prepared = prepare(job, worker.prepare if backend.ahead else None)
         for note in prepared.notes:
             report(Noted(note))
-        job = prepared.job
+        job, plan = prepared.job, prepared.plan
+        _join(run, plan, report)
+        if chunk is not None:
+            scenes = [frame.task.scene for frame in plan.frames]
+            plan = part_of(plan, split(scenes, estimated(scenes), chunk.of), chunk.number)
         result = run_plan(
-            prepared.plan, job.outputs, job.render.background, force=force, only=only, worker=worker, report=report
+            plan,
+            job.outputs,
+            job.render.background,
+            force=force,
+            only=only,
+            outputs_only=outputs_only,
+            run=run,
+            worker=worker,
+            report=report,
         )
+        if chunk is not None:
+            return result
         from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
 
         record_run(job, prepared.plan)
@@ -150,23 +179,30 @@ def _lacks_frames(job: Job) -> bool:
     return False
 
 
+def _join(run: Run, plan: Plan, report: Report) -> None:
+    """State what a run renders, and report who else does; raises OutputError where others render something else."""
+    others = run.renders(plan.digest)
+    # Of a job in chunks, others are expected.
+    if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
+        more = f" and {len(same) - 1} more" if len(same) > 1 else ""
+        report(Noted(f"{same[0]}{more} also renders to {plan.output}: each frame is rendered by one of these runs"))
+
+
 @contextmanager
-def _opened(folder: Path, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Worker]:
-    """Yield a worker with its log and scratch in a state folder, and end it."""
-    with (
-        tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=folder) as scratch,
-        Worker(command, folder / "worker.log", Path(scratch), patience) as worker,
-    ):
+def _opened(run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Worker]:
+    """Yield a worker of a run, with its log and scratch in the state folder, and end it."""
+    with run.scratch() as scratch, Worker(command, run.log("worker"), scratch, patience) as worker:
         yield worker
 
 
 def render_setups(
     setups: Sequence[Setup], turns: Turns, outputs: JobOutputs, *, report: Report = lambda event: None
 ) -> tuple[Plan, RunResult]:
-    """Render scenes made in memory: lock the output, plan, run the plan; errors as `render_job`."""
-    with output_lock(turns.output):
+    """Render scenes made in memory: join the runs of the output, plan, run the plan; errors as `render_job`."""
+    with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, beside=outputs.beside)
-        return plan, run_plan(plan, outputs, report=report)
+        _join(run, plan, report)
+        return plan, run_plan(plan, outputs, run=run, report=report)
 
 
 def run_plan(
@@ -176,7 +212,9 @@ def run_plan(
     *,
     force: bool = False,
     only: Sequence[str] = (),
+    outputs_only: bool = False,
     behind: Background | None = None,
+    run: Run | None = None,
     worker: Worker | None = None,
     worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
@@ -184,7 +222,8 @@ def run_plan(
 ) -> RunResult:
     """Render pending frames, and make the pictures and sheets that are missing or out of date.
 
-    The caller holds the output's lock, and has made `plan` under it. Ctrl-C ends the run; finished frames are kept.
+    Other runs of the same plan may be at work: each frame is rendered by the one that claims it, and this one ends when
+    all are done. Ctrl-C ends the run; finished frames are kept.
 
     Parameters
     ----------
@@ -196,8 +235,12 @@ def run_plan(
         Render every frame, done or not.
     only
         Render no frames but these, each by the path of one of its files in the output, as "gold/city/element.0001".
+    outputs_only
+        Render nothing; the result has the names of the frames that are missing.
     behind
         Returns the light behind each frame, instead of `background_light`.
+    run
+        The run among those of the output folder, which the caller has joined; None: a new one.
     worker
         The render worker, which the caller ends; None: one that `worker_command`, by default the backend's, and
         `patience` describe.
@@ -213,18 +256,25 @@ def run_plan(
     WorkerError
         The worker does not start.
     """
-    pictures = Pictures(plan, outputs, background, behind or background_light(background))
-    run = _Run(plan, pictures, report)
-    try:
-        run.render(run.bring_up_to_date(force, only), worker, worker_command, patience)
-    except KeyboardInterrupt:
-        return run.result(interrupted=True)
-    except BrokenPipeError:
-        raise  # of the report: frames are not written to pipes
-    except OSError as error:
-        place, why = error.filename or plan.output, error.strerror or error
-        raise OutputError(f"{place}: the output cannot be written: {why}") from error
-    return run.result(interrupted=False)
+    with ExitStack() as stack:
+        if run is None:
+            run = stack.enter_context(Run(plan.output))
+            _join(run, plan, report)
+        pictures = Pictures(plan, outputs, background, behind or background_light(background))
+        frames = _Frames(plan, pictures, run, report, force)
+        try:
+            tasks = frames.bring_up_to_date(only)
+            if outputs_only:
+                return frames.result(missing=tasks)
+            frames.render(tasks, worker, worker_command, patience)
+        except KeyboardInterrupt:
+            return frames.result(interrupted=True)
+        except BrokenPipeError:
+            raise  # of the report: frames are not written to pipes
+        except OSError as error:
+            place, why = error.filename or plan.output, error.strerror or error
+            raise OutputError(f"{place}: the output cannot be written: {why}") from error
+        return frames.result()
 
 
 def background_light(background: Backdrop) -> Background:
@@ -237,29 +287,33 @@ def background_light(background: Backdrop) -> Background:
     return lambda task: color
 
 
-class _Run:
-    def __init__(self, plan: Plan, pictures: Pictures, report: Report) -> None:
+class _Frames:
+    """The frames of a plan, as a run makes them."""
+
+    def __init__(self, plan: Plan, pictures: Pictures, run: Run, report: Report, force: bool) -> None:
         self._root = plan.output
         self._plan = plan
-        self._folder = plan.output / STATE_FOLDER
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._run = run
         self._report = report
         self._pictures = pictures
+        self._force = force
         self._done: set[Path] = set()
         self._rendered = 0
         self._failures: list[Failure] = []
 
-    def result(self, interrupted: bool) -> RunResult:
+    def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
         done = sum(self._done.issuperset(frame.task.files) for frame in self._plan.frames)
-        return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted)
+        names = tuple(map(self._name, missing))
+        return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted, names)
 
-    def bring_up_to_date(self, force: bool, only: Sequence[str]) -> list[FrameTask]:
+    def bring_up_to_date(self, only: Sequence[str]) -> list[FrameTask]:
         """Make copies, pictures and sheets that need no rendering; return the frames to render."""
+        force = self._force
         tasks = [frame.task for frame in self._plan.frames]
         chosen = self._chosen(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named by lights, beside those of the looks.
-        remove_leftovers({self._folder} | folders | {self._root / folder.name for folder in folders})
+        self._run.remove_leftovers({self._run.state} | folders | {self._root / folder.name for folder in folders})
         # By file: equal looks have one digest.
         waiting = {task.files for task in self._plan.pending()} | (chosen if force else set())
         pending = [task for task in tasks if task.files in waiting & chosen]
@@ -307,8 +361,8 @@ class _Run:
         with ExitStack() as stack:
             if worker is None:
                 command = command or BACKENDS[tasks[0].scene.backend].command
-                worker = stack.enter_context(_opened(self._folder, command, patience))
-            for task in tasks:
+                worker = stack.enter_context(_opened(self._run, command, patience))
+            for task in self._claimed(tasks):
                 started = time.monotonic()
                 self._report(FrameStarted(self._name(task)))
                 if (rendered := self._rendered_in_tries(worker, task)) is None:
@@ -319,6 +373,53 @@ class _Run:
                 seconds = time.monotonic() - started
                 self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse))
                 self._report_sheets(self._pictures.refresh_sheets(self._done, task))
+
+    def _claimed(self, tasks: Sequence[FrameTask]) -> Iterator[FrameTask]:
+        """Yield the frames that this run is to render, each claimed until the next is asked for.
+
+        Scenes at which no other run works come first, then any frames that none has claimed, backwards; those that
+        others have claimed are waited for.
+        """
+        scenes = [list(group) for _, group in groupby(tasks, key=lambda task: id(task.scene))]
+        left: list[FrameTask] = []
+        for scene in scenes:
+            for number, task in enumerate(scene):
+                if not self._claim(task):
+                    left += scene[number:]
+                    break
+                yield from self._unless_done(task)
+        wait, longest = _WAITS
+        while left:
+            taken = []
+            for task in reversed(left):
+                if self._claim(task):
+                    yield from self._unless_done(task)
+                    wait = _WAITS[0]
+                else:
+                    taken.append(task)
+            left = taken[::-1]
+            if left:
+                time.sleep(wait)
+                wait = min(2.0 * wait, longest)
+
+    def _claim(self, task: FrameTask) -> bool:
+        return self._run.claim(self._name(task))
+
+    def _unless_done(self, task: FrameTask) -> Iterator[FrameTask]:
+        """Yield a frame that is claimed, unless another run has rendered it since it was planned."""
+        try:
+            if self._force or not _has(task.files[0], task):
+                yield task
+            else:
+                for path in task.files[1:]:
+                    if not _has(path, task):
+                        share(task.files[0], path)
+                self._pictures.refresh(task)
+                self._done.update(task.files)
+                self._report(FrameFound(self._name(task)))
+                self._report_sheets(self._pictures.refresh_sheets(self._done))
+        finally:
+            self._run.release(self._name(task))
 
     def _rendered_in_tries(self, worker: Worker, task: FrameTask) -> Rendered | None:
         name = self._name(task)
@@ -335,7 +436,7 @@ class _Run:
                 tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
                 attempt += 1
                 if attempt > tries:
-                    self._failures.append(Failure(name, str(error), self._folder / "worker.log"))
+                    self._failures.append(Failure(name, str(error), worker.log))
                     self._report(FrameFailed(name, str(error)))
                     return None
                 self._report(FrameRetried(name, str(error), attempt, tries))
@@ -346,6 +447,7 @@ class _Run:
         constant = all(light.constant for light in task.scene.lights)
         for doubt in doubts(rendered, beauty, constant_light=constant):
             self._report(Noted(f"{self._name(task)}: {doubt}"))
+        self._run.check()
         write_rendered(task, rendered, beauty)
         self._pictures.write(task, beauty, rendered.alpha)
         self._done.update(task.files)
@@ -357,6 +459,16 @@ class _Run:
 
     def _name(self, task: FrameTask) -> str:
         return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+
+
+def _has(file: Path, task: FrameTask) -> bool:
+    """Return whether a file is whole and of a frame."""
+    if not file.exists():
+        return False
+    try:
+        return read_header(file).get("digest") == task.digest
+    except OutputError:
+        return False
 
 
 def _is_whole(frame: Path) -> bool:
