@@ -86,11 +86,21 @@ def from_memory(file: Path) -> Iterator[str]:
 
 @contextmanager
 def _temporary(final: Path) -> Iterator[Path]:
-    temporary = final.with_name(f".{final.stem}.{os.getpid()}-{secrets.token_hex(4)}{final.suffix}")
+    temporary = final.with_name(f".{final.stem}.{process_name()}-{secrets.token_hex(4)}{final.suffix}")
     try:
         yield temporary
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def process_name() -> str:
+    """Return the name of this process in the names of its temporary files, unlike that of any other on any machine."""
+    return _name_of(os.getpid())
+
+
+@cache
+def _name_of(process: int) -> str:
+    return secrets.token_hex(4)
 
 
 def file_digest(path: Path) -> str:

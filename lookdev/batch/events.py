@@ -60,6 +60,13 @@ class FrameRetried:
 
 
 @dataclass(frozen=True)
+class FrameFound:
+    """A frame that was to be rendered is on disk: another run has rendered it."""
+
+    name: str
+
+
+@dataclass(frozen=True)
 class FrameFailed:
     """A frame is given up; the rest of the batch goes on."""
 
@@ -74,5 +81,15 @@ class SheetWritten:
     path: Path
 
 
-Event = Noted | RunStarted | FrameStarted | FrameProgressed | FrameDone | FrameRetried | FrameFailed | SheetWritten
+Event = (
+    Noted
+    | RunStarted
+    | FrameStarted
+    | FrameProgressed
+    | FrameDone
+    | FrameFound
+    | FrameRetried
+    | FrameFailed
+    | SheetWritten
+)
 Report = Callable[[Event], None]

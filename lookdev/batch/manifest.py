@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import lookdev
-from lookdev.batch.lock import STATE_FOLDER
 from lookdev.batch.pictures import ledger_names
+from lookdev.batch.runs import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest
 from lookdev.errors import LookError, StageError
 from lookdev.job import Job

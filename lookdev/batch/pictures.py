@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.batch.lock import STATE_FOLDER
+from lookdev.batch.runs import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest, share
 from lookdev.job import JobOutputs
 from lookdev.output import Frames, Output, composite, read_frame

@@ -14,6 +14,7 @@ from lookdev.batch.events import (
     Event,
     FrameDone,
     FrameFailed,
+    FrameFound,
     FrameProgressed,
     FrameRetried,
     FrameStarted,
@@ -60,6 +61,9 @@ class Tally:
                 left = f"  left {left}" if (left := self.time_left()) else ""
                 figures = f"{event.seconds:.1f} s  {event.samples} samples  relMSE {event.relmse:.1e}"
                 return f"{self._place()} {event.name}  {figures}{left}"
+            case FrameFound():
+                self.settled += 1
+                return f"{self._place()} {event.name}  rendered by another run"
             case FrameRetried():
                 return f"retry {event.attempt}/{event.attempts} {event.name}: {event.reason}"
             case FrameFailed():
@@ -113,7 +117,7 @@ class _LiveReport:
                 error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"
                 note = f"{event.samples}/{event.of} samples{error}"
                 self._display.update(self._frame, completed=event.samples, total=event.of, note=note)
-            case RunStarted() | FrameDone() | FrameFailed():
+            case RunStarted() | FrameDone() | FrameFound() | FrameFailed():
                 ended = tally.total - tally.pending + tally.settled
                 left = tally.time_left()
                 note = f"{ended}/{tally.total}" + (f"  left {left}" if left else "")

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ import numpy as np
 from lookdev.batch.events import (
     FrameDone,
     FrameFailed,
+    FrameFound,
     FrameProgressed,
     FrameRetried,
     FrameStarted,
@@ -22,13 +24,15 @@ from lookdev.batch.events import (
     SheetWritten,
 )
 from lookdev.batch.frame_file import exposed, store
-from lookdev.batch.lock import STATE_FOLDER, output_lock, remove_leftovers
 from lookdev.batch.pictures import Background, Pictures
+from lookdev.batch.runs import Run
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
+from lookdev.plan.chunks import Chunk, part_of, split
+from lookdev.plan.costs import estimated
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
 from lookdev.render.executors import (
@@ -36,7 +40,6 @@ from lookdev.render.executors import (
     Finished,
     GivenUp,
     Happening,
-    LocalExecutor,
     Place,
     Progressed,
     Remarked,
@@ -44,7 +47,7 @@ from lookdev.render.executors import (
     Started,
     Stored,
 )
-from lookdev.render.executors.choice import Choice, opened
+from lookdev.render.executors.choice import LOCAL, Choice, opened
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.worker import PATIENCE, Rendered
 
@@ -52,6 +55,10 @@ if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared
 
 Backdrop = str | tuple[float, float, float]
+
+_NAMED = 5  # frames in a message
+
+_WAITS = (0.05, 2.0)  # seconds between looks at what others render, the first and the longest
 
 
 @dataclass(frozen=True)
@@ -65,20 +72,24 @@ class Failure:
 
 @dataclass(frozen=True)
 class RunResult:
-    """The result of a run: of `total` frames, `done` are on disk, `rendered` of them by this run."""
+    """The result of a run: of `total` frames, `done` are on disk, `rendered` of them by this run.
+
+    `missing` are the names of those that it was to find on disk, and did not.
+    """
 
     total: int
     done: int
     rendered: int
     failures: tuple[Failure, ...]
     interrupted: bool
+    missing: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:
-        """0 when all is done, 1 when frames failed, 130 after Ctrl-C."""
+        """0 when all is done, 1 when frames failed or are missing, 130 after Ctrl-C."""
         if self.interrupted:
             return 130
-        return 1 if self.failures else 0
+        return 1 if self.failures or self.missing else 0
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
@@ -86,6 +97,9 @@ class RunResult:
         lines = [f"{each.name}: {each.reason}{log}" for each, log in zip(self.failures, logged, strict=True)]
         if lines:
             lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
+        if self.missing:
+            named = ", ".join(self.missing[:_NAMED]) + (", ..." if len(self.missing) > _NAMED else "")
+            lines.append(f"{len(self.missing)} of {self.total} frames are not rendered yet: {named}")
         lines.append(f"{self.done} of {self.total} frames are done, {self.rendered} of them rendered now.")
         if self.interrupted:
             lines.append("Interrupted; run the same command again to continue.")
@@ -108,29 +122,45 @@ def render_job(
     prepare: Prepare = _plan_job,
     force: bool = False,
     only: Sequence[str] = (),
-    choice: Choice = Choice(),
+    chunk: Chunk | None = None,
+    outputs_only: bool = False,
+    choice: Choice = LOCAL,
     report: Report = lambda event: None,
 ) -> RunResult:
-    """Render a job file: lock its output, prepare it, run its plan, write its manifest.
+    """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
 
-    `force`, `only` and `report` are as for `run_plan`; `choice` is of what renders.
-
-    `prepare`, `lookdev.batch.prepare.plan_job` but in tests, is called under the lock, so that no other run changes the
-    frames that it plans. Raises LookdevError where the input is wrong, another run holds the lock, or as `run_plan`.
+    A `chunk` of it has its share of the frames, and makes nothing of several frames, nor the manifest. `force`, `only`,
+    `outputs_only` and `report` are as for `run_plan`; `choice` is of what renders; `prepare` is
+    `lookdev.batch.prepare.plan_job` but in tests.
+    Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
     """
     job = _on_device(load_job(path), choice.device)
     backend = BACKENDS[job.render.backend]
-    with output_lock(job.output) as folder, opened(choice, Place(folder, backend.command), store) as executor:
-        if force or _lacks_frames(job):
+    with Run(job.output, str(chunk or "")) as run, _opened(choice, run, backend.command) as executor:
+        if not outputs_only and (force or _lacks_frames(job)):
             # Blender starts while files are read.
             executor.launch()
         prepared = prepare(job, executor.prepare if backend.ahead else None)
         for note in prepared.notes:
             report(Noted(note))
-        job = prepared.job
+        job, plan = prepared.job, prepared.plan
+        _join(run, plan, report)
+        if chunk is not None:
+            scenes = [frame.task.scene for frame in plan.frames]
+            plan = part_of(plan, split(scenes, estimated(scenes), chunk.of), chunk.number)
         result = run_plan(
-            prepared.plan, job.outputs, job.render.background, force=force, only=only, executor=executor, report=report
+            plan,
+            job.outputs,
+            job.render.background,
+            force=force,
+            only=only,
+            outputs_only=outputs_only,
+            run=run,
+            executor=executor,
+            report=report,
         )
+        if chunk is not None:
+            return result
         from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
 
         record_run(job, prepared.plan)
@@ -169,13 +199,33 @@ def _lacks_frames(job: Job) -> bool:
     return False
 
 
+def _join(run: Run, plan: Plan, report: Report) -> None:
+    """State what a run renders, and report who else does; raises OutputError where others render something else."""
+    others = run.renders(plan.digest)
+    # Of a job in chunks, others are expected.
+    if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
+        more = f" and {len(same) - 1} more" if len(same) > 1 else ""
+        report(Noted(f"{same[0]}{more} also renders to {plan.output}: each frame is rendered by one of these runs"))
+
+
+@contextmanager
+def _opened(choice: Choice, run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Executor]:
+    """Yield what renders for a run, with its logs and scratch in the state folder, and end it."""
+    with (
+        run.scratch() as scratch,
+        opened(choice, Place(scratch, run.log, tuple(command), patience), store) as executor,
+    ):
+        yield executor
+
+
 def render_setups(
     setups: Sequence[Setup], turns: Turns, outputs: JobOutputs, *, report: Report = lambda event: None
 ) -> tuple[Plan, RunResult]:
-    """Render scenes made in memory: lock the output, plan, run the plan; errors as `render_job`."""
-    with output_lock(turns.output):
+    """Render scenes made in memory: join the runs of the output, plan, run the plan; errors as `render_job`."""
+    with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, beside=outputs.beside)
-        return plan, run_plan(plan, outputs, report=report)
+        _join(run, plan, report)
+        return plan, run_plan(plan, outputs, run=run, report=report)
 
 
 def run_plan(
@@ -185,7 +235,9 @@ def run_plan(
     *,
     force: bool = False,
     only: Sequence[str] = (),
+    outputs_only: bool = False,
     behind: Background | None = None,
+    run: Run | None = None,
     executor: Executor | None = None,
     worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
@@ -193,7 +245,8 @@ def run_plan(
 ) -> RunResult:
     """Render pending frames, and make the pictures and sheets that are missing or out of date.
 
-    The caller holds the output's lock, and has made `plan` under it. Ctrl-C ends the run; finished frames are kept.
+    Other runs of the same plan may be at work: each frame is rendered by the one that claims it, and this one ends when
+    all are done. Ctrl-C ends the run; finished frames are kept.
 
     Parameters
     ----------
@@ -205,11 +258,15 @@ def run_plan(
         Render every frame, done or not.
     only
         Render no frames but these, each by the path of one of its files in the output, as "gold/city/element.0001".
+    outputs_only
+        Render nothing; the result has the names of the frames that are missing.
     behind
         Returns the light behind each frame, instead of `background_light`.
+    run
+        The run among those of the output folder, which the caller has joined; None: a new one.
     executor
-        What renders, in a context of the caller's; None: one worker of this machine, which `worker_command`, by default
-        the backend's, and `patience` describe.
+        What renders, in a context of the caller's; None: one worker here, which `worker_command`, by default the backend's,
+        and `patience` describe.
     report
         Is called with every event.
 
@@ -222,18 +279,29 @@ def run_plan(
     WorkerError
         The worker does not start.
     """
-    pictures = Pictures(plan, outputs, background, behind or background_light(background))
-    run = _Run(plan, pictures, report)
-    try:
-        run.render(run.bring_up_to_date(force, only), executor, worker_command, patience)
-    except KeyboardInterrupt:
-        return run.result(interrupted=True)
-    except BrokenPipeError:
-        raise  # of the report: frames are not written to pipes
-    except OSError as error:
-        place, why = error.filename or plan.output, error.strerror or error
-        raise OutputError(f"{place}: the output cannot be written: {why}") from error
-    return run.result(interrupted=False)
+    with ExitStack() as stack:
+        if run is None:
+            run = stack.enter_context(Run(plan.output))
+            _join(run, plan, report)
+        pictures = Pictures(plan, outputs, background, behind or background_light(background))
+        frames = _Frames(plan, pictures, run, report, force)
+        try:
+            tasks = frames.bring_up_to_date(only)
+            if outputs_only:
+                return frames.result(missing=tasks)
+            if tasks and executor is None:
+                command = worker_command or BACKENDS[tasks[0].scene.backend].command
+                executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
+            if executor is not None:
+                frames.render(tasks, executor)
+        except KeyboardInterrupt:
+            return frames.result(interrupted=True)
+        except BrokenPipeError:
+            raise  # of the report: frames are not written to pipes
+        except OSError as error:
+            place, why = error.filename or plan.output, error.strerror or error
+            raise OutputError(f"{place}: the output cannot be written: {why}") from error
+        return frames.result()
 
 
 def background_light(background: Backdrop) -> Background:
@@ -246,29 +314,33 @@ def background_light(background: Backdrop) -> Background:
     return lambda task: color
 
 
-class _Run:
-    def __init__(self, plan: Plan, pictures: Pictures, report: Report) -> None:
+class _Frames:
+    """The frames of a plan, as a run makes them."""
+
+    def __init__(self, plan: Plan, pictures: Pictures, run: Run, report: Report, force: bool) -> None:
         self._root = plan.output
         self._plan = plan
-        self._folder = plan.output / STATE_FOLDER
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self._run = run
         self._report = report
         self._pictures = pictures
+        self._force = force
         self._done: set[Path] = set()
         self._rendered = 0
         self._failures: list[Failure] = []
 
-    def result(self, interrupted: bool) -> RunResult:
+    def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
         done = sum(self._done.issuperset(frame.task.files) for frame in self._plan.frames)
-        return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted)
+        names = tuple(map(self._name, missing))
+        return RunResult(len(self._plan.frames), done, self._rendered, tuple(self._failures), interrupted, names)
 
-    def bring_up_to_date(self, force: bool, only: Sequence[str]) -> list[FrameTask]:
+    def bring_up_to_date(self, only: Sequence[str]) -> list[FrameTask]:
         """Make copies, pictures and sheets that need no rendering; return the frames to render."""
+        force = self._force
         tasks = [frame.task for frame in self._plan.frames]
         chosen = self._chosen(only) if only else {task.files for task in tasks}
         folders = {path.parent for task in tasks for path in task.files}
         # Overviews are in folders named by lights, beside those of the looks.
-        remove_leftovers({self._folder} | folders | {self._root / folder.name for folder in folders})
+        self._run.remove_leftovers({self._run.state} | folders | {self._root / folder.name for folder in folders})
         # By file: equal looks have one digest.
         waiting = {task.files for task in self._plan.pending()} | (chosen if force else set())
         pending = [task for task in tasks if task.files in waiting & chosen]
@@ -307,18 +379,53 @@ class _Run:
                 raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
         return {known[name] for name in names}
 
-    def render(
-        self, tasks: Sequence[FrameTask], executor: Executor | None, command: Sequence[str] | None, patience: float
-    ) -> None:
-        """Render frames; only workers that never start end the batch."""
-        if not tasks:
-            return
-        with ExitStack() as stack:
-            if executor is None:
-                command = tuple(command or BACKENDS[tasks[0].scene.backend].command)
-                executor = stack.enter_context(LocalExecutor(Place(self._folder, command, patience)))
-            for happening in executor.render(tasks, lambda task: True):
-                self._take(happening)
+    def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
+        """Render frames, each claimed until it is done; only workers that never start end the batch.
+
+        Scenes at which no other run works come first, then any frames that none has claimed, backwards; those that
+        others have claimed are waited for.
+        """
+        left = self._rendered_apart(tasks, executor, apart=True)
+        wait, longest = _WAITS
+        while left:
+            before = len(self._done)
+            left = self._rendered_apart(left, executor, apart=False)
+            wait = _WAITS[0] if len(self._done) > before else wait
+            if left:
+                time.sleep(wait)
+                wait = min(2.0 * wait, longest)
+
+    def _rendered_apart(self, tasks: Sequence[FrameTask], executor: Executor, *, apart: bool) -> list[FrameTask]:
+        """Render frames but those that other runs have claimed, and, if `apart`, the rest of their scenes.
+
+        These are returned, the last first.
+        """
+        claimed: list[FrameTask] = []
+        scenes: set[int] = set()
+
+        def wanted(task: FrameTask) -> bool:
+            if (apart and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
+                claimed.append(task)
+                scenes.add(id(task.scene))
+                return False
+            return not self._found(task)
+
+        for happening in executor.render(tasks, wanted):
+            self._take(happening)
+        return claimed[::-1]
+
+    def _found(self, task: FrameTask) -> bool:
+        """Return whether another run has rendered a frame since it was planned; if so, take it and end its claim."""
+        if self._force or not _has(task.files[0], task):
+            return False
+        for path in task.files[1:]:
+            if not _has(path, task):
+                share(task.files[0], path)
+        self._pictures.refresh(task)
+        self._settle(task)
+        self._report(FrameFound(self._name(task)))
+        self._report_sheets(self._pictures.refresh_sheets(self._done))
+        return True
 
     def _take(self, what: Happening) -> None:
         match what:
@@ -330,6 +437,7 @@ class _Run:
             case Retried(task, reason, attempt, attempts):
                 self._report(FrameRetried(self._name(task), reason, attempt, attempts))
             case GivenUp(task, reason, log):
+                self._run.release(self._name(task))
                 self._failures.append(Failure(self._name(task), reason, log))
                 self._report(FrameFailed(self._name(task), reason))
             case Remarked(text):
@@ -339,6 +447,7 @@ class _Run:
 
     def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
         """Write a frame, unless its worker did, and what is made of it."""
+        self._run.check()
         stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
         for note in stored.notes:
             self._report(Noted(note))
@@ -346,10 +455,14 @@ class _Run:
             self._pictures.refresh(task)
         else:
             self._pictures.write(task, exposed(task, rendered), rendered.alpha)
-        self._done.update(task.files)
+        self._settle(task)
         self._rendered += 1
         self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse))
         self._report_sheets(self._pictures.refresh_sheets(self._done, task))
+
+    def _settle(self, task: FrameTask) -> None:
+        self._done.update(task.files)
+        self._run.release(self._name(task))
 
     def _report_sheets(self, paths: Sequence[Path]) -> None:
         for path in paths:
@@ -357,6 +470,16 @@ class _Run:
 
     def _name(self, task: FrameTask) -> str:
         return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+
+
+def _has(file: Path, task: FrameTask) -> bool:
+    """Return whether a file is whole and of a frame."""
+    if not file.exists():
+        return False
+    try:
+        return read_header(file).get("digest") == task.digest
+    except OutputError:
+        return False
 
 
 def _is_whole(frame: Path) -> bool:

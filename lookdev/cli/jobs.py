@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
+from lookdev.errors import LookdevError
 
 app = typer.Typer()
 _PANEL = "Jobs"
@@ -28,6 +29,20 @@ def render(
             show_default=False,
         ),
     ] = None,
+    chunk: Annotated[
+        str | None,
+        typer.Option(
+            "--chunk",
+            metavar="I/N",
+            help="Render the I-th of N parts of like cost, I from 1; render the job without it, or with "
+            "--outputs-only, when all parts are done.",
+            show_default=False,
+        ),
+    ] = None,
+    outputs_only: Annotated[
+        bool,
+        typer.Option("--outputs-only", help="Render nothing: make pictures, sheets, movies and the manifest."),
+    ] = False,
     workers: Annotated[
         int | None,
         typer.Option(
@@ -64,32 +79,57 @@ def render(
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
 ) -> None:
-    """Render every frame of a job that is new or stale, then pictures and contact sheets."""
+    """Render every frame of a job that is new or stale, then pictures and contact sheets.
+
+    Several runs of one job, on machines that share its output folder, share its frames.
+    """
     if dry_run:
         plan(job)
         return
     from lookdev.batch.progress import show_progress
     from lookdev.batch.run import render_job
+    from lookdev.plan.chunks import Chunk
     from lookdev.render.executors.choice import choose
 
+    if outputs_only and (force or frame or chunk):
+        raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
+    part = None if chunk is None else Chunk.parse(chunk)
     choice = choose(executor, workers=workers, device=device, stored=shared)
     with show_progress(sys.stdout) as report:
-        result = render_job(job, force=force, only=frame or (), choice=choice, report=report)
+        result = render_job(
+            job, force=force, only=frame or (), chunk=part, outputs_only=outputs_only, choice=choice, report=report
+        )
     say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 
 
 @app.command(rich_help_panel=_PANEL)
-def plan(job: JobFile, as_json: AsJson = False) -> None:
+def plan(
+    job: JobFile,
+    chunks: Annotated[
+        int | None,
+        typer.Option(
+            "--chunks",
+            metavar="N",
+            help="List the N parts that 'lookdev render --chunk I/N' renders.",
+            min=1,
+            max=100_000,
+            show_default=False,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """List what would be rendered and why: new, stale or done."""
-    from lookdev.batch.listing import plan_data, plan_text
+    from lookdev.batch.listing import chunks_data, chunks_text, plan_data, plan_text
     from lookdev.batch.prepare import prepare_job
 
     with nothing_printed():
         prepared = prepare_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)
-    if as_json:
+    if chunks is not None:
+        say_json(chunks_data(prepared.plan, chunks)) if as_json else say(chunks_text(prepared.plan, chunks))
+    elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))
     else:
         say(plan_text(prepared.plan, prepared.job.output))

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -76,6 +78,15 @@ class Plan:
     pictures: tuple[Path, ...] = ()  # EXRs that need no rendering but whose PNG is missing or older, copies included
     skips: tuple[Skip, ...] = ()
     sheets: tuple[WedgeSheet, ...] = ()
+
+    @cached_property
+    def digest(self) -> str:
+        """A digest of all frames and their files, wherever the output folder is."""
+        digest = hashlib.sha256()
+        for frame in self.frames:
+            names = "\0".join(path.relative_to(self.output).as_posix() for path in frame.task.files)
+            digest.update(f"{frame.task.digest}\0{names}\n".encode())
+        return digest.hexdigest()
 
     @property
     def counts(self) -> dict[State, int]:

@@ -38,6 +38,9 @@ class Choice:
     stored: bool = False
 
 
+LOCAL = Choice()
+
+
 @dataclass(frozen=True)
 class ExecutorKind:
     """A kind of executor: what it is for the user, the form of its address ("" for none), how it is opened."""

@@ -7,13 +7,10 @@ ahead where frames are short, so that no worker waits until a frame is written.
 from __future__ import annotations
 
 import queue
-import tempfile
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
-from pathlib import Path
 
 from lookdev.errors import RenderError, WorkerError
 from lookdev.render.executors.protocol import (
@@ -32,9 +29,6 @@ from lookdev.render.executors.shares import Shares
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.threads import THREADS_VARIABLE, cores
 from lookdev.render.worker import Progress, Worker, last_line
-
-SCRATCH_PREFIX = "scratch-"
-"""Of the folders of workers' temporary files."""
 
 _SHORT = 5.0
 """Seconds of a frame up to which a worker is given the next one ahead: at the end the others would wait for it."""
@@ -131,21 +125,15 @@ class LocalExecutor:
         self._workers = workers
         self._devices = devices
         self._slots: list[_Slot] = []
-        self._stack = ExitStack()
         self._reports: queue.Queue[tuple[_Slot, Happening | _Ended]] = queue.Queue()
 
     def __enter__(self) -> LocalExecutor:
-        for old in self._place.folder.glob("worker-*.log"):
-            old.unlink(missing_ok=True)
-        scratch = tempfile.TemporaryDirectory(prefix=SCRATCH_PREFIX, dir=self._place.folder)
-        self._scratch = Path(self._stack.enter_context(scratch))
         self._slots.append(self._slot())
         return self
 
     def __exit__(self, *exception: object) -> None:
-        with self._stack:
-            for slot in self._slots:
-                slot.close()
+        for slot in self._slots:
+            slot.close()
 
     def launch(self) -> None:
         """Start the first worker, without waiting for it; an error is that of the first frame."""
@@ -192,13 +180,13 @@ class LocalExecutor:
 
     def _slot(self) -> _Slot:
         number = len(self._slots)
-        name = f"worker-{number + 1}.log" if number else "worker.log"
+        name = f"worker-{number + 1}" if number else "worker"
         variables = dict(self._devices[number % len(self._devices)])
         if self._workers is not None and self._workers > 1:
             # The same pixels with any number: each is one sum, in the order of its samples.
             variables[THREADS_VARIABLE] = str(max(cores() // self._workers, 1))
         place = self._place
-        worker = Worker(place.command, place.folder / name, self._scratch, place.patience, variables)
+        worker = Worker(place.command, place.log(name), place.scratch, place.patience, variables)
         return _Slot(worker, self._reports)
 
 

@@ -104,8 +104,9 @@ class Executor(AbstractContextManager["Executor"], Protocol):
 
 @dataclass(frozen=True)
 class Place:
-    """Where an executor keeps its files, and what describes its workers."""
+    """Where an executor keeps its files on this machine, and what describes its workers."""
 
-    folder: Path  # of logs and scratch; exists
+    scratch: Path  # an existing folder, which the caller removes
+    log: Callable[[str], Path]  # the file of a log, by the name of what it is of
     command: tuple[str, ...]
     patience: float = PATIENCE
