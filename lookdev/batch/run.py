@@ -265,8 +265,8 @@ def run_plan(
     run
         The run among those of the output folder, which the caller has joined; None: a new one.
     executor
-        What renders, in a context of the caller's; None: one worker here, which `worker_command`, by default the backend's,
-        and `patience` describe.
+        What renders, in a context of the caller's; None: one worker here, as `worker_command`, by default that of the
+        backend, and `patience` describe.
     report
         Is called with every event.
 

@@ -66,8 +66,23 @@ def _local(choice: Choice, place: Place, store: Store) -> Executor:
     return LocalExecutor(place, choice.workers, devices_of(choice))
 
 
+def _dask(choice: Choice, place: Place, store: Store) -> Executor:
+    from lookdev.render.executors.dask import DaskExecutor
+
+    if choice.address and choice.workers is not None:
+        raise LookdevError("--workers: the scheduler of Dask has workers of its own; leave it out")
+    return DaskExecutor(place, choice.address, choice.workers, store if choice.stored else None)
+
+
 EXECUTORS: dict[str, ExecutorKind] = {
     "local": ExecutorKind("workers of this machine", "", _local, counts=True),
+    "dask": ExecutorKind(
+        "workers of Dask, on a cluster that is started here, or on that of a scheduler",
+        "tcp://HOST:8786",
+        _dask,
+        counts=True,
+        storing=True,
+    ),
 }
 
 

@@ -12,23 +12,21 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from lookdev.errors import RenderError, WorkerError
+from lookdev.errors import WorkerError
 from lookdev.render.executors.protocol import (
-    CLEAN_TRIES,
-    CRASH_TRIES,
     Finished,
     GivenUp,
     Happening,
     Place,
     Progressed,
-    Retried,
     Started,
     Wanted,
 )
 from lookdev.render.executors.shares import Shares
+from lookdev.render.executors.tries import rendered_in_tries
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.threads import THREADS_VARIABLE, cores
-from lookdev.render.worker import Progress, Worker, last_line
+from lookdev.render.worker import Progress, Worker
 
 _SHORT = 5.0
 """Seconds of a frame up to which a worker is given the next one ahead: at the end the others would wait for it."""
@@ -86,21 +84,9 @@ class _Slot:
         def progressed(progress: Progress) -> None:
             self._report(Progressed(task, progress))
 
-        attempt = 1
-        while not self._closing:
-            start(self.worker)
-            try:
-                rendered = self.worker.render(task, progressed)
-            except (WorkerError, RenderError) as error:
-                tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
-                attempt += 1
-                if attempt > tries:
-                    self._report(GivenUp(task, str(error), self.worker.log))
-                    return
-                self._report(Retried(task, str(error), attempt, tries))
-            else:
-                self._report(Finished(task, rendered, time.monotonic() - started))
-                return
+        made = rendered_in_tries(self.worker, task, progressed, self._report, lambda: self._closing)
+        seconds = time.monotonic() - started
+        self._report(made if isinstance(made, GivenUp) else Finished(task, made, seconds))
 
     def _report(self, what: Happening | _Ended) -> None:
         if not self._closing:
@@ -188,20 +174,3 @@ class LocalExecutor:
         place = self._place
         worker = Worker(place.command, place.log(name), place.scratch, place.patience, variables)
         return _Slot(worker, self._reports)
-
-
-def start(worker: Worker) -> None:
-    """Start a worker, with `CRASH_TRIES` tries; raises WorkerError, or OutputError where files cannot be written."""
-    for attempt in range(CRASH_TRIES):
-        try:
-            worker.start()
-        except WorkerError as error:
-            if attempt == CRASH_TRIES - 1:
-                line = last_line(worker.log)
-                logged = f"; its last line: {line}" if line and line not in str(error) else ""
-                raise WorkerError(
-                    f"{error}{logged}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
-                    "'lookdev doctor' lists what this machine lacks"
-                ) from error
-        else:
-            return

@@ -46,6 +46,10 @@ class Shares:
         """Forget a worker."""
         self._scene_of.pop(worker, None)
 
+    def seconds_of(self, task: FrameTask) -> float | None:
+        """Return what a frame of the scene of this one takes, once that is known."""
+        return self._seconds.get(id(task.scene))
+
     def measured(self, task: FrameTask, seconds: float, *, first: bool) -> None:
         """Note what a frame took, `first` of its scene on its worker or not."""
         usual = self._seconds.get(id(task.scene))
