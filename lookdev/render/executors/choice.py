@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.render.backends import BACKENDS
@@ -74,6 +75,12 @@ def _dask(choice: Choice, place: Place, store: Store) -> Executor:
     return DaskExecutor(place, choice.address, choice.workers, store if choice.stored else None)
 
 
+def _warm(choice: Choice, place: Place, store: Store) -> Executor:
+    from lookdev.render.executors.warm import WarmExecutor
+
+    return WarmExecutor(place, Path(choice.address))
+
+
 EXECUTORS: dict[str, ExecutorKind] = {
     "local": ExecutorKind("workers of this machine", "", _local, counts=True),
     "dask": ExecutorKind(
@@ -83,6 +90,7 @@ EXECUTORS: dict[str, ExecutorKind] = {
         counts=True,
         storing=True,
     ),
+    "warm": ExecutorKind("the worker that 'lookdev warm start' keeps at a socket", "SOCKET", _warm, needs_address=True),
 }
 
 
