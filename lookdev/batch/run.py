@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -24,7 +24,8 @@ from lookdev.batch.events import (
     SheetWritten,
 )
 from lookdev.batch.frame_file import exposed, store
-from lookdev.batch.pictures import Background, Pictures
+from lookdev.batch.ledger import Ledger
+from lookdev.batch.pictures import Background, PictureFile, Pictures
 from lookdev.batch.runs import Run
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, close_hint
@@ -58,7 +59,7 @@ Backdrop = str | tuple[float, float, float]
 
 _NAMED = 5  # frames in a message
 
-_WAITS = (0.05, 2.0)  # seconds between looks at what others render, the first and the longest
+_WAITS = (0.05, 2.0)  # seconds between looks at what other runs make, the first and the longest
 
 
 @dataclass(frozen=True)
@@ -283,17 +284,17 @@ def run_plan(
         if run is None:
             run = stack.enter_context(Run(plan.output))
             _join(run, plan, report)
-        pictures = Pictures(plan, outputs, background, behind or background_light(background))
+        ledger = stack.enter_context(_ledger(run))
+        pictures = Pictures(plan, outputs, background, behind or background_light(background), ledger)
         frames = _Frames(plan, pictures, run, report, force)
         try:
             tasks = frames.bring_up_to_date(only)
-            if outputs_only:
-                return frames.result(missing=tasks)
-            if tasks and executor is None:
-                command = worker_command or BACKENDS[tasks[0].scene.backend].command
-                executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
-            if executor is not None:
+            if tasks and not outputs_only:
+                if executor is None:
+                    command = worker_command or BACKENDS[tasks[0].scene.backend].command
+                    executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
                 frames.render(tasks, executor)
+            frames.wait_for_sheets()
         except KeyboardInterrupt:
             return frames.result(interrupted=True)
         except BrokenPipeError:
@@ -301,7 +302,17 @@ def run_plan(
         except OSError as error:
             place, why = error.filename or plan.output, error.strerror or error
             raise OutputError(f"{place}: the output cannot be written: {why}") from error
-        return frames.result()
+        return frames.result(missing=tasks if outputs_only else ())
+
+
+@contextmanager
+def _ledger(run: Run) -> Iterator[Ledger]:
+    ledger = Ledger(run.state, run.info.id)
+    try:
+        yield ledger
+    finally:
+        with suppress(OSError):  # as on a full disk, which is reported where a frame is written; it is read again
+            ledger.close([other.id for other in run.others()])
 
 
 def background_light(background: Backdrop) -> Background:
@@ -327,6 +338,7 @@ class _Frames:
         self._done: set[Path] = set()
         self._rendered = 0
         self._failures: list[Failure] = []
+        self._with_others: list[PictureFile] = []
 
     def result(self, interrupted: bool = False, missing: Sequence[FrameTask] = ()) -> RunResult:
         done = sum(self._done.issuperset(frame.task.files) for frame in self._plan.frames)
@@ -363,7 +375,7 @@ class _Frames:
                 self._done.update(task.files)
         for path in damaged:
             self._report(Noted(f"{path}: was damaged, and is made again"))
-        self._report_sheets(self._pictures.refresh_sheets(self._done))
+        self._refresh_sheets()
         self._report(RunStarted(len(tasks), len(pending)))
         return pending
 
@@ -386,14 +398,13 @@ class _Frames:
         others have claimed are waited for.
         """
         left = self._rendered_apart(tasks, executor, apart=True)
-        wait, longest = _WAITS
+        waits = _waits()
         while left:
             before = len(self._done)
             left = self._rendered_apart(left, executor, apart=False)
-            wait = _WAITS[0] if len(self._done) > before else wait
+            waits = _waits() if len(self._done) > before else waits
             if left:
-                time.sleep(wait)
-                wait = min(2.0 * wait, longest)
+                time.sleep(next(waits))
 
     def _rendered_apart(self, tasks: Sequence[FrameTask], executor: Executor, *, apart: bool) -> list[FrameTask]:
         """Render frames but those that other runs have claimed, and, if `apart`, the rest of their scenes.
@@ -424,7 +435,7 @@ class _Frames:
         self._pictures.refresh(task)
         self._settle(task)
         self._report(FrameFound(self._name(task)))
-        self._report_sheets(self._pictures.refresh_sheets(self._done))
+        self._refresh_sheets()
         return True
 
     def _take(self, what: Happening) -> None:
@@ -458,18 +469,51 @@ class _Frames:
         self._settle(task)
         self._rendered += 1
         self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse))
-        self._report_sheets(self._pictures.refresh_sheets(self._done, task))
+        self._refresh_sheets(task)
 
     def _settle(self, task: FrameTask) -> None:
         self._done.update(task.files)
         self._run.release(self._name(task))
 
-    def _report_sheets(self, paths: Sequence[Path]) -> None:
-        for path in paths:
-            self._report(SheetWritten(path))
+    def _refresh_sheets(self, task: FrameTask | None = None) -> None:
+        """Make what is out of date of several frames that are all done; with `task`, what shows that new frame."""
+        for file in self._pictures.sheets(self._done, task):
+            if task is None and not self._pictures.is_due(file):
+                continue
+            if not self._make_sheet(file, new=task is not None):
+                self._with_others.append(file)
+
+    def _make_sheet(self, file: PictureFile, *, new: bool = False) -> bool:
+        """Make a file of several frames unless it is neither `new` nor due; return False where another run is at it."""
+        name = file.paths[0].relative_to(self._root).as_posix()
+        if not self._run.claim(name):
+            return False
+        try:
+            if new or self._pictures.is_due(file):
+                self._pictures.make(file)
+                for path in file.paths:
+                    self._report(SheetWritten(path))
+        finally:
+            self._run.release(name)
+        return True
+
+    def wait_for_sheets(self) -> None:
+        """Wait until other runs have made what they are at, or make it."""
+        for wait in _waits():
+            self._with_others = [file for file in self._with_others if not self._make_sheet(file)]
+            if not self._with_others:
+                return
+            time.sleep(wait)
 
     def _name(self, task: FrameTask) -> str:
         return task.files[0].relative_to(self._root).with_suffix("").as_posix()
+
+
+def _waits() -> Iterator[float]:
+    wait, longest = _WAITS
+    while True:
+        yield wait
+        wait = min(2.0 * wait, longest)
 
 
 def _has(file: Path, task: FrameTask) -> bool:
