@@ -27,9 +27,14 @@ from lookdev.errors import printable
 
 
 @contextmanager
-def show_progress(stream: TextIO) -> Iterator[Report]:
-    """Yield a report that writes to `stream`: live in a terminal, otherwise a line for each event."""
-    if stream.isatty():
+def show_progress(stream: TextIO, *, openjd: bool = False) -> Iterator[Report]:
+    """Yield a report that writes to `stream`: live in a terminal, otherwise a line for each event.
+
+    With `openjd`, further lines are messages to a session of Open Job Description.
+    """
+    if openjd:
+        yield _OpenJdReport(stream)
+    elif stream.isatty():
         with _columns(Console(file=stream)) as display:
             yield _LiveReport(display)
     else:
@@ -94,6 +99,24 @@ class _PlainReport:
         if (line := self._tally.take(event)) is not None:
             self._stream.write(printable(line) + "\n")
             self._stream.flush()  # a log file is followed while the run goes on
+
+
+class _OpenJdReport(_PlainReport):
+    """Messages to a session besides: percent of the frames to render, and of what they are."""
+
+    def __call__(self, event: Event) -> None:
+        super().__call__(event)
+        tally = self._tally
+        if isinstance(event, FrameFailed):
+            self._tell("fail", f"{event.name}: {event.reason}")
+        if isinstance(event, FrameStarted):
+            self._tell("status", f"rendering {event.name}, {tally.settled} of {tally.pending} frames are done")
+        if isinstance(event, RunStarted | FrameDone | FrameFailed | FrameFound):
+            self._tell("progress", f"{100.0 * tally.settled / tally.pending if tally.pending else 100.0:.1f}")
+
+    def _tell(self, what: str, text: str) -> None:
+        self._stream.write(f"openjd_{what}: {' '.join(printable(text).split())}\n")
+        self._stream.flush()
 
 
 class _LiveReport:

@@ -30,6 +30,7 @@ from lookdev.batch.runs import Run
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
+from lookdev.job.mapping import PathRules
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk, part_of, split
@@ -121,6 +122,8 @@ def render_job(
     path: Path,
     *,
     prepare: Prepare = _plan_job,
+    rules: PathRules = (),
+    output: Path | None = None,
     force: bool = False,
     only: Sequence[str] = (),
     chunk: Chunk | None = None,
@@ -130,12 +133,15 @@ def render_job(
 ) -> RunResult:
     """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
 
+    `rules` are those of paths, `output` takes the place of the job's.
     A `chunk` of it has its share of the frames, and makes nothing of several frames, nor the manifest. `force`, `only`,
     `outputs_only` and `report` are as for `run_plan`; `choice` is of what renders; `prepare` is
     `lookdev.batch.prepare.plan_job` but in tests.
     Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
     """
-    job = _on_device(load_job(path), choice.device)
+    job = _on_device(load_job(path, rules), choice.device)
+    if output is not None:
+        job = job.model_copy(update={"output": output.absolute()})
     backend = BACKENDS[job.render.backend]
     with Run(job.output, str(chunk or "")) as run, _opened(choice, run, backend.command) as executor:
         if not outputs_only and (force or _lacks_frames(job)):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +14,15 @@ from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
 from lookdev.errors import LookdevError
 
 app = typer.Typer()
+
+
+class Progress(StrEnum):
+    """How progress is written."""
+
+    AUTO = "auto"
+    OPENJD = "openjd"
+
+
 _PANEL = "Jobs"
 
 
@@ -75,6 +85,22 @@ def render(
         bool,
         typer.Option("--shared", help="Workers of Dask write frames themselves, to an output that all machines share."),
     ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", metavar="DIR", help="Write here instead of the job's output.", show_default=False),
+    ] = None,
+    path_mapping: Annotated[
+        Path | None,
+        typer.Option(
+            "--path-mapping",
+            metavar="FILE",
+            help="Rules of Open Job Description (JSON): where the absolute paths of the job are on this machine.",
+            show_default=False,
+        ),
+    ] = None,
+    progress: Annotated[
+        Progress, typer.Option("--progress", help="How progress is written; openjd: as sessions of OpenJD read it.")
+    ] = Progress.AUTO,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
@@ -88,6 +114,7 @@ def render(
         return
     from lookdev.batch.progress import show_progress
     from lookdev.batch.run import render_job
+    from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
     from lookdev.render.executors.choice import choose
 
@@ -95,9 +122,18 @@ def render(
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
     part = None if chunk is None else Chunk.parse(chunk)
     choice = choose(executor, workers=workers, device=device, stored=shared)
-    with show_progress(sys.stdout) as report:
+    rules = read_rules(path_mapping) if path_mapping is not None else ()
+    with show_progress(sys.stdout, openjd=progress is Progress.OPENJD) as report:
         result = render_job(
-            job, force=force, only=frame or (), chunk=part, outputs_only=outputs_only, choice=choice, report=report
+            job,
+            rules=rules,
+            output=output,
+            force=force,
+            only=frame or (),
+            chunk=part,
+            outputs_only=outputs_only,
+            choice=choice,
+            report=report,
         )
     say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
