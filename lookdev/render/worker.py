@@ -139,6 +139,11 @@ class Worker:
     def __exit__(self, *exception: object) -> None:
         self.kill()
 
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None where there is none."""
+        return None if self._process is None else self._process.pid
+
     def launch(self) -> None:
         """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
         if self._process is not None:

@@ -12,8 +12,10 @@ from pathlib import Path
 from lookdev.render.threads import cores
 
 _TICKS = os.sysconf("SC_CLK_TCK")
-_RESERVE = 0.1
-"""Part of the memory that is left to others."""
+_RESERVE = 0.1  # of the memory, which is left to others
+_GAIN = 0.5  # of the cores that a worker uses: with fewer another one gains little
+_START = 30.0  # seconds of work: a worker starts, and compiles, in some
+_GROWTH = 1.5  # times the peak of a worker so far
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,15 @@ def idle_cores(before: Use, now: Use) -> float:
     seconds = now.clock - before.clock
     used = max(now.own - before.own, now.machine - before.machine)
     return max(cores() - used / seconds, 0.0) if seconds > 0.0 else 0.0
+
+
+def worth_another(workers: int, idle: float, left: float, each: int, free: int) -> bool:
+    """Return whether one more worker gains more than it costs.
+
+    workers : that there are; idle : cores; left : seconds of work for each; each, free : bytes of a worker, and left.
+    """
+    used = (cores() - idle) / workers
+    return idle > 0.0 and idle >= _GAIN * used and left > _START and free > _GROWTH * each
 
 
 def free_memory() -> int:

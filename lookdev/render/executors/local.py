@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from lookdev.errors import WorkerError
+from lookdev.render.executors.capacity import Use, free_memory, idle_cores, worth_another
 from lookdev.render.executors.protocol import (
     Finished,
     GivenUp,
@@ -26,7 +27,10 @@ from lookdev.render.executors.shares import Shares
 from lookdev.render.executors.tries import rendered_in_tries
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.threads import THREADS_VARIABLE, cores
-from lookdev.render.worker import Progress, Worker
+from lookdev.render.worker import Progress, Rendered, Worker
+
+_WATCHED = 4.0
+"""Seconds over which is measured what workers leave unused."""
 
 _SHORT = 5.0
 """Seconds of a frame up to which a worker is given the next one ahead: at the end the others would wait for it."""
@@ -111,6 +115,7 @@ class LocalExecutor:
         self._workers = workers
         self._devices = devices
         self._slots: list[_Slot] = []
+        self._before: Use | None = None
         self._reports: queue.Queue[tuple[_Slot, Happening | _Ended]] = queue.Queue()
 
     def __enter__(self) -> LocalExecutor:
@@ -135,6 +140,7 @@ class LocalExecutor:
     def render(self, tasks: Sequence[FrameTask], wanted: Wanted) -> Iterator[Happening]:
         """Render tasks, as the protocol has it."""
         shares = Shares(tasks)
+        self._before = None
         firsts: dict[_Slot, object] = {}
         while len(self._slots) < min(self._workers or 1, len(tasks)):
             self._slots.append(self._slot())
@@ -145,15 +151,32 @@ class LocalExecutor:
             match what:
                 case _Ended(error):
                     raise error
-                case Finished(task, _, seconds):
+                case Finished(task, rendered, seconds):
                     first = firsts.get(slot) is not task.scene
                     firsts[slot] = task.scene
                     shares.measured(task, seconds, first=first)
                     slot.seconds = seconds
+                    assert isinstance(rendered, Rendered)  # no worker here writes frames
+                    if self._workers is None and not first and self._gains(shares, rendered.memory, seconds):
+                        self._slots.append(self._slot())
+                        self._feed(self._slots[-1], shares, wanted)
             if isinstance(what, Finished | GivenUp):
                 slot.given -= 1
                 self._feed(slot, shares, wanted)
             yield what
+
+    def _gains(self, shares: Shares, memory: int, seconds: float) -> bool:
+        """Return whether another worker is worth it, by what the last seconds left of cores and memory."""
+        now = Use.of(pid for slot in self._slots if (pid := slot.worker.pid) is not None)
+        before = self._before
+        if before is None or now.clock < before.clock + _WATCHED:
+            self._before = before or now
+            return False
+        self._before = now
+        idle, count = idle_cores(before, now), len(self._slots)
+        gains = worth_another(count, idle, len(shares) * seconds / count, memory, free_memory())
+        self._before = None if gains else now  # the next is measured when that one renders
+        return gains
 
     def _feed(self, slot: _Slot, shares: Shares, wanted: Wanted) -> None:
         """Give a worker frames until it has enough."""
