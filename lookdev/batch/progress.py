@@ -20,16 +20,21 @@ from lookdev.batch.events import (
     FrameStarted,
     Noted,
     Report,
+    RunEnded,
+    RunJoined,
     RunStarted,
     SheetWritten,
 )
+from lookdev.batch.log import JsonReport
 from lookdev.errors import printable
 
 
 @contextmanager
-def show_progress(stream: TextIO) -> Iterator[Report]:
-    """Yield a report that writes to `stream`: live in a terminal, otherwise a line for each event."""
-    if stream.isatty():
+def show_progress(stream: TextIO, *, as_json: bool = False) -> Iterator[Report]:
+    """Yield a report that writes to `stream`: live in a terminal, otherwise a line for each event, also `as_json`."""
+    if as_json:
+        yield JsonReport(stream)
+    elif stream.isatty():
         with _columns(Console(file=stream)) as display:
             yield _LiveReport(display)
     else:
@@ -71,7 +76,7 @@ class Tally:
                 return f"{self._place()} {event.name}  FAILED: {event.reason}"
             case SheetWritten():
                 return f"sheet {event.path}"
-            case FrameStarted() | FrameProgressed():
+            case FrameStarted() | FrameProgressed() | RunJoined() | RunEnded():
                 return None
 
     def time_left(self) -> str:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lookdev.batch.chunks import forget_chunks, plan_of_chunk
 from lookdev.batch.events import (
     FrameDone,
     FrameFailed,
@@ -21,6 +22,8 @@ from lookdev.batch.events import (
     FrameStarted,
     Noted,
     Report,
+    RunEnded,
+    RunJoined,
     RunStarted,
     SheetWritten,
 )
@@ -29,13 +32,13 @@ from lookdev.batch.ledger import Ledger
 from lookdev.batch.pictures import Background, PictureFile, Pictures
 from lookdev.batch.runs import Run
 from lookdev.batch.sanity import doubts
+from lookdev.batch.status import forget_failures, record_failure, record_plan
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
-from lookdev.plan.chunks import Chunk, part_of, split
-from lookdev.plan.costs import estimated
+from lookdev.plan.chunks import Chunk
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import FrameTask, SceneTask
@@ -86,6 +89,12 @@ class RunResult:
         if self.interrupted:
             return 130
         return 1 if self.failures or self.missing else 0
+
+    @property
+    def event(self) -> RunEnded:
+        """The result as an event."""
+        failed, missing = len(self.failures), len(self.missing)
+        return RunEnded(self.total, self.done, self.rendered, failed, missing, self.interrupted)
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
@@ -139,9 +148,9 @@ def render_job(
             report(Noted(note))
         job, plan = prepared.job, prepared.plan
         _join(run, plan, report)
+        record_plan(run, job.file, plan)
         if chunk is not None:
-            scenes = [frame.task.scene for frame in plan.frames]
-            plan = part_of(plan, split(scenes, estimated(scenes), chunk.of), chunk.number)
+            plan = plan_of_chunk(plan, chunk)
         result = run_plan(
             plan,
             job.outputs,
@@ -153,11 +162,15 @@ def render_job(
             worker=worker,
             report=report,
         )
-        if chunk is not None:
-            return result
-        from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
+        if chunk is None:
+            from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
 
-        record_run(job, prepared.plan)
+            record_run(job, plan)
+            if result.done == result.total and not run.others():
+                forget_chunks(run.state)
+                forget_failures(run.state)
+                run.remove_logs()
+        report(result.event)
         return result
 
 
@@ -183,6 +196,7 @@ def _lacks_frames(job: Job) -> bool:
 def _join(run: Run, plan: Plan, report: Report) -> None:
     """State what a run renders, and report who else does; raises OutputError where others render something else."""
     others = run.renders(plan.digest)
+    report(RunJoined(run.info.id, run.info.part, plan.digest))
     # Of a job in chunks, others are expected.
     if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
         more = f" and {len(same) - 1} more" if len(same) > 1 else ""
@@ -377,14 +391,14 @@ class _Frames:
                 worker = stack.enter_context(_opened(self._run, command, patience))
             for task in self._claimed(tasks):
                 started = time.monotonic()
-                self._report(FrameStarted(self._name(task)))
+                self._report(FrameStarted(self._name(task), task.digest))
                 if (rendered := self._rendered_in_tries(worker, task)) is None:
                     continue
                 for note in rendered.notes:
                     self._report(Noted(note))
                 self._write(task, rendered)
                 seconds = time.monotonic() - started
-                self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse))
+                self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse, task.digest))
                 self._refresh_sheets(task)
 
     def _claimed(self, tasks: Sequence[FrameTask]) -> Iterator[FrameTask]:
@@ -428,7 +442,7 @@ class _Frames:
                         share(task.files[0], path)
                 self._pictures.refresh(task)
                 self._done.update(task.files)
-                self._report(FrameFound(self._name(task)))
+                self._report(FrameFound(self._name(task), task.digest))
                 self._refresh_sheets()
         finally:
             self._run.release(self._name(task))
@@ -437,7 +451,7 @@ class _Frames:
         name = self._name(task)
 
         def report(progress: Progress) -> None:
-            self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse))
+            self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse, task.digest))
 
         attempt = 1
         while True:
@@ -449,9 +463,10 @@ class _Frames:
                 attempt += 1
                 if attempt > tries:
                     self._failures.append(Failure(name, str(error), worker.log))
-                    self._report(FrameFailed(name, str(error)))
+                    record_failure(self._run, name, str(error), worker.log)
+                    self._report(FrameFailed(name, str(error), task.digest))
                     return None
-                self._report(FrameRetried(name, str(error), attempt, tries))
+                self._report(FrameRetried(name, str(error), attempt, tries, task.digest))
 
     def _write(self, task: FrameTask, rendered: Rendered) -> None:
         with np.errstate(over="ignore"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,13 @@ from lookdev.errors import LookdevError
 
 app = typer.Typer()
 _PANEL = "Jobs"
+
+
+class LogFormat(StrEnum):
+    """How a run writes what happens."""
+
+    TEXT = "text"
+    JSON = "json"
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -43,6 +51,9 @@ def render(
         bool,
         typer.Option("--outputs-only", help="Render nothing: make pictures, sheets, movies and the manifest."),
     ] = False,
+    log_format: Annotated[
+        LogFormat, typer.Option("--log-format", help="Write events as text, or as lines of JSON.")
+    ] = LogFormat.TEXT,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
@@ -61,9 +72,10 @@ def render(
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
     part = None if chunk is None else Chunk.parse(chunk)
-    with show_progress(sys.stdout) as report:
+    with show_progress(sys.stdout, as_json=log_format is LogFormat.JSON) as report:
         result = render_job(job, force=force, only=frame or (), chunk=part, outputs_only=outputs_only, report=report)
-    say(result.summary(), err=result.exit_code != 0)
+    if log_format is LogFormat.TEXT:
+        say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 
 
@@ -81,17 +93,30 @@ def plan(
             show_default=False,
         ),
     ] = None,
+    measured: Annotated[
+        bool,
+        typer.Option(
+            "--measured",
+            help="Divide by the times of frames on disk, and keep these chunks in the output folder; before the first "
+            "is rendered.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """List what would be rendered and why: new, stale or done."""
-    from lookdev.batch.listing import chunks_data, chunks_text, plan_data, plan_text
+    from lookdev.batch.chunks import chunks_data, chunks_text, keep_measured_chunks
+    from lookdev.batch.listing import plan_data, plan_text
     from lookdev.batch.prepare import prepare_job
 
+    if measured and chunks is None:
+        raise LookdevError("--measured divides a job into chunks: it goes with --chunks N")
     with nothing_printed():
         prepared = prepare_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)
     if chunks is not None:
+        if measured:
+            keep_measured_chunks(prepared.plan, chunks)
         say_json(chunks_data(prepared.plan, chunks)) if as_json else say(chunks_text(prepared.plan, chunks))
     elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))
