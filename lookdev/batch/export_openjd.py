@@ -78,7 +78,7 @@ def export_openjd(path: Path, out: Path, chunks: int | None = None, needs: Needs
 
     prepared = prepare_job(path)
     job, tasks = prepared.job, [frame.task for frame in prepared.plan.frames]
-    costs = estimated([task.scene for task in tasks])
+    costs = estimated(prepared.plan)
     count = chunks or min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks))
     if not 1 <= count <= min(MOST_CHUNKS, max(len(tasks), 1)):
         raise LookdevError(f"--chunks: a job of {len(tasks)} frames has from 1 to {len(tasks)} chunks, not {count}")
@@ -116,7 +116,7 @@ def job_template(job: Job, folder: Path, chunks: int, needs: Needs) -> dict[str,
     """Return the template of a job, as the specification's document, to be written to a folder."""
     socket = "{{Session.WorkingDirectory}}/warm.sock"
     render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
-    render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--progress", "openjd"]
+    render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--log-format", "openjd"]
     part = ["--chunk", "{{Task.Param.Chunk}}/{{Param.Chunks}}", "--executor", f"warm:{socket}"]
     warm = ["warm", "start", socket, "--backend", job.render.backend]
     return {

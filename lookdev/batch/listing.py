@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
-from datetime import timedelta
 from itertools import groupby
 from pathlib import Path
 
 from lookdev.codegen import ShaderSource
 from lookdev.plan import Plan, PlannedFile
-from lookdev.plan.chunks import split
-from lookdev.plan.costs import estimated
 
 LINKED = "shown by another frame that is done: linked, not rendered"
 
@@ -52,7 +49,7 @@ def plan_text(plan: Plan, output: Path) -> str:
     for part in plan_ranges(plan, output):
         numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
         rows.append((part.turntable, numbers, part.state, part.reason))
-    lines = [_table(rows)]
+    lines = [table(rows)]
     for (look, ibl), skips in groupby(plan.skips, key=lambda skip: (skip.look, skip.ibl)):
         lines.append(f"{look}/{ibl} skipped: {', '.join(map(str, skips))}")
     counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
@@ -94,53 +91,8 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
     }
 
 
-@dataclass(frozen=True)
-class ChunkSummary:
-    """A chunk as `lookdev plan --chunks` lists it: its frames, by the names of the first and the last."""
-
-    chunk: str
-    frames: int
-    done: int
-    scenes: int
-    seconds: float  # estimated, of all frames, preparing their scenes included
-    first: str | None
-    last: str | None
-
-
-def chunk_summaries(plan: Plan, count: int) -> list[ChunkSummary]:
-    """Return the parts of a plan, as `lookdev render --chunk` has them."""
-    scenes = [frame.task.scene for frame in plan.frames]
-    costs = estimated(scenes)
-    ends = split(scenes, costs, count)
-    found, first = [], 0
-    for number, end in enumerate(ends, start=1):
-        frames = plan.frames[first:end]
-        names = [each.files[0].path.relative_to(plan.output).with_suffix("").as_posix() for each in frames]
-        shown = len({id(scene) for scene in scenes[first:end]})
-        seconds = sum(costs.frames[first:end]) + shown * costs.scene
-        done = sum(any(file.state == "done" for file in frame.files) for frame in frames)
-        ends_at = (names[0], names[-1]) if names else (None, None)
-        found.append(ChunkSummary(f"{number}/{count}", len(frames), done, shown, seconds, *ends_at))
-        first = end
-    return found
-
-
-def chunks_text(plan: Plan, count: int) -> str:
-    """Return the parts of a plan as an aligned table."""
-    rows = [["chunk", "frames", "done", "scenes", "time", "first", "last"]]
-    for each in chunk_summaries(plan, count):
-        time = timedelta(seconds=round(each.seconds))
-        row = each.chunk, each.frames, each.done, each.scenes, time, each.first or "-", each.last or "-"
-        rows.append([str(cell) for cell in row])
-    return _table(rows)
-
-
-def chunks_data(plan: Plan, count: int) -> dict[str, object]:
-    """Return the parts of a plan as plain data for JSON."""
-    return {"output": str(plan.output), "chunks": [asdict(each) for each in chunk_summaries(plan, count)]}
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of cells as aligned text."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return "\n".join(
         "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows

@@ -19,23 +19,26 @@ from lookdev.batch.events import (
     FrameProgressed,
     FrameRetried,
     FrameStarted,
+    LogFormat,
     Noted,
     Report,
+    RunEnded,
+    RunJoined,
     RunStarted,
     SheetWritten,
 )
+from lookdev.batch.log import JsonReport
 from lookdev.errors import printable
 
 _MOST_BARS = 8  # of frames
 
 
 @contextmanager
-def show_progress(stream: TextIO, *, openjd: bool = False) -> Iterator[Report]:
-    """Yield a report that writes to `stream`: live in a terminal, otherwise a line for each event.
-
-    With `openjd`, further lines are messages to a session of Open Job Description.
-    """
-    if openjd:
+def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[Report]:
+    """Yield a report that writes to `stream`: as text live in a terminal, otherwise a line for each event."""
+    if form is LogFormat.JSON:
+        yield JsonReport(stream)
+    elif form is LogFormat.OPENJD:
         yield _OpenJdReport(stream)
     elif stream.isatty():
         with _columns(Console(file=stream)) as display:
@@ -77,7 +80,7 @@ class Tally:
                 return f"{self._place()} {event.name}  FAILED: {event.reason}"
             case SheetWritten():
                 return f"sheet {event.path}"
-            case FrameStarted() | FrameProgressed():
+            case FrameStarted() | FrameProgressed() | RunJoined() | RunEnded():
                 return None
 
     def time_left(self) -> str:
@@ -135,8 +138,8 @@ class _LiveReport:
             self._display.console.print(printable(line), markup=False, highlight=False, soft_wrap=True)
         match event:
             case FrameStarted() if len(self._rendering) < _MOST_BARS:
-                task = self._display.add_task(printable(event.name), total=None, note="starting")
-                self._rendering[event.name] = task
+                bar = self._display.add_task(printable(event.name), total=None, note="starting")
+                self._rendering[event.name] = bar
             case FrameProgressed() if (task := self._rendering.get(event.name)) is not None:
                 error = "" if event.relmse is None else f"  relMSE {event.relmse:.1e}"
                 note = f"{event.samples}/{event.of} samples{error}"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from lookdev.batch.chunks import forget_chunks, plan_of_chunk
 from lookdev.batch.events import (
     FrameDone,
     FrameFailed,
@@ -20,6 +21,8 @@ from lookdev.batch.events import (
     FrameStarted,
     Noted,
     Report,
+    RunEnded,
+    RunJoined,
     RunStarted,
     SheetWritten,
 )
@@ -27,14 +30,14 @@ from lookdev.batch.frame_file import exposed, store
 from lookdev.batch.ledger import Ledger
 from lookdev.batch.pictures import Background, PictureFile, Pictures
 from lookdev.batch.runs import Run
+from lookdev.batch.status import forget_failures, record_failure, record_plan
 from lookdev.cache import share
 from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
 from lookdev.job.mapping import PathRules
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
-from lookdev.plan.chunks import Chunk, part_of, split
-from lookdev.plan.costs import estimated
+from lookdev.plan.chunks import Chunk
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
 from lookdev.render.executors import (
@@ -92,6 +95,12 @@ class RunResult:
         if self.interrupted:
             return 130
         return 1 if self.failures or self.missing else 0
+
+    @property
+    def event(self) -> RunEnded:
+        """The result as an event."""
+        failed, missing = len(self.failures), len(self.missing)
+        return RunEnded(self.total, self.done, self.rendered, failed, missing, self.interrupted)
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
@@ -152,9 +161,9 @@ def render_job(
             report(Noted(note))
         job, plan = prepared.job, prepared.plan
         _join(run, plan, report)
+        record_plan(run, job.file, plan)
         if chunk is not None:
-            scenes = [frame.task.scene for frame in plan.frames]
-            plan = part_of(plan, split(scenes, estimated(scenes), chunk.of), chunk.number)
+            plan = plan_of_chunk(plan, chunk)
         result = run_plan(
             plan,
             job.outputs,
@@ -166,11 +175,15 @@ def render_job(
             executor=executor,
             report=report,
         )
-        if chunk is not None:
-            return result
-        from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
+        if chunk is None:
+            from lookdev.batch.manifest import record_run  # not at the top: reading USD files takes long to import
 
-        record_run(job, prepared.plan)
+            record_run(job, plan)
+            if result.done == result.total and not run.others():
+                forget_chunks(run.state)
+                forget_failures(run.state)
+                run.remove_logs()
+        report(result.event)
         return result
 
 
@@ -209,6 +222,7 @@ def _lacks_frames(job: Job) -> bool:
 def _join(run: Run, plan: Plan, report: Report) -> None:
     """State what a run renders, and report who else does; raises OutputError where others render something else."""
     others = run.renders(plan.digest)
+    report(RunJoined(run.info.id, run.info.part, plan.digest))
     # Of a job in chunks, others are expected.
     if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
         more = f" and {len(same) - 1} more" if len(same) > 1 else ""
@@ -440,26 +454,29 @@ class _Frames:
                 share(task.files[0], path)
         self._pictures.refresh(task)
         self._settle(task)
-        self._report(FrameFound(self._name(task)))
+        self._report(FrameFound(self._name(task), task.digest))
         self._refresh_sheets()
         return True
 
     def _take(self, what: Happening) -> None:
+        if isinstance(what, Remarked):
+            self._report(Noted(what.text))
+            return
+        task = what.task
+        name, digest = self._name(task), task.digest
         match what:
-            case Started(task):
-                self._report(FrameStarted(self._name(task)))
-            case Progressed(task, progress):
-                name = self._name(task)
-                self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse))
-            case Retried(task, reason, attempt, attempts):
-                self._report(FrameRetried(self._name(task), reason, attempt, attempts))
-            case GivenUp(task, reason, log):
-                self._run.release(self._name(task))
-                self._failures.append(Failure(self._name(task), reason, log))
-                self._report(FrameFailed(self._name(task), reason))
-            case Remarked(text):
-                self._report(Noted(text))
-            case Finished(task, rendered, seconds):
+            case Started():
+                self._report(FrameStarted(name, digest))
+            case Progressed(_, progress):
+                self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse, digest))
+            case Retried(_, reason, attempt, attempts):
+                self._report(FrameRetried(name, reason, attempt, attempts, digest))
+            case GivenUp(_, reason, log):
+                self._run.release(name)
+                self._failures.append(Failure(name, reason, log))
+                record_failure(self._run, name, reason, log)
+                self._report(FrameFailed(name, reason, digest))
+            case Finished(_, rendered, seconds):
                 self._finish(task, rendered, seconds)
 
     def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
@@ -474,7 +491,7 @@ class _Frames:
             self._pictures.write(task, exposed(task, rendered), rendered.alpha)
         self._settle(task)
         self._rendered += 1
-        self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse))
+        self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
         self._refresh_sheets(task)
 
     def _settle(self, task: FrameTask) -> None:

@@ -80,7 +80,7 @@ class Runs:
 
     def __init__(self, state: Path) -> None:
         self._folder = state / "runs"
-        self._lease = float(stated_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
+        self._lease = lease()
         self._seen: dict[str, tuple[int, float]] = {}
 
     def all(self) -> list[RunInfo]:
@@ -134,7 +134,7 @@ class Run:
         self.state = output / STATE_FOLDER
         self.info = RunInfo.of_this_process(part)
         self.runs = Runs(self.state)
-        self._lease = float(stated_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
+        self._lease = lease()
         self._output = output
         self._file = self.state / "runs" / self.info.id
         self._claims = self.state / "claims"
@@ -231,6 +231,13 @@ class Run:
         mine = self.claim(f"log {usual}")
         return self.state / (f"{usual}.log" if mine else f"{usual}.{self.info.id}.log")
 
+    def remove_logs(self) -> None:
+        """Remove the logs of other runs, which have ended and left nothing to explain."""
+        for file in self.state.glob("worker*.log"):
+            usual = file.name.removesuffix(".log")
+            if claim_key(f"log {usual}") not in self._held and self.info.id not in usual:
+                file.unlink(missing_ok=True)
+
     def remove_leftovers(self, folders: Iterable[Path]) -> None:
         """Remove the temporary files of dead runs from folders."""
         processes = {run.id[: len(process_name())] for run in self.runs.alive()} | {process_name()}
@@ -312,6 +319,23 @@ class Run:
         for folder in (self._claims, self._file.parent):
             with suppress(OSError):
                 folder.rmdir()
+
+
+def lease() -> float:
+    """Return the seconds of `LEASE_VARIABLE`; raises OutputError where it states none."""
+    return float(stated_limit(LEASE_VARIABLE, DEFAULT_LEASE, "seconds"))
+
+
+def claims(state: Path) -> dict[str, list[str]]:
+    """Return the keys of what runs have claimed, by their ids."""
+    latest: dict[str, tuple[int, Path]] = {}
+    for file in (state / "claims").glob("*.*"):
+        latest[file.stem] = max(latest.get(file.stem, (-1, file)), (int(file.suffix[1:]), file))
+    found: dict[str, list[str]] = {}
+    for key, (_, file) in latest.items():
+        if run := _read_run(file):
+            found.setdefault(run.id, []).append(key)
+    return found
 
 
 def claim_key(name: str) -> str:

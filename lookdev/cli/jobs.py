@@ -4,23 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from lookdev.batch.events import LogFormat
 from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
 from lookdev.errors import LookdevError
 
 app = typer.Typer()
-
-
-class Progress(StrEnum):
-    """How progress is written."""
-
-    AUTO = "auto"
-    OPENJD = "openjd"
 
 
 _PANEL = "Jobs"
@@ -98,9 +91,13 @@ def render(
             show_default=False,
         ),
     ] = None,
-    progress: Annotated[
-        Progress, typer.Option("--progress", help="How progress is written; openjd: as sessions of OpenJD read it.")
-    ] = Progress.AUTO,
+    log_format: Annotated[
+        LogFormat,
+        typer.Option(
+            "--log-format",
+            help="Write events as text, as lines of JSON, or as sessions of Open Job Description read them.",
+        ),
+    ] = LogFormat.TEXT,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
@@ -123,7 +120,7 @@ def render(
     part = None if chunk is None else Chunk.parse(chunk)
     choice = choose(executor, workers=workers, device=device, stored=shared)
     rules = read_rules(path_mapping) if path_mapping is not None else ()
-    with show_progress(sys.stdout, openjd=progress is Progress.OPENJD) as report:
+    with show_progress(sys.stdout, log_format) as report:
         result = render_job(
             job,
             rules=rules,
@@ -135,7 +132,8 @@ def render(
             choice=choice,
             report=report,
         )
-    say(result.summary(), err=result.exit_code != 0)
+    if log_format is not LogFormat.JSON:
+        say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 
 
@@ -153,17 +151,30 @@ def plan(
             show_default=False,
         ),
     ] = None,
+    measured: Annotated[
+        bool,
+        typer.Option(
+            "--measured",
+            help="Divide by the times of frames on disk, and keep these chunks in the output folder; before the first "
+            "is rendered.",
+        ),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """List what would be rendered and why: new, stale or done."""
-    from lookdev.batch.listing import chunks_data, chunks_text, plan_data, plan_text
+    from lookdev.batch.chunks import chunks_data, chunks_text, keep_measured_chunks
+    from lookdev.batch.listing import plan_data, plan_text
     from lookdev.batch.prepare import prepare_job
 
+    if measured and chunks is None:
+        raise LookdevError("--measured divides a job into chunks: it goes with --chunks N")
     with nothing_printed():
         prepared = prepare_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)
     if chunks is not None:
+        if measured:
+            keep_measured_chunks(prepared.plan, chunks)
         say_json(chunks_data(prepared.plan, chunks)) if as_json else say(chunks_text(prepared.plan, chunks))
     elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))

@@ -35,6 +35,9 @@ from lookdev.render.task import FrameTask, SceneTask
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
 
+_FRAME = "lookdev: frame "
+"""Begins the line of a log before what a worker writes of a frame: its digest and file follow."""
+
 LONGEST_MESSAGE = 1 << 20
 """Bytes; a longer line is refused, so that it does not fill the memory."""
 
@@ -201,6 +204,8 @@ class Worker:
         """
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
+        with self.log.open("a") as log:
+            log.write(f"{_FRAME}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
         with self._killed_on_error():
             self._send(self._process, wire.encode(task))
             while isinstance(message := self._receive(self._process), Progress):
@@ -329,9 +334,9 @@ def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rende
 
 
 def last_line(log: Path) -> str:
-    """Return the last line with text in a log file, or an empty string."""
+    """Return the last line with text of a worker in a log file, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+    return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME)), "")
 
 
 def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -48,10 +49,19 @@ class LogFile(io.StringIO):
         self.flushed = len(self.getvalue())
 
 
-def test_a_log_file_gets_plain_lines_at_once() -> None:
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the seconds on the clock, which the test sets."""
+    seconds = [100.0]
+    monkeypatch.setattr("lookdev.batch.progress.time", SimpleNamespace(monotonic=lambda: seconds[0]))
+    return seconds
+
+
+def test_a_log_file_gets_plain_lines_at_once(clock: list[float]) -> None:
     log = LogFile()
     with show_progress(log) as report:
         for event in STORY:
+            clock[0] += event.seconds if isinstance(event, FrameDone) else 0.0
             report(event)
             assert log.flushed == len(log.getvalue())
     assert log.getvalue().splitlines() == [
