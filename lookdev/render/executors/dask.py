@@ -130,7 +130,11 @@ class DaskExecutor:
                 count = self._count or max(min(cores() // _EACH, free_memory() // _MEMORY), 1)
                 self._variables = ((THREADS_VARIABLE, str(max(cores() // count, 1))),) if count > 1 else ()
                 cluster = LocalCluster(
-                    n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0, host="127.0.0.1"
+                    n_workers=count,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",
+                    memory_limit=0,
+                    host="127.0.0.1",
                 )
                 target = stack.enter_context(cluster)
             try:

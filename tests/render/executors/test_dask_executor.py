@@ -38,11 +38,9 @@ def there(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def cluster(there: Path) -> Iterator[Any]:
     from distributed import LocalCluster
 
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("LOOKDEV_CACHE", str(there))
-        with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
-            patch.undo()
-            yield cluster
+    options = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(there)}, **options) as cluster:
+        yield cluster
 
 
 @pytest.fixture
@@ -217,7 +215,7 @@ def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkey
     from distributed import LocalCluster
 
     monkeypatch.setattr("lookdev.render.executors.dask._LONELY", 0.5)
-    alone = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address=None, host="127.0.0.1")
+    alone = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1")
     with alone as cluster, make(cluster.scheduler_address, tmp_path) as executor:
         found = []
         for each in executor.render([frame.task for frame in plan.frames], lambda task: True):
