@@ -15,17 +15,14 @@ from lookdev.output.exr import read_frame, read_header, read_layer
 pytestmark = pytest.mark.cycles
 
 OF_THE_RUN = {"time", "seconds", "host"}
-RENDER = (
-    'render = {{ backend = "{backend}", resolution = [40, 40], samples = 256, error = 2e-3, denoise = "{denoise}" }}\n'
-)
+SETTINGS = "resolution = [40, 40], samples = 256, error = 2e-3"
 
 
 def write_job(folder: Path, backend: str, denoise: str) -> Path:
     job = batches.write_job(folder, light="studio")
     lines = [line for line in job.read_text().splitlines() if not line.startswith("render")]
-    job.write_text(
-        "\n".join(lines) + "\n" + f'render = {{ backend = "{backend}", denoise = "{denoise}", {SETTINGS} }}\n'
-    )
+    lines.append(f'render = {{ backend = "{backend}", denoise = "{denoise}", {SETTINGS} }}')
+    job.write_text("\n".join(lines) + "\n")
     return job
 
 
