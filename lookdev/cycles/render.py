@@ -27,8 +27,7 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     scene.pose(task.scene.camera, task.pose)
     if scene.by_user:
         return _frame_of_user(scene, task.scene.sampling, progress)
-    if task.scene.sampling.error is not None:
-        engine.fill_tables(scene.scene)
+    engine.fill_tables(scene.scene)
     before = time.perf_counter() - started
     with recording(scene, task) as batches:
         render = partial(_rendered, scene, task, batches)

@@ -20,7 +20,7 @@ from lookdev.scene import Sampling
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
 
-RENDER_VERSION = 4
+RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
 MITSUBA_VERSION = 2
