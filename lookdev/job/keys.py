@@ -24,6 +24,7 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
+from lookdev.job.mapping import mapped
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.color import BUILT_IN, SHIPPED
@@ -76,10 +77,10 @@ PassName = Annotated[str, _OneOf(lambda: PASSES)]
 Device = Annotated[str, _OneOf(_devices)]
 
 
-def _resolve(value: object, info: ValidationInfo[dict[str, Path]]) -> Path:
+def _resolve(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
         raise wrong("should be a path in quotes")
-    return Path(os.path.normpath(info.context["file"].parent / value))
+    return Path(os.path.normpath(info.context["file"].parent / mapped(value, info.context.get("rules", ()))))
 
 
 def default_config() -> str:
@@ -92,8 +93,8 @@ def _is_name_of_config(value: str) -> bool:
     return value == SHIPPED or value.startswith(BUILT_IN)
 
 
-def _config(value: object, info: ValidationInfo[dict[str, Path]]) -> object:
-    if not isinstance(value, str) or Path(value).is_absolute() or _is_name_of_config(value):
+def _config(value: object, info: ValidationInfo[dict[str, Any]]) -> object:
+    if not isinstance(value, str) or _is_name_of_config(value):
         return value
     return str(_resolve(value, info))
 

@@ -11,12 +11,25 @@ from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
 
+PARTS = ("asset", "look", "ibl", "camera", "pose", "render")
+"""The parts of a frame's inputs, each with a digest of its own."""
+
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
-    """Return the digest of each part of a frame's inputs: ``asset look ibl camera pose render``.
+    """Return the digest of each part of a frame's inputs: `PARTS`.
 
     No part contains a path: geometry, textures and light tables count by their content.
     """
+    return {**scene_digests(scene, exposure), "pose": pose_digest(pose)}
+
+
+def pose_digest(pose: Pose) -> str:
+    """Return the digest of the part ``pose``."""
+    return _digest(asdict(pose))
+
+
+def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
+    """Return the digest of each part that all frames of a scene share."""
     sampling = asdict(scene.sampling)
     if scene.sampling.passes:
         sampling["prims"] = scene.prims
@@ -34,7 +47,6 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
         "look": _digest([[source.digest for source in scene.shaders], scene.worn]),
         "ibl": _digest([*(light.digest for light in scene.lights), *scene.lit, *scene.groups, exposure]),
         "camera": _digest(asdict(scene.camera)),
-        "pose": _digest(asdict(pose)),
         "render": _digest(render),
     }
 
