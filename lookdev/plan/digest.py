@@ -10,6 +10,7 @@ from dataclasses import asdict
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
+from lookdev.space import REC709
 
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
@@ -20,6 +21,8 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
     sampling = asdict(scene.sampling)
     if scene.sampling.passes:
         sampling["prims"] = scene.prims
+        if scene.light_groups:
+            sampling["light_groups"] = scene.light_groups
     else:
         del sampling["passes"]
     render = {
@@ -29,6 +32,8 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
         "backend": scene.backend,
         "version": BACKENDS[scene.backend].version(),
     }
+    if scene.space != REC709:
+        render["space"] = scene.space
     return {
         "asset": scene.asset.digest,
         "look": _digest([[source.digest for source in scene.shaders], scene.worn]),
