@@ -12,13 +12,14 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 from lookdev.errors import OutputError, nearest_hint, shortened
-from lookdev.output.config import BASE, FILE, NAME
+from lookdev.output.config import FILE, NAME
+from lookdev.space import BASE, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
     import PyOpenColorIO as ocio
 
-SOURCE = "Linear Rec.709 (sRGB)"
-"""The colour space of frames, by its name in OpenColorIO's built-in configs."""
+SOURCE = OCIO_NAMES[REC709]
+"""The colour space in which views take light, by its name in OpenColorIO's built-in configs."""
 
 SHIPPED = NAME
 """The name of the config that ships."""
