@@ -240,12 +240,15 @@ class Run:
 
     def remove_leftovers(self, folders: Iterable[Path]) -> None:
         """Remove the temporary files of dead runs from folders."""
-        processes = {run.id[: len(process_name())] for run in self.runs.alive()} | {process_name()}
+        found: list[tuple[Path, str]] = []
         for folder in folders:
             with suppress(FileNotFoundError, NotADirectoryError):
-                for path in folder.iterdir():
-                    if (named := _TEMPORARY.fullmatch(path.name)) and named[1] not in processes:
-                        path.unlink(missing_ok=True)
+                found += [(path, named[1]) for path in folder.iterdir() if (named := _TEMPORARY.fullmatch(path.name))]
+        # Asked for after the files: who writes one has joined before.
+        processes = {run.id[: len(process_name())] for run in self.runs.alive()} if found else set()
+        for path, process in found:
+            if process not in {*processes, process_name()}:
+                path.unlink(missing_ok=True)
 
     def _link(self, file: Path) -> bool:
         try:
@@ -305,8 +308,10 @@ class Run:
             self._lost = self._lost or error.errno in (errno.ENOENT, errno.ESTALE)
 
     def _remove_scratch(self) -> None:
+        folders = list(self.state.glob(f"{_SCRATCH}*"))
+        # Asked for after the folders: who makes one has joined before.
         living = {run.id for run in self.runs.alive()} | {self.info.id}
-        for folder in self.state.glob(f"{_SCRATCH}*"):
+        for folder in folders:
             if folder.name.removeprefix(_SCRATCH).partition("-")[0] not in living:
                 # The worker of a killed run may still write to it; the next run removes what remains.
                 shutil.rmtree(folder, ignore_errors=True)

@@ -5,20 +5,20 @@ import signal
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 from batch_case import wait_until
 
-from lookdev.batch.runs import Run
+from lookdev.batch.runs import Run, RunInfo, Runs
 from lookdev.errors import OutputError
 
 # Another process that has joined, claimed something, and ends when its input does.
 HOLD = """
 import sys
 from pathlib import Path
-from lookdev.batch.runs import Run
+from lookdev.batch.runs import Run, RunInfo, Runs
 with Run(Path(sys.argv[1])) as run:
     run.renders("plan")
     assert run.claim("gold/city/element.0001")
@@ -147,3 +147,25 @@ def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
         run.remove_leftovers([folder, frames, tmp_path / "not_made_yet"])
     assert not any(path.exists() for path in left)
     assert all(path.exists() for path in kept)
+
+
+def test_a_run_that_joins_while_another_cleans_up_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alive = Runs.alive
+    joined: list[Run] = []
+    with ExitStack() as stack, Run(tmp_path) as first:
+
+        def alive_late(self: Runs) -> list[RunInfo]:
+            found = alive(self)
+            if not joined:
+                # Another run joins just after the living were looked up, and begins to write.
+                joined.append(Run(tmp_path))
+                stack.enter_context(joined[0])
+                stack.enter_context(joined[0].scratch())
+            return found
+
+        monkeypatch.setattr(Runs, "alive", alive_late)
+        first._remove_scratch()
+        (other,) = joined
+        assert list((tmp_path / ".lookdev").glob(f"scratch-{other.info.id}-*"))

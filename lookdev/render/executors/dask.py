@@ -3,8 +3,8 @@
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
 A task of Dask is a chunk: frames of one scene, for about `_CHUNK` seconds. Each worker is given two, of the scene that
-it renders (`shares`); so an adaptive scheduler sees more work than it has workers for, and adds some. It moves the
-chunks of workers that it loses to others. Files go to a worker that lacks them, once.
+it renders (`shares`); so an adaptive scheduler sees more work than it has workers for, and adds some. Chunks of workers
+that are lost go to others. Files go to a worker that lacks them, once.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class _Chunk:
     tasks: list[FrameTask]
     worker: str = ""  # that it was given to
     future: Any = None
-    losses: int = 0  # of workers
+    losses: int = 0  # of workers that rendered it
     sent: set[str] = field(default_factory=set)  # workers that were sent its files
 
 
@@ -108,6 +108,7 @@ class DaskExecutor:
         self._stack = ExitStack()
         self._arrived: queue.SimpleQueue[_Chunk | Happening] = queue.SimpleQueue()
         self._by_digest: dict[str, FrameTask] = {}
+        self._started: set[str] = set()  # digests of frames that went to a renderer
         self._in_flight: set[_Chunk] = set()
         self._unfit: dict[str, str] = {}
         self._variables: tuple[tuple[str, str], ...] = ()
@@ -129,7 +130,11 @@ class DaskExecutor:
                 count = self._count or max(min(cores() // _EACH, free_memory() // _MEMORY), 1)
                 self._variables = ((THREADS_VARIABLE, str(max(cores() // count, 1))),) if count > 1 else ()
                 cluster = LocalCluster(
-                    n_workers=count, threads_per_worker=1, dashboard_address=None, memory_limit=0, host="127.0.0.1"
+                    n_workers=count,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",
+                    memory_limit=0,
+                    host="127.0.0.1",
                 )
                 target = stack.enter_context(cluster)
             try:
@@ -181,9 +186,14 @@ class DaskExecutor:
                 if looked > met + _LONELY:
                     met = looked
                     yield Remarked(f"{self._where} has no worker: frames wait for one")
-                for gone in self._known - set(crowd):
-                    self._waiting.shares.leave(gone)
-                self._known = set(crowd)
+                gone, self._known = self._known - set(crowd), set(crowd)
+                for worker in gone:
+                    self._waiting.shares.leave(worker)
+                # By itself the scheduler keeps them for a worker of the same address, if no other is there.
+                for chunk in [each for each in self._in_flight if each.worker in gone]:
+                    self._in_flight.discard(chunk)
+                    chunk.future.cancel(force=True)
+                    yield from self._rendered_again(chunk, f"worker {chunk.worker} was lost")
             self._feed(crowd)
             if not self._in_flight:
                 return
@@ -222,13 +232,11 @@ class DaskExecutor:
 
     def _submit(self, chunk: _Chunk) -> None:
         self._number += 1
-        preferred = [chunk.worker] if chunk.worker else [each for each in self._known if each not in self._unfit]
         chunk.future = self._client.submit(
             render_order,
             replace(self._order, frames=pickle.dumps(chunk.tasks)),
             key=f"lookdev-{self._run}-{self._number}",
-            workers=preferred or None,
-            allow_other_workers=bool(preferred),  # where that one is lost
+            workers=[chunk.worker] if chunk.worker else None,
             priority=-self._number,
             pure=False,
         )
@@ -243,7 +251,7 @@ class DaskExecutor:
         try:
             result = chunk.future.result(timeout=_CONNECT)
         except Exception as error:  # noqa: BLE001  whatever the worker raised, or Dask of lost workers
-            yield from self._lost(chunk, error)
+            yield from self._rendered_again(chunk, _brief(error))
             return
         match result:
             case Lacks(worker, files):
@@ -255,7 +263,10 @@ class DaskExecutor:
                 self._submit(chunk)
             case Unfit(worker, reason):
                 yield from self._leave_out(worker, reason)
-                chunk.worker = ""
+                fit = sorted(set(self._addresses()) - self._unfit.keys())
+                if not fit:
+                    raise WorkerError(f"no worker of {self._where} can render: {reason}")
+                chunk.worker = fit[self._number % len(fit)]
                 self._submit(chunk)
             case Unwritable(reason):
                 raise OutputError(reason)
@@ -269,26 +280,24 @@ class DaskExecutor:
                         self._waiting.measured(task, answer.seconds, worker)
                         yield Finished(task, answer.made, answer.seconds)
 
-    def _lost(self, chunk: _Chunk, error: Exception) -> Iterator[Happening]:
-        """Render the frames of a chunk by themselves, whose workers died, until one is given up."""
-        from distributed import KilledWorker
-
-        if not isinstance(error, KilledWorker) and chunk.losses + 1 < CRASH_TRIES:
-            yield Remarked(f"a worker of Dask failed: {_brief(error)}")
-        if len(chunk.tasks) == 1 and (isinstance(error, KilledWorker) or chunk.losses + 1 >= CRASH_TRIES):
-            yield GivenUp(chunk.tasks[0], f"its workers were lost: {_brief(error)}", None)
-            return
-        for task in chunk.tasks:
-            self._submit(_Chunk([task], losses=chunk.losses + 1))
+    def _rendered_again(self, chunk: _Chunk, reason: str) -> Iterator[Happening]:
+        """Render the frames of a chunk that was lost, each by itself if one was at work; give up those lost often."""
+        at_work = any(task.digest in self._started for task in chunk.tasks)
+        yield Remarked(f"{len(chunk.tasks)} frames go to another worker: {reason}")
+        apart = [[task] for task in chunk.tasks] if at_work else [chunk.tasks]
+        for tasks in apart:
+            losses = chunk.losses + any(task.digest in self._started for task in tasks)
+            self._started.difference_update(task.digest for task in tasks)
+            if losses >= CRASH_TRIES:
+                yield GivenUp(tasks[0], f"{reason}, {losses} times", None)
+            else:
+                self._submit(_Chunk(tasks, losses=losses))
 
     def _leave_out(self, worker: str, reason: str) -> Iterator[Happening]:
-        """Give nothing more to a worker; raises WorkerError where no other is left."""
-        if worker in self._unfit:
-            return
-        self._unfit[worker] = reason
-        if not any(address not in self._unfit for address in self._addresses()):
-            raise WorkerError(f"no worker of {self._where} can render: {reason}")
-        yield Remarked(f"left out: {reason}")
+        """Give nothing more to a worker."""
+        if worker not in self._unfit:
+            self._unfit[worker] = reason
+            yield Remarked(f"left out: {reason}")
 
     def _send(self, worker: str, files: Sequence[Content]) -> None:
         """Send files to the content store of a worker, in pieces; raises OutputError where it cannot keep them."""
@@ -340,11 +349,12 @@ class DaskExecutor:
 
     def _heard(self, event: tuple[float, Any]) -> None:
         """Take an event that a worker sends while it renders."""
-        what = event[1]
+        what = {key: value for key, value in event[1].items() if key != "worker"}  # which Dask adds
         task = self._by_digest.get(what.pop("digest", ""))
         if task is None:
             return
         if "started" in what:
+            self._started.add(task.digest)
             self._arrived.put(Started(task))
         elif "reason" in what:
             self._arrived.put(Retried(task, **what))

@@ -67,18 +67,23 @@ def start(at: Path, backend: str, idle: int = IDLE) -> None:
     try:
         at.parent.mkdir(parents=True, exist_ok=True)
         at.unlink(missing_ok=True)  # of one that was killed
-        with log.open("ab") as stream:
-            server = subprocess.Popen(
-                (sys.executable, "-m", "lookdev.render.executors.warm", str(at.absolute()), backend, str(idle)),
-                stdin=subprocess.DEVNULL,
-                stdout=stream,
-                stderr=stream,
-                start_new_session=True,
+        with log.open("ab") as stream, Path(os.devnull).open("rb") as nothing:
+            # Not by Popen, whose object minds that the process outlives it.
+            arguments = ["-m", "lookdev.render.executors.warm", str(at.absolute()), backend, str(idle)]
+            server = os.posix_spawn(
+                sys.executable,
+                [sys.executable, *arguments],
+                os.environ,
+                file_actions=[
+                    (os.POSIX_SPAWN_DUP2, each.fileno(), number)
+                    for number, each in enumerate((nothing, stream, stream))
+                ],
+                setsid=True,
             )
     except OSError as error:
         raise WorkerError(f"{error.filename or at}: a worker cannot be kept there: {error.strerror}") from error
     until = time.monotonic() + _STARTS
-    while server.poll() is None and time.monotonic() < until:
+    while os.waitpid(server, os.WNOHANG) == (0, 0) and time.monotonic() < until:
         with suppress(WorkerError):
             _ask(at, {"ping": True})
             return
@@ -200,6 +205,7 @@ class Server:
     def _start(self) -> subprocess.Popen[bytes]:
         """Return the renderer when it is ready, started if there is none."""
         if self._process is None or self._process.poll() is not None:
+            self._end()
             self._process = subprocess.Popen(
                 self._command, bufsize=0, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=self._environment
             )
@@ -212,6 +218,9 @@ class Server:
         if process is not None:
             process.kill()
             process.wait()
+            for pipe in (process.stdin, process.stdout):
+                if pipe is not None:
+                    pipe.close()
 
 
 def _first_line(connection: socket.socket) -> bytes:
