@@ -140,8 +140,9 @@ def _processor(wanted: DisplayView) -> ocio.Processor:
 
 def _known(config: str, what: str, name: str, names: Sequence[str]) -> None:
     if name not in names:
-        every = f"; known: {', '.join(names)}" if len(names) <= 20 else ""
-        raise OutputError(f"{config} has no {what} called '{name}' ({nearest_hint(name, names)}{every})")
+        hint, every = nearest_hint(name, names), f"known: {', '.join(names)}"
+        also = f"; {every}" if hint != every and len(names) <= 20 else ""
+        raise OutputError(f"{config} has no {what} called '{name}' ({hint}{also})")
 
 
 def _first_line(error: Exception) -> str:

@@ -67,7 +67,7 @@ def test_greys_agree_after_conversion_with_all_bounces(worker: Worker) -> None:
 
 def test_what_coloured_light_and_a_coloured_surface_make_differs_as_the_products_do(worker: Worker) -> None:
     blue, red = np.array([0.1, 0.2, 1.0]), np.array([0.8, 0.05, 0.05])
-    matte = Look("matte", (Layer("m", "lambert", {"albedo": tuple(red.tolist())}),))
+    matte = Look("matte", (Layer("m", "lambert", {"reflectance": tuple(red.tolist())}),))
     light = prepare_light(make_environment("blue", np.full((8, 16, 3), blue, np.float32)))
     asked: tuple[Space, ...] = ("rec709", "acescg")
     for space in asked:
@@ -85,7 +85,7 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
         frame = rendered(worker, each)
         write_rendered(each, frame, beauty(frame))
     with OpenEXR.File(str(other.files[0]), header_only=True) as exr:
-        header = exr.header()
+        header = dict(exr.header())
     np.testing.assert_allclose(header["chromaticities"], CHROMATICITIES["acescg"], rtol=1e-6)
     assert header["colorInteropID"] == "lin_ap1_scene"
     assert read_header(other.files[0])["space"] == space_of(other.files[0]) == "acescg"
