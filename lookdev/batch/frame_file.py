@@ -16,9 +16,10 @@ from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.render.cryptomatte import matte_header
 from lookdev.render.executors import Stored
-from lookdev.render.passes import LIGHT, arrays_of
+from lookdev.render.passes import arrays_of, parts_of_light
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
+from lookdev.space import REC709
 
 
 def store(task: FrameTask, rendered: Rendered) -> Stored:
@@ -58,16 +59,22 @@ def _write(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32]) -> 
         header["raw.relmse"] = repr(rendered.raw_relmse)
     if not math.isnan(rendered.relmse):  # else the halves are one render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
-    channels = arrays_of(task.scene.sampling.passes)
+    passes, groups = task.scene.sampling.passes, task.scene.names_of_light
+    channels, light = arrays_of(passes, groups), parts_of_light(passes, groups)
     planes = {
-        channel: rendered.passes[name][..., i] * (exposure if name in LIGHT else np.float32(1.0))
+        channel: rendered.passes[name][..., i] * (exposure if name in light else np.float32(1.0))
         for name, each in channels.items()
         for i, channel in enumerate(each)
     }
+    space = task.scene.space
+    if space != REC709:
+        header["space"] = space
     attributes = {
         key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()
     }
     write_shared(
         task.files,
-        lambda path: write_frame(path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes),
+        lambda path: write_frame(
+            path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
+        ),
     )

@@ -29,7 +29,7 @@ from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.color import BUILT_IN, SHIPPED
 from lookdev.render.backends import job_backends
-from lookdev.render.passes import PASSES
+from lookdev.render.passes import IN_EACH_FRAME, PASSES
 
 # Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
@@ -73,7 +73,7 @@ BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
 BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
 BuiltinRig = Annotated[str, _OneOf(lambda: BUILTIN_RIGS)]
 BackendName = Annotated[str, _OneOf(job_backends)]
-PassName = Annotated[str, _OneOf(lambda: PASSES)]
+PassName = Annotated[str, _OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
 Device = Annotated[str, _OneOf(_devices)]
 
 

@@ -344,7 +344,7 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = arrays_of(scene.sampling.passes)
+    passes = arrays_of(scene.sampling.passes, scene.names_of_light)
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
