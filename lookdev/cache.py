@@ -117,7 +117,13 @@ def code_digest(*rooms: str) -> str:
     """
     import numpy as np
 
-    digest = hashlib.sha256(f"{sys.version} {np.__version__}".encode())
+    return hashlib.sha256(f"{sys.version} {np.__version__} {package_digest(*rooms)}".encode()).hexdigest()
+
+
+@cache
+def package_digest(*rooms: str) -> str:
+    """Return a digest of the code of some rooms of the package, by default of all: the same on every machine."""
+    digest = hashlib.sha256()
     package = Path(__file__).parent
     for folder in [package / room for room in rooms] or [package]:
         for file in sorted(file for file in folder.rglob("*") if file.suffix in _CODE and file.is_file()):

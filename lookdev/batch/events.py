@@ -7,7 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+
+
+class LogFormat(StrEnum):
+    """How a run writes what happens; as `OPENJD`, some lines are messages to a session of Open Job Description."""
+
+    TEXT = "text"
+    JSON = "json"
+    OPENJD = "openjd"
 
 
 @dataclass(frozen=True)

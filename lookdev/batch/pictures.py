@@ -19,10 +19,12 @@ from numpy.typing import NDArray
 from lookdev.batch.ledger import Ledger
 from lookdev.cache import file_digest, share
 from lookdev.job import JobOutputs
-from lookdev.output import Frames, Output, composite, read_frame
+from lookdev.output import Frames, Output, composite
 from lookdev.output.color import DisplayView
+from lookdev.output.exr import read_shown
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
+from lookdev.space import REC709, to_rec709
 
 Floats = NDArray[np.float32]
 Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
@@ -106,7 +108,11 @@ class Pictures:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
         def layers(frame: Path) -> tuple[Floats, Floats]:
-            return pixels or read_frame(frame)
+            if pixels is None:
+                return read_shown(frame)
+            beauty, alpha = pixels
+            space = file.frames[frame].scene.space
+            return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
 
         def light(frame: Path) -> Floats:
             return composite(*layers(frame), self._background(file.frames[frame]))

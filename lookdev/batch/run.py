@@ -6,7 +6,6 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,46 +26,53 @@ from lookdev.batch.events import (
     RunStarted,
     SheetWritten,
 )
-from lookdev.batch.frame_file import write_rendered
+from lookdev.batch.frame_file import exposed, store
 from lookdev.batch.ledger import Ledger
 from lookdev.batch.pictures import Background, PictureFile, Pictures
 from lookdev.batch.runs import Run
-from lookdev.batch.sanity import doubts
 from lookdev.batch.status import forget_failures, record_failure, record_plan
 from lookdev.cache import share
-from lookdev.errors import LookdevError, OutputError, RenderError, WorkerError, close_hint
+from lookdev.errors import LookdevError, OutputError, close_hint
 from lookdev.job import Job, JobOutputs, load_job
+from lookdev.job.mapping import PathRules
 from lookdev.output.exr import read_frame, read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
 from lookdev.plan.plan import DAMAGED
 from lookdev.render.backends import BACKENDS
+from lookdev.render.executors import (
+    Executor,
+    Finished,
+    GivenUp,
+    Happening,
+    Place,
+    Progressed,
+    Remarked,
+    Retried,
+    Started,
+    Stored,
+)
+from lookdev.render.executors.choice import LOCAL, Choice, opened
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.worker import PATIENCE, Progress, Rendered, Worker, last_line
+from lookdev.render.worker import PATIENCE, Rendered
 
 if TYPE_CHECKING:
     from lookdev.batch.prepare import Prepared
 
 Backdrop = str | tuple[float, float, float]
 
-CRASH_TRIES = 3
-"""Tries of a frame whose worker dies, hangs or sends no valid answer: the frame before may be the cause."""
-
 _NAMED = 5  # frames in a message
 
 _WAITS = (0.05, 2.0)  # seconds between looks at what other runs make, the first and the longest
 
-CLEAN_TRIES = 2
-"""Tries of a frame that the worker reports as failed: most such errors recur."""
-
 
 @dataclass(frozen=True)
 class Failure:
-    """A failed frame, the reason of its last try, and the log with the details."""
+    """A failed frame, the reason of its last try, and the log with the details, if it is on this machine."""
 
     name: str
     reason: str
-    log: Path
+    log: Path | None
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,8 @@ class RunResult:
 
     def summary(self) -> str:
         """Return the result as text, with a line for each failed frame."""
-        lines = [f"{failure.name}: {failure.reason} (log: {failure.log})" for failure in self.failures]
+        logged = [f" (log: {failure.log})" if failure.log else "" for failure in self.failures]
+        lines = [f"{each.name}: {each.reason}{log}" for each, log in zip(self.failures, logged, strict=True)]
         if lines:
             lines.insert(0, f"{len(self.failures)} of {self.total} frames failed:")
         if self.missing:
@@ -124,26 +131,32 @@ def render_job(
     path: Path,
     *,
     prepare: Prepare = _plan_job,
+    rules: PathRules = (),
+    output: Path | None = None,
     force: bool = False,
     only: Sequence[str] = (),
     chunk: Chunk | None = None,
     outputs_only: bool = False,
+    choice: Choice = LOCAL,
     report: Report = lambda event: None,
 ) -> RunResult:
     """Render a job file: join the runs of its output, prepare it, run its plan, write its manifest.
 
+    `rules` are those of paths, `output` takes the place of the job's.
     A `chunk` of it has its share of the frames, and makes nothing of several frames, nor the manifest. `force`, `only`,
-    `outputs_only` and `report` are as for `run_plan`; `prepare` is `lookdev.batch.prepare.plan_job` but in tests.
+    `outputs_only` and `report` are as for `run_plan`; `choice` is of what renders; `prepare` is
+    `lookdev.batch.prepare.plan_job` but in tests.
     Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
     """
-    job = load_job(path)
+    job = _on_device(load_job(path, rules), choice.device)
+    if output is not None:
+        job = job.model_copy(update={"output": output.absolute()})
     backend = BACKENDS[job.render.backend]
-    with Run(job.output, str(chunk or "")) as run, _opened(run, backend.command) as worker:
+    with Run(job.output, str(chunk or "")) as run, _opened(choice, run, backend.command) as executor:
         if not outputs_only and (force or _lacks_frames(job)):
-            # Blender starts while files are read; an error is that of the first frame, then.
-            with suppress(WorkerError):
-                worker.launch()
-        prepared = prepare(job, worker.prepare if backend.ahead else None)
+            # Blender starts while files are read.
+            executor.launch()
+        prepared = prepare(job, executor.prepare if backend.ahead else None)
         for note in prepared.notes:
             report(Noted(note))
         job, plan = prepared.job, prepared.plan
@@ -159,7 +172,7 @@ def render_job(
             only=only,
             outputs_only=outputs_only,
             run=run,
-            worker=worker,
+            executor=executor,
             report=report,
         )
         if chunk is None:
@@ -172,6 +185,19 @@ def render_job(
                 run.remove_logs()
         report(result.event)
         return result
+
+
+def _on_device(job: Job, device: str | None) -> Job:
+    """Return a job rendered on another kind of device; raises LookdevError where its backend does not run there."""
+    if device is None:
+        return job
+    backend = BACKENDS[job.render.backend]
+    if device not in backend.devices:
+        raise LookdevError(
+            f"--device: backend '{backend.name}' of the job does not run on '{device}'; it runs on "
+            f"{' or '.join(backend.devices)}"
+        )
+    return job.model_copy(update={"render": job.render.model_copy(update={"device": device})})
 
 
 def _lacks_frames(job: Job) -> bool:
@@ -204,10 +230,13 @@ def _join(run: Run, plan: Plan, report: Report) -> None:
 
 
 @contextmanager
-def _opened(run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Worker]:
-    """Yield a worker of a run, with its log and scratch in the state folder, and end it."""
-    with run.scratch() as scratch, Worker(command, run.log("worker"), scratch, patience) as worker:
-        yield worker
+def _opened(choice: Choice, run: Run, command: Sequence[str], patience: float = PATIENCE) -> Iterator[Executor]:
+    """Yield what renders for a run, with its logs and scratch in the state folder, and end it."""
+    with (
+        run.scratch() as scratch,
+        opened(choice, Place(scratch, run.log, tuple(command), patience), store) as executor,
+    ):
+        yield executor
 
 
 def render_setups(
@@ -230,7 +259,7 @@ def run_plan(
     outputs_only: bool = False,
     behind: Background | None = None,
     run: Run | None = None,
-    worker: Worker | None = None,
+    executor: Executor | None = None,
     worker_command: Sequence[str] | None = None,
     patience: float = PATIENCE,
     report: Report = lambda event: None,
@@ -256,9 +285,9 @@ def run_plan(
         Returns the light behind each frame, instead of `background_light`.
     run
         The run among those of the output folder, which the caller has joined; None: a new one.
-    worker
-        The render worker, which the caller ends; None: one that `worker_command`, by default the backend's, and
-        `patience` describe.
+    executor
+        What renders, in a context of the caller's; None: one worker here, as `worker_command`, by default that of the
+        backend, and `patience` describe.
     report
         Is called with every event.
 
@@ -280,8 +309,11 @@ def run_plan(
         frames = _Frames(plan, pictures, run, report, force)
         try:
             tasks = frames.bring_up_to_date(only)
-            if not outputs_only:
-                frames.render(tasks, worker, worker_command, patience)
+            if tasks and not outputs_only:
+                if executor is None:
+                    command = worker_command or BACKENDS[tasks[0].scene.backend].command
+                    executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
+                frames.render(tasks, executor)
             frames.wait_for_sheets()
         except KeyboardInterrupt:
             return frames.result(interrupted=True)
@@ -379,106 +411,92 @@ class _Frames:
                 raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
         return {known[name] for name in names}
 
-    def render(
-        self, tasks: Sequence[FrameTask], worker: Worker | None, command: Sequence[str] | None, patience: float
-    ) -> None:
-        """Render frames; only a worker that never starts ends the batch."""
-        if not tasks:
-            return
-        with ExitStack() as stack:
-            if worker is None:
-                command = command or BACKENDS[tasks[0].scene.backend].command
-                worker = stack.enter_context(_opened(self._run, command, patience))
-            for task in self._claimed(tasks):
-                started = time.monotonic()
-                self._report(FrameStarted(self._name(task), task.digest))
-                if (rendered := self._rendered_in_tries(worker, task)) is None:
-                    continue
-                for note in rendered.notes:
-                    self._report(Noted(note))
-                self._write(task, rendered)
-                seconds = time.monotonic() - started
-                self._report(FrameDone(self._name(task), seconds, rendered.samples, rendered.relmse, task.digest))
-                self._refresh_sheets(task)
-
-    def _claimed(self, tasks: Sequence[FrameTask]) -> Iterator[FrameTask]:
-        """Yield the frames that this run is to render, each claimed until the next is asked for.
+    def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
+        """Render frames, each claimed until it is done; only workers that never start end the batch.
 
         Scenes at which no other run works come first, then any frames that none has claimed, backwards; those that
         others have claimed are waited for.
         """
-        scenes = [list(group) for _, group in groupby(tasks, key=lambda task: id(task.scene))]
-        left: list[FrameTask] = []
-        for scene in scenes:
-            for number, task in enumerate(scene):
-                if not self._claim(task):
-                    left += scene[number:]
-                    break
-                yield from self._unless_done(task)
+        left = self._rendered_apart(tasks, executor, apart=True)
         waits = _waits()
         while left:
-            taken = []
-            for task in reversed(left):
-                if self._claim(task):
-                    yield from self._unless_done(task)
-                    waits = _waits()
-                else:
-                    taken.append(task)
-            left = taken[::-1]
+            before = len(self._done)
+            left = self._rendered_apart(left, executor, apart=False)
+            waits = _waits() if len(self._done) > before else waits
             if left:
                 time.sleep(next(waits))
 
-    def _claim(self, task: FrameTask) -> bool:
-        return self._run.claim(self._name(task))
+    def _rendered_apart(self, tasks: Sequence[FrameTask], executor: Executor, *, apart: bool) -> list[FrameTask]:
+        """Render frames but those that other runs have claimed, and, if `apart`, the rest of their scenes.
 
-    def _unless_done(self, task: FrameTask) -> Iterator[FrameTask]:
-        """Yield a frame that is claimed, unless another run has rendered it since it was planned."""
-        try:
-            if self._force or not _has(task.files[0], task):
-                yield task
-            else:
-                for path in task.files[1:]:
-                    if not _has(path, task):
-                        share(task.files[0], path)
-                self._pictures.refresh(task)
-                self._done.update(task.files)
-                self._report(FrameFound(self._name(task), task.digest))
-                self._refresh_sheets()
-        finally:
-            self._run.release(self._name(task))
+        These are returned, the last first.
+        """
+        claimed: list[FrameTask] = []
+        scenes: set[int] = set()
 
-    def _rendered_in_tries(self, worker: Worker, task: FrameTask) -> Rendered | None:
-        name = self._name(task)
+        def wanted(task: FrameTask) -> bool:
+            if (apart and id(task.scene) in scenes) or not self._run.claim(self._name(task)):
+                claimed.append(task)
+                scenes.add(id(task.scene))
+                return False
+            return not self._found(task)
 
-        def report(progress: Progress) -> None:
-            self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse, task.digest))
+        for happening in executor.render(tasks, wanted):
+            self._take(happening)
+        return claimed[::-1]
 
-        attempt = 1
-        while True:
-            _start(worker)
-            try:
-                return worker.render(task, report)
-            except (WorkerError, RenderError) as error:
-                tries = CRASH_TRIES if isinstance(error, WorkerError) else CLEAN_TRIES
-                attempt += 1
-                if attempt > tries:
-                    self._failures.append(Failure(name, str(error), worker.log))
-                    record_failure(self._run, name, str(error), worker.log)
-                    self._report(FrameFailed(name, str(error), task.digest))
-                    return None
-                self._report(FrameRetried(name, str(error), attempt, tries, task.digest))
+    def _found(self, task: FrameTask) -> bool:
+        """Return whether another run has rendered a frame since it was planned; if so, take it and end its claim."""
+        if self._force or not _has(task.files[0], task):
+            return False
+        for path in task.files[1:]:
+            if not _has(path, task):
+                share(task.files[0], path)
+        self._pictures.refresh(task)
+        self._settle(task)
+        self._report(FrameFound(self._name(task), task.digest))
+        self._refresh_sheets()
+        return True
 
-    def _write(self, task: FrameTask, rendered: Rendered) -> None:
-        with np.errstate(over="ignore"):
-            beauty = (rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure)
-        constant = all(light.constant for light in task.scene.lights)
-        for doubt in doubts(rendered, beauty, constant_light=constant):
-            self._report(Noted(f"{self._name(task)}: {doubt}"))
+    def _take(self, what: Happening) -> None:
+        if isinstance(what, Remarked):
+            self._report(Noted(what.text))
+            return
+        task = what.task
+        name, digest = self._name(task), task.digest
+        match what:
+            case Started():
+                self._report(FrameStarted(name, digest))
+            case Progressed(_, progress):
+                self._report(FrameProgressed(name, progress.samples, progress.of, progress.relmse, digest))
+            case Retried(_, reason, attempt, attempts):
+                self._report(FrameRetried(name, reason, attempt, attempts, digest))
+            case GivenUp(_, reason, log):
+                self._run.release(name)
+                self._failures.append(Failure(name, reason, log))
+                record_failure(self._run, name, reason, log)
+                self._report(FrameFailed(name, reason, digest))
+            case Finished(_, rendered, seconds):
+                self._finish(task, rendered, seconds)
+
+    def _finish(self, task: FrameTask, rendered: Rendered | Stored, seconds: float) -> None:
+        """Write a frame, unless its worker did, and what is made of it."""
         self._run.check()
-        write_rendered(task, rendered, beauty)
-        self._pictures.write(task, beauty, rendered.alpha)
-        self._done.update(task.files)
+        stored = rendered if isinstance(rendered, Stored) else store(task, rendered)
+        for note in stored.notes:
+            self._report(Noted(note))
+        if isinstance(rendered, Stored):
+            self._pictures.refresh(task)
+        else:
+            self._pictures.write(task, exposed(task, rendered), rendered.alpha)
+        self._settle(task)
         self._rendered += 1
+        self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
+        self._refresh_sheets(task)
+
+    def _settle(self, task: FrameTask) -> None:
+        self._done.update(task.files)
+        self._run.release(self._name(task))
 
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:
         """Make what is out of date of several frames that are all done; with `task`, what shows that new frame."""
@@ -537,20 +555,3 @@ def _is_whole(frame: Path) -> bool:
     except OutputError:
         return False
     return True
-
-
-def _start(worker: Worker) -> None:
-    """Start the worker, with `CRASH_TRIES` tries."""
-    for attempt in range(CRASH_TRIES):
-        try:
-            worker.start()
-        except WorkerError as error:
-            if attempt == CRASH_TRIES - 1:
-                line = last_line(worker.log)
-                logged = f"; its last line: {line}" if line and line not in str(error) else ""
-                raise WorkerError(
-                    f"{error}{logged}; it did so {CRASH_TRIES} times before any frame (log: {worker.log}). "
-                    "'lookdev doctor' lists what this machine lacks"
-                ) from error
-        else:
-            return

@@ -84,9 +84,9 @@ def record_plan(run: Run, job: Path, plan: Plan) -> None:
         temporary.write_text(json.dumps({"plan": plan.digest, "job": str(job), "frames": frames}))
 
 
-def record_failure(run: Run, name: str, reason: str, log: Path) -> None:
+def record_failure(run: Run, name: str, reason: str, log: Path | None) -> None:
     """Write why a run gave up a frame."""
-    failed = FailedFrame(name, reason, run.info.host, str(log))
+    failed = FailedFrame(name, reason, run.info.host, str(log or ""))
     with suppress(OSError), atomic_path(run.state / _FAILED / f"{claim_key(name)}.json") as temporary:
         temporary.write_text(json.dumps(asdict(failed)))
 

@@ -4,24 +4,19 @@ from __future__ import annotations
 
 import json
 import sys
-from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from lookdev.batch.events import LogFormat
 from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
 from lookdev.errors import LookdevError
 
 app = typer.Typer()
+
+
 _PANEL = "Jobs"
-
-
-class LogFormat(StrEnum):
-    """How a run writes what happens."""
-
-    TEXT = "text"
-    JSON = "json"
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -51,8 +46,57 @@ def render(
         bool,
         typer.Option("--outputs-only", help="Render nothing: make pictures, sheets, movies and the manifest."),
     ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            help="Render so many frames at once; default: one, and more while that leaves cores and memory unused.",
+            show_default=False,
+        ),
+    ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device",
+            metavar="KIND[:N,...]",
+            help="Render on this kind of device instead of the job's, as cuda, or on some of them, as cuda:0,1.",
+            show_default=False,
+        ),
+    ] = None,
+    executor: Annotated[
+        str,
+        typer.Option(
+            "--executor",
+            metavar="NAME[:ADDRESS]",
+            help="What renders: local, workers of this machine; dask, those of a Dask cluster of this machine, or of "
+            "the scheduler at an address; warm:SOCKET, a worker that 'lookdev warm start' keeps.",
+        ),
+    ] = "local",
+    shared: Annotated[
+        bool,
+        typer.Option("--shared", help="Workers of Dask write frames themselves, to an output that all machines share."),
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", metavar="DIR", help="Write here instead of the job's output.", show_default=False),
+    ] = None,
+    path_mapping: Annotated[
+        Path | None,
+        typer.Option(
+            "--path-mapping",
+            metavar="FILE",
+            help="Rules of Open Job Description (JSON): where the absolute paths of the job are on this machine.",
+            show_default=False,
+        ),
+    ] = None,
     log_format: Annotated[
-        LogFormat, typer.Option("--log-format", help="Write events as text, or as lines of JSON.")
+        LogFormat,
+        typer.Option(
+            "--log-format",
+            help="Write events as text, as lines of JSON, or as sessions of Open Job Description read them.",
+        ),
     ] = LogFormat.TEXT,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
@@ -67,14 +111,28 @@ def render(
         return
     from lookdev.batch.progress import show_progress
     from lookdev.batch.run import render_job
+    from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
+    from lookdev.render.executors.choice import choose
 
     if outputs_only and (force or frame or chunk):
         raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
     part = None if chunk is None else Chunk.parse(chunk)
-    with show_progress(sys.stdout, as_json=log_format is LogFormat.JSON) as report:
-        result = render_job(job, force=force, only=frame or (), chunk=part, outputs_only=outputs_only, report=report)
-    if log_format is LogFormat.TEXT:
+    choice = choose(executor, workers=workers, device=device, stored=shared)
+    rules = read_rules(path_mapping) if path_mapping is not None else ()
+    with show_progress(sys.stdout, log_format) as report:
+        result = render_job(
+            job,
+            rules=rules,
+            output=output,
+            force=force,
+            only=frame or (),
+            chunk=part,
+            outputs_only=outputs_only,
+            choice=choice,
+            report=report,
+        )
+    if log_format is not LogFormat.JSON:
         say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 

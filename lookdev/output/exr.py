@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
+from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
 
 Floats = NDArray[np.float32]
 
@@ -48,10 +49,11 @@ def write_frame(
     *,
     planes: Mapping[str, ArrayLike] = MappingProxyType({}),
     attributes: Mapping[str, str] = MappingProxyType({}),
+    space: Space = REC709,
 ) -> None:
     """Write a frame, whole or not at all; makes folders.
 
-    `beauty` is premultiplied linear Rec.709 radiance, (H, W, 3), as are the other `layers` by their names; `alpha` is
+    `beauty` is premultiplied radiance of a `space`, (H, W, 3), as are the other `layers` by their names; `alpha` is
     coverage in [0, 1], (H, W). `planes` (H, W) are further channels by their names, `attributes` entries of the
     header as they are. `read_header` returns `header` as strings. Raises OutputError where the shapes differ or
     the file cannot be written.
@@ -67,6 +69,8 @@ def write_frame(
     written |= {name: np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()}
     entries: dict[str, object] = {PREFIX + key: str(value) for key, value in header.items()}
     entries |= attributes
+    if space != REC709:  # that of an EXR without the attribute
+        entries |= {"chromaticities": CHROMATICITIES[space], "colorInteropID": INTEROP_IDS[space]}
     entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     entries[_CHECKSUM.decode()] = _NO_CHECKSUM.decode()
     try:
@@ -97,6 +101,22 @@ def read_frame(path: Path) -> tuple[Floats, Floats]:
         raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {reason}") from error
     beauty = [names.index(name) for name in "RGB"]
     return np.ascontiguousarray(pixels[..., beauty]), np.ascontiguousarray(pixels[..., names.index("A")])
+
+
+def read_shown(path: Path) -> tuple[Floats, Floats]:
+    """Return beauty and alpha as `read_frame`, the light in linear Rec.709, in which views and pages take it."""
+    beauty, alpha = read_frame(path)
+    space = space_of(path)
+    return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+
+
+def space_of(path: Path) -> Space:
+    """Return the space of a frame that `read_frame` has read; raises OutputError for one that is not known."""
+    with open_image(path, OutputError, LARGEST) as image:
+        name = image.spec().get_string_attribute(PREFIX + "space") or REC709
+    if name not in OCIO_NAMES:
+        raise OutputError(f"{path}: is in the space '{name}'; one of {', '.join(OCIO_NAMES)} would be right")
+    return name
 
 
 def read_layer(path: Path, name: str) -> Floats | None:

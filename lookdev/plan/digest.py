@@ -10,6 +10,7 @@ from dataclasses import asdict
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
+from lookdev.space import REC709
 
 PARTS = ("asset", "look", "ibl", "camera", "pose", "render")
 """The parts of a frame's inputs, each with a digest of its own."""
@@ -33,6 +34,8 @@ def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
     sampling = asdict(scene.sampling)
     if scene.sampling.passes:
         sampling["prims"] = scene.prims
+        if scene.light_groups:
+            sampling["light_groups"] = scene.light_groups
     else:
         del sampling["passes"]
     render = {
@@ -42,6 +45,8 @@ def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
         "backend": scene.backend,
         "version": BACKENDS[scene.backend].version(),
     }
+    if scene.space != REC709:
+        render["space"] = scene.space
     return {
         "asset": scene.asset.digest,
         "look": _digest([[source.digest for source in scene.shaders], scene.worn]),

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -111,12 +112,21 @@ class Worker:
         An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
     patience
         Seconds without an answer after which it counts as hung.
+    variables
+        Variables of its environment besides those of this process.
     """
 
-    def __init__(self, command: Sequence[str], log: Path, scratch: Path, patience: float = PATIENCE) -> None:
+    def __init__(
+        self,
+        command: Sequence[str],
+        log: Path,
+        scratch: Path,
+        patience: float = PATIENCE,
+        variables: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.log = log
         self._command = tuple(command)
-        self._environment = os.environ | {"TMPDIR": str(scratch)}
+        self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
         # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
         self._environment.pop("OCIO", None)
         self._patience = patience
@@ -131,6 +141,11 @@ class Worker:
 
     def __exit__(self, *exception: object) -> None:
         self.kill()
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None where there is none."""
+        return None if self._process is None else self._process.pid
 
     def launch(self) -> None:
         """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
@@ -202,6 +217,12 @@ class Worker:
             if isinstance(message, Failed):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
             return _load(message, task.scene, self._blender)
+
+    def stop(self) -> None:
+        """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
+        process = self._process
+        if process is not None and process.returncode is None:
+            _kill_group(process)
 
     def kill(self) -> None:
         """Kill the process and its children."""
@@ -323,7 +344,7 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = arrays_of(scene.sampling.passes)
+    passes = arrays_of(scene.sampling.passes, scene.names_of_light)
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -274,6 +275,13 @@ def test_a_worker_that_never_starts_ends_the_batch(tmp_path: Path, monkeypatch: 
     assert (tmp_path / "starts").read_text() == "xxx"
 
 
+def wait_for_the_third(folder: Path) -> None:
+    """Wait until the third frame is being rendered, and the second is written, as is what comes after it."""
+    case.wait_until(lambda: "element.0003.exr" in case.requests(folder))
+    case.wait_until(lambda: (place(folder) / "element.0002.png").exists())
+    time.sleep(0.2)
+
+
 def batch(folder: Path) -> subprocess.Popen[str]:
     program = (sys.executable, str(Path(case.__file__)), str(folder))
     return subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -282,7 +290,7 @@ def batch(folder: Path) -> subprocess.Popen[str]:
 def test_ctrl_c_keeps_what_is_done_and_reports_how_to_continue(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0003=["hang", "ok"])
     with batch(tmp_path) as process:
-        case.wait_until(lambda: "element.0003.exr" in case.requests(tmp_path))
+        wait_for_the_third(tmp_path)
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=20)
     assert (process.returncode, errors) == (130, "")
@@ -296,7 +304,7 @@ def test_ctrl_c_keeps_what_is_done_and_reports_how_to_continue(tmp_path: Path) -
 def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0003=["hang", "ok"])
     with batch(tmp_path) as process:
-        case.wait_until(lambda: "element.0003.exr" in case.requests(tmp_path))
+        wait_for_the_third(tmp_path)
         process.kill()
         process.communicate(timeout=20)
     case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))))
