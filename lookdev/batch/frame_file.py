@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import platform
+from collections.abc import Mapping
 from datetime import UTC, datetime
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +21,12 @@ from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
 
 
-def write_rendered(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32]) -> None:
+def write_rendered(
+    task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32], more: Mapping[str, str] = MappingProxyType({})
+) -> None:
     """Write the file of a frame, `beauty` (H, W, 3) being the mean of its halves, exposed; raises OutputError.
+
+    `more` are further entries of the header.
 
     The layer ``raw`` is the picture before it was denoised, ``error`` the standard error of what halves have.
     """
@@ -35,6 +41,7 @@ def write_rendered(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float
         "version.numpy": np.__version__,
         "time": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+    header |= more
     exposure, layers = np.float32(2.0**task.exposure), {}
     if rendered.raw is not None:
         layers["raw"] = rendered.raw * exposure

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lookdev.batch.lock import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest, share
 from lookdev.job import JobOutputs
-from lookdev.output import Frames, Output, composite, read_frame
+from lookdev.output import Frames, Output, composite, laid_over, read_frame
 from lookdev.output.color import DisplayView
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
@@ -61,6 +61,8 @@ class Pictures:
         self._ledger_file = plan.output / STATE_FOLDER / "pictures.json"
         self._ledger = _read_ledger(self._ledger_file)
         self._overdue = set(plan.pictures)
+        self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
+        self._charts = plan.charts
         files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
         self._sheets = [file for output, file in files if output.of != "frame"]
         self._singles: dict[Path, list[_File]] = {}
@@ -68,8 +70,8 @@ class Pictures:
             if output.of == "frame":
                 self._singles.setdefault(next(iter(file.frames)), []).append(file)
 
-    def refresh(self, task: FrameTask) -> None:
-        """Make what is missing or out of date of a single frame on disk.
+    def refresh(self, task: FrameTask, done: set[Path]) -> None:
+        """Make what is missing or out of date of a single frame on disk, if the props over it are `done`.
 
         Raises
         ------
@@ -77,15 +79,25 @@ class Pictures:
             The frame cannot be read, or a file not be written.
         """
         for file in self._singles.get(task.files[0], ()):
+            if not self._over(file) <= done:
+                continue
             key = self._key(file)
             due = [path for path in file.paths if path in self._overdue or not self._is_current(path, key)]
             if due:
                 self._write(file, due)
 
-    def write(self, task: FrameTask, beauty: Floats, alpha: Floats) -> None:
-        """Make what is made of a single frame, which was just rendered."""
+    def write(self, task: FrameTask, beauty: Floats, alpha: Floats, done: set[Path]) -> None:
+        """Make what is made of a single frame, which was just rendered, if the props over it are `done`."""
         for file in self._singles.get(task.files[0], ()):
-            self._write(file, file.paths, (beauty, alpha))
+            if self._over(file) <= done:
+                self._write(file, file.paths, (beauty, alpha))
+
+    def refresh_under(self, task: FrameTask, done: set[Path]) -> None:
+        """Make what is out of date of single frames that are `done`, over which a new frame of props is laid."""
+        under = {self._tasks[frame].files for frame, over in self._charts.items() if over in task.files}
+        for files in under:
+            if files[0] in done:
+                self.refresh(self._tasks[files[0]], done)
 
     def refresh_sheets(self, done: set[Path], task: FrameTask | None = None) -> list[Path]:
         """Make what is out of date of several frames, if they are all done; return the paths.
@@ -94,9 +106,8 @@ class Pictures:
         """
         written: list[Path] = []
         for file in self._sheets:
-            if task is not None and file.frames.keys().isdisjoint(task.files):
-                continue
-            if not file.frames.keys() <= done:
+            made_of = file.frames.keys() | self._over(file)
+            if (task is not None and made_of.isdisjoint(task.files)) or not made_of <= done:
                 continue
             if task is not None or not self._is_current(file.paths[0], self._key(file)):
                 self._write(file, file.paths)
@@ -107,7 +118,9 @@ class Pictures:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
         def layers(frame: Path) -> tuple[Floats, Floats]:
-            return pixels or read_frame(frame)
+            shown = pixels or read_frame(frame)
+            over = self._charts.get(frame)
+            return shown if over is None else laid_over(read_frame(over), shown)
 
         def light(frame: Path) -> Floats:
             return composite(*layers(frame), self._background(file.frames[frame]))
@@ -121,8 +134,13 @@ class Pictures:
         with atomic_path(self._ledger_file) as temporary:
             temporary.write_text(json.dumps(self._ledger, indent=0))
 
+    def _over(self, file: _File) -> set[Path]:
+        """Return the frames of props that are laid over the frames of a file."""
+        return {self._charts[frame] for frame in file.frames if frame in self._charts}
+
     def _key(self, file: _File) -> str:
         digests = [task.digest for task in file.frames.values()]
+        digests += [self._tasks[self._charts[frame]].digest for frame in file.frames if frame in self._charts]
         made_of = [digests, file.labels, self._behind, self._options(file.output)]
         made_of += [file.columns] if file.columns else []
         return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()

@@ -245,6 +245,7 @@ class _Run:
         self._folder.mkdir(parents=True, exist_ok=True)
         self._report = report
         self._pictures = pictures
+        self._props = set(plan.charts.values())
         self._done: set[Path] = set()
         self._rendered = 0
         self._failures: list[Failure] = []
@@ -271,7 +272,7 @@ class _Run:
             if task.files in waiting:
                 continue
             try:
-                self._pictures.refresh(task)
+                self._pictures.refresh(task, self._done)
             except OutputError:
                 if _is_whole(task.files[0]):
                     raise
@@ -296,7 +297,9 @@ class _Run:
         for name in names:
             if name not in known:
                 raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
-        return {known[name] for name in names}
+        chosen = {known[name] for name in names}
+        tasks = {path: frame.task.files for frame in self._plan.frames for path in frame.task.files}
+        return chosen | {tasks[self._plan.charts[f]] for files in chosen for f in files if f in self._plan.charts}
 
     def render(
         self, tasks: Sequence[FrameTask], worker: Worker | None, command: Sequence[str] | None, patience: float
@@ -344,11 +347,22 @@ class _Run:
         with np.errstate(over="ignore"):
             beauty = (rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure)
         constant = all(light.constant for light in task.scene.lights)
-        for doubt in doubts(rendered, beauty, constant_light=constant):
+        found, header = list(doubts(rendered, beauty, constant_light=constant)), dict[str, str]()
+        is_charts = task.files[0] in self._props
+        if is_charts and self._plan.strip is not None:
+            # Not at the top: Embree takes long to import, which few jobs need.
+            from lookdev.checks.charts import charts_doubts, charts_header, check_charts
+
+            readings = check_charts(task, self._plan.strip, rendered)
+            found += charts_doubts(readings)
+            header |= charts_header(readings)
+        for doubt in found:
             self._report(Noted(f"{self._name(task)}: {doubt}"))
-        write_rendered(task, rendered, beauty)
-        self._pictures.write(task, beauty, rendered.alpha)
+        write_rendered(task, rendered, beauty, header)
         self._done.update(task.files)
+        self._pictures.write(task, beauty, rendered.alpha, self._done)
+        if is_charts:
+            self._pictures.refresh_under(task, self._done)
         self._rendered += 1
 
     def _report_sheets(self, paths: Sequence[Path]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from lookdev.asset.usd_camera import UsdCamera, read_camera
@@ -22,6 +22,7 @@ from lookdev.material.usd import expand_variants
 from lookdev.material.usd.bound import read_any_look
 from lookdev.material.variants import MOST_COMBINATIONS
 from lookdev.scene import Film, Scene
+from lookdev.scene.charts import props_camera, props_scene
 from lookdev.scene.linking import link_lights
 from lookdev.stage import open_stage
 
@@ -39,6 +40,7 @@ class JobScenes:
     notes: tuple[str, ...]  # for the user, each once
     rig_places: Mapping[str, str]  # the key in the job file of each rig
     sheets: tuple[WedgeSheet, ...]  # of wedges
+    charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
 
 
 def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobScenes:
@@ -94,7 +96,8 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
         shot = _shot(job, next(iter(turned.values())))
     raise_all(faults)
     shown, cameras = rendered(job, dressed, shot, places, notes)
-    largest = max(shown.values(), key=lambda asset: asset.radius)
+    largest_of = max(shown, key=lambda name: shown[name].radius)
+    largest = shown[largest_of]
     parts = {path for each in turned.values() for path in each.paths}
     film = Film(job.render.resolution)
     scenes = {}
@@ -109,8 +112,15 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
             scenes[name, rig.name] = Scene(
                 linked.asset, linked.wears, linked.lights, cameras[name], film, linked.lit, linked.groups
             )
+    charts = {}
+    if job.charts is not None:
+        with collected(job, "charts", faults):
+            seen, strip = props_camera(cameras[largest_of], largest.center), job.charts.strip(film.resolution)
+            lit = {name for _, name in scenes}
+            charts = {rig.name: props_scene(strip, seen, rig.around(largest)) for rig in rigs if rig.name in lit}
+        raise_all(faults)
     shortly = tuple(dict.fromkeys(map(shortened, notes)))
-    return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets)
+    return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets, charts)
 
 
 def each_variant(

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
 
+from lookdev.job.charts import JobCharts
 from lookdev.job.keys import (
     BackendName,
     Background,
@@ -285,6 +286,10 @@ class Job(Table):
     )
     camera: JobCamera = Field(default_factory=JobCamera, description="The camera.")
     render: JobRender = Field(default_factory=JobRender, description="Resolution, samples, device, background.")
+    charts: JobCharts | None = Field(
+        default=None,
+        description="A chrome ball, a grey ball and a colour chart beside the asset, where the table is given.",
+    )
     outputs: JobOutputs = Field(default_factory=dict, validate_default=True, description="Which files are written.")
 
     _file: Path = PrivateAttr()
@@ -311,6 +316,15 @@ class Job(Table):
         if camera.usd is not None and camera.file is None and asset is not None and asset.usd is None:
             raise wrong("a built-in asset has no camera", "name the 'file' of the camera")
         return camera
+
+    @field_validator("charts")
+    @classmethod
+    def _charts_of_the_frame(cls, charts: JobCharts | None, info: ValidationInfo) -> JobCharts | None:
+        render = info.data.get("render")
+        if charts is not None and render is not None:
+            looks = (each.name for each in info.data.get("look", ()))
+            charts.check(render.resolution, render.backend, looks)
+        return charts
 
     def model_post_init(self, context: Any) -> None:
         """Keep the job file, whose absolute path is ``file`` of the validation context."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -16,6 +16,7 @@ from lookdev.plan.setup import Setup, Turns
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.render.task import FrameTask
 from lookdev.scene import Pose
+from lookdev.scene.charts import Strip
 
 State = Literal["done", "stale", "new"]
 DAMAGED = "damaged"
@@ -63,8 +64,19 @@ class Reel:
 
 
 @dataclass(frozen=True)
+class Charts:
+    """The reference props of a job: a setup for each light, and the strip of the frame that shows them."""
+
+    setups: tuple[Setup, ...]
+    strip: Strip
+
+
+@dataclass(frozen=True)
 class Plan:
     """Every frame of some setups, in their order.
+
+    `charts` are the frames of reference props that are laid over frames of looks, all by their files; the props are in
+    a `strip` of the frame, and their frames are the first.
 
     `pictures` are the files to make of single frames that need no rendering: those that are missing or older than the
     EXR, or whose EXR `copies` will make.
@@ -76,6 +88,8 @@ class Plan:
     pictures: tuple[Path, ...] = ()  # EXRs that need no rendering but whose PNG is missing or older, copies included
     skips: tuple[Skip, ...] = ()
     sheets: tuple[WedgeSheet, ...] = ()
+    charts: Mapping[Path, Path] = field(default_factory=dict)
+    strip: Strip | None = None
 
     @property
     def counts(self) -> dict[State, int]:
@@ -105,6 +119,7 @@ def build_plan(
     *,
     labels: Mapping[str, str] | None = None,
     beside: Sequence[str] = (),
+    charts: Charts | None = None,
 ) -> Plan:
     """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
 
@@ -113,7 +128,7 @@ def build_plan(
     """
     frames = tuple(
         PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
-        for setup in setups
+        for setup in (*(charts.setups if charts else ()), *setups)
         for task in _tasks(setup, turns, labels or {})
     )
     reels = tuple(
@@ -122,7 +137,18 @@ def build_plan(
         for each in turns.turntables
     )
     due = tuple(_pictures(frames, beside))
-    return Plan(frames, reels, turns.output, due, tuple(find_skips(setups, turns)))
+    laid_over = {
+        frame: over
+        for props in (charts.setups if charts else ())
+        for each in turns.turntables
+        for setup in setups
+        if setup.ibl == props.ibl
+        for frame, over in zip(
+            turns.files(setup.look, setup.ibl, each), turns.files(props.look, props.ibl, each), strict=True
+        )
+    }
+    strip = charts.strip if charts else None
+    return Plan(frames, reels, turns.output, due, tuple(find_skips(setups, turns)), charts=laid_over, strip=strip)
 
 
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:

@@ -86,6 +86,7 @@ class Backend:
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
+    apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
@@ -177,6 +178,7 @@ BACKENDS: dict[str, Backend] = {
             directions=True,
             features=True,
             passes=tuple(PASSES),
+            apart=True,
             ahead=True,
         ),
         Backend(
@@ -213,6 +215,7 @@ BACKENDS: dict[str, Backend] = {
             cannot_light=mitsuba_gaps,
             directions=True,
             features=True,
+            apart=True,
             version=_of_mitsuba,
         ),
         Backend(

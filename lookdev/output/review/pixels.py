@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path
 from lookdev.metrics import pooled_error
+from lookdev.output.display import laid_over
 from lookdev.output.exr import read_frame, read_layer
 
 Floats = NDArray[np.float32]
@@ -33,12 +34,19 @@ class Pixels:
     error: Floats | None
 
 
-def read_pixels(frame: Path) -> Pixels:
-    """Return what a page shows of a frame, rounded as it is there; raises OutputError where it is damaged."""
-    beauty, alpha = read_frame(frame)
-    error = read_layer(frame, "error")
-    pooled = None if error is None else _rounded(pooled_error(error))
-    return Pixels(_rounded(beauty), _rounded(alpha), pooled)
+def read_pixels(frame: Path, over: Path | None = None) -> Pixels:
+    """Return what a page shows of a frame, rounded as it is there, under another frame that is laid over it.
+
+    Raises OutputError where one is damaged.
+    """
+    (beauty, alpha), error = read_frame(frame), read_layer(frame, "error")
+    pooled = None if error is None else pooled_error(error)
+    if over is not None:
+        props, error = read_frame(over), read_layer(over, "error")
+        beauty, alpha = laid_over(props, (beauty, alpha))
+        if pooled is not None:
+            pooled = None if error is None else np.hypot((1.0 - props[1]) * pooled, pooled_error(error))
+    return Pixels(_rounded(beauty), _rounded(alpha), None if pooled is None else _rounded(pooled))
 
 
 def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:
