@@ -16,7 +16,7 @@ from lookdev.batch.pictures import write_shared
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.render.cryptomatte import matte_header
-from lookdev.render.passes import LIGHT, arrays_of
+from lookdev.render.passes import LIGHT
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
 
@@ -48,7 +48,7 @@ def write_rendered(
         header["raw.relmse"] = repr(rendered.raw_relmse)
     if not math.isnan(rendered.relmse):  # else the halves are one render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
-    channels = arrays_of(task.scene.sampling.passes)
+    channels = task.scene.arrays
     planes = {
         channel: rendered.passes[name][..., i] * (exposure if name in LIGHT else np.float32(1.0))
         for name, each in channels.items()

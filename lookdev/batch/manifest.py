@@ -32,6 +32,7 @@ _STATE = f"{STATE_FOLDER}/digests.json"
 def input_files(job: Job) -> list[Path]:
     """Return a job file and all files that it reads, those that its USD files compose included."""
     composed = [job.asset.usd, job.camera.file, *(rig.usd for rig in job.rig)]
+    composed += [job.ground.material] if job.ground else []
     for look in job.look:
         composed += [look.material, look.layer, *(each.material for each in look.assign)]
     needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(_composed_of(file) for file in composed if file))

@@ -79,8 +79,10 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files, without its wedges; backend and errors as `prepare_job`."""
-    job = load_job(path).model_copy(update={"wedge": ()})
+    """Read a job and its files, without wedges, props and a shadow catcher; backend and errors as `prepare_job`."""
+    job = load_job(path)
+    plane = job.ground if job.ground and job.ground.kind == "plane" else None
+    job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane})
     return make_setups(job_scenes(_with_backend(job, backend)), {})
 
 

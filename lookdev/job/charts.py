@@ -60,8 +60,8 @@ class JobCharts(Table):
                 across = x.max() > box.left and x.min() < box.left + box.width
                 if across and y.max() > box.top and y.min() < box.top + box.height:
                     yield (
-                        f"[charts] hides a part of the asset at the {self.place} edge of the frame: the camera of 'usd' "
-                        "leaves no room; another place or a smaller size would be right"
+                        f"[charts] hides a part of the asset at the {self.place} edge of the frame, where the camera "
+                        "of 'usd' leaves no room; another place or a smaller size would be right"
                     )
                     return
 

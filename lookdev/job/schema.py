@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
 
 from lookdev.job.charts import JobCharts
+from lookdev.job.ground import JobGround
 from lookdev.job.keys import (
     BackendName,
     Background,
@@ -290,6 +291,9 @@ class Job(Table):
         default=None,
         description="A chrome ball, a grey ball and a colour chart beside the asset, where the table is given.",
     )
+    ground: JobGround | None = Field(
+        default=None, description="What the asset stands on, where the table is given: a shadow catcher or a plane."
+    )
     outputs: JobOutputs = Field(default_factory=dict, validate_default=True, description="Which files are written.")
 
     _file: Path = PrivateAttr()
@@ -325,6 +329,14 @@ class Job(Table):
             looks = (each.name for each in info.data.get("look", ()))
             charts.check(render.resolution, render.backend, looks)
         return charts
+
+    @field_validator("ground")
+    @classmethod
+    def _ground_of_the_frame(cls, ground: JobGround | None, info: ValidationInfo) -> JobGround | None:
+        render = info.data.get("render")
+        if ground is not None and render is not None:
+            ground.check(render.backend, render.denoise, render.passes)
+        return ground
 
     def model_post_init(self, context: Any) -> None:
         """Keep the job file, whose absolute path is ``file`` of the validation context."""

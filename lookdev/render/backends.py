@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen import Catching, NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, mitsuba_gaps, native_gaps
 from lookdev.light.lamps import is_plain
@@ -34,14 +34,16 @@ WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 class Setting:
     """What a source is generated for besides its look.
 
-    Without `shadows` the asset never occludes light. `resolve` returns the linear EXR file of a texture, or that of the
-    slopes of a height map; None: those of the cache.
+    Without `shadows` the asset never occludes light. In a scene with a shadow catcher, `catching` is what wears the
+    look. `resolve` returns the linear EXR file of a texture, or that of the slopes of a height map; None: those of the
+    cache.
     """
 
     lights: tuple[Light, ...]
     resolution: tuple[int, int]
     sampling: Sampling
     shadows: bool = True
+    catching: Catching = ""
     resolve: Callable[[Texture | Bump], Path] | None = None
 
     def image_file(self, source: Texture | Bump) -> Path:
@@ -86,6 +88,7 @@ class Backend:
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
+    catches: bool = False  # renders shadow catchers
     apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
@@ -106,6 +109,7 @@ def _exact(look: Look, setting: Setting) -> Source:
         resolution=setting.resolution,
         features=setting.sampling.features,
         recorded=setting.sampling.recorded,
+        catching=setting.catching,
     )
 
 
@@ -178,6 +182,7 @@ BACKENDS: dict[str, Backend] = {
             directions=True,
             features=True,
             passes=tuple(PASSES),
+            catches=True,
             apart=True,
             ahead=True,
         ),

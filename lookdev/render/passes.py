@@ -57,8 +57,11 @@ PASSES: dict[str, Pass] = {
 }
 
 
-LIGHT = frozenset(name for each in PASSES.values() if each.light for name in each.arrays)
-"""The names of arrays that are parts of the beauty."""
+CATCHER = _parts("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
+"""What a frame with a shadow catcher has besides, as `lookdev.render.catcher` defines it."""
+
+LIGHT = frozenset(name for each in PASSES.values() if each.light for name in each.arrays) | frozenset(CATCHER)
+"""The names of arrays that are parts of the light, to which exposure applies."""
 
 
 def arrays_of(passes: Iterable[str]) -> dict[str, tuple[str, ...]]:
