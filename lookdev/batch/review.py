@@ -96,7 +96,7 @@ def find_version(folder: Path, page: Path) -> Version:
         frame.file.relative_to(folder / FOLDER): frame.file
         for (look, _, _), frames in reels.items()
         for frame in frames
-        if look == FOLDER and "charts.worst" in frame.header
+        if look == FOLDER and "charts.strip" in frame.header
     }
     made = []
     for key, frames in reels.items():

@@ -349,7 +349,7 @@ class _Run:
         constant = all(light.constant for light in task.scene.lights)
         found, header = list(doubts(rendered, beauty, constant_light=constant)), dict[str, str]()
         is_charts = task.files[0] in self._props
-        if is_charts and self._plan.strip is not None:
+        if is_charts and self._plan.strip is not None and not self._plan.strip.too_small():
             # Not at the top: Embree takes long to import, which few jobs need.
             from lookdev.checks.charts import charts_doubts, charts_header, check_charts
 

@@ -38,7 +38,7 @@ class JobCharts(Table):
 
     def check(self, resolution: tuple[int, int], backend: str, looks: Iterable[str]) -> None:
         """Raise the fault of a job, by its resolution, backend and names of looks."""
-        what, hint = self.strip(resolution).fault()
+        what, hint = self.strip(resolution).misfit()
         if what:
             raise wrong(what, hint)
         if backend in BACKENDS and not BACKENDS[backend].apart:

@@ -130,6 +130,7 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
         with collected(job, "charts", faults):
             seen, strip = props_camera(cameras[largest_of], largest.center), job.charts.strip(film.resolution)
             lit = {name for _, name in scenes}
+            notes += filter(None, [strip.too_small()])
             charts = {rig.name: props_scene(strip, seen, rig.around(largest)) for rig in rigs if rig.name in lit}
         raise_all(faults)
     shortly = tuple(dict.fromkeys(map(shortened, notes)))

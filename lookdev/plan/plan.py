@@ -126,10 +126,13 @@ def build_plan(
     Poses that differ only by a turn of what looks the same from everywhere are one. `labels` are entries of the header
     of every frame; `beside` are the suffixes of the files that every frame is to have beside its EXR.
     """
+    over = charts.setups if charts else ()
+    strip = charts.strip if charts else None
+    of_props = {**(labels or {}), "charts.strip": f"{strip.place} {strip.size!r}"} if strip else {}
     frames = tuple(
         PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
-        for setup in (*(charts.setups if charts else ()), *setups)
-        for task in _tasks(setup, turns, labels or {})
+        for setup, named in (*((each, of_props) for each in over), *((each, labels or {}) for each in setups))
+        for task in _tasks(setup, turns, named)
     )
     reels = tuple(
         Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
@@ -138,16 +141,15 @@ def build_plan(
     )
     due = tuple(_pictures(frames, beside))
     laid_over = {
-        frame: over
-        for props in (charts.setups if charts else ())
+        frame: above
+        for props in over
         for each in turns.turntables
         for setup in setups
         if setup.ibl == props.ibl
-        for frame, over in zip(
+        for frame, above in zip(
             turns.files(setup.look, setup.ibl, each), turns.files(props.look, props.ibl, each), strict=True
         )
     }
-    strip = charts.strip if charts else None
     return Plan(frames, reels, turns.output, due, tuple(find_skips(setups, turns)), charts=laid_over, strip=strip)
 
 

@@ -27,11 +27,12 @@ STRIP = Strip("bottom", 0.5, (case.WIDTH, case.HEIGHT))
 @pytest.fixture(autouse=True)
 def _measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave the readings of props to other tests: this worker renders none."""
+    monkeypatch.setattr(Strip, "too_small", lambda self: "")
     monkeypatch.setattr("lookdev.checks.charts.check_charts", lambda *_: ())
     monkeypatch.setattr("lookdev.checks.charts.charts_doubts", lambda readings: ["grey ball -50 %"])
     monkeypatch.setattr(
         "lookdev.checks.charts.charts_header",
-        lambda readings: {"charts.worst": "grey ball -50 %", "charts.doubt": "grey ball -50 %"},
+        lambda readings: {"charts.doubt": "grey ball -50 %"},
     )
 
 

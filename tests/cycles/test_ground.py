@@ -1,4 +1,4 @@
-"""A ball, a monkey and a leaf on the ground: closed forms, the float64 reference, and what a catcher leaves as it is."""
+"""Assets on the ground: closed forms, the float64 reference, and what a catcher leaves as it is."""
 
 from __future__ import annotations
 

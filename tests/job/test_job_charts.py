@@ -24,8 +24,6 @@ turntable = [{ kind = "element", frames = 8 }]
 @pytest.mark.parametrize(
     ("more", "name", "said"),
     [
-        ("render.resolution = [128, 128]", "gold", "charts: 1.8 pixels across the middle of a patch are too few"),
-        ("render.resolution = [128, 128]", "gold", "size = 0.203 at least, or a higher resolution"),
         ("render.resolution = [200, 900]", "gold", "along the bottom edge, the frame has 200 (size = 0.066 at most"),
         ("render.backend = 'nodes'", "gold", 'lets the props shadow one another (backend = "exact" or "mitsuba")'),
         ("", "Charts", "a look of the job is called 'charts', the name of the frames of [charts] (rename it)"),
@@ -40,6 +38,13 @@ def test_faults_are_found_before_anything_is_read(tmp_path: Path, more: str, nam
     with pytest.raises(JobError) as error:
         parse_job(text, tmp_path / "job.toml")
     assert said in str(error.value)
+
+
+def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:
+    assert JobCharts().strip((320, 240)).too_small() == ""
+    said = JobCharts().strip((128, 128)).too_small()
+    assert "1.8 pixels across the middle of a patch are too few; size = 0.203" in said
+    assert JobCharts(size=0.203).strip((128, 128)).too_small() == ""
 
 
 def test_a_camera_of_a_file_is_noted_where_props_hide_the_asset() -> None:

@@ -141,8 +141,8 @@ class Strip:
         }
         return {"grey ball": grey.inner(_WITHIN), **{name: each.inner(_WITHIN) for name, each in cells.items()}}
 
-    def fault(self) -> tuple[str, str]:
-        """Return why the props do not fit or cannot be measured, and what would be right; "" where there is nothing."""
+    def misfit(self) -> tuple[str, str]:
+        """Return why the props do not fit into the strip, and what would be right; "" where they do."""
         chrome, _, chart = self.props
         length = self.resolution[1 if self.upright else 0]
         used = chart.top + chart.height - chrome.top if self.upright else chart.left + chart.width - chrome.left
@@ -150,12 +150,18 @@ class Strip:
             most = math.floor(1e3 * self.size * length / used) / 1e3
             what = f"the props need {math.ceil(used)} pixels along the {self.place} edge, the frame has {length}"
             return what, f"size = {most:g} at most, or another place"
-        side = self.measured["black 2"].width
-        if side < _FEWEST + 1.0:
-            least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
-            what = f"{side:.1f} pixels across the middle of a patch are too few to measure it"
-            return what, f"size = {least:g} at least, or a higher resolution"
         return "", ""
+
+    def too_small(self) -> str:
+        """Return why patches cannot be measured, and what would be right; "" where they can."""
+        side = self.measured["black 2"].width
+        if side >= _FEWEST + 1.0:
+            return ""
+        least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
+        return (
+            f"[charts] is not measured: {side:.1f} pixels across the middle of a patch are too few; size = {least:g} or "
+            "a higher resolution would be right"
+        )
 
 
 def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
