@@ -99,7 +99,7 @@ def find_version(folder: Path, page: Path) -> Version:
         if look == FOLDER and "charts.strip" in frame.header
     }
     made = []
-    for key, frames in reels.items():
+    for key, frames in sorted(reels.items(), key=lambda each: each[0][0] == FOLDER):  # props after the looks
         files = [frame.file.relative_to(folder / key[0]) for frame in frames]
         over = [props.get(file) if key[0] != FOLDER else None for file in files]
         made.append(Reel(*key, tuple(replace(f, over=each) for f, each in zip(frames, over, strict=True))))

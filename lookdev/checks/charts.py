@@ -111,7 +111,7 @@ def charts_doubts(readings: Sequence[Reading]) -> Iterator[str]:
     off = sorted((each for each in readings if each.excess > 1.0), key=lambda each: -each.excess)
     if not off:
         return
-    named = ", ".join(f"{each.name} {_times(each)}" for each in off[:_NAMED])
+    named = ", ".join(f"{each.name} {_factor(each)}" for each in off[:_NAMED])
     more = f" and {len(off) - _NAMED} more" if len(off) > _NAMED else ""
     ratios = [_ratio(each) for each in off]
     alike = len(off) == len(readings) and max(ratios) < 1.02 * min(ratios)
@@ -131,8 +131,9 @@ def _ratio(reading: Reading) -> float:
     return 1.0 + reading.deviation
 
 
-def _times(reading: Reading) -> str:
-    return f"{100.0 * reading.deviation:+.2g} %"
+def _factor(reading: Reading) -> str:
+    far = abs(reading.deviation) >= 1.0
+    return f"x {_ratio(reading):.2g}" if far else f"{100.0 * reading.deviation:+.2g} %"
 
 
 @dataclass(frozen=True)

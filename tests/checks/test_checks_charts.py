@@ -47,8 +47,8 @@ def test_a_right_frame_has_no_doubt(task: FrameTask, noise: float) -> None:
     assert list(charts_doubts(readings)) == []
     assert "charts.doubt" not in charts_header(readings)
     if not noise:
-        # The reference's own noise, and float32.
-        assert max(abs(each.deviation) for each in readings) < 1e-3
+        # The noise of the reference, and the facets of its ball.
+        assert max(abs(each.deviation) for each in readings) < 2e-3
 
 
 @pytest.mark.parametrize("stops", [0.01, -0.5, 1.0])

@@ -43,8 +43,8 @@ def test_faults_are_found_before_anything_is_read(tmp_path: Path, more: str, nam
 def test_patches_of_few_pixels_are_shown_and_not_measured() -> None:
     assert JobCharts().strip((320, 240)).too_small() == ""
     said = JobCharts().strip((128, 128)).too_small()
-    assert "1.8 pixels across the middle of a patch are too few; size = 0.203" in said
-    assert JobCharts(size=0.203).strip((128, 128)).too_small() == ""
+    assert "2.3 pixels across the middle of a patch are too few; size = 0.156" in said
+    assert JobCharts(size=0.156).strip((128, 128)).too_small() == ""
 
 
 def test_a_camera_of_a_file_is_noted_where_props_hide_the_asset() -> None:

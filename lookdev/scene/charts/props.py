@@ -39,7 +39,7 @@ _PADDING, _GAP = 0.08, 0.2  # of the strip's thickness, at each side; between pr
 _ROWS, _COLUMNS = 4, 6
 _SEAM = 0.12  # of a patch's cell, between it and the border
 _BORDER = 0.03  # reflectance
-_WITHIN = 0.55  # of a cell or a ball's diameter: the square that is measured, free of edges
+_OF_BALL, _OF_CELL = 0.5, 0.72  # the square that is measured, of a diameter and of a cell: free of edges
 _SEGMENTS = 256  # of a ball
 _FEWEST = 2.0  # pixels along the side of a measured square, whole ones
 
@@ -139,7 +139,7 @@ class Strip:
             name: Box(chart.left + (i % _COLUMNS) * cell, chart.top + (i // _COLUMNS) * cell, cell, cell)
             for i, name in enumerate(PATCHES)
         }
-        return {"grey ball": grey.inner(_WITHIN), **{name: each.inner(_WITHIN) for name, each in cells.items()}}
+        return {"grey ball": grey.inner(_OF_BALL), **{name: each.inner(_OF_CELL) for name, each in cells.items()}}
 
     def misfit(self) -> tuple[str, str]:
         """Return why the props do not fit into the strip, and what would be right; "" where they do."""
@@ -159,8 +159,8 @@ class Strip:
             return ""
         least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
         return (
-            f"[charts] is not measured: {side:.1f} pixels across the middle of a patch are too few; size = {least:g} or "
-            "a higher resolution would be right"
+            f"[charts] is not measured: {side:.1f} pixels across the middle of a patch are too few; size = {least:g} "
+            "or a higher resolution would be right"
         )
 
 
