@@ -66,13 +66,14 @@ def record_run(job: Job, plan: Plan) -> Path:
             name = file.relative_to(plan.output).as_posix()
             again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
             frames.append(digests.entry(file, name) | {"header": read_header(file), "command": again})
+    beside = (key for key in ("charts", "ground") if getattr(job, key) is not None)
     made = ((plan.output / name, name) for name in ledger_names(plan.output))
     manifest = {
         "job": str(job.file),
         "command": render,
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
         "view": asdict(job.outputs.shown("png")),
-        "settings": job.model_dump(mode="json", include={"render", "outputs"}),
+        "settings": job.model_dump(mode="json", include={"render", "outputs", *beside}),
         "inputs": [digests.entry(file, str(file)) for file in input_files(job) if file.is_file()],
         "planned": len(planned),
         "frames": frames,

@@ -96,7 +96,7 @@ def find_version(folder: Path, page: Path) -> Version:
         frame.file.relative_to(folder / FOLDER): frame.file
         for (look, _, _), frames in reels.items()
         for frame in frames
-        if look == FOLDER and "charts.strip" in frame.header
+        if look == FOLDER and "charts.strip" in frame.header and _has_props(folder)
     }
     made = []
     for key, frames in sorted(reels.items(), key=lambda each: each[0][0] == FOLDER):  # props after the looks
@@ -104,6 +104,14 @@ def find_version(folder: Path, page: Path) -> Version:
         over = [props.get(file) if key[0] != FOLDER else None for file in files]
         made.append(Reel(*key, tuple(replace(f, over=each) for f, each in zip(frames, over, strict=True))))
     return Version(folder.name, folder, tuple(made), tuple(problems))
+
+
+def _has_props(folder: Path) -> bool:
+    """Return whether frames of props that are in a folder belong to its job, as far as it is known."""
+    try:
+        return "charts" in read_manifest(folder)["settings"]
+    except (OutputError, KeyError, TypeError):
+        return True
 
 
 def _job_view(folder: Path) -> DisplayView:
