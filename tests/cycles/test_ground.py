@@ -103,7 +103,10 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(
     assert ground.sum() > 300
     expected = shadow.mean(axis=(-2, -1))
     chosen = np.argwhere(ground)
-    assert_like([frame.alpha for frame in frames], expected[ground], np.zeros(len(chosen)), chosen)
+    # Next to the contact hardly a ray arrives: the spread of few frames is 0 there, that of independent rays is not.
+    rays = len(frames) * 32 * scene_task(scene, Sampling(bounces=0)).shaders[-1].directions[0]
+    error = np.sqrt(expected[ground] * (1.0 - expected[ground]) / rays)
+    assert_like([frame.alpha for frame in frames], expected[ground], error, chosen)
 
     # Nothing but shadow, and the darker the nearer to the contact.
     mean = np.mean([frame.alpha for frame in frames], axis=0)
