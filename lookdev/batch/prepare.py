@@ -23,8 +23,9 @@ from lookdev.output.exr import read_header
 from lookdev.plan import Charts, Plan, Setup, Turns, build_plan, make_setup
 from lookdev.render.scene import Generated, scene_task
 from lookdev.render.task import SceneTask
-from lookdev.scene import Scene
+from lookdev.scene import Film, Scene
 from lookdev.scene.charts import FOLDER
+from lookdev.space import REC709
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     def show(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # the setups report it
-                scene = replace(Scene.of_look(_card(), look, lights[0], job.render.resolution), lights=lights)
+                scene = Scene.of_look(_card(), look, lights[0], job.render.resolution)
+                scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(scene_task(scene, job.render.sampling, job.render.backend, job.render.device, generated))
 
     made = make_setups(job_scenes(job, show), generated)
@@ -79,10 +81,11 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files, without wedges, props and a shadow catcher; backend and errors as `prepare_job`."""
+    """Read a job and its files, without wedges, props and a catcher, in linear Rec.709; errors as `prepare_job`."""
     job = load_job(path)
     plane = job.ground if job.ground and job.ground.kind == "plane" else None
-    job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane})
+    render = job.render.model_copy(update={"space": REC709})
+    job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
     return make_setups(job_scenes(_with_backend(job, backend)), {})
 
 

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from lookdev.batch.lock import STATE_FOLDER
+from lookdev.batch.runs import STATE_FOLDER
 from lookdev.errors import OutputError, shortened
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header
 from lookdev.output.manifest import read_manifest
 from lookdev.output.review import Reel, ReviewFrame, Version, write_page
 from lookdev.output.review.page import Written
-from lookdev.scene.charts import FOLDER
+from lookdev.scene.charts import FOLDER, STRIP
 
 PAGE_FOLDER = "review"
 """Folder of the page inside the output folder, unless another is named."""
@@ -96,7 +96,7 @@ def find_version(folder: Path, page: Path) -> Version:
         frame.file.relative_to(folder / FOLDER): frame.file
         for (look, _, _), frames in reels.items()
         for frame in frames
-        if look == FOLDER and "charts.strip" in frame.header and _has_props(folder)
+        if look == FOLDER and STRIP in frame.header and _has_props(folder)
     }
     made = []
     for key, frames in sorted(reels.items(), key=lambda each: each[0][0] == FOLDER):  # props after the looks

@@ -23,6 +23,7 @@ from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
 from lookdev.scene.charts import GREY, PATCHES, Box, Strip, asset_of_props, patch_colors
 from lookdev.scene.charts.props import cropped
+from lookdev.space import to_space
 
 Floats = NDArray[np.float64]
 
@@ -87,7 +88,10 @@ def check_charts(task: FrameTask, strip: Strip, rendered: Rendered) -> tuple[Rea
     Only channels are compared whose reflectance is not 0: of cyan, red is.
     """
     halves = [np.asarray(each, np.float64) * 2.0**task.exposure for each in (rendered.a, rendered.b)]
-    colors = {"grey ball": np.full(3, GREY), **dict(zip(PATCHES, patch_colors(), strict=True))}
+    colors = {
+        "grey ball": np.full(3, GREY),
+        **dict(zip(PATCHES, to_space(patch_colors(), task.scene.space), strict=True)),
+    }
     squares = {name: _whole_pixels(box) for name, box in strip.measured.items()}
     light = _predicted_white(task, strip, squares)
     readings = []

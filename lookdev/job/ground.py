@@ -16,7 +16,7 @@ from lookdev.render.backends import BACKENDS, job_backends
 from lookdev.scene import Camera
 from lookdev.scene.ground import GREY, Ground
 
-_UNCAUGHT = ("lobes", "direct", "cryptomatte")
+_UNCAUGHT = ("lobes", "direct", "lights", "cryptomatte")
 """Passes that sum up to the beauty, or to its alpha, which a catcher takes light and coverage away from."""
 
 

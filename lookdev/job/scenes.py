@@ -103,7 +103,7 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
     largest_of = max(shown, key=lambda name: shown[name].radius)
     largest = shown[largest_of]
     parts = {path for each in turned.values() for path in each.paths}
-    film = Film(job.render.resolution)
+    film = Film(job.render.resolution, job.render.space)
     placed = {name: (shown[name], each.wears) for name, each in dressed.items()}
     catchers: frozenset[str] = frozenset()
     if job.ground is not None:
@@ -131,7 +131,9 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
             seen, strip = props_camera(cameras[largest_of], largest.center), job.charts.strip(film.resolution)
             lit = {name for _, name in scenes}
             notes += filter(None, [strip.too_small()])
-            charts = {rig.name: props_scene(strip, seen, rig.around(largest)) for rig in rigs if rig.name in lit}
+            charts = {
+                rig.name: props_scene(strip, seen, rig.around(largest), film.space) for rig in rigs if rig.name in lit
+            }
         raise_all(faults)
     shortly = tuple(dict.fromkeys(map(shortened, notes)))
     return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets, charts)

@@ -16,6 +16,7 @@ from lookdev.light import Light, called, mitsuba_gaps, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
+from lookdev.space import OCIO_NAMES, REC709, Space
 
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
@@ -36,7 +37,8 @@ class Setting:
 
     Without `shadows` the asset never occludes light. In a scene with a shadow catcher, `catching` is what wears the
     look. `resolve` returns the linear EXR file of a texture, or that of the slopes of a height map; None: those of the
-    cache.
+    cache. `light_groups` has the number of each light's group, where a pass has them. `space` is that of the lights,
+    and of what is rendered.
     """
 
     lights: tuple[Light, ...]
@@ -45,6 +47,8 @@ class Setting:
     shadows: bool = True
     catching: Catching = ""
     resolve: Callable[[Texture | Bump], Path] | None = None
+    light_groups: tuple[int, ...] = ()
+    space: Space = REC709
 
     def image_file(self, source: Texture | Bump) -> Path:
         """Return the file of an image."""
@@ -87,6 +91,7 @@ class Backend:
     cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
+    spaces: tuple[Space, ...] = (REC709,)  # in which it renders
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
     catches: bool = False  # renders shadow catchers
     apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
@@ -110,6 +115,8 @@ def _exact(look: Look, setting: Setting) -> Source:
         features=setting.sampling.features,
         recorded=setting.sampling.recorded,
         catching=setting.catching,
+        light_groups=setting.light_groups,
+        space=setting.space,
     )
 
 
@@ -129,7 +136,7 @@ def _program(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
     features = setting.sampling.denoise != "off"
-    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features)
+    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features, space=setting.space)
 
 
 def _principled(look: Look, setting: Setting) -> Source:
@@ -181,6 +188,7 @@ BACKENDS: dict[str, Backend] = {
             any_light=True,
             directions=True,
             features=True,
+            spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
             catches=True,
             apart=True,
@@ -221,6 +229,7 @@ BACKENDS: dict[str, Backend] = {
             directions=True,
             features=True,
             apart=True,
+            spaces=tuple(OCIO_NAMES),
             version=_of_mitsuba,
         ),
         Backend(

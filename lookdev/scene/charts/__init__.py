@@ -4,13 +4,14 @@
 """
 
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
-from lookdev.scene.charts.props import FOLDER, PLACES, Box, Strip, asset_of_props, props_camera, props_scene
+from lookdev.scene.charts.props import FOLDER, PLACES, STRIP, Box, Strip, asset_of_props, props_camera, props_scene
 
 __all__ = [
     "FOLDER",
     "GREY",
     "PATCHES",
     "PLACES",
+    "STRIP",
     "Box",
     "Strip",
     "asset_of_props",

@@ -11,7 +11,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal
+from typing import Literal, Self, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from lookdev.scene.camera import Camera
 from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
 from lookdev.scene.linking import link_lights
 from lookdev.scene.scene import Film, Scene
+from lookdev.space import REC709, Space
 
 Floats = NDArray[np.float64]
 Place = Literal["bottom", "top", "left", "right"]
@@ -33,6 +34,9 @@ PLACES: tuple[Place, ...] = ("bottom", "top", "left", "right")
 
 FOLDER = "charts"
 """The name of the frames of props beside those of looks."""
+
+STRIP = "charts.strip"
+"""The entry of the headers of such frames that has the `Strip.label`."""
 
 _LENS = 2.0  # degrees: the view differs by 1 degree at most over the frame
 _PADDING, _GAP = 0.08, 0.2  # of the strip's thickness, at each side; between props
@@ -75,6 +79,17 @@ class Strip:
     place: Place
     size: float
     resolution: tuple[int, int]
+
+    @property
+    def label(self) -> str:
+        """The strip as text, in frames of any resolution."""
+        return f"{self.place} {self.size!r}"
+
+    @classmethod
+    def of_label(cls, label: str, resolution: tuple[int, int]) -> Self:
+        """Return the strip of a label."""
+        place, _, size = label.partition(" ")
+        return cls(cast("Place", place), float(size), resolution)
 
     @property
     def upright(self) -> bool:
@@ -185,7 +200,7 @@ def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
     )
 
 
-def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light]) -> Scene:
+def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Space = REC709) -> Scene:
     """Return the scene of props that a `props_camera` sees, under the lights of a rig.
 
     A light lights them whose ``lightLink`` includes the path ``/charts``.
@@ -197,7 +212,9 @@ def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light]) -> Scene:
         for light in lights
     ]
     linked = link_lights(asset, wears, seen)
-    return Scene(linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution), linked.lit, linked.groups)
+    return Scene(
+        linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution, space), linked.lit, linked.groups
+    )
 
 
 def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
