@@ -354,6 +354,7 @@ class _Frames:
         self._run = run
         self._report = report
         self._pictures = pictures
+        self._props = set(plan.charts.values())
         self._force = force
         self._done: set[Path] = set()
         self._rendered = 0
@@ -384,7 +385,7 @@ class _Frames:
             if task.files in waiting:
                 continue
             try:
-                self._pictures.refresh(task)
+                self._pictures.refresh(task, self._done)
             except OutputError:
                 if _is_whole(task.files[0]):
                     raise
@@ -409,7 +410,9 @@ class _Frames:
         for name in names:
             if name not in known:
                 raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
-        return {known[name] for name in names}
+        chosen = {known[name] for name in names}
+        tasks = {path: frame.task.files for frame in self._plan.frames for path in frame.task.files}
+        return chosen | {tasks[self._plan.charts[f]] for files in chosen for f in files if f in self._plan.charts}
 
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
         """Render frames, each claimed until it is done; only workers that never start end the batch.
@@ -452,7 +455,7 @@ class _Frames:
         for path in task.files[1:]:
             if not _has(path, task):
                 share(task.files[0], path)
-        self._pictures.refresh(task)
+        self._pictures.refresh(task, self._done)
         self._settle(task)
         self._report(FrameFound(self._name(task), task.digest))
         self._refresh_sheets()
@@ -486,9 +489,9 @@ class _Frames:
         for note in stored.notes:
             self._report(Noted(note))
         if isinstance(rendered, Stored):
-            self._pictures.refresh(task)
+            self._pictures.refresh(task, self._done)
         else:
-            self._pictures.write(task, exposed(task, rendered), rendered.alpha)
+            self._pictures.write(task, exposed(task, rendered), rendered.alpha, self._done)
         self._settle(task)
         self._rendered += 1
         self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
@@ -496,6 +499,8 @@ class _Frames:
 
     def _settle(self, task: FrameTask) -> None:
         self._done.update(task.files)
+        if task.files[0] in self._props:
+            self._pictures.refresh_under(task, self._done)
         self._run.release(self._name(task))
 
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:

@@ -106,6 +106,9 @@ class Source(Protocol):
     def see_through(self) -> bool: ...
 
 
+Catching = Literal["", "ground", "asset"]
+"""Of a scene with a shadow catcher: whether a look is the ground's or the asset's."""
+
 LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
 """The groups of lobes whose light can be recorded; a lobe that transmits is of the last, whatever its own."""
 
@@ -121,7 +124,7 @@ class ShaderSource:
     compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
     a shading point from the BSDF and from the light; with `shadows`, rays are traced along them. `recorded` are those
     of `LOBE_GROUPS` that the look has, if it can record parts of its light. So many lobes are `folded`: constants make
-    them 0, and no code is theirs.
+    them 0, and no code is theirs. If `catching`, it can show the parts of a frame with a shadow catcher.
     """
 
     name: str
@@ -138,6 +141,7 @@ class ShaderSource:
     varying: tuple[int, ...] = ()
     recorded: tuple[str, ...] = ()
     folded: int = 0
+    catching: Catching = ""
 
     @property
     def program(self) -> ShaderSource:

@@ -29,7 +29,6 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
-from lookdev.render.passes import arrays_of
 from lookdev.render.task import FrameTask, SceneTask
 
 PATIENCE = 600.0
@@ -344,7 +343,7 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = arrays_of(scene.sampling.passes, scene.names_of_light)
+    passes = scene.arrays
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
