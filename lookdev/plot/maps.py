@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from lookdev.errors import LookdevError
-from lookdev.plot.angles import LUMINANCE, Floats, half_difference
+from lookdev.plot.angles import LUMINANCE, Floats, Values, half_difference
 from lookdev.plot.curves import f_of
 from lookdev.plot.figure import Plot, distinct, figure_of, picture, shown
 from lookdev.plot.options import Options
@@ -42,6 +42,12 @@ def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
         columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
     figure.suptitle(_title(options), fontsize=9)
     return Plot(figure, columns)
+
+
+def slice_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the middles of pixels."""
+    _, wo, wi = grid(options)
+    return {"f": f_of(subject, wo, wi, options.cosine)}
 
 
 def difference(subjects: Sequence[Subject], options: Options) -> Plot:
