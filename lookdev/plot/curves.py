@@ -34,6 +34,7 @@ _EDGE = 1e-6
 _GRAZING = np.sin(np.radians(1.0))
 _DECADES = 4.0
 _ALBEDO_VIEWS = 19
+_DRAFT = (16, 8)
 
 FRESNEL_RANGE = (-0.5, 8.0)
 """Of the axis of offset and scaled responses."""
@@ -210,11 +211,13 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {"theta_o (degrees)": degrees, **columns}, (f"integration error at most {worst:.2g}",))
 
 
-def albedo_values(subject: Subject, options: Options, cells: tuple[int, int] = CELLS) -> Values:
-    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3), by some cells."""
-    degrees = np.linspace(0.0, min(options.limit, 89.0), options.size or _ALBEDO_VIEWS)
+def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Values:
+    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft has larger ones."""
+    degrees = np.linspace(
+        0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
+    )
     views = towards(np.radians(degrees), np.radians(options.phi))
-    found = [integrate_albedo(subject.bsdf, view, cells) for view in views]
+    found = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
     values, error = (np.array([getattr(each, name).sum(axis=0) for each in found]) for name in ("value", "error"))
     return {"x": degrees, "f": values, "error": error}
 
@@ -235,7 +238,10 @@ def f_of(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
         raise LookdevError(
             f"{subject.label}: scatters along single directions and has no f; plot fresnel or albedo of it"
         )
-    f = evaluate_in_parts(subject.bsdf, wo, wi)
+    if subject.faster:
+        f = subject.faster(wo.reshape(-1, 3), wi.reshape(-1, 3)).reshape(wo.shape)
+    else:
+        f = evaluate_in_parts(subject.bsdf, wo, wi)
     return f * np.abs(wi[..., 2:]) if cosine else f
 
 
@@ -269,4 +275,4 @@ def _normalised(f: Floats, degrees: Floats) -> Floats:
     if not within.any():
         raise LookdevError("fresnel: curves are scaled by 45 to 80 degrees; a larger --limit and --size would be right")
     mean = np.abs(risen[within].mean(axis=0, keepdims=True))
-    return np.asarray(risen / np.where(mean > 1e-9 * np.abs(f).max(), mean, np.inf))
+    return np.asarray(risen / np.where(mean > 1e-9 * np.abs(f[within]).max(), mean, np.inf))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.plot import curves, maps, sampling, solid
@@ -18,6 +19,7 @@ class Kind:
     """A kind of plot: a sentence, the function that draws it, the options that it uses, and the most surfaces in it.
 
     `values` are the numbers of one surface, for whoever draws them otherwise. Of a difference they are each surface's.
+    `draft` are coarser ones, where these take longer than a hand waits.
     """
 
     text: str
@@ -25,6 +27,7 @@ class Kind:
     values: Callable[[Subject, Options], Values]
     uses: tuple[str, ...]
     most: int = 8
+    draft: Callable[[Subject, Options], Values] | None = None
 
 
 _PICTURE = ("exposure", "chroma", "size")
@@ -58,6 +61,7 @@ KINDS: dict[str, Kind] = {
         curves.albedo,
         curves.albedo_values,
         ("phi", "scale", "limit", "channels", "size"),
+        draft=partial(curves.albedo_values, draft=True),
     ),
     "sphere": Kind(
         "spheres under a point light and a dome",
@@ -77,6 +81,7 @@ KINDS: dict[str, Kind] = {
         sampling.sampling_values,
         ("theta", "phi", "size"),
         most=6,
+        draft=partial(sampling.sampling_values, draft=True),
     ),
 }
 """Every kind of plot by its name."""

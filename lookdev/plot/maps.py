@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -88,10 +89,16 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
 
 def grid(options: Options) -> tuple[Floats, Floats, Floats]:
     """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
-    count = options.size or _PIXELS
+    return _grid(options.size or _PIXELS, options.phi)
+
+
+@lru_cache(maxsize=4)
+def _grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
     theta = (np.arange(count) + 0.5) / count * 90.0
     angle = np.radians(theta)
-    wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(options.phi))
+    wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(phi))
+    for each in (theta, wo, wi):
+        each.flags.writeable = False
     return theta, wo, wi
 
 

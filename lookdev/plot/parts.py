@@ -2,35 +2,24 @@
 
 from __future__ import annotations
 
-import os
-from concurrent.futures import ThreadPoolExecutor
-from functools import cache
-
 import numpy as np
 
 from lookdev.brdf import Bsdf, evaluate
+from lookdev.codegen.program.arrays import PART, threads
 from lookdev.plot.angles import Floats
-
-_PART = 4096
-"""Pairs of a part: an array of so many numbers has 32 KiB. Twice or half as many are as fast within a few percent."""
-
-
-@cache
-def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="evaluate")
 
 
 def evaluate_in_parts(bsdf: Bsdf, wo: Floats, wi: Floats) -> Floats:
     """Return f of pairs of directions (..., 3), as `lookdev.brdf.evaluate`, whose values each point's are alone."""
     count = wo.size // 3
-    if count <= _PART:
+    if count <= PART:
         return np.asarray(evaluate(bsdf, wo, wi))
     out, towards_viewer, towards_light = np.empty((count, 3)), wo.reshape(-1, 3), wi.reshape(-1, 3)
 
     def fill(start: int) -> None:
-        part = slice(start, start + _PART)
+        part = slice(start, start + PART)
         out[part] = evaluate(bsdf, towards_viewer[part], towards_light[part])
 
-    for _ in _threads().map(fill, range(0, count, _PART)):
+    for _ in threads().map(fill, range(0, count, PART)):
         pass
     return out.reshape(wo.shape)

@@ -73,7 +73,7 @@ def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns, tuple(notes))
 
 
-def sampling_values(subject: Subject, options: Options) -> Values:
+def sampling_values(subject: Subject, options: Options, draft: bool = False) -> Values:
     """Return the `pdf` and the `value`, f times the cosine, (n, 2n), at cosines `cos` (n,) and azimuths `phi` (2n,).
 
     `counts` (k,) between `edges` (k + 1,) are of the samples' weights; `test` has their mean, its standard error, the
@@ -84,13 +84,13 @@ def sampling_values(subject: Subject, options: Options) -> Values:
             f"{subject.label}: scatters along single directions and has no pdf; plot fresnel or albedo of it"
         )
     wo = towards(np.radians(options.theta), np.radians(options.phi))
-    count = options.size or 192
+    count = options.size or (64 if draft else 192)
     cos = (np.arange(count) + 0.5) / count * 2.0 - 1.0
     phi = (np.arange(2 * count) + 0.5) / count * np.pi
     wi = towards(np.arccos(cos)[:, None], phi[None, :])
     view = np.broadcast_to(wo, wi.shape)
     density, value = pdf(subject.bsdf, view, wi), evaluate_cosine(subject.bsdf, view, wi) @ LUMINANCE
-    weights, test = _samples(subject.bsdf, wo)
+    weights, test = _samples(subject.bsdf, wo, *((1 << 12, _NODES // 4) if draft else (_SAMPLES, _NODES)))
     drawn = weights[weights > 0.0]
     counts, edges = np.histogram(drawn, np.geomspace(*_range(drawn), 80))
     spread = weights.std() / np.sqrt(len(weights))
@@ -113,26 +113,26 @@ def _range(drawn: Floats) -> tuple[float, float]:
     return max(low * 0.9, high * 1e-8), high * 1.1
 
 
-def _samples(bsdf: Bsdf, wo: Floats) -> tuple[Floats, ChiSquare]:
+def _samples(bsdf: Bsdf, wo: Floats, samples: int, nodes: int) -> tuple[Floats, ChiSquare]:
     """Return luminances of the samples' weights f cos / pdf, and the test of their directions against the pdf."""
-    u = np.random.default_rng(0).random((_SAMPLES, 2))
-    view = np.broadcast_to(wo, (_SAMPLES, 3))
+    u = np.random.default_rng(0).random((samples, 2))
+    view = np.broadcast_to(wo, (samples, 3))
     wi = sample(bsdf, view, u)
     density = pdf(bsdf, view, wi)
     drawn = (density > 0.0) & (wi[:, 2] != 0.0)
     value = evaluate_cosine(bsdf, view, wi) @ LUMINANCE
     weights = np.where(drawn, value / np.where(drawn, density, 1.0), 0.0)
-    return weights, chi_square(bsdf, wo, wi[drawn], _SAMPLES)
+    return weights, chi_square(bsdf, wo, wi[drawn], samples, nodes)
 
 
-def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int) -> ChiSquare:
+def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _NODES) -> ChiSquare:
     """Test directions (n, 3) that are above 0 among some number of samples against the pdf, in cells of the sphere."""
     rows, columns = _CELLS
     row = np.minimum((0.5 * (wi[:, 2] + 1.0) * rows).astype(int), rows - 1)
     turn = np.arctan2(wi[:, 1], wi[:, 0]) / (2.0 * np.pi) % 1.0
     column = np.minimum((turn * columns).astype(int), columns - 1)
     observed = np.bincount(row * columns + column, minlength=rows * columns).astype(float)
-    coarse, fine = (samples * _expected(bsdf, wo, nodes) for nodes in (_NODES // 2, _NODES))
+    coarse, fine = (samples * _expected(bsdf, wo, count) for count in (nodes // 2, nodes))
     # Of directions that count as none, the number is known, too.
     observed, fine = np.append(observed, samples - len(wi)), np.append(fine, max(samples - fine.sum(), 0.0))
     many = fine >= _LEAST

@@ -6,8 +6,11 @@ editor, numbers stay symbols, and one trace serves all their values.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -26,6 +29,15 @@ Floats = NDArray[np.float64]
 
 PART = 4096
 """Pairs of directions at once: an array of so many numbers has 32 KiB, so that a program's arrays stay in a cache."""
+
+
+_ZENITH = np.array([[0.0], [0.0], [1.0]])
+
+
+@cache
+def threads() -> ThreadPoolExecutor:
+    """Return the threads that compute parts, one for each core."""
+    return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="parts")
 
 
 @dataclass(frozen=True)
@@ -51,28 +63,39 @@ class Compiled:
 
     def f(self, wo: Floats, wi: Floats, numbers: Mapping[str, float]) -> Floats:
         """Return f (n, 3) as `lookdev.brdf.evaluate` of the layers with these numbers, for directions (n, 3)."""
-        if self.two_sided:
-            behind = wo[:, 2:] < 0.0
-            wo, wi = np.where(behind, -wo, wo), np.where(behind, -wi, wi)
-        above = wo[:, 2] > 0.0
         held = {**self.constants, **{place: numbers[name] for name, place in self.symbols.items() if name in numbers}}
         for step in self.once:
             held[step.place] = step.run(*(held[each] for each in step.operands))
-        columns = np.ascontiguousarray(np.concatenate([np.where(above[:, None], wo, (0.0, 0.0, 1.0)), wi], axis=1).T)
+        # What is not read has a place of its own.
+        places = [self.symbols.get(name, -1 - number) for number, name in enumerate((*WO, *WI))]
         out = np.empty((len(wo), 3))
-        for start in range(0, len(wo), PART):
+
+        def fill(start: int) -> None:
             part = slice(start, start + PART)
-            values = dict(held)
-            for name, column in zip((*WO, *WI), columns, strict=True):
-                if name in self.symbols:
-                    values[self.symbols[name]] = column[part]
+            columns = np.concatenate([wo[part].T, wi[part].T])
+            if self.two_sided:
+                columns *= np.where(columns[2] < 0.0, -1.0, 1.0)
+            above = columns[2] > 0.0
+            seen = bool(above.all())
+            if not seen:
+                columns[:3, ~above] = _ZENITH
+            values = {**held, **dict(zip(places, columns, strict=True))}
             for step in self.each:
                 values[step.place] = step.run(*(values[each] for each in step.operands))
                 for each in step.dead:
                     del values[each]
             for channel, place in enumerate(self.result):
                 out[part, channel] = values[place]
-        return np.where(above[:, None], out, 0.0)
+            if not seen:
+                out[part][~above] = 0.0
+
+        starts = range(0, len(wo), PART)
+        if len(starts) == 1:
+            fill(0)
+        else:
+            for _ in threads().map(fill, starts):
+                pass
+        return out
 
 
 def compile_layers(make: Callable[[Graph], Sequence[StackLayer]]) -> Compiled:
@@ -96,7 +119,8 @@ def _program(written: Written, two_sided: bool) -> Compiled:
     directed: set[int] = set()
     constants: dict[int, Any] = {}
     names: dict[str, int] = {}
-    once, each = [], []
+    once: list[_Step] = []
+    each: list[_Step] = []
     for number, operation in enumerate(written.operations):
         match operation.op:
             case "symbol":
@@ -118,7 +142,9 @@ def _program(written: Written, two_sided: bool) -> Compiled:
                 )
                 (each if varies else once).append(_Step(run, operation.operands, number))
     result = written.outputs["f"]
-    return Compiled(tuple(once), _freeing(each, {*result, *constants, *names.values()}), constants, names, result, two_sided)
+    return Compiled(
+        tuple(once), _freeing(each, {*result, *constants, *names.values()}), constants, names, result, two_sided
+    )
 
 
 def _freeing(steps: Sequence[_Step], kept: set[int]) -> tuple[_Step, ...]:
