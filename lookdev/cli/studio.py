@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import threading
 from pathlib import Path
 from typing import Annotated
 
@@ -54,9 +53,8 @@ def explore(
 
     logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
     run(what or (), root or (), library, Address(host, port, tuple(name or ())), browser=browser, say=say)
-    if any(
-        each.is_alive() and not each.daemon for each in threading.enumerate() if each is not threading.main_thread()
-    ):
-        # A computation in a thread cannot be stopped, and nobody waits for it: everything is closed and removed.
-        sys.stdout.flush()
-        os._exit(0)
+    # Everything is closed and removed. Python's own end would wait for a computation in a thread, which cannot be
+    # stopped, and then for the libraries'; whoever ends a server waits for neither.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)
