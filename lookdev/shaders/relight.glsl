@@ -25,10 +25,10 @@ vec3 surface_local(vec3 w) {
     return vec3(dot(w, surface_axes[0]), dot(w, surface_axes[1]), dot(w, surface_axes[2]));
 }
 
-// Sets what the look reads of a triangle where this pixel's ray meets it (Moeller and Trumbore 1997).
-void surface_meet(int triangle) {
+// Sets what the look reads of a triangle where a ray of the camera meets it (Moeller and Trumbore 1997).
+void surface_meet(int triangle, vec3 ray) {
     surface_corner = 3 * triangle;
-    vec3 p0 = corner_texel(surface_corner, 0).xyz, ray = film_ray(gl_FragCoord.xy);
+    vec3 p0 = corner_texel(surface_corner, 0).xyz;
     vec3 edge1 = corner_texel(surface_corner + 1, 0).xyz - p0, edge2 = corner_texel(surface_corner + 2, 0).xyz - p0;
     vec3 p = cross(ray, edge2), start = eye - p0, q = cross(start, edge1);
     // The rasteriser rounds corners to parts of pixels: at its edges a ray can miss the triangle.
@@ -59,7 +59,7 @@ int surface_seed() {
 }
 //@ section absent
 bool absent() {
-    surface_meet(int(triangle));
+    surface_meet(int(triangle), film_ray(gl_FragCoord.xy));
     float presence;
     look_presence(presence);
     return sobol_unit(sobol_hash(surface_seed() ^ sobol_hash(sample_number * 0x2c1b3c6d + int(triangle)))) >= presence;
@@ -67,6 +67,7 @@ bool absent() {
 //@ section main
 uniform highp usampler2D visible;
 uniform ivec2 triangles;
+uniform int places;  // of a pixel along each axis, at which is known what is seen
 layout(location = 0) out vec4 reflected;
 
 // Whether the shading normal and the facet agree on which side a direction is, and the look lets light be there.
@@ -80,9 +81,14 @@ bool agree(vec3 wi, vec3 w) {
 }
 
 void main() {
-    int triangle = int(texelFetch(visible, ivec2(gl_FragCoord.xy), 0).r) - 1;
+    // Each pixel takes its places in an order of its own.
+    int start = surface_seed();
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    sobol_2d(sample_number, sobol_hash(start + 0x632be5ab), u1, u2);
+    ivec2 place = min(ivec2(vec2(u1, u2) * float(places)), places - 1);
+    int triangle = int(texelFetch(visible, pixel * places + place, 0).r) - 1;
     if (triangle < triangles.x || triangle >= triangles.y) discard;
-    surface_meet(triangle);
+    surface_meet(triangle, film_ray(vec2(pixel) + (vec2(place) + 0.5) / float(places)));
     vec3 radiance = vec3(0.0);
 #if RIG_SEEN
     if (rig_before(eye, -viewer, distance(eye, surface_point), radiance)) {
@@ -91,7 +97,6 @@ void main() {
     }
 #endif
     rig_meet_surface(surface_point, surface_axes[0], surface_axes[1], surface_axes[2], surface_slot);
-    int start = surface_seed();
     for (int k = 0; k < DRAWN + LIT; ++k) {
         bool of_light = k >= DRAWN;
         vec3 w, wi, arriving = vec3(0.0);

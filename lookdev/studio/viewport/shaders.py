@@ -52,12 +52,15 @@ def vertex_shader() -> str:
     return _HEAD + visible["camera"] + visible["vertex"]
 
 
-def display_shader(rig: RigFunctions, view: str) -> str:
-    """Return the fragment shader of a film on the screen; `view` is the GLSL of OpenColorIO's function ``view``."""
-    constants = "precision highp sampler3D;\n#define TRANSMITS 0\n#define LIT 1\n"
-    display = (files("lookdev") / "shaders" / "display.glsl").read_text(encoding="utf-8")
-    camera = _sections("visible.glsl")["camera"]
-    return "".join([_HEAD, constants, camera, PRELUDE, rig.text, view, display])
+def behind_shader(rig: RigFunctions) -> str:
+    """Return the fragment shader of what is seen of the lights behind the asset."""
+    camera, behind = _sections("visible.glsl")["camera"], _sections("display.glsl")["behind"]
+    return "".join([_HEAD, "#define TRANSMITS 0\n#define LIT 1\n", camera, PRELUDE, rig.text, behind])
+
+
+def develop_shader(view: str) -> str:
+    """Return the fragment shader from light to code values; `view` is the GLSL of OpenColorIO's function ``view``."""
+    return "".join([_HEAD, "precision highp sampler3D;\n", view, _sections("display.glsl")["develop"]])
 
 
 def look_shaders(look: LookFunctions, rig: RigFunctions, corners: Corners) -> LookShaders:

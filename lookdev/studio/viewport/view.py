@@ -23,7 +23,7 @@ from lookdev.output.review.view import view_shader
 from lookdev.scene import Camera, Scene
 from lookdev.studio.viewport.buffers import Buffers
 from lookdev.studio.viewport.geometry import WIDTH, Corners, corners_of
-from lookdev.studio.viewport.shaders import display_shader, look_shaders, vertex_shader
+from lookdev.studio.viewport.shaders import behind_shader, develop_shader, look_shaders, vertex_shader
 
 ALWAYS_LEFT_OUT = (
     "interreflection: light that other places of the asset reflect or transmit",
@@ -107,7 +107,8 @@ def view_scene(
         ],
         "parts": parts,
         "rig": _rig(rig, buffers),
-        "display": display_shader(rig, shown_as["glsl"]),
+        "behind": behind_shader(rig),
+        "develop": develop_shader(shown_as["glsl"]),
         "view": {"name": shown_as["name"], "textures": shown_as["textures"]},
         "left_out": [*ALWAYS_LEFT_OUT, *notes],
     }

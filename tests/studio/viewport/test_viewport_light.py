@@ -75,15 +75,13 @@ class Compared:
         assert ratio < 2.0, ratio
 
 
-def compare(
-    page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4, per_view: int = 2
-) -> Compared:
+def compare(page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4) -> Compared:
     """Compare pixels that the asset covers in part or whole."""
     page.js("viewport.set({element: given[0], lighting: given[1]}); done();", POSE.element, POSE.lighting)
     page.show(view_scene(scene))
     found = []
     for seed in range(seeds):
-        page.js("viewport.set({seed: given[0], perView: given[1]}); done();", seed, per_view)
+        page.js("viewport.set({seed: given[0]}); done();", seed)
         found.append(page.accumulated(count).astype(np.float64))
     covered = np.argwhere(found[0][..., 3] > 0.0)
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
@@ -118,7 +116,7 @@ def test_a_dome_lights_every_kind_of_lobe(name: str, page: Page) -> None:
 
 
 def test_a_surface_is_seen_as_often_as_it_is_present(page: Page) -> None:
-    compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64, per_view=1).assert_agrees()
+    compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
 
 
 @pytest.mark.parametrize("name", ["painted", "leaf"])
@@ -138,15 +136,15 @@ def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: Page) -> None:
 def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Page) -> None:
     """Of each pixel and channel, relative to its value, or to 1 % of the picture's mean where it is darker.
 
-    docs/designer.md has the table: ``pytest -m slow tests/studio/viewport/test_viewport_light.py --log-cli-level=INFO``.
+    docs/designer.md has the table, by ``pytest -m slow tests/studio/viewport --log-cli-level=INFO``.
     """
     if asset == "parts":
         scenes = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes
-        scene = replace(scenes[look, "courtyard"], film=Film((48, 32)))
+        scene = replace(scenes[look, "courtyard"], film=Film((24, 16)))
     else:
         made = read_look(ROOT / "materials" / f"{look}.usda")
-        scene = Scene.of_look(load_asset(builtin=asset), made, load_dome(builtin="courtyard").dome, (40, 40))
-    compared = compare(page, scene, 1024, 60, samples=2048, seeds=2, per_view=8)
+        scene = Scene.of_look(load_asset(builtin=asset), made, load_dome(builtin="courtyard").dome, (16, 16))
+    compared = compare(page, scene, 4096, 40, samples=2048, seeds=2)
     value = compared.expected.value
     difference = np.abs(compared.mean - value) / np.maximum(value, 0.01 * value.mean())
     noise = (np.sqrt(compared.variance) / np.maximum(value, 0.01 * value.mean())).mean()

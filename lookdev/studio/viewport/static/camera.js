@@ -45,16 +45,21 @@ export function panned(camera, across, along) {
 /** The camera nearer to its target by a factor. */
 export const zoomed = (camera, factor) => ({ ...camera, distance: camera.distance / factor });
 
-// The first coordinates of Roberts' additive recurrence in four dimensions: places in a pixel, then on the lens.
+// Roberts' additive recurrence in four dimensions, shifted at random by a seed (Cranley and Patterson 1976).
 const STEPS = [1, 2, 3, 4].map((k) => 1.1673039782614187 ** -k);
-const SEEDS_APART = 7919;
-const point = (number) => STEPS.map((step) => (0.5 + step * (number + 1)) % 1);
+function shift(seed, k) {
+  let x = Math.imul(seed + 1, 0x9e3779b9) ^ Math.imul(k + 1, 0x632be5ab); // Wellons' "lowbias32"
+  x = Math.imul(x ^ (x >>> 16), 0x7feb352d);
+  x = Math.imul(x ^ (x >>> 15), 0x846ca68b);
+  return ((x ^ (x >>> 16)) >>> 0) / 2 ** 32;
+}
+const point = (number, seed) => STEPS.map((step, k) => (shift(seed, k) + step * (number + 1)) % 1);
 
 /** The uniforms of a frame: sample `number` of each pixel's area, or its middle, and of the lens, about `center`. */
 export function view(camera, { element, center, radius, width, height, number, seed, centred = false }) {
   const seen = orbited(camera, -element);
   const [right, up, back] = frame(seen), half = reach(seen);
-  const [lensU, lensV, ...area] = point(number + SEEDS_APART * seed);
+  const [lensU, lensV, ...area] = point(number, seed);
   const [u, v] = centred ? [0.5, 0.5] : area;
   const around = 2 * Math.PI * lensV, out = camera.lens ? 0.5 * camera.lens.aperture * Math.sqrt(lensU) : 0;
   const within = [out * Math.cos(around), out * Math.sin(around)];

@@ -5,6 +5,7 @@ const FORMATS = {
   RGB32F: ["RGB", "FLOAT", Float32Array],
   RGBA32F: ["RGBA", "FLOAT", Float32Array],
   RGBA16F: ["RGBA", "HALF_FLOAT", Uint16Array],
+  RGBA8: ["RGBA", "UNSIGNED_BYTE", Uint8Array],
   R32I: ["RED_INTEGER", "INT", Int32Array],
 };
 

@@ -7,6 +7,8 @@ import { Programs, Textures, Triangles, context, finished, viewTextures } from "
 
 const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
 const TILE = 25; // milliseconds between changes that are looked at while light adds up
+const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixels change: finding triangles takes longer
+const TRIANGLES = 1 << 16; // between such looks
 const SCALES = [1, 2, 4, 8, 16];
 
 const OVER_ALL = `#version 300 es
@@ -23,6 +25,24 @@ void main() {
     if (before > 0.0) total += texelFetch(sums, at, 0);
 }`;
 
+// The picture on the canvas. While a coarse film shows a change of the surface, what is behind the asset stays sharp.
+const PRESENT = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform sampler2D film, whole;
+uniform ivec2 canvas;
+uniform int keep;
+layout(location = 0) out vec4 shown;
+void main() {
+    ivec2 size = textureSize(film, 0);
+    vec4 here = texelFetch(film, min(ivec2(gl_FragCoord.xy / vec2(canvas) * vec2(size)), size - 1), 0);
+    if (keep == 1) {
+        vec4 before = texelFetch(whole, ivec2(gl_FragCoord.xy), 0);
+        if (before.a == 0.0) here = before;
+    }
+    shown = vec4(here.rgb, 1.0);
+}`;
+
 export class Viewport extends EventTarget {
   /** `fetched` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
   constructor(canvas, fetched) {
@@ -31,7 +51,7 @@ export class Viewport extends EventTarget {
     this.gl = context(canvas);
     this.programs = new Programs(this.gl);
     this.textures = new Textures(this.gl, fetched);
-    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096, perView: 4 };
+    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096 };
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
     this.version = 0;
@@ -43,7 +63,9 @@ export class Viewport extends EventTarget {
     this.running = this.run();
   }
 
-  /** Show a scene once all of it is compiled and fetched; until then what was shown stays, and can be changed. */
+  /** Show a scene once all of it is compiled and fetched; until then what was shown stays, and can be changed.
+   *
+   * The user's camera stays while that of the scene is the same. */
   async show(data) {
     const { gl } = this;
     const looks = await Promise.all(data.looks.map(async (look) => ({
@@ -53,9 +75,11 @@ export class Viewport extends EventTarget {
       textures: await this.textures.get(look.textures),
       numbers: { ...look.numbers },
     })));
-    const [add, display, rig, corners, vertices, indices] = await Promise.all([
+    const [add, behind, develop, present, rig, corners, vertices, indices] = await Promise.all([
       this.programs.get(OVER_ALL, ADD),
-      this.programs.get(OVER_ALL, data.display),
+      this.programs.get(OVER_ALL, data.behind),
+      this.programs.get(OVER_ALL, data.develop),
+      this.programs.get(OVER_ALL, PRESENT),
       this.textures.get(data.rig.textures),
       this.textures.one(data.corners),
       this.textures.fetched(data.vertices),
@@ -63,9 +87,10 @@ export class Viewport extends EventTarget {
     ]);
     const before = this.scene;
     const triangles = new Triangles(gl, vertices, indices);
-    this.scene = { ...data, looks, add, display, rig, corners, triangles, view: viewTextures(gl, data.view) };
+    const view = before?.data.view.name === data.view.name ? before.view : viewTextures(gl, data.view);
+    this.scene = { ...data, data, looks, add, behind, develop, present, view, rig, corners, triangles };
     before?.triangles.delete();
-    if (!before) this.camera = data.camera;
+    if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera)) this.camera = data.camera;
     const described = data.looks.flatMap((look) => Object.values(look.textures));
     this.textures.keep([...described, ...Object.values(data.rig.textures), data.corners]);
     this.resize(...(before ? [this.canvas.width, this.canvas.height] : data.resolution));
@@ -171,7 +196,9 @@ export class Viewport extends EventTarget {
   async first() {
     const { version } = this, film = this.film(this.scale), started = performance.now();
     this.films.forEach((each) => { if (each) each.count = 0; });
-    this.see(film);
+    await this.see(film);
+    if (this.version !== version) return;
+    film.clear();
     this.relight(film, 0, film.height);
     film.add(this.scene.add);
     this.shown = version;
@@ -185,26 +212,49 @@ export class Viewport extends EventTarget {
     else if (took < AT_ONCE / 5 && this.scale > 0) this.scale -= 1;
   }
 
-  /** Add one sample to the whole film, in strips after each of which a change is looked at. */
+  /** Add samples to the whole film: strips of one, or as many as fit in the time between looks for a change. */
   async more() {
-    const { version, gl } = this, film = this.film(0);
-    this.see(film);
+    const { gl, version } = this, film = this.film(0), fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
+    const started = performance.now();
+    if (fit < 2) {
+      if (!await this.strips(film)) return;
+    } else {
+      const count = Math.min(Math.floor(fit), this.settings.most - film.count);
+      for (let k = 0; k < count; k += 1) {
+        if (!await this.see(film, true) || this.version !== version) return;
+        film.clear();
+        this.relight(film, 0, film.height);
+        film.add(this.scene.add);
+      }
+    }
+    this.picture(film);
+    await finished(gl);
+    if (fit >= 2) this.timed(Math.floor(fit) * film.width * film.height, started);
+  }
+
+  /** Add one sample to the whole film; returns whether no change has ended it. */
+  async strips(film) {
+    const { version } = this;
+    if (!await this.see(film, true) || this.version !== version) return false;
+    film.clear();
     let top = 0;
     while (top < film.height) {
       const rows = this.rate ? Math.max(4, Math.floor((this.rate * TILE) / film.width)) : 16;
       const bottom = Math.min(film.height, top + rows), started = performance.now();
       this.relight(film, top, bottom);
-      if (bottom < film.height || film.count % 8 === 0) {
-        await finished(gl);
-        const now = ((bottom - top) * film.width) / Math.max(performance.now() - started, 0.1);
-        this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
-      }
-      if (this.version !== version || this.stopped) return;
+      await finished(this.gl);
+      this.timed((bottom - top) * film.width, started);
+      if (this.version !== version || this.stopped) return false;
       top = bottom;
     }
     film.add(this.scene.add);
-    this.picture(film);
-    await finished(gl);
+    return true;
+  }
+
+  /** Note how many pixels took the time since; a single quick strip does not make the next one long. */
+  timed(pixels, started) {
+    const now = pixels / Math.max(performance.now() - started, 0.1);
+    this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
   }
 
   picture(film) {
@@ -213,28 +263,43 @@ export class Viewport extends EventTarget {
     this.dispatchEvent(new CustomEvent("picture", { detail: { count: film.count, scale: SCALES[this.films.indexOf(film)] } }));
   }
 
-  /** Find what each pixel of a film sees in its next sample, unless that was seen last. */
-  see(film) {
-    const { gl, scene } = this, { element, seed } = this.settings, number = Math.floor(film.count / this.settings.perView);
-    film.clear();
-    if (film.seen?.placed === this.placed && film.seen.number === number) return;
+  /** Find what each pixel of a film sees in its next sample, unless that was seen last; returns whether it has.
+   *
+   * With `patient`, triangles are drawn some at a time, and a change ends it. */
+  async see(film, patient = false) {
+    const { gl, scene, version } = this, { element, seed } = this.settings;
+    const number = Math.floor(film.count / Math.max(LEAST_PER_VIEW, film.places ** 2));
+    if (film.seen?.placed === this.placed && film.seen.number === number) return true;
     const given = { element, center: scene.center, radius: scene.radius, number, seed };
-    film.seen = cameras.view(this.camera, { ...given, width: film.width, height: film.height });
-    Object.assign(film.seen, { placed: this.placed, number });
+    const [width, height] = [film.places * film.width, film.places * film.height];
+    const seen = cameras.view(this.camera, { ...given, width, height });
+    Object.assign(seen, { placed: this.placed, number });
+    film.seen = null;
     film.see();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, film.seeing);
-    gl.enable(gl.DEPTH_TEST);
-    const opaque = scene.looks.filter((look) => !look.see_through);
-    const numbers = { ...film.seen, sample_number: number, seed };
-    scene.triangles.bind();
-    for (const look of scene.looks) {
-      if (!look.see_through && look !== opaque[0]) continue;
-      look.visible.use({ ...numbers, ...look.numbers }, { ...look.textures, corners: scene.corners });
-      const ranges = look.see_through ? [look] : merged(opaque);
-      for (const { first, last } of ranges) scene.triangles.draw(first, last);
+    const opaque = merged(scene.looks.filter((look) => !look.see_through));
+    const ranges = [
+      ...opaque.map((range) => ({ ...range, look: scene.looks.find((look) => !look.see_through) })),
+      ...scene.looks.filter((look) => look.see_through).map((look) => ({ first: look.first, last: look.last, look })),
+    ];
+    for (const { first, last, look } of ranges) {
+      for (let from = first; from < last; from += TRIANGLES) {
+        gl.bindFramebuffer(gl.FRAMEBUFFER, film.seeing);
+        gl.viewport(0, 0, width, height);
+        gl.enable(gl.DEPTH_TEST);
+        const numbers = { ...seen, sample_number: number, seed };
+        look.visible.use({ ...numbers, ...look.numbers }, { ...look.textures, corners: scene.corners });
+        scene.triangles.bind();
+        scene.triangles.draw(from, Math.min(from + TRIANGLES, last));
+        gl.bindVertexArray(null);
+        gl.disable(gl.DEPTH_TEST);
+        if (patient && last - from > TRIANGLES) {
+          await finished(gl);
+          if (this.version !== version || this.stopped) return false;
+        }
+      }
     }
-    gl.bindVertexArray(null);
-    gl.disable(gl.DEPTH_TEST);
+    film.seen = seen;
+    return true;
   }
 
   /** Find the light of rows of a film, from the top one to before the bottom one. */
@@ -246,7 +311,8 @@ export class Viewport extends EventTarget {
     gl.scissor(0, film.height - bottom, film.width, bottom - top);
     const turns = cameras.turns(settings.element, settings.lighting);
     for (const look of scene.looks) {
-      const numbers = { ...film.seen, sample_number: film.count, seed: settings.seed, turns, triangles: [look.first, look.last] };
+      const numbers = { ...film.seen, size: [film.width, film.height], places: film.places, turns };
+      Object.assign(numbers, { sample_number: film.count, seed: settings.seed, triangles: [look.first, look.last] });
       const textures = { ...look.textures, ...scene.rig, corners: scene.corners, visible: film.visible };
       look.relight.use({ ...numbers, ...look.numbers }, textures);
       gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -256,20 +322,41 @@ export class Viewport extends EventTarget {
 
   /** Show a film on the canvas. */
   draw(film) {
-    const { gl, scene, settings } = this, { width, height } = this.canvas;
+    const { gl, scene, settings } = this, { width, height } = this.canvas, whole = this.films[0];
     this.dirty = false;
+    this.lights(film);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, film.developing);
+    gl.viewport(0, 0, film.width, film.height);
+    const { exposure, behind, background } = settings;
+    const numbers = { samples: film.count, exposure: 2 ** exposure, behind, lit: background ? 1 : 0 };
+    scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.lights });
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    film.shows = JSON.stringify([this.surroundings, exposure, behind, background]);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, width, height);
+    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
+    const textures = { film: film.developed, whole: keep ? whole.developed : film.developed };
+    scene.present.use({ canvas: [width, height], keep }, textures);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** What is behind the asset, by what it depends on. */
+  get surroundings() {
+    const { element, lighting } = this.settings;
+    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer]);
+  }
+
+  /** Find what is behind the asset, unless a film has it. */
+  lights(film) {
+    const { gl, scene, settings, surroundings } = this;
+    if (film.surroundings === surroundings || !settings.background) return;
+    film.surroundings = surroundings;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[3]);
+    gl.viewport(0, 0, film.width, film.height);
     const given = { element: settings.element, center: scene.center, radius: scene.radius, number: 0, seed: 0 };
-    const view = cameras.view({ ...this.camera, lens: null }, { ...given, width, height, centred: true });
-    scene.display.use({
-      ...view,
-      samples: film.count,
-      exposure: 2 ** settings.exposure,
-      behind: settings.behind,
-      lights: settings.background ? 1 : 0,
-      turns: cameras.turns(settings.element, settings.lighting),
-    }, { ...scene.rig, ...scene.view, sums: film.sums });
+    const size = { width: film.width, height: film.height, centred: true };
+    const view = cameras.view({ ...this.camera, lens: null }, { ...given, ...size });
+    scene.behind.use({ ...view, turns: cameras.turns(settings.element, settings.lighting) }, scene.rig);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 }
