@@ -72,6 +72,9 @@ def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
         shader.CreateIdAttr(model.identifier)
         for name, value in values.items():
             kind = model.parameters[name].kind
+            if model.parameters[name].file and value not in model.parameters[name].choices:
+                shader.CreateInput(name, _TYPES.Asset).Set(str(Path(value).absolute()))
+                continue
             given = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
             shader.CreateInput(name, _INPUT_TYPES[kind]).Set(given if kind != "float" else float(value))
         shader.CreateOutput("layer", _TYPES.Token)

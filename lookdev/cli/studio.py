@@ -1,0 +1,62 @@
+"""The verbs of the web page: explore."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lookdev.cli.options import say
+from lookdev.cli.plots import Library
+
+app = typer.Typer()
+
+_PANEL = "Looks"
+
+
+@app.command(rich_help_panel=_PANEL)
+def explore(
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[WHAT]...", help="What the page shows first; as for plot.", show_default=False),
+    ] = None,
+    root: Annotated[
+        list[Path] | None,
+        typer.Option(
+            "--root", metavar="DIR", help="A folder of looks and measured data that the page may open. Repeatable.",
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option("--port", min=0, max=65535, help="The port; default: 8421, or another that is free.",
+                     show_default=False),
+    ] = None,
+    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Where to listen.")] = "127.0.0.1",
+    name: Annotated[
+        list[str] | None,
+        typer.Option("--name", metavar="HOST", help="A name by which browsers may call this machine. Repeatable.",
+                     show_default=False),
+    ] = None,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
+    library: Library = None,
+) -> None:  # fmt: skip
+    """Explore reflectance in the browser: sliders, plots, lobes and spheres, side by side."""
+    from lookdev.studio import Address, checked_packages
+
+    checked_packages()
+    from lookdev.studio.explorer.run import explore as run
+
+    logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
+    run(what or (), root or (), library, Address(host, port, tuple(name or ())), browser=browser, say=say)
+    if any(
+        each.is_alive() and not each.daemon for each in threading.enumerate() if each is not threading.main_thread()
+    ):
+        # A computation in a thread cannot be stopped, and nobody waits for it: everything is closed and removed.
+        sys.stdout.flush()
+        os._exit(0)
