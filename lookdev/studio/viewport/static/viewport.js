@@ -93,7 +93,7 @@ export class Viewport extends EventTarget {
     if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera)) this.camera = data.camera;
     const described = data.looks.flatMap((look) => Object.values(look.textures));
     this.textures.keep([...described, ...Object.values(data.rig.textures), data.corners]);
-    this.resize(...(before ? [this.canvas.width, this.canvas.height] : data.resolution));
+    this.resize(...(this.size ?? data.resolution));
   }
 
   resize(width, height) {
