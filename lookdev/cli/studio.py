@@ -5,9 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
-import threading
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -54,12 +53,7 @@ def explore(
 
     logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
     run(what or (), root or (), library, Address(host, port, tuple(name or ())), browser=browser, say=say)
-    if any(
-        each.is_alive() and not each.daemon for each in threading.enumerate() if each is not threading.main_thread()
-    ):
-        # A computation in a thread cannot be stopped, and nobody waits for it: everything is closed and removed.
-        sys.stdout.flush()
-        os._exit(0)
+    _end()
 
 
 @app.command(rich_help_panel=_PANEL)
@@ -105,3 +99,12 @@ def design(
 
     logging.basicConfig(level=logging.WARNING, format="lookdev: %(message)s")
     run(what, material, Address(host, port, tuple(name or ())), browser=browser, say=say)
+    _end()
+
+
+def _end() -> NoReturn:
+    # Everything is closed and removed. Python's own end would wait for a computation in a thread, which cannot be
+    # stopped, and then for the libraries'; whoever ends a server waits for neither.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)

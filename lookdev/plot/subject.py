@@ -61,6 +61,8 @@ class Subject:
     @property
     def is_delta(self) -> bool:
         """Whether it scatters along single directions alone."""
+        if self.layers:
+            return all(MODELS[layer.model].delta for layer in self.layers)
         wo = np.array([0.0, 0.6, 0.8])
         return not self.bsdf.lobes(wo) and bool(self.bsdf.deltas(wo, np.asarray(False)))
 

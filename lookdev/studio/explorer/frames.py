@@ -24,11 +24,11 @@ from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
 
 BACKEND = "exact"
-SIZE = 384
+SIZE = 288
 """Pixels of a frame's side."""
 
-_SAMPLES = 512
-_ERROR = 0.002
+_SAMPLES = 256
+_ERROR = 0.004
 
 
 class Cancelled(LookdevError):

@@ -34,6 +34,8 @@ const showKinds = () => {
     return tab;
   }));
   $("stage").setAttribute("aria-labelledby", `kind-${state.kind}`);
+  const tabs = $("kinds"), tab = $(`kind-${state.kind}`);
+  tabs.scrollLeft = tab.offsetLeft - tabs.offsetLeft - (tabs.clientWidth - tab.offsetWidth) / 2;
 };
 
 $("kinds").addEventListener("keydown", (event) => {

@@ -45,13 +45,16 @@ export class Exact {
 
   draw(context, width, height) {
     const { arrays, shapes } = this.frame, [rows, columns] = shapes.beauty;
-    if (!this.flipped || this.flipped.frame !== this.frame) {
+    if (this.flipped?.frame !== this.frame || this.flipped.exposure !== option("exposure")) {
       const flipped = new Float32Array(arrays.beauty.length);
-      for (let y = 0; y < rows; y++) flipped.set(arrays.beauty.subarray(3 * columns * y, 3 * columns * (y + 1)), 3 * columns * (rows - 1 - y));
-      this.flipped = { frame: this.frame, values: flipped };
+      // Over the grey that is behind the sphere, linear.
+      const behind = ((0x1a / 255 + 0.055) / 1.055) ** 2.4 / 2 ** option("exposure");
+      for (let y = 0; y < rows; y++) for (let i = 0; i < 3 * columns; i++) flipped[3 * columns * (rows - 1 - y) + i] = arrays.beauty[3 * columns * y + i] + (1 - arrays.alpha[columns * y + Math.floor(i / 3)]) * behind;
+      this.flipped = { frame: this.frame, exposure: option("exposure"), values: flipped };
     }
     const size = Math.min(width, height);
-    context.clearRect(0, 0, width, height);
+    context.fillStyle = "#1a1a1a";
+    context.fillRect(0, 0, width, height);
     context.imageSmoothingEnabled = true;
     context.drawImage(imageOf(this.flipped.values, columns, rows, option("exposure"), false), (width - size) / 2, (height - size) / 2, size, size);
   }
