@@ -260,7 +260,7 @@ def _described(number: int, layer: Layer) -> dict[str, Any]:
         rows += [_row(number, each, layer.inputs.get(each.name)) for each in known if each.file is None]
     return {
         "name": layer.name,
-        "model": layer.model,
+        "own": layer.model in MODELS,
         "title": MODELS[layer.model].title if layer.model in MODELS else layer.model,
         "parameters": rows,
     }

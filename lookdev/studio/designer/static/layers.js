@@ -17,6 +17,9 @@ export function showLayers(panel, stack, changed) {
   panel.dataset.stack = stack.name;
   const layers = stack.layers.map((layer, number) => {
     const rows = layer.parameters.map((parameter) => row(layer, number, parameter, changed));
+    if (!layer.own) {
+      rows.push(made("p", { className: "sentence", textContent: `Translated from ${layer.title}: it has no sliders. A look of the shipped models has.` }));
+    }
     const title = made("summary", {}, made("span", { textContent: layer.name }), made("small", { textContent: layer.title }));
     const box = made("details", { className: "layer", open: first || open.has(String(number)) }, title, ...rows);
     box.dataset.layer = number;
