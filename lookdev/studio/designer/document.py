@@ -206,7 +206,7 @@ def open_document(file: Path | None, builtin: str | None = None, material: Path 
         asset = f"builtin = {_quoted(str(builtin))}" if file is None else f"usd = {_quoted(str(file.absolute()))}"
         worn = f", material = {_quoted(str(material.absolute()))}" if material else ""
         text = ASSET.format(asset=asset, material=worn)
-        job = parse_job(text, Path.cwd() / "design.toml")
+        job = parse_job(text, file.absolute() if file else Path.cwd() / str(builtin))
     return Document(job, job_scenes(job))
 
 
