@@ -25,6 +25,6 @@ def packet(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byt
         with np.errstate(over="ignore"):
             array = np.ascontiguousarray(each, "<f4")
         if not np.isfinite(array).all():
-            array = np.clip(array, -_LARGEST, _LARGEST)
+            array = np.clip(array, -_LARGEST, _LARGEST).astype("<f4")
         parts.append(array.data)
     return b"".join(parts)

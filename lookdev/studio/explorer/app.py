@@ -44,6 +44,7 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
     """Return the explorer of some surfaces; a page without a state of its own shows the `first` ones."""
     frames = Frames()
     threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
+    rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
     figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is used by one thread at a time
     offered = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
 
@@ -53,14 +54,14 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
             yield
         finally:
             frames.close()
-            for pool in (threads, figures):
+            for pool in (threads, rendering, figures):
                 pool.shutdown(wait=False, cancel_futures=True)
 
     async def start(request: Request) -> Response:
         return Response(offered, media_type="application/json", headers={"cache-control": "no-store"})
 
     async def talk(socket: WebSocket) -> None:
-        await Channel(socket, surfaces, frames, threads).run()
+        await Channel(socket, surfaces, frames, threads, rendering).run()
 
     async def upload(request: Request) -> Response:
         name = request.query_params.get("name", "upload")

@@ -45,11 +45,19 @@ class Refused(LookdevError):
 class Channel:
     """Reads the requests of one websocket and answers them, until the page is gone."""
 
-    def __init__(self, socket: WebSocket, surfaces: Surfaces, frames: Frames, threads: ThreadPoolExecutor) -> None:
+    def __init__(
+        self,
+        socket: WebSocket,
+        surfaces: Surfaces,
+        frames: Frames,
+        threads: ThreadPoolExecutor,
+        rendering: ThreadPoolExecutor,
+    ) -> None:
         self._socket = socket
         self._surfaces = surfaces
         self._frames = frames
         self._threads = threads
+        self._rendering = rendering  # plots do not wait for frames
         self._waiting: dict[str, dict[str, Any]] = {}
         self._arrived = asyncio.Event()
         self._sending = asyncio.Lock()
@@ -114,8 +122,7 @@ class Channel:
             answer = {"id": request["id"], "cancelled": True}
         except LookdevError as error:
             answer = {"id": request["id"], "error": str(error)}
-        except (ValueError, ArithmeticError, MemoryError, OSError) as error:
-            # Of a defect the page hears, and the others go on.
+        except Exception as error:
             log.exception("failed: %s", shortened(json.dumps(request), 400))
             answer = {"id": request["id"], "error": f"{type(error).__name__}: {shortened(str(error))}"}
         await self._send(answer)
@@ -134,18 +141,18 @@ class Channel:
             facts, arrays = self._frames.render(look, ticket, report)
             return packet({"id": request["id"], **facts}, arrays)
 
-        # In a thread of its own: plots do not wait for it.
-        with ThreadPoolExecutor(1, thread_name_prefix="frame") as thread:
-            done = loop.run_in_executor(thread, compute)
-            try:
-                answer: Answer = await done
-            except Cancelled:
-                answer = {"id": request["id"], "cancelled": True}
-            except LookdevError as error:
-                answer = {"id": request["id"], "error": str(error)}
-            except asyncio.CancelledError:
-                self._frames.cancel(ticket)
-                raise
+        try:
+            answer: Answer = await loop.run_in_executor(self._rendering, compute)
+        except Cancelled:
+            answer = {"id": request["id"], "cancelled": True}
+        except asyncio.CancelledError:
+            self._frames.cancel(ticket)
+            raise
+        except LookdevError as error:
+            answer = {"id": request["id"], "error": str(error)}
+        except Exception as error:
+            log.exception("failed to render")
+            answer = {"id": request["id"], "error": f"{type(error).__name__}: {shortened(str(error))}"}
         await self._send(answer)
 
     def _cancel(self) -> None:

@@ -50,7 +50,6 @@ class Frames:
         self._one = threading.Lock()
         self._worker: Worker | None = None
         self._current: Ticket | None = None
-        self._closed = False
 
     def render(
         self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
@@ -113,7 +112,7 @@ class Frames:
 
     def close(self) -> None:
         """End the worker and remove its files."""
-        worker, self._worker, self._closed = self._worker, None, True
+        worker, self._worker = self._worker, None
         if self._current is not None:
             self._current.cancelled.set()
         if worker is not None:

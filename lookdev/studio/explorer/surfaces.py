@@ -122,7 +122,7 @@ class Surfaces:
     def describe(self, words: str) -> dict[str, Any]:
         """Return what a page edits: the label, the words before parameters, the model, and all parameters' values.
 
-        `given` has the parameters that follow the words; a look has none, and a `place` instead.
+        `given` has the parameters in the words, `usual` the values without them.
         """
         label, rest = split_label(words, self.roots.locate)
         subject = self.subject(words, fresh=True)
@@ -149,7 +149,7 @@ class Surfaces:
             "delta": subject.is_delta,
             "look": _is_look(rest),
             "given": {name.strip(): _plain(model, name.strip(), value.strip()) for name, value in given.items()},
-            "values": {name: _listed(value) for name, value in (subject.parameters or {}).items()},
+            "values": _values(model, subject),
             "usual": self._usual(base, subject, model),
             "title": _title(subject, model),
         }
@@ -160,7 +160,7 @@ class Surfaces:
             return {}
         if base == model.name:
             return {name: _listed(each.default) for name, each in model.parameters.items()}
-        return {name: _listed(value) for name, value in (self.subject(base).parameters or {}).items()}
+        return _values(model, self.subject(base))
 
     def command(self, kind: str, surfaces: Sequence[str], options: Options) -> str:
         """Return the command that makes a plot of surfaces."""
@@ -235,6 +235,12 @@ def _plain(model: Model | None, name: str, text: str) -> Any:
     if model.parameters[name].kind == "float":
         return numbers[0]
     return numbers if len(numbers) == 3 else numbers * 3
+
+
+def _values(model: Model | None, subject: Subject) -> dict[str, Any]:
+    """Return the parameters of a single layer, but for the path of a file."""
+    known = model.parameters if model else {}
+    return {name: _listed(value) for name, value in (subject.parameters or {}).items() if not known[name].file}
 
 
 def _listed(value: Any) -> Any:

@@ -166,7 +166,11 @@ onChange((what, detail) => {
   if (what === "surfaces" || what === "selected") { showSurfaces(); showSubject(); }
   if (what === "theme") { showSurfaces(); showSubject(); }
   if (detail?.held) handMoved = performance.now();
-  if (what === "parameter" && detail.surface === selected()) { if (state.exact) { state.exact = false; showLight(); } drawBall(); }
+  if (what === "parameter" && detail.surface === selected()) { 
+    if (state.exact) { state.exact = false; showLight(); }
+    // The place on a look is a constant of its shader, which is compiled when the hand rests.
+    if (!detail.held || !detail.surface.look) drawBall();
+  }
   if (what === "options" || what === "light") drawBall();
   document.title = `${selected() ? nameOf(selected()) : "Explorer"} · lookdev`;
 });

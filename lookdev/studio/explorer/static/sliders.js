@@ -29,7 +29,7 @@ export class Sliders {
     const { models } = state.offered, model = models[surface.model];
     this.panel.replaceChildren();
     if (!surface.editable || !model) {
-      this.panel.append(made("p", { className: "sentence", textContent: surface.look ? "A look has its parameters in its file. Its layers: " + surface.layers.join(", ") + "." : "" }));
+      if (surface.look) this.place(surface);
       return;
     }
     const groups = new Map();
@@ -49,6 +49,24 @@ export class Sliders {
         this.panel.append(box);
       } else this.panel.append(made("h3", { textContent: titles[group] }), ...rows);
     }
+  }
+
+  // Of a look, the place whose stack is plotted.
+  place(surface) {
+    const [, stem, , u, v] = surface.base.match(/^(.*?)(@([\d.]+),([\d.]+))?$/), at = [u ?? 0.5, v ?? 0.5].map(Number);
+    this.panel.append(made("h3", { textContent: "Place" }), made("p", { className: "sentence", textContent: `A look has its parameters in its file. Its layers, the lowest first: ${surface.layers.join(", ")}. They are plotted at these texture coordinates.` }));
+    ["U", "V"].forEach((name, k) => {
+      const slider = made("input", { type: "range", min: 0, max: 1, step: 0.005, value: at[k], id: `p-${name}` }), out = made("output", { textContent: shown(at[k]) });
+      for (const [type, held] of [["input", true], ["change", false]]) slider.addEventListener(type, (event) => {
+        at[k] = Number(slider.value);
+        out.textContent = shown(at[k]);
+        slider.style.setProperty("--at", `${100 * at[k]}%`);
+        surface.base = `${stem}@${at.map(shown).join(",")}`;
+        changed("parameter", { surface, name: "", since: event.timeStamp, held });
+      });
+      slider.style.setProperty("--at", `${100 * at[k]}%`);
+      this.panel.append(made("div", { className: "parameter" }, made("div", { className: "row" }, made("label", { htmlFor: slider.id, textContent: name }), out), slider));
+    });
   }
 
   value(surface, parameter) {

@@ -10,7 +10,7 @@ export const wordsOf = (surface, labelled = false) => {
   return labelled && surface.label ? `${surface.label}=${words}` : words;
 };
 
-export const nameOf = (surface) => surface.label || (surface.given.file ?? surface.base).replace(/^uploads\/[0-9a-f]{8}-/, "");
+export const nameOf = (surface) => surface.label || (surface.given.file ?? surface.base).replace(/^uploads\/[0-9a-f]{8}-/, "").replace(/^.*\//, "");
 
 export const state = {
   offered: null,
