@@ -81,9 +81,9 @@ class Page:
         self.js("await show(given[0]); await viewport.changed(); done();", name)
 
     def accumulated(self, count: int) -> NDArray[np.float32]:
-        """Return the means (H, W, 4) of a number of samples."""
+        """Return the means (H, W, 4) of this number of samples."""
         text, height = self.js(
-            "const means = await viewport.accumulated(given[0]);"
+            "viewport.set({most: given[0]}); const means = await viewport.accumulated(given[0]);"
             "const bytes = new Uint8Array(means.buffer); let text = '';"
             "for (let k = 0; k < bytes.length; k += 8192)"
             "  text += String.fromCharCode(...bytes.subarray(k, k + 8192));"
