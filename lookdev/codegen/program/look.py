@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import StackLayer, stack_bsdf
+from lookdev.brdf import MODELS, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
@@ -106,6 +106,13 @@ def generate_program(
     )
     digest = hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest()
     return replace(made, digest=digest, folded=folded_lobes(graph, bsdf))
+
+
+def stated(look: Look) -> Live:
+    """Return which constants of a look may be live: those that its layers state, if all are of our own models."""
+    given = [{name for name, each in layer.inputs.items() if isinstance(each, float | tuple)} for layer in look.layers]
+    ours = all(layer.model in MODELS for layer in look.layers)
+    return lambda number, name: ours and name in given[number]
 
 
 def live_name(layer: int, parameter: str) -> str:
