@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -98,16 +98,29 @@ def live_look(look: Look, constants: Mapping[str, Constant]) -> Look:
 
     It is a primvar of a reserved name, `live_primvar`, which no mesh has.
     """
+    sources = [(each, Primvar(live_primvar(key), _plain(each))) for key, each in constants.items()]
+    return _with_sources(look, sources)
+
+
+def with_constants(look: Look, constants: Iterable[Constant]) -> Look:
+    """Return a look with other values of some constants."""
+    return _with_sources(look, [(each, _plain(each)) for each in constants])
+
+
+def _plain(constant: Constant) -> float | tuple[float, float, float]:
+    red, *others = constant.value
+    return (red, *others) if others else red  # type: ignore[return-value]
+
+
+def _with_sources(look: Look, sources: Iterable[tuple[Constant, Any]]) -> Look:
     layers = list(look.layers)
-    for key, each in constants.items():
+    for each, source in sources:
         layer, (name, *inside) = layers[each.layer], each.path
-        value = each.value[0] if each.parameter.kind == "float" else (each.value[0], each.value[1], each.value[2])
-        source: Any = Primvar(live_primvar(key), value)
         if inside:
             held: Any = layer.mask if name == "mask" else layer.inputs[name]
             source = replace(held, inputs={**held.inputs, inside[0]: source})
-        mask = {"mask": source} if name == "mask" else {"inputs": {**layer.inputs, name: source}}
-        layers[each.layer] = replace(layer, **mask)
+        changed: dict[str, Any] = {"mask": source} if name == "mask" else {"inputs": {**layer.inputs, name: source}}
+        layers[each.layer] = replace(layer, **changed)
     return replace(look, layers=tuple(layers))
 
 
