@@ -34,8 +34,8 @@ from lookdev.scene import Pose, Scene
 
 Floats = NDArray[np.float64]
 
-_PAGE_PIXELS = 320_000
-_PAGE_SAMPLES = 1 << 22
+_PAGE_PIXELS = 1 << 18
+_PAGE_SAMPLES = 1 << 19
 """Of a picture of the page, over all of its pixels."""
 
 _BACKEND = "mitsuba"
@@ -67,7 +67,7 @@ class Wish:
     exposure: bool = False
     look_named: bool = True
     force: bool = False
-    pixels: int = 9216
+    pixels: int = 4096
     settings: Settings = field(default_factory=Settings)
 
 

@@ -177,7 +177,7 @@ def fit(
             help="Blocks of the picture's pixels are one pixel, as long as so many are left.",
             rich_help_panel=_PICTURES,
         ),
-    ] = 9216,
+    ] = 4096,
     samples: Annotated[
         int,
         typer.Option(
@@ -187,7 +187,7 @@ def fit(
             help="Of a pixel in each half of the finest renders; a power of two.",
             rich_help_panel=_PICTURES,
         ),
-    ] = 128,
+    ] = 256,
     force: Annotated[
         bool, typer.Option("--force", help="Replace files that exist.", rich_help_panel=_PICTURES)
     ] = False,

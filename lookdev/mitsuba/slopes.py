@@ -34,6 +34,9 @@ from lookdev.render.task import SceneTask
 
 _LAUNCH = 1 << 21  # samples, of which each has four numbers and their derivatives
 
+_FEW = Counts(1, 2, 1, 2)
+"""Directions where derivatives are wanted: each costs several times as much, and takes fewer samples of a fit."""
+
 Dual = list[Any]
 """A colour or a number, and its derivatives."""
 
@@ -56,7 +59,8 @@ class SlopeScene:
         inputs = {name: (mi.Vector3f if len(each) == 3 else mi.Float)(*each) for name, each in task.values.items()}
         dr.make_opaque(inputs)
         looks = Looks(mi, self._sources, geometry, inputs)
-        estimator = SlopeEstimator(mi, geometry, looks, self._light, self._counts, task.scene, task.symbols)
+        counts = _FEW if task.symbols and self._light.sampled else self._counts
+        estimator = SlopeEstimator(mi, geometry, looks, self._light, counts, task.scene, task.symbols)
         width, height = task.scene.resolution
         view = View.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
         place = Rectangle.of(mi, Region(slice(0, height), slice(0, width), task.samples))
@@ -68,8 +72,8 @@ class SlopeScene:
                 count = min(step, width * height - first)
                 numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, task.samples.bit_length() - 1)]
                 found = estimator.duals(view, place, count * task.samples, *numbers)
+                dr.eval(found)  # at once: a sum of one of them would compute it alone
                 sums = [dr.block_sum(each, task.samples) for each in found]
-                dr.eval(sums)
                 rows.append([np.array(each) / np.float32(task.samples) for each in sums])
                 progress(len(rows), 2 * len(starts))
         halves = np.split(np.concatenate([np.stack(each, -1) for each in rows]), 2)

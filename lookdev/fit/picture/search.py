@@ -14,7 +14,7 @@ from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cholesky, eigh, solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
@@ -33,7 +33,9 @@ _INSIDE = 5e-4
 """Units from a bound within which nothing is rendered: a lobe without weight is drawn by no direction."""
 
 _LONGEST = 0.4  # units of a step
-_DAMPING = 1e-2
+_DAMPING, _MOST_DAMPING = 1e-3, 10.0
+_NEAR = 0.05
+"""Units within which two ends are one."""
 _UNDETERMINED = 0.25
 """Units of error from which on a parameter is not determined: a quarter of its slider."""
 
@@ -48,14 +50,14 @@ class Settings:
     A derivative needs fewer samples than a picture: it multiplies what is left of the difference.
     """
 
-    tried: int = 16
+    tried: int = 12
     followed: int = 2
-    steps: int = 10
+    steps: int = 8
     rounds: int = 4
-    coarse: int = 4
-    samples: int = 16
-    finest: int = 128
-    slopes: int = 4
+    coarse: int = 8
+    samples: int = 32
+    finest: int = 256
+    slopes: int = 8
     seed: int = 0
 
 
@@ -157,7 +159,7 @@ class Search:
             try:
                 starts, before = self._starts()
                 for number, start in enumerate(starts):
-                    ends.append(self._follow(start, number))
+                    ends.append(self._follow(start, number, [end for end, _ in ends]))
                 ends.sort(key=lambda end: end[1])
                 converged = self._polish(ends[0][0])
             except KeyboardInterrupt:
@@ -188,32 +190,33 @@ class Search:
         order = np.argsort(losses)[: settings.followed]
         return [tried[n] for n in order], losses[0]
 
-    def _follow(self, unit: Floats, number: int) -> tuple[Floats, float]:
-        """Return where damped steps end from a start, and the loss there, by the same samples at each step."""
+    def _follow(self, unit: Floats, number: int, known: Sequence[Floats]) -> tuple[Floats, float]:
+        """Return where damped steps end from a start, and the loss there, by the same samples at each step.
+
+        Steps end where they are smaller than the error by so many samples, or near where another start has ended.
+        """
         settings, seeds = self.settings, self._pair()
         halves = self._pictures(unit, settings.samples, seeds)
         loss, damping = self.target.loss(*halves), _DAMPING
         self._note("follow", number, loss)
         for _ in range(settings.steps):
             local = self._local(unit, halves, settings.slopes)
-            for _ in range(4):
+            accepted = False
+            while not accepted and damping < _MOST_DAMPING:
                 step = self._step(unit, local, damping)
+                if self._is_small(step, local, 1.0):
+                    return unit, loss
                 moved = self._within(unit + step)
                 trial = self._pictures(moved, settings.samples, seeds)
                 found = self.target.loss(*trial)
                 accepted = found < loss
                 self._note("follow", number, found, accepted)
-                if accepted:
-                    break
-                damping = max(damping, 1e-3) * 8.0
-                if self._is_small(step, local):
-                    break
+                damping = damping / 8.0 if accepted else max(damping, 1e-2) * 8.0
             if not accepted:
                 break  # nothing more that this many samples show
-            small = self._is_small(moved - unit, local)
-            unit, halves, loss, damping = moved, trial, found, damping / 8.0
+            unit, halves, loss = moved, trial, found
             self._keep(unit, loss, halves)
-            if small:
+            if any(np.abs(unit - end).max() < _NEAR for end in known):
                 break
         return unit, loss
 
@@ -228,7 +231,7 @@ class Search:
             self._best = unit, loss, 0.5 * (halves[0] + halves[1])
             step = self._step(unit, local, 0.0)
             unit = self._within(unit + step)
-            small = self._is_small(step, local)
+            small = self._is_small(step, local, 1.0)
             if small and samples >= self.settings.finest:
                 break
             samples = min(2 * samples, self.settings.finest)
@@ -266,7 +269,7 @@ class Search:
             spread[each.name] = tuple(map(float, errors[part] * each.rate(at_bound[part])))
         return Found(
             values, spread, tuple(idle), tuple(vague), tuple(_alike(names, whole, errors)), before, loss, noise, misfit,
-            tuple((end, bool(np.abs(where - unit).max() < 0.05)) for where, end in ends),
+            tuple((end, bool(np.abs(where - unit).max() < _NEAR)) for where, end in ends),
             tuple(self._curve), (self._first, picture), converged, interrupted, time.perf_counter() - started,
         )  # fmt: skip
 
@@ -306,8 +309,9 @@ class Search:
         if not hessian.any():
             names = ", ".join(each.name for each in self.unknowns)
             raise LookdevError(f"the picture does not change with {names}: another parameter or pose would be right")
-        if np.linalg.eigvalsh(whole).min() <= 1e-3 * np.linalg.eigvalsh(hessian).min():
-            whole = hessian
+        ridge = 1e-9 * np.trace(hessian) * np.eye(len(hessian))
+        if eigh(whole + ridge, hessian + ridge, eigvals_only=True).min() < 0.25:
+            whole = hessian  # so few samples do not show what of it is their noise
         variance = self.target.variance[self._used] + (0.5 * (a - b)) ** 2
         level = float((self._weight * variance).mean())
         # A slider's width is known of each beforehand: so what has no effect has an error of that.
@@ -318,15 +322,15 @@ class Search:
 
     def _step(self, unit: Floats, local: _Fit, damping: float) -> Floats:
         """Return the step to the least weighted square of the local model within the bounds."""
-        raised = local.hessian + np.diag(damping * np.diag(local.hessian) + local.level)
+        raised = local.whole + np.diag(damping * np.diag(local.hessian) + local.level)
         root = cholesky(raised)
         aim = -solve_triangular(root, local.gradient, trans="T")
         low = np.maximum(self._inner[0] - unit, -_LONGEST)
         high = np.minimum(self._inner[1] - unit, _LONGEST)
         return np.asarray(lsq_linear(root, aim, (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls").x)
 
-    def _is_small(self, step: Floats, local: _Fit) -> bool:
-        return bool(np.all(np.abs(step) < np.maximum(0.3 * np.sqrt(np.diag(local.covariance)), 1e-4)))
+    def _is_small(self, step: Floats, local: _Fit, errors: float) -> bool:
+        return bool(np.all(np.abs(step) < np.maximum(errors * np.sqrt(np.diag(local.covariance)), 1e-4)))
 
     def _parts(self) -> Iterator[tuple[Unknown, slice]]:
         """Yield each unknown with the places of its numbers."""

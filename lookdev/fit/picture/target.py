@@ -78,7 +78,7 @@ class Target:
         # A pixel's own noise must not decide its weight: neighbours do.
         near = _neighbours(color, counts)
         noise = _neighbours(variance, counts)
-        floor = _DARK * np.average(color, axis=(0, 1), weights=counts)
+        floor = _DARK * (color * counts[..., None]).sum(axis=(0, 1)) / counts.sum()
         weight = counts[..., None] / (noise + (_RELATIVE * near) ** 2 + floor**2 + 1e-12)
         return cls(color, variance, weight)
 
