@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
 
 from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
 from lookdev.fit.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
@@ -380,7 +381,8 @@ def _pictures(
             renders.append(exposed * 0.5 * (a + b))
             errors.append(exposed * 0.5 * (a - b))
     noise = blocks(photo.noise**2, side) / side**2
-    one, other = (np.sqrt(noise + each**2) for each in errors)
+    # One difference of halves knows little of a variance: that of neighbours is like it.
+    one, other = (np.sqrt(uniform_filter(noise + each**2, (5, 5, 0))) for each in errors)
     rows, columns = (np.arange(each // side) * side // block for each in photo.color.shape[:2])
     used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
     return Pictures(blocks(photo.color, side), renders[0], renders[1], one, other, used)

@@ -1,4 +1,4 @@
-"""Parameters of looks found in pictures of them: those that Cycles rendered come back, and what is wrong is said first."""
+"""Parameters of looks found in pictures of them: those of Cycles come back, and what is wrong is said first."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.batch.fit_picture import PictureFit, Wish, fit_picture
@@ -122,13 +123,13 @@ def scene(folder: Path, case: Case, size: int, samples: int) -> tuple[Path, Path
     return folder / "before.toml", folder / "truth_out" / "paint" / "light" / "element.0002.exr"
 
 
-def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> dict[str, float]:
-    """Return the largest relative error of each parameter."""
-    found = {
-        name.rpartition(".")[2] if name.count(".") == 1 else name: each for name, each in made.found.values.items()
-    }
-    found |= made.found.values
-    return {n: float(np.abs(np.array(found[n]) / np.array(value) - 1.0).max()) for n, value in truth.items()}
+def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> list[float]:
+    """Return the largest relative error of each parameter, in their order."""
+    pairs = zip(made.found.values.values(), truth.values(), strict=True)
+    return [float(np.abs(np.array(found) / np.array(value) - 1.0).max()) for found, value in pairs]
+
+
+FRAME = "paint/light/element.0002"
 
 
 @pytest.mark.slow
@@ -137,14 +138,89 @@ def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> dict[str
 def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_path: Path) -> None:
     case = CASES[name]
     job, picture = scene(tmp_path, case, 128, 64)
-    made = fit_picture(
-        Wish(
-            picture, job, tuple(case.truth), "paint/light/element.0002", tmp_path / "found.usda", tmp_path / "page.html"
-        )
-    )
-    print(made.text())
-    assert max(errors_of(made, case.truth).values()) < 0.02, made.text()
-    again = read_look(tmp_path / "found.usda")
+    look, page = tmp_path / "found.usda", tmp_path / "page.html"
+    made = fit_picture(Wish(picture, job, tuple(case.truth), FRAME, look, page))
+    assert max(errors_of(made, case.truth)) < 0.02, made.text()
+    assert not made.found.undetermined
+    again = read_look(look)
     for each, value in made.found.values.items():
         assert constant_of(again, each).value == pytest.approx(value, rel=1e-6)
-    assert not made.found.undetermined
+
+
+TINY = Case("sphere", "city", shader("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
+LITTLE = Settings(tried=2, followed=1, coarse=4, samples=8, finest=16, slopes=4, rounds=2)
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    return scene(tmp_path_factory.mktemp("tiny"), TINY, 32, 16)
+
+
+@pytest.mark.cycles
+def test_a_parameter_comes_back_within_its_error(llvm: str, tiny: tuple[Path, Path], tmp_path: Path) -> None:
+    job, picture = tiny
+    wish = Wish(picture, job, ("roughness",), FRAME, tmp_path / "found.usda", tmp_path / "page.html", settings=LITTLE)
+    made = fit_picture(wish)
+    (value,), (error,) = made.found.values["Base.roughness"], made.found.errors["Base.roughness"]
+    assert error < 0.02
+    assert abs(value - 0.35) < 5.0 * error
+    (layer,) = read_look(tmp_path / "found.usda").layers
+    assert layer.inputs["roughness"] == pytest.approx(value)
+    assert layer.inputs["metallic"] == 1.0
+    text = (tmp_path / "page.html").read_text()
+    assert text.count("data:image/png;base64,") == 5
+    assert "<script" not in text
+    assert "http" not in text
+    plain = json.loads(json.dumps(made.data()))
+    assert plain["parameters"]["Base.roughness"]["after"] == value
+    assert plain["frame"] == FRAME
+
+    # A second run writes over nothing; an interrupted one keeps the best so far.
+    with pytest.raises(LookdevError, match="exists already"):
+        fit_picture(wish)
+
+    def interrupt(point: Point) -> None:
+        if point.stage == "follow" and point.loss < 0.5 * made.found.before:
+            raise KeyboardInterrupt
+
+    cut = fit_picture(replace(wish, force=True), interrupt)
+    assert cut.found.interrupted
+    assert cut.found.after < cut.found.before
+    (layer,) = read_look(tmp_path / "found.usda").layers
+    assert layer.inputs["roughness"] == pytest.approx(cut.found.values["Base.roughness"][0])
+    assert "interrupted" in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"parameters": ("rougness",)}, "did you mean 'roughness'"),
+        ({"parameters": ("roughness", "Base.roughness")}, "named twice"),
+        ({"parameters": ("roughness=0.7..0.9",)}, "the look has 0.6"),
+        ({"parameters": ()}, "no parameter is to be found"),
+        ({"frame": "paint/light/element.0003"}, "has frames 1 to 2, not 3"),
+        ({"frame": "gold"}, "has no look 'gold'"),
+        ({"picture": "small.exr"}, r"is 16 x 8 pixels large, the job renders 32 x 32: .* \[16, 8\] would be right"),
+        ({"picture": "shown.png"}, "is png, whose values are encoded for a display"),
+        ({"picture": "none.exr"}, "no such image file"),
+        ({"mask": "small.exr"}, "the picture's 32 x 32 would be right"),
+        ({"look": Path("nowhere/found.usda")}, "its folder does not exist"),
+        ({"look": Path("found.txt")}, "is not a file to write a look in"),
+    ],
+)
+def test_what_is_wrong_is_said_before_rendering(
+    change: dict[str, Any], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("lookdev.batch.fit_picture.Worker", lambda *args: pytest.fail("a worker is started"))
+    Path("before.usda").write_text(TINY.look)
+    Path("job.toml").write_text(
+        JOB.format(look="before", asset="sphere", kind="ibl", light="city", size=32, samples=16)
+    )
+    for name, size in (("photo.exr", (32, 32)), ("small.exr", (8, 16)), ("shown.png", (32, 32))):
+        assert oiio.ImageBuf(np.full((*size, 3), 0.5, np.float32)).write(name)
+    given = {"picture": "photo.exr", "parameters": ("roughness",), "look": Path("found.usda"), **change}
+    given = {name: Path(each) if name in ("picture", "mask") else each for name, each in given.items()}
+    with pytest.raises(LookdevError, match=words):
+        fit_picture(Wish(job=Path("job.toml"), **given))
+    assert not Path("found.usda").exists()

@@ -28,7 +28,7 @@ body { font: 15px/1.5 system-ui, sans-serif; margin: 0 auto; max-width: 1400px; 
 h1 { font-size: 1.35rem; margin: 0 0 4px; overflow-wrap: anywhere; }
 h2 { font-size: 1.05rem; margin: 28px 0 8px; }
 p { margin: 4px 0; overflow-wrap: anywhere; }
-.pictures { display: grid; grid-template-columns: repeat(auto-fit, minmax(min(100%, 300px), 1fr)); gap: 16px; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(100%, 300px), 1fr)); gap: 16px; }
 figure { margin: 0; }
 figure img { display: block; width: 100%; image-rendering: pixelated; background: #000; }
 figcaption { padding-top: 4px; }
@@ -40,7 +40,7 @@ td.number, th.number { text-align: right; }
 .scale { height: 10px; margin-top: 4px;
   background: linear-gradient(90deg, #053061, #4393c3, #f7f7f7, #d6604d, #67001f); }
 .ends { display: flex; justify-content: space-between; font-size: 0.85em; }
-svg { width: 100%; height: auto; max-width: 900px; }
+svg { width: 100%; height: auto; min-width: 700px; max-width: 900px; }
 svg text { fill: currentColor; font-size: 12px; }
 .note { background: var(--weak); padding: 8px 12px; }
 """
@@ -120,7 +120,14 @@ def write_page(
         '</div><div class="scale"></div><div class="ends"><span>darker than the photo by '
         f"{_MOST_NOISE:g} standard errors</span><span>brighter</span></div>"
     )
-    body += ["<h2>Parameters</h2>", *_table(rows), "<h2>Loss</h2>", _curve(found.curve, found.noise)]
+    body += [
+        "<h2>Parameters</h2>",
+        *_table(rows),
+        "<h2>Loss</h2>",
+        '<div class="wide">',
+        _curve(found.curve, found.noise),
+    ]
+    body.append("</div>")
     text = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
@@ -207,7 +214,7 @@ def _curve(curve: Sequence[Point], noise: float) -> str:
         at = y(noise)
         parts.append(
             f'<line x1="{left}" x2="{width - 16}" y1="{at:.1f}" y2="{at:.1f}" stroke="#c33" stroke-dasharray="6 4"/>'
-            f'<text x="{width - 20}" y="{at - 5:.1f}" text-anchor="end">noise of the photo</text>'
+            f'<text x="{left + 6}" y="{at - 5:.1f}">noise of the photo</text>'
         )
     colors = {"start": "#888", "follow": "#2a78c2", "refine": "#2a9d4a", "end": "#c2185b"}
     line: list[str] = []

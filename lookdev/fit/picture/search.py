@@ -34,6 +34,7 @@ _INSIDE = 5e-4
 
 _LONGEST = 0.4  # units of a step
 _DAMPING, _MOST_DAMPING = 1e-3, 10.0
+_NOTHING = 1e-3  # units of a step: a thousandth of a slider
 _NEAR = 0.05
 """Units within which two ends are one."""
 _UNDETERMINED = 0.25
@@ -330,7 +331,7 @@ class Search:
         return np.asarray(lsq_linear(root, aim, (np.minimum(low, -1e-12), np.maximum(high, 1e-12)), method="bvls").x)
 
     def _is_small(self, step: Floats, local: _Fit, errors: float) -> bool:
-        return bool(np.all(np.abs(step) < np.maximum(errors * np.sqrt(np.diag(local.covariance)), 1e-4)))
+        return bool(np.all(np.abs(step) < np.maximum(errors * np.sqrt(np.diag(local.covariance)), _NOTHING)))
 
     def _parts(self) -> Iterator[tuple[Unknown, slice]]:
         """Yield each unknown with the places of its numbers."""
