@@ -26,6 +26,7 @@ from lookdev.job.scenes import job_scenes
 from lookdev.material import Look
 from lookdev.material.change import live_look
 from lookdev.material.library.constants import check_writable, write_changed
+from lookdev.material.library.edit import check_suffix
 from lookdev.plan import Setup, make_setup
 from lookdev.render.backends import BACKENDS
 from lookdev.render.slopes import SlopeTask, live_inputs
@@ -271,7 +272,7 @@ def _checked(wish: Wish, photo: Photo, frame: _Frame, look: Look) -> tuple[Wish,
         )
     notes = list[str]()
     try:
-        _check_look(frame, look)
+        _check_look(wish.look, frame, look)
     except LookdevError as error:
         if wish.look_named:
             raise
@@ -285,13 +286,15 @@ def _checked(wish: Wish, photo: Photo, frame: _Frame, look: Look) -> tuple[Wish,
     return wish, tuple(notes)
 
 
-def _check_look(frame: _Frame, look: Look) -> None:
+def _check_look(file: Path | None, frame: _Frame, look: Look) -> None:
     """Raise LookdevError where a look with other parameters cannot be written."""
     material = frame.table.material
     if material is None or look.name != frame.table.name:
         raise LookdevError(
             f"look '{frame.table.name}': the parameters are of '{look.name}', which is no 'material' of the look's own"
         )
+    if file is not None:
+        check_suffix(file)
     check_writable(material, frame.table.prim, frame.table.variants)
 
 
@@ -382,7 +385,8 @@ def _pictures(
             errors.append(exposed * 0.5 * (a - b))
     noise = blocks(photo.noise**2, side) / side**2
     # One difference of halves knows little of a variance: that of neighbours is like it.
-    one, other = (np.sqrt(uniform_filter(noise + each**2, (5, 5, 0))) for each in errors)
+    near = [uniform_filter(noise + each**2, (5, 5, 1)) for each in errors]
+    one, other = (np.sqrt(np.maximum(each, 0.0)) for each in near)  # running sums are 0 but for their rounding
     rows, columns = (np.arange(each // side) * side // block for each in photo.color.shape[:2])
     used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
     return Pictures(blocks(photo.color, side), renders[0], renders[1], one, other, used)

@@ -34,9 +34,6 @@ from lookdev.render.task import SceneTask
 
 _LAUNCH = 1 << 21  # samples, of which each has four numbers and their derivatives
 
-_FEW = Counts(1, 2, 1, 2)
-"""Directions where derivatives are wanted: each costs several times as much, and takes fewer samples of a fit."""
-
 Dual = list[Any]
 """A colour or a number, and its derivatives."""
 
@@ -59,8 +56,7 @@ class SlopeScene:
         inputs = {name: (mi.Vector3f if len(each) == 3 else mi.Float)(*each) for name, each in task.values.items()}
         dr.make_opaque(inputs)
         looks = Looks(mi, self._sources, geometry, inputs)
-        counts = _FEW if task.symbols and self._light.sampled else self._counts
-        estimator = SlopeEstimator(mi, geometry, looks, self._light, counts, task.scene, task.symbols)
+        estimator = SlopeEstimator(mi, geometry, looks, self._light, self._counts, task.scene, task.symbols)
         width, height = task.scene.resolution
         view = View.of(mi, task.scene.camera, task.pose, (width, height), geometry.center)
         place = Rectangle.of(mi, Region(slice(0, height), slice(0, width), task.samples))

@@ -26,7 +26,7 @@ from lookdev.scene import Film, Sampling, Scene
 
 pytestmark = pytest.mark.mitsuba
 
-SIZE, SAMPLES, PAIRS = 24, 64, 4
+SIZE, PAIRS = 24, 4
 COPPER = Layer("Metal", "disney", {"metallic": 1.0, "baseColor": (0.9, 0.55, 0.4), "roughness": 0.35})
 FADING = Formula(parse("amount * view"), {"amount": 0.6, "view": View()}, {"amount": "float", "view": "float"})
 
@@ -53,11 +53,13 @@ class Case:
     layers: Callable[[Path], tuple[Layer, ...]]
     names: tuple[str, ...]
     bounces: int = 2
+    samples: int = 64
 
 
 CASES = {
     # In the shaderball's recess, copper is lit by copper.
-    "interreflection": Case("shaderball", "city", of(COPPER), ("roughness", "baseColor"), bounces=3),
+    "interreflection": Case("shaderball", "city", of(COPPER), ("roughness",), bounces=3, samples=256),
+    "colours": Case("shaderball", "city", of(COPPER), ("baseColor",), bounces=3),
     "textures": Case("suzanne", "city", painted, ("Paint.metallic", "Dust.roughness", "Dust.baseColor")),
     "presence": Case("plane", "sunset", of(replace(COPPER, inputs={**COPPER.inputs, "presence": 0.6})), ("presence",)),
     "expression": Case("suzanne", "city", masked, ("Over.mask.amount", "Over.roughness", "Base.surfaceColor")),
@@ -99,7 +101,9 @@ def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: A
         """Return the means (2 PAIRS, 1 + P, 4) of the pixels of halves."""
         given = {bindings[key].parameter: each for key, each in values.items()}
         halves = [
-            scene.render(SlopeTask(task, POSE, given, symbols, SAMPLES, (2 * n, 2 * n + 1), ""), lambda done, of: None)
+            scene.render(
+                SlopeTask(task, POSE, given, symbols, case.samples, (2 * n, 2 * n + 1), ""), lambda done, of: None
+            )
             for n in range(PAIRS)
         ]
         return np.concatenate(halves).astype(float).mean(axis=(2, 3))
@@ -123,7 +127,7 @@ def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: A
             size = np.abs(expected.mean(axis=0))
             # Student's t of 7 degrees of freedom, and differences' own error, of the third derivative.
             assert (np.abs(difference.mean(axis=0)) < 5.4 * error + 4e-3 * size + 1e-6).all(), (each.name, channel)
-            assert (error <= 0.05 * size.max()).all(), each.name
+            assert (error <= 0.15 * size.max()).all(), each.name
             assert size.max() > 1e-4, each.name
             place += 1
     assert place == found.shape[1]

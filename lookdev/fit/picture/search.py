@@ -54,11 +54,11 @@ class Settings:
     tried: int = 12
     followed: int = 2
     steps: int = 8
-    rounds: int = 4
+    rounds: int = 10
     coarse: int = 8
     samples: int = 32
     finest: int = 256
-    slopes: int = 8
+    slopes: int = 16
     seed: int = 0
 
 
@@ -236,6 +236,8 @@ class Search:
             if small and samples >= self.settings.finest:
                 break
             samples = min(2 * samples, self.settings.finest)
+            # Where steps are not small yet, their noise is that of derivatives: it makes them shorter.
+            slopes = min(2 * slopes, 8 * self.settings.slopes)
         self._best = unit, loss, self._best[2] if self._best else self._first
         return small
 
@@ -255,7 +257,7 @@ class Search:
             halves = self._pictures(unit, self.settings.finest, self._pair())
             loss, picture = self.target.loss(*halves), 0.5 * (halves[0] + halves[1])
             self._note("end", 0, loss)
-            local = self._local(unit, halves, 2 * self.settings.slopes)
+            local = self._local(unit, halves, 16 * self.settings.slopes)
             misfit = float(np.sqrt(max(1.0, loss / noise))) if noise > 0.0 else 1.0
             whole = local.covariance
             errors = misfit * np.sqrt(np.diag(whole))
