@@ -318,9 +318,10 @@ class Search:
         variance = self.target.variance[self._used] + (0.5 * (a - b)) ** 2
         level = float((self._weight * variance).mean())
         # A slider's width is known of each beforehand: so what has no effect has an error of that.
-        inverse = np.linalg.inv(whole + level * np.eye(len(whole)))
-        scores = (weighted * (self._weight * variance)[:, None]).T @ both
-        covariance = inverse @ (scores + level**2 * np.eye(len(whole))) @ inverse
+        known = _positive(crossed) + level * np.eye(len(crossed))
+        scores = _positive((one * (self._weight**2 * variance)[:, None]).T @ other) + level**2 * np.eye(len(crossed))
+        inverse = np.linalg.inv(known)
+        covariance = inverse @ scores @ inverse
         return _Fit(weighted.T @ rest, hessian, whole, covariance, level)
 
     def _step(self, unit: Floats, local: _Fit, damping: float) -> Floats:
@@ -371,6 +372,12 @@ def _alike(names: Sequence[str], covariance: Floats | None, errors: Floats) -> I
             found = float(covariance[i, j] / (scale[i] * scale[j]))
             if abs(found) > _ALIKE and np.isfinite(errors[[i, j]]).all():
                 yield names[j], names[i], found
+
+
+def _positive(matrix: Floats) -> Floats:
+    """Return the symmetric part of a product of independent halves, without the negative squares that are its noise."""
+    values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
+    return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _power_above(number: int) -> int:
