@@ -14,6 +14,9 @@ Request = FrameTask | SceneTask | SlopeTask
 _REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
 
+_KINDS = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
+
+
 def encode(task: Request) -> str:
     """Return a task as one line of JSON, without the line's end; floats survive exactly."""
     return _REQUEST.dump_json(task).decode()
@@ -23,9 +26,7 @@ def decode(line: str) -> FrameTask:
     """Return the frame task of a line that `encode` made; WorkerError as `decode_request`, and for another task."""
     task = decode_request(line)
     if not isinstance(task, FrameTask):
-        raise WorkerError(
-            f"the line is a {type(task).__name__}, not a frame task: the worker's backend is not sent any"
-        )
+        raise WorkerError(f"the line is a {_KINDS[type(task)]}, not a frame task: the worker's backend is not sent any")
     return task
 
 
@@ -34,4 +35,4 @@ def decode_request(line: str) -> Request:
     try:
         return _REQUEST.validate_json(line)
     except ValidationError as error:
-        raise WorkerError(f"the line is no task: {error}") from error
+        raise WorkerError(f"the line is neither a frame task nor a scene task: {error}") from error
