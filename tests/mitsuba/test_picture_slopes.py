@@ -62,7 +62,9 @@ CASES = {
     "colours": Case("shaderball", "city", of(COPPER), ("baseColor",), bounces=3),
     "textures": Case("suzanne", "city", painted, ("Paint.metallic", "Dust.roughness", "Dust.baseColor")),
     "presence": Case("plane", "sunset", of(replace(COPPER, inputs={**COPPER.inputs, "presence": 0.6})), ("presence",)),
-    "expression": Case("suzanne", "city", masked, ("Over.mask.amount", "Over.roughness", "Base.surfaceColor")),
+    "expression": Case(
+        "suzanne", "city", masked, ("Over.mask.amount", "Over.roughness", "Base.surfaceColor"), samples=256
+    ),
     "pixar": Case("sphere", "studio", one("pixar", roughness=0.4, metallic=0.6), ("roughness", "metallic")),
     "leaf": Case("plane", "sunset", one("pixar", back=0.4, clear=0.3), ("back", "clear", "roughness")),
     "ward": Case("suzanne", "lamps", one("ward", alphaX=0.2, alphaY=0.3), ("alphaX", "diffuse")),
@@ -70,7 +72,7 @@ CASES = {
     "torrance-sparrow": Case("sphere", "city", one("torrance-sparrow", roughness=0.3), ("roughness",)),
     "ashikhmin-shirley": Case("sphere", "city", one("ashikhmin-shirley", exponentU=30.0), ("exponentU",)),
     "oren-nayar": Case("suzanne", "sunset", one("oren-nayar", sigma=0.4), ("sigma",)),
-    "mirror": Case("suzanne", "city", one("mirror"), ("tint",)),
+    "mirror": Case("suzanne", "city", of(Layer("L", "mirror", {"tint": (0.7, 0.6, 0.5)})), ("tint",)),
 }  # fmt: skip
 QUICK = ("interreflection", "textures", "presence")
 
