@@ -334,9 +334,9 @@ class _Renderer:
             return found
         parts, place = [found[:, :1]], 1
         for key, each in self._own.items():
-            part = found[:, place : place + each.width] if key in bindings else np.zeros_like(found[:, : each.width])
-            parts.append(part if key in bindings else np.zeros((2, each.width, *found.shape[2:])))
-            place += each.width * (key in bindings)
+            read = key in bindings
+            parts.append(found[:, place : place + each.width] if read else np.zeros((2, each.width, *found.shape[2:])))
+            place += each.width * read
         return np.concatenate(parts, axis=1)
 
 

@@ -16,6 +16,7 @@ from lookdev.light import Light, called, mitsuba_gaps, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
+from lookdev.space import OCIO_NAMES, REC709, Space
 
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
@@ -35,7 +36,8 @@ class Setting:
     """What a source is generated for besides its look.
 
     Without `shadows` the asset never occludes light. `resolve` returns the linear EXR file of a texture, or that of the
-    slopes of a height map; None: those of the cache.
+    slopes of a height map; None: those of the cache. `light_groups` has the number of each light's group, where a pass
+    has them. `space` is that of the lights, and of what is rendered.
     """
 
     lights: tuple[Light, ...]
@@ -43,6 +45,8 @@ class Setting:
     sampling: Sampling
     shadows: bool = True
     resolve: Callable[[Texture | Bump], Path] | None = None
+    light_groups: tuple[int, ...] = ()
+    space: Space = REC709
 
     def image_file(self, source: Texture | Bump) -> Path:
         """Return the file of an image."""
@@ -85,6 +89,7 @@ class Backend:
     cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
+    spaces: tuple[Space, ...] = (REC709,)  # in which it renders
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
@@ -105,6 +110,8 @@ def _exact(look: Look, setting: Setting) -> Source:
         resolution=setting.resolution,
         features=setting.sampling.features,
         recorded=setting.sampling.recorded,
+        light_groups=setting.light_groups,
+        space=setting.space,
     )
 
 
@@ -124,7 +131,7 @@ def _program(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
     features = setting.sampling.denoise != "off"
-    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features)
+    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features, space=setting.space)
 
 
 def _principled(look: Look, setting: Setting) -> Source:
@@ -176,6 +183,7 @@ BACKENDS: dict[str, Backend] = {
             any_light=True,
             directions=True,
             features=True,
+            spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
             ahead=True,
         ),
@@ -213,6 +221,7 @@ BACKENDS: dict[str, Backend] = {
             cannot_light=mitsuba_gaps,
             directions=True,
             features=True,
+            spaces=tuple(OCIO_NAMES),
             version=_of_mitsuba,
         ),
         Backend(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 from lookdev.codegen import AttributeBinding
 from lookdev.material.change import is_live, live_primvar
@@ -26,6 +27,11 @@ class SlopeTask:
     samples: int
     seeds: tuple[int, int]
     digest: str
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """It is written to none."""
+        return ()
 
 
 def live_inputs(scene: SceneTask) -> dict[str, AttributeBinding]:

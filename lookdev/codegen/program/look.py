@@ -33,6 +33,7 @@ from lookdev.material import Bump, Look, Texture
 from lookdev.material.change import is_live
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
+from lookdev.space import REC709, Space, from_rec709
 
 Live = Callable[[int, str], bool]
 _CONSTANT = (np.ndarray, float)
@@ -44,13 +45,14 @@ def generate_program(
     *,
     shadows: bool = True,
     features: bool = False,
+    space: Space = REC709,
     live: Live = lambda number, name: False,
 ) -> ProgramSource:
     """Generate the program of a look.
 
     Its constants are folded, and named, so that looks which differ in numbers alone have one text. `resolve` turns a
     texture into its linear EXR file, a height map into that of its slopes. With `shadows`, rays are traced along
-    directions; `features` adds what guides a denoiser.
+    directions; `features` adds what guides a denoiser. `space` is that of the light.
 
     Constants that are `live`, by their layer's number from the base and their parameter (or ``"mask"``), do not fold:
     they are symbols by their `live_name`, three with ``[0]`` to ``[2]`` behind it. An editor changes them while the
@@ -59,6 +61,8 @@ def generate_program(
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = stack_bsdf([_of_look(graph, *each, live) for each in enumerate(look_layers(look, inputs))])
+    if space != REC709:
+        bsdf = bsdf.converted(from_rec709(space))
     lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, Node) or presence < 1.0
