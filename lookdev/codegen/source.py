@@ -70,6 +70,12 @@ class AttributeBinding:
             return self.attribute
         return f"{'' if self.kind == 'uv' else 'primvars:'}{short_name(self.attribute)}"
 
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """The names of its numbers in a program: of a float the parameter, else with ``[0]``, ``[1]`` behind it."""
+        width = {"float": 0, "uv": 2}.get(self.kind, 3)
+        return tuple(f"{self.parameter}[{i}]" for i in range(width)) if width else (self.parameter,)
+
 
 def short_name(name: str) -> str:
     """Return the name of a UV set or primvar in Blender and in shaders, different for each.
@@ -196,8 +202,9 @@ class ProgramSource:
     symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
     ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
     light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
-    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced. A
-    look is `glossy` if no lobe is broad or lets light pass. `folded` as in `ShaderSource`.
+    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser; ``value/roughness`` is the
+    derivative of an output by a symbol of a live input. With `shadows`, rays are traced. A look is `glossy` if no lobe
+    is broad or lets light pass. `folded` as in `ShaderSource`.
     """
 
     name: str

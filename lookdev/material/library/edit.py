@@ -86,7 +86,7 @@ def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
 
 def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], Sdf.Path]) -> str:
     """Write a new look whose base is defined at a path; the function returns it."""
-    _check_suffix(file)
+    check_suffix(file)
     if file.exists() or file.is_symlink():
         hint = "choose another name, or 'lookdev materials add' a layer to it"
         raise LookError([Fault(str(file), "", "exists already", hint)])
@@ -94,7 +94,7 @@ def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], S
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
         raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
-    with atomic_path(file) as temporary, _reported_for(file, temporary):
+    with atomic_path(file) as temporary, reported_for(file, temporary):
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
         stage.SetDefaultPrim(material.GetPrim())
@@ -187,7 +187,7 @@ def set_inputs(
     variant; an input of another file gets an override. The material is as in `variants`.
     """
     with _edited(file, prim, variants) as material:
-        layers, (network, _) = _enabled(material), _surface(material)
+        layers, (network, _) = shown_layers(material), _surface(material)
         for (number, name), value in values.items():
             shader, holder, mask = layers[number]
             if name == "mask":
@@ -340,23 +340,27 @@ def _reference(stage: Usd.Stage, path: Sdf.Path, preset: Preset) -> Sdf.Path:
 
 def _author_preview(material: UsdShade.Material) -> str:
     look = _read_saved(material)
-    return author_preview(material, list(zip(look.layers, (each[0] for each in _enabled(material)), strict=True)))
+    shaders = [shader for shader, *_ in shown_layers(material)]
+    return author_preview(material, list(zip(look.layers, shaders, strict=True)))
 
 
-def _enabled(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
-    """Return the shader of each layer of a look that is enabled, from the base, and the input that is its mask."""
+def shown_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
+    """Return each layer of a look, base first: its shader, the stack, and the name of the stack's input of its mask.
+
+    Disabled layers are left out; the base has no mask, and the name is empty.
+    """
     network, surface = _surface(material)
     stack = _find_stack(material)
     if stack is None:
         return [(surface.shader, surface.shader, "")]
-    shader = UsdShade.Shader(stack.prim)
-    found = [(network.follow(stack.prim.GetAttribute("inputs:base")), shader, "")]
-    for number in stack.layers:
-        enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled"))
+    found = []
+    for number in (0, *stack.layers):
+        enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled")) if number else None
         if not enabled or network.constant(enabled, _TYPES.Bool) is not False:
-            source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "")))
-            found.append((source, shader, f"layer{number}Mask"))
-    return [(source.shader, holder, mask) for source, holder, mask in found if isinstance(source, Source)]
+            source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
+            if isinstance(source, Source):
+                found.append((source.shader, UsdShade.Shader(stack.prim), f"layer{number}Mask" if number else ""))
+    return found
 
 
 def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
@@ -374,12 +378,12 @@ def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
 @contextmanager
 def _edited(file: Path, prim: str | None, variants: Mapping[str, str] | None = None) -> Iterator[UsdShade.Material]:
     """Yield the material of a copy of a file, which replaces the file if it is a look in the end."""
-    _check_suffix(file)
+    check_suffix(file)
     if file.is_symlink():
         raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
     if not file.is_file():
         raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
-    with atomic_path(file) as temporary, _reported_for(file, temporary):
+    with atomic_path(file) as temporary, reported_for(file, temporary):
         shutil.copy(file, temporary)
         stage, network = open_stage(temporary), Network(temporary)
         path = find_material(network, stage, prim, variants or {})
@@ -390,13 +394,14 @@ def _edited(file: Path, prim: str | None, variants: Mapping[str, str] | None = N
         _check(material)
 
 
-def _check_suffix(file: Path) -> None:
+def check_suffix(file: Path) -> None:
+    """Raise LookError where a look cannot be written in a file of this name."""
     if file.suffix not in SUFFIXES:
         raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
 
 
 @contextmanager
-def _reported_for(file: Path, temporary: Path) -> Iterator[None]:
+def reported_for(file: Path, temporary: Path) -> Iterator[None]:
     """Report the faults of a temporary copy as faults of the file."""
     try:
         with reading(temporary):
