@@ -11,7 +11,8 @@ import numpy as np
 from lookdev.asset import Asset
 from lookdev.asset.silhouette import outline
 from lookdev.batch.events import Report
-from lookdev.batch.run import RunResult, render_setups
+from lookdev.batch.frames import RunResult
+from lookdev.batch.run import render_setups
 from lookdev.cache import cache_dir
 from lookdev.job import JobOutputs, JobTurntable
 from lookdev.job.refinery import Refinery

@@ -11,7 +11,8 @@ import numpy as np
 
 from lookdev.asset import load_asset
 from lookdev.batch.events import Report, SheetWritten
-from lookdev.batch.run import RunResult, render_setups
+from lookdev.batch.frames import RunResult
+from lookdev.batch.run import render_setups
 from lookdev.cache import cache_dir
 from lookdev.job import JobOutputs, JobTurntable
 from lookdev.light import load_environment, prepare_light
