@@ -138,7 +138,7 @@ def test_turning_a_sphere_of_a_plain_look_is_one_frame(
     assert [len(frame.task.files) for frame in plan.frames] == files * 2
     skipped = {look: [skip.what for skip in plan.skips if skip.look == look] for look in ("good", "other")}
     convex = ["bounces", "shadow rays"] if frames else []
-    assert skipped["good"] == skipped["other"] == [*convex, "light from behind", "light samples", *frames]
+    assert skipped["good"] == skipped["other"] == [*convex, "light from behind", "light samples", "1 lobe", *frames]
 
 
 @pytest.mark.parametrize("backend", [name for name in job_backends() if name != "exact"])
