@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import lookdev
-from lookdev.batch.lock import STATE_FOLDER
-from lookdev.batch.pictures import ledger_names
+from lookdev.batch.ledger import Ledger
+from lookdev.batch.runs import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest
 from lookdev.errors import LookError, StageError
 from lookdev.job import Job
@@ -32,6 +32,7 @@ _STATE = f"{STATE_FOLDER}/digests.json"
 def input_files(job: Job) -> list[Path]:
     """Return a job file and all files that it reads, those that its USD files compose included."""
     composed = [job.asset.usd, job.camera.file, *(rig.usd for rig in job.rig)]
+    composed += [job.ground.material] if job.ground else []
     for look in job.look:
         composed += [look.material, look.layer, *(each.material for each in look.assign)]
     needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(_composed_of(file) for file in composed if file))
@@ -51,7 +52,7 @@ def _composed_of(file: Path) -> set[Path]:
 
 
 def record_run(job: Job, plan: Plan) -> Path:
-    """Write the manifest of what a run left on disk; the caller holds the output's lock.
+    """Write the manifest of what a run left on disk.
 
     Files whose size and time are as they were are not read again. Raises OSError where one cannot be read or written.
     """
@@ -65,13 +66,14 @@ def record_run(job: Job, plan: Plan) -> Path:
             name = file.relative_to(plan.output).as_posix()
             again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
             frames.append(digests.entry(file, name) | {"header": read_header(file), "command": again})
-    made = ((plan.output / name, name) for name in ledger_names(plan.output))
+    beside = (key for key in ("charts", "ground") if getattr(job, key) is not None)
+    made = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
     manifest = {
         "job": str(job.file),
         "command": render,
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
         "view": asdict(job.outputs.shown("png")),
-        "settings": job.model_dump(mode="json", include={"render", "outputs"}),
+        "settings": job.model_dump(mode="json", include={"render", "outputs", *beside}),
         "inputs": [digests.entry(file, str(file)) for file in input_files(job) if file.is_file()],
         "planned": len(planned),
         "frames": frames,

@@ -70,6 +70,12 @@ class AttributeBinding:
             return self.attribute
         return f"{'' if self.kind == 'uv' else 'primvars:'}{short_name(self.attribute)}"
 
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """The names of its numbers in a program: of a float the parameter, else with ``[0]``, ``[1]`` behind it."""
+        width = {"float": 0, "uv": 2}.get(self.kind, 3)
+        return tuple(f"{self.parameter}[{i}]" for i in range(width)) if width else (self.parameter,)
+
 
 def short_name(name: str) -> str:
     """Return the name of a UV set or primvar in Blender and in shaders, different for each.
@@ -106,8 +112,14 @@ class Source(Protocol):
     def see_through(self) -> bool: ...
 
 
-LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "transmission")
+Catching = Literal["", "ground", "asset"]
+"""Of a scene with a shadow catcher: whether a look is the ground's or the asset's."""
+
+LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
 """The groups of lobes whose light can be recorded; a lobe that transmits is of the last, whatever its own."""
+
+FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
+"""The number of the first group of lights among the parts of the light that shaders record."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +130,7 @@ class ShaderSource:
     compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
     a shading point from the BSDF and from the light; with `shadows`, rays are traced along them. `recorded` are those
     of `LOBE_GROUPS` that the look has, if it can record parts of its light. So many lobes are `folded`: constants make
-    them 0, and no code is theirs.
+    them 0, and no code is theirs. If `catching`, it can show the parts of a frame with a shadow catcher.
     """
 
     name: str
@@ -135,6 +147,7 @@ class ShaderSource:
     varying: tuple[int, ...] = ()
     recorded: tuple[str, ...] = ()
     folded: int = 0
+    catching: Catching = ""
 
     @property
     def program(self) -> ShaderSource:
@@ -189,8 +202,9 @@ class ProgramSource:
     symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
     ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
     light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
-    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced. A
-    look is `glossy` if no lobe is broad or lets light pass. `folded` as in `ShaderSource`.
+    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser; ``value/roughness`` is the
+    derivative of an output by a symbol of a live input. With `shadows`, rays are traced. A look is `glossy` if no lobe
+    is broad or lets light pass. `folded` as in `ShaderSource`.
     """
 
     name: str

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from lookdev.cycles import version
 from lookdev.errors import RenderError
+from lookdev.render.threads import given_threads
 
 sys.path.append(str(Path(bpy.utils.resource_path("LOCAL")) / "scripts" / "addons_core"))
 import cycles
@@ -91,8 +92,8 @@ def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
 def fill_tables(scene: Any) -> None:
     """Make Cycles' table of sample points as long as it ever is.
 
-    It grows with the most samples that were rendered, and what it has for fewer changes as it does: rounds of different
-    samples would depend on what was rendered before.
+    It grows with the most samples that were rendered, and what it has for fewer changes as it does: a frame would
+    depend on the rounds, passes and frames that the process rendered before it.
     """
     scene.cycles.samples = _LONGEST_TABLE
     scene.cycles.use_sample_subset = True
@@ -225,7 +226,9 @@ def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
     render.use_border = render.use_crop_to_border = render.use_compositing = render.use_sequencer = False
     render.use_persistent_data = True
     render.use_simplify = False
-    render.threads_mode = "AUTO"
+    threads = given_threads()
+    render.threads_mode = "AUTO" if threads is None else "FIXED"
+    render.threads = threads or 1  # counts if fixed
 
     settings.use_adaptive_sampling = settings.use_denoising = False
     settings.time_limit = 0.0

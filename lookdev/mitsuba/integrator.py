@@ -23,7 +23,7 @@ from lookdev.mitsuba.surface import Looks, Surface
 from lookdev.render.adaptive import Region
 from lookdev.scene import Camera, Pose
 
-_LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
+LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
 _NEGLIGIBLE = 1e-20  # of the BSDF: as in the shader
 
 
@@ -215,7 +215,7 @@ class Estimator:
 
             throughput *= chosen * share
             # Russian roulette: paths of little throughput end, and others stand for them.
-            survival = dr.minimum(dr.mean(throughput) / _LITTLE, 1.0)
+            survival = dr.minimum(dr.mean(throughput) / LITTLE, 1.0)
             lucky = sobol.unit(mi.Float, sobol.hashed(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
             throughput = dr.select(lucky, throughput / survival, 0.0)
             active &= onward & lucky & (share > 0.0)

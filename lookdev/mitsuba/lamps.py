@@ -2,20 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields
-from functools import cache
 from typing import Any
 
 import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.codegen.program.written import Written
-from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
-from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis
-from lookdev.light.lamps import FIELDS, SHAPES, weight
+from lookdev.codegen.program.lamps import lamp_operations
+from lookdev.light.lamps import FIELDS
 from lookdev.mitsuba.programs import Place, Program
 
 _NUMBERS = {name: number for number, name in enumerate(FIELDS)}
@@ -28,7 +22,7 @@ class Lamps:
         self._mi = mi
         self.count = len(rows)
         self._rows = mi.Float(np.ascontiguousarray(rows, np.float32).ravel())
-        operations, outputs = _traced(kind, shaped, falling and kind != "distant")
+        operations, outputs = lamp_operations(kind, shaped=shaped, falling=falling)
         self._program = Program(operations, outputs, mi.Float)
 
     def field(self, lamp: Any, name: str) -> Any:
@@ -83,42 +77,3 @@ class Lamps:
             return given[wanted] if wanted in given else self.field(lamp, wanted)
 
         return Place(self._program, value).values(name)
-
-
-@cache
-def _traced(kind: str, shaped: bool, falling: bool) -> tuple[list[Any], Mapping[str, tuple[int, ...]]]:
-    """Return the operations of the functions of a kind; a number of a row is a symbol by its name."""
-    graph, written = Graph(), Written()
-
-    def numbers(*names: str) -> tuple[Any, ...]:
-        return tuple(symbol(graph, name) for name in names)
-
-    def vector(name: str) -> Any:
-        return symbols(graph, [f"{name}[{i}]" for i in range(3)])
-
-    shape = SHAPES[kind](*numbers(*("a", "b")[: len(fields(SHAPES[kind]))]))
-    p, w, n = map(vector, "pwn")
-    cone, fall = numbers("cone", "start", "rise", "focus"), numbers("virtual", "power", "fade", "fade_rise")
-    tint, (mean,) = symbols(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
-    beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-    sent: Any = symbols(graph, ["red", "green", "blue"])
-    if shaped:
-        within = cone_factor(off_axis(w), *cone[:3])
-        sent = sent * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
-    if falling:
-        sent = sent * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *fall), -1)
-    drawn = shape.sample(p, symbols(graph, ["u1", "u2"]))
-    outputs: dict[str, Callable[[], list[Any]]] = {
-        "weight": lambda: elements_of(mean * weight(shape, beam, fall if falling else None, p, n)),
-        "meet": lambda: [*elements_of(shape.distance(p, w)), *elements_of(shape.pdf(p, w))],
-        "draw": lambda: [
-            *elements_of(drawn),
-            *elements_of(shape.distance(p, drawn)),
-            *elements_of(shape.pdf(p, drawn)),
-        ],
-        "sent": lambda: elements_of(sent),
-    }
-    for name, traced in outputs.items():
-        written.add(name, traced())
-    assert not written.constants, "lamps have no uniforms"
-    return written.operations, written.outputs

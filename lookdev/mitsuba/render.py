@@ -47,7 +47,7 @@ class MitsubaScene:
         light = lights_of(mi, task.lights, self._geometry.center, task.camera.pivot)
         shadows = any(source.shadows for source in sources)
         glossy = all(source.glossy for source in sources)
-        counts = _counts(task.sampling, light.sampled, glossy)
+        counts = counts_of(task.sampling, light.sampled, glossy)
         self._estimator = Estimator(mi, self._geometry, looks, light, counts, task.sampling.bounces, shadows)
 
     def fits(self, task: SceneTask) -> bool:
@@ -112,7 +112,7 @@ class MitsubaScene:
 _COUNTS, _GLOSSY = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4)
 
 
-def _counts(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
+def counts_of(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
     """Return the numbers of directions: those of the job, or those that take the least time to an error."""
     usual = _GLOSSY if glossy and sampling.bounces > 0 else _COUNTS
     brdf = usual.brdf if sampling.brdf_samples is None else sampling.brdf_samples

@@ -10,17 +10,18 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen import Catching, NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, mitsuba_gaps, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
+from lookdev.space import OCIO_NAMES, REC709, Space
 
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
 
-RENDER_VERSION = 4
+RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
 MITSUBA_VERSION = 2
@@ -34,15 +35,20 @@ WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 class Setting:
     """What a source is generated for besides its look.
 
-    Without `shadows` the asset never occludes light. `resolve` returns the linear EXR file of a texture, or that of the
-    slopes of a height map; None: those of the cache.
+    Without `shadows` the asset never occludes light. In a scene with a shadow catcher, `catching` is what wears the
+    look. `resolve` returns the linear EXR file of a texture, or that of the slopes of a height map; None: those of the
+    cache. `light_groups` has the number of each light's group, where a pass has them. `space` is that of the lights,
+    and of what is rendered.
     """
 
     lights: tuple[Light, ...]
     resolution: tuple[int, int]
     sampling: Sampling
     shadows: bool = True
+    catching: Catching = ""
     resolve: Callable[[Texture | Bump], Path] | None = None
+    light_groups: tuple[int, ...] = ()
+    space: Space = REC709
 
     def image_file(self, source: Texture | Bump) -> Path:
         """Return the file of an image."""
@@ -85,7 +91,10 @@ class Backend:
     cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
+    spaces: tuple[Space, ...] = (REC709,)  # in which it renders
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
+    catches: bool = False  # renders shadow catchers
+    apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
@@ -105,6 +114,9 @@ def _exact(look: Look, setting: Setting) -> Source:
         resolution=setting.resolution,
         features=setting.sampling.features,
         recorded=setting.sampling.recorded,
+        catching=setting.catching,
+        light_groups=setting.light_groups,
+        space=setting.space,
     )
 
 
@@ -124,7 +136,7 @@ def _program(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
     features = setting.sampling.denoise != "off"
-    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features)
+    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features, space=setting.space)
 
 
 def _principled(look: Look, setting: Setting) -> Source:
@@ -176,7 +188,10 @@ BACKENDS: dict[str, Backend] = {
             any_light=True,
             directions=True,
             features=True,
+            spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
+            catches=True,
+            apart=True,
             ahead=True,
         ),
         Backend(
@@ -213,6 +228,8 @@ BACKENDS: dict[str, Backend] = {
             cannot_light=mitsuba_gaps,
             directions=True,
             features=True,
+            apart=True,
+            spaces=tuple(OCIO_NAMES),
             version=_of_mitsuba,
         ),
         Backend(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,6 +15,7 @@ from lookdev.render.adaptive import Half, Region, mean_samples, next_round
 from lookdev.render.denoise import Denoised, denoised
 from lookdev.render.task import FrameTask
 
+Floats = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 # Seeds of one frame's rounds and halves: those of neighbouring `seed` values never coincide.
@@ -45,6 +46,11 @@ class RenderedFrame:
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
 
+def half_of(seed: int) -> int:
+    """Return which half of a frame a renderer's seed belongs to, 0 or 1."""
+    return seed % 2
+
+
 Progress = Callable[[int, int, float | None], None]
 """Called with the samples done, the samples planned, and the relMSE so far."""
 
@@ -54,12 +60,26 @@ Renderer = Callable[[int, Region], tuple[Image, Image] | tuple[Image, Image, Map
 Denoiser = Callable[[Image], Image]
 
 
+Pictures = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
+"""Returns the colours of both halves, and the alpha of the frame."""
+
+
+def plain_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
+    """Return the colours of both halves and their mean coverage."""
+    return first.color, second.color, 0.5 * (first.alpha + second.alpha)
+
+
 def render_halves(
-    task: FrameTask, render: Renderer, denoiser: Callable[[], Denoiser], progress: Progress
+    task: FrameTask,
+    render: Renderer,
+    denoiser: Callable[[], Denoiser],
+    progress: Progress,
+    pictures: Pictures = plain_pictures,
 ) -> RenderedFrame:
     """Render the halves of a frame, by seeds of their own, so that their difference measures the error of their mean.
 
-    `denoiser` makes one that is guided by the features of the frame, if the task wants it.
+    `denoiser` makes one that is guided by the features of the frame, if the task wants it. `pictures` are what the
+    halves show, by which the frame is measured.
     """
     started = time.perf_counter()
     sampling, (width, height), gain = task.scene.sampling, task.scene.resolution, 2.0**task.exposure
@@ -78,7 +98,7 @@ def render_halves(
             done = round(2.0 * mean_samples(halves))
             progress(done, sampling.samples, error if number else None)
         number += 1
-        a, b, alpha = halves[0].color, halves[1].color, 0.5 * (halves[0].alpha + halves[1].alpha)
+        a, b, alpha = pictures(*halves)
         error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
         if smooth is not None:
             before = time.perf_counter()
@@ -93,10 +113,23 @@ def render_halves(
     passes: dict[str, Image] = {}
     if "samples" in sampling.passes:
         passes["samples"] = (halves[0].samples + halves[1].samples).astype(np.float32)[..., None]
-    for name in halves[0].parts:
-        mean = 0.5 * sum(half.parts[name] / half.samples[..., None] for half in halves)
-        passes[name] = np.asarray(mean, np.float32)
+    for name in dict.fromkeys((*halves[0].parts, *halves[1].parts)):
+        passes[name] = _part(name, halves)
     seconds = time.perf_counter() - started
     if result is None:
         return RenderedFrame(*shown, done, seconds, error, passes=passes)
     return RenderedFrame(*shown, done, seconds, error, raw, raw_error, seconds - denoising, passes)
+
+
+def _part(name: str, halves: Sequence[Half]) -> Image:
+    """Return a part of the light (H, W, 3) of the mean of both halves, raw.
+
+    Of a part that one half has recorded, the share in that half's light is the share in the frame's. It is biased by
+    half of what a quotient of means is, which falls with the samples.
+    """
+    having = [half for half in halves if name in half.parts]
+    means = [half.parts[name] / half.samples[..., None] for half in having]
+    if len(having) == len(halves):
+        return np.asarray(0.5 * (means[0] + means[1]), np.float32)
+    own, beauty = having[0].color, 0.5 * (halves[0].color + halves[1].color)
+    return np.asarray(beauty * np.divide(means[0], own, out=np.zeros_like(own), where=own > 0.0), np.float32)

@@ -9,12 +9,13 @@ import numpy as np
 
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen import TANGENT, Source
+from lookdev.codegen import TANGENT, Catching, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.link import MOST_GROUPS
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.kept import kept_source
+from lookdev.render.passes import LIGHTS, light_groups
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
 
@@ -35,10 +36,15 @@ def scene_task(
     closed and a look transmits. Lights that reach nothing are left out. Raises CodegenError or EnvironmentMapError,
     a line each, where the backend cannot show a look or lights.
     """
+    # A light that reaches nothing is a black layer.
+    named = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
     scene = scene.without_idle_lights()
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look, and are lit by the same lights, share its source.
     worn_by = [(id(look), lit) for look, lit in zip(scene.looks, scene.lit_by, strict=True)]
+    caught = {id(scene.wears[path]) for path in scene.catchers}
+    if caught and not record.catches:
+        raise CodegenError(f"backend '{backend}' renders no shadow catcher: 'exact' does")
     different = dict(zip(worn_by, scene.looks, strict=True))
     for look in different.values():
         if reason := record.cannot_show(look):
@@ -52,6 +58,8 @@ def scene_task(
             f"lights; at most {MOST_GROUPS + 1} would be right"
         )
     known: Generated = {} if generated is None else generated
+    groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
+    numbers_of_groups = {name: number for number, name in enumerate(dict.fromkeys((*groups, *named)))}
     # The files of a light are values that a source is given, so lights of one kind and size have one source.
     by_light = record.any_light and sampling.ibl_samples != 0
 
@@ -61,13 +69,16 @@ def scene_task(
         return kinds, lights_code(lights, sampled=sampled).constants if record.any_light else ()
 
     lit_by = {lit: tuple(scene.lights[number] for number in lit) for _, lit in different}
-    like = {lit: lit_as(lights) for lit, lights in lit_by.items()}
+    grouped = {lit: tuple(numbers_of_groups[groups[each]] for each in lit) if groups else () for lit in lit_by}
+    like = {lit: (*lit_as(lights), grouped[lit]) if groups else lit_as(lights) for lit, lights in lit_by.items()}
 
     def generate(sampling: Sampling, shadows: bool) -> list[Source]:
         sources = []
         for (number, lit), look in different.items():
-            setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows)
-            key = (number, backend, *like[lit], setting.resolution, sampling, shadows)
+            catching: Catching = "" if not caught else "ground" if number in caught else "asset"
+            setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows, catching)
+            setting = replace(setting, light_groups=grouped[lit], space=scene.film.space)
+            key = (number, backend, *like[lit], setting.resolution, sampling, shadows, setting.space, catching)
             if key not in known:
                 known[key] = kept_source(record, look, setting, like[lit])
             sources.append(known[key])
@@ -92,8 +103,10 @@ def scene_task(
         lit=tuple(lit for _, _, lit in kept) if scene.lit else (),
         groups=scene.grouped if scene.groups else (),
         resolution=scene.film.resolution,
+        space=scene.film.space,
         sampling=chosen,
         prims=tuple(each.path for each in asset.instances) if "cryptomatte" in chosen.passes else (),
+        light_groups=(*groups, *(name for name in named if name not in groups)),
         camera=scene.camera,
         device=device,
     )

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -28,11 +29,16 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
-from lookdev.render.passes import arrays_of
+from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import FrameTask, SceneTask
+
+Floats = NDArray[np.float32]
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
+
+_FRAME = "lookdev: frame "
+"""Begins the line of a log before what a worker writes of a frame: its digest and file follow."""
 
 LONGEST_MESSAGE = 1 << 20
 """Bytes; a longer line is refused, so that it does not fill the memory."""
@@ -108,12 +114,21 @@ class Worker:
         An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
     patience
         Seconds without an answer after which it counts as hung.
+    variables
+        Variables of its environment besides those of this process.
     """
 
-    def __init__(self, command: Sequence[str], log: Path, scratch: Path, patience: float = PATIENCE) -> None:
+    def __init__(
+        self,
+        command: Sequence[str],
+        log: Path,
+        scratch: Path,
+        patience: float = PATIENCE,
+        variables: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.log = log
         self._command = tuple(command)
-        self._environment = os.environ | {"TMPDIR": str(scratch)}
+        self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
         # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
         self._environment.pop("OCIO", None)
         self._patience = patience
@@ -128,6 +143,11 @@ class Worker:
 
     def __exit__(self, *exception: object) -> None:
         self.kill()
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None where there is none."""
+        return None if self._process is None else self._process.pid
 
     def launch(self) -> None:
         """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
@@ -184,8 +204,22 @@ class Worker:
         Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
         or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
         """
+        with self._killed_on_error():
+            return _load(self._finish(task, progress), task.scene, self._blender)
+
+    def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats:
+        """Return halves of radiance and coverage, and of P derivatives: (2, 1 + P, H, W, 4); errors as `render`."""
+        width, height = task.scene.resolution
+        shape = (2, 1 + len(task.symbols), height, width, 4)
+        with self._killed_on_error():
+            return _arrays(self._finish(task, progress), {"slopes": shape})[0]["slopes"]
+
+    def _finish(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
+        """Send a task, and return the answer that ends it."""
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
+        with self.log.open("a") as log:
+            log.write(f"{_FRAME}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
         with self._killed_on_error():
             self._send(self._process, wire.encode(task))
             while isinstance(message := self._receive(self._process), Progress):
@@ -196,7 +230,13 @@ class Worker:
             self._check_digest(message.digest, task)
             if isinstance(message, Failed):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
-            return _load(message, task.scene, self._blender)
+            return message
+
+    def stop(self) -> None:
+        """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
+        process = self._process
+        if process is not None and process.returncode is None:
+            _kill_group(process)
 
     def kill(self) -> None:
         """Kill the process and its children."""
@@ -277,7 +317,7 @@ class Worker:
         return f"the render worker ended with exit code {code}" + (f": {line}" if line else "")
 
     @staticmethod
-    def _check_digest(digest: str, task: FrameTask) -> None:
+    def _check_digest(digest: str, task: FrameTask | SlopeTask) -> None:
         if digest != task.digest:
             raise WorkerError(f"the render worker answered for frame {digest[:12]}, asked for {task.digest[:12]}")
 
@@ -308,9 +348,9 @@ def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rende
 
 
 def last_line(log: Path) -> str:
-    """Return the last line with text in a log file, or an empty string."""
+    """Return the last line with text of a worker in a log file, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+    return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME)), "")
 
 
 def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
@@ -318,21 +358,9 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = arrays_of(scene.sampling.passes)
+    passes = scene.arrays
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
-    try:
-        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in shapes}
-            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
-    done.arrays.unlink(missing_ok=True)
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
-        if not np.isfinite(arrays[name]).all():
-            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
-    found = {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}
+    found, names = _arrays(done, shapes)
     shown = {name: found.pop(f"pass {name}") for name in passes}
     return Rendered(
         **found,
@@ -347,6 +375,23 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
         raw_relmse=done.raw_relmse,
         raw_seconds=done.raw_seconds,
     )
+
+
+def _arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
+    """Read and remove the arrays of a result, and the names of mattes; errors as `_load`."""
+    try:
+        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in shapes}
+            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
+    done.arrays.unlink(missing_ok=True)
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
+        if not np.isfinite(arrays[name]).all():
+            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
+    return {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}, names
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

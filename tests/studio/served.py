@@ -58,9 +58,11 @@ class Served:
 
 
 @contextmanager
-def served(*arguments: str, cwd: Path | None = None, temporary: Path | None = None) -> Iterator[Served]:
-    """Start an explorer at a free port and wait until it answers."""
-    command = [sys.executable, "-u", "-m", "lookdev", "explore", "--no-browser", "--port", "0", *arguments]
+def served(
+    *arguments: str, verb: str = "explore", cwd: Path | None = None, temporary: Path | None = None
+) -> Iterator[Served]:
+    """Start a room of the page at a free port and wait until it answers."""
+    command = [sys.executable, "-u", "-m", "lookdev", verb, "--no-browser", "--port", "0", *arguments]
     environment = os.environ | ({"TMPDIR": str(temporary)} if temporary else {})
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment
