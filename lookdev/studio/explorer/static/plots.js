@@ -6,7 +6,8 @@ import { squares, VIEWS } from "./views.js";
 import { shortly } from "./axes.js";
 
 const canvas = document.getElementById("plot");
-const context = canvas.getContext("2d");
+// In memory: curves and pictures of numbers are drawn sooner than a software graphics driver takes them.
+const context = canvas.getContext("2d", { willReadFrequently: true });
 const readout = document.getElementById("readout"), notice = document.getElementById("notice"), legend = document.getElementById("legend");
 const BROWSER = new Set(["lobe3d", "sphere"]); // drawn by GLSL
 
