@@ -17,7 +17,16 @@ import OpenImageIO as oiio
 import pytest
 
 import lookdev
-from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, Noted, RunStarted, SheetWritten
+from lookdev.batch.events import (
+    Event,
+    FrameDone,
+    FrameFailed,
+    FrameRetried,
+    Noted,
+    RunJoined,
+    RunStarted,
+    SheetWritten,
+)
 from lookdev.batch.run import background_light, render_job
 from lookdev.batch.runs import Run
 from lookdev.errors import AssetError, JobError, OutputError, WorkerError
@@ -65,7 +74,7 @@ def test_a_batch_from_nothing_to_sheets(tmp_path: Path) -> None:
     same = [place(tmp_path) / f"{name}.0001.exr" for name in ("element", "lighting")]
     assert same[0].samefile(same[1])
 
-    assert events[0] == RunStarted(total=6, pending=6)
+    assert of(RunStarted, events) == [RunStarted(total=6, pending=6)]
     assert [event.name for event in of(FrameDone, events)] == [f"gold/city/{n}" for n in FRAMES]
     assert [event.path.name for event in of(SheetWritten, events)] == ["element.sheet.png", "lighting.sheet.png"]
 
@@ -92,7 +101,8 @@ def test_a_second_run_does_nothing(tmp_path: Path) -> None:
     assert (result.done, result.rendered, result.exit_code) == (6, 0, 0)
     assert len(case.requests(tmp_path)) == 6
     assert len(case.worker_pids(tmp_path)) == 1
-    assert events == [RunStarted(total=6, pending=0)]
+    assert of(RunStarted, events) == [RunStarted(total=6, pending=0)]
+    assert [type(event) for event in events] == [RunJoined, RunStarted]
     assert {path: path.stat().st_mtime_ns for path in place(tmp_path).iterdir()} == before
 
 
@@ -184,7 +194,7 @@ def test_an_altered_frame_is_rendered_again_with_a_note(tmp_path: Path, place_fr
     frame.write_bytes(content)
     events: list[Event] = []
     assert case.run(tmp_path, report=events.append).rendered == 1
-    assert events[0] == Noted(f"{frame}: was damaged, and is made again")
+    assert of(Noted, events) == [Noted(f"{frame}: was damaged, and is made again")]
     read_frame(frame)
 
 
