@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from datetime import timedelta
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskID, TextColumn
@@ -30,7 +30,9 @@ from lookdev.batch.events import (
 )
 from lookdev.batch.log import JsonReport
 from lookdev.errors import printable
-from lookdev.fit.picture.search import Point
+
+if TYPE_CHECKING:
+    from lookdev.fit.picture.search import Point
 
 _MOST_BARS = 8  # of frames
 
