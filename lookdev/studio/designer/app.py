@@ -13,10 +13,10 @@ from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
-from starlette.staticfiles import StaticFiles
 
 from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.studio.designer.document import Document, parsed
+from lookdev.studio.scripts import Scripts
 
 log = logging.getLogger("lookdev.studio")
 
@@ -24,15 +24,6 @@ STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
 _FRESH = {"cache-control": "no-store"}
-
-
-class _Scripts(StaticFiles):
-    """The page's own files, asked for again each time: they are on this machine."""
-
-    def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        response = super().file_response(*args, **kwargs)
-        response.headers["cache-control"] = "no-cache"
-        return response
 
 
 def application(document: Document) -> Starlette:
@@ -96,8 +87,8 @@ def application(document: Document) -> Starlette:
             Route("/edit", edit, methods=["POST"]),
             Route("/choose", choose, methods=["POST"]),
             Route("/save", save, methods=["POST"]),
-            Mount("/viewport", _Scripts(directory=VIEWPORT)),
-            Mount("/", _Scripts(directory=STATIC, html=True)),
+            Mount("/viewport", Scripts(directory=VIEWPORT)),
+            Mount("/", Scripts(directory=STATIC, html=True)),
         ]
     )
 

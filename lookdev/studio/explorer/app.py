@@ -8,14 +8,12 @@ from collections.abc import AsyncIterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import Any
 
 import anyio.to_thread
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
 from lookdev.errors import LookdevError, shortened
@@ -24,20 +22,12 @@ from lookdev.studio.explorer.catalogue import catalogue
 from lookdev.studio.explorer.channel import Channel, log, options_of
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
+from lookdev.studio.scripts import Scripts
 
 UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"
 
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf", ".csv": "text/csv; charset=utf-8"}
-
-
-class _Scripts(StaticFiles):
-    """The page's own files, asked for again each time: they are on this machine."""
-
-    def file_response(self, *args: Any, **kwargs: Any) -> Response:
-        response = super().file_response(*args, **kwargs)
-        response.headers["cache-control"] = "no-cache"
-        return response
 
 
 def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
@@ -103,7 +93,7 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
             WebSocketRoute("/talk", talk),
             Route(UPLOAD, upload, methods=["POST"]),
             Route("/save/{kind}.{suffix}", save),
-            Mount("/", _Scripts(directory=STATIC, html=True)),
+            Mount("/", Scripts(directory=STATIC, html=True)),
         ],
         lifespan=lifespan,
     )

@@ -67,7 +67,8 @@ class Frames:
             return self._rendered(look, ticket, report)
         except WorkerError as error:
             _check(ticket)  # a worker that is killed for it died of no fault
-            raise WorkerError(f"{error}\n{last_line(self._log)}".rstrip()) from error
+            line = last_line(self._log)
+            raise WorkerError(str(error) if line in str(error) else f"{error}: {line}") from error
         finally:
             self._current = None
             self._one.release()

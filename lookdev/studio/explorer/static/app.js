@@ -5,7 +5,7 @@ import { gl, Shaders, works } from "./gl.js";
 import { Link } from "./link.js";
 import { Lobes } from "./lobe.js";
 import { showOffers, showSurfaces, watchDrops, watchOffers } from "./offers.js";
-import { latencies, Plots, turnLight } from "./plots.js";
+import { latencies, Plots, shown, turnLight } from "./plots.js";
 import { Sliders } from "./sliders.js";
 import { addSurface, changed, colorOf, givenOptions, nameOf, onChange, option, readUrl, selected, setOption, shownSurfaces, state, urlOf, wordsOf } from "./state.js";
 import { verdict, verify } from "./verify.js";
@@ -107,13 +107,17 @@ const showLight = () => {
 };
 
 const ball = $("ball");
-let ballFrame = 0, ballBusy = false, ballCost = 0, handMoved = 0; // milliseconds of a pass; when a hand moved last
+const SLOW = 12, REST = 100; // milliseconds of a draw that is slow; and without a move, after which a hand rests
+let ballFrame = 0, ballBusy = false, ballLater = 0, handMoved = -Infinity;
+const ballCosts = []; // of the last draws: the least is free of compilation and of other programs' work
 const drawBall = () => {
+  // Of a slow graphics driver the sphere waits until the hand rests: the plot is computed and shown by the same cores.
+  const left = Math.min(...ballCosts) > SLOW && ballCosts.length ? handMoved + REST - performance.now() : 0;
+  clearTimeout(ballLater);
+  if (left > 0) { ballLater = setTimeout(drawBall, left); return; }
   ballFrame ||= requestAnimationFrame(async () => {
     ballFrame = 0;
-    const surface = selected(), moving = performance.now() - handMoved < 250;
-    // While a hand moves, a slow graphics driver draws fewer pixels: the plot must not wait.
-    const ratio = Math.min(devicePixelRatio, 2) * (moving ? Math.min(1, Math.max(0.2, Math.sqrt(4 / Math.max(ballCost, 1e-3)))) : 1);
+    const surface = selected(), ratio = Math.min(devicePixelRatio, 2);
     const [width, height] = [ball.clientWidth, ball.clientHeight].map((each) => Math.round(each * ratio));
     if (!surface || !width || document.hidden) return;
     if (ballBusy) { drawBall(); return; }
@@ -122,13 +126,12 @@ const drawBall = () => {
     if (lightShown === "exact") { exact.draw(context, width, height); return; }
     ballBusy = true;
     try {
-      const before = performance.now();
-      const more = await balls.draw("ball", surface, lightShown, width, height, option("exposure"), (from, x, y) => { context.clearRect(0, 0, width, height); context.drawImage(from, x, y, width, height, 0, 0, width, height); });
-      // Of all pixels, as far as the page has waited for them.
-      const cost = (performance.now() - before) / ratio ** 2;
-      ballCost = ballCost ? 0.7 * ballCost + 0.3 * Math.min(cost, 1000) : Math.min(cost, 1000);
-      if (more || moving) drawBall();
-      surface.ballProblem = "";
+      let began = 0;
+      const more = await balls.draw("ball", surface, lightShown, width, height, option("exposure"), (from, x, y) => { began = performance.now(); context.clearRect(0, 0, width, height); context.drawImage(from, x, y, width, height, 0, 0, width, height); });
+      await balls.drawn();
+      ballCosts.push(performance.now() - began);
+      ballCosts.splice(0, ballCosts.length - 3);
+      if (more) drawBall();
       if ($("facts").dataset.of === "ball") $("facts").textContent = $("facts").dataset.of = "";
     } catch (error) {
       context.clearRect(0, 0, width, height);
@@ -172,7 +175,8 @@ onChange((what, detail) => {
     if (!detail.held || !detail.surface.look) drawBall();
   }
   if (what === "options" || what === "light") drawBall();
-  document.title = `${selected() ? nameOf(selected()) : "Explorer"} · lookdev`;
+  const title = `${selected() ? nameOf(selected()) : "Explorer"} · lookdev`;
+  if (document.title !== title) document.title = title;
 });
 
 $("label").addEventListener("input", () => { const surface = selected(); surface.label = $("label").value.replace(/[=:@#/]/g, " ").trim(); $("name").textContent = nameOf(surface); showSurfaces(); changed("label"); });
@@ -294,7 +298,7 @@ const start = async () => {
   await restore();
   addEventListener("hashchange", () => restore().catch((error) => tell(error.message)));
   if (!works) tell("This browser has no WebGL 2 with float textures: spheres and lobes are not drawn.");
-  window.explorer = { state, latencies, plots, shaders, wordsOf, gl };
+  window.explorer = { state, latencies, shown, ballCosts, plots, shaders, wordsOf, gl };
   document.body.dataset.ready = "true";
   if (new URLSearchParams(location.search).has("verify")) await runVerify();
 };

@@ -37,7 +37,7 @@ export class Balls {
     return this.dome;
   }
 
-  // A sphere to be drawn in a place: it starts anew when what it shows changes.
+  // A sphere to be drawn in a place: it starts anew when what it shows changes. Resolves with whether it lacks passes.
   async draw(place, surface, light, width, height, exposure, onto) {
     if (!works) throw new Error("this browser has no WebGL 2 with float textures, which spheres and lobes need");
     const [shader, dome] = [await this.shaders.of(surface), light === "dome" ? await this.light() : null];
@@ -83,6 +83,14 @@ export class Balls {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     onto(canvas, 0, canvas.height - height);
     return kept.count < done;
+  }
+
+  // Resolves when the graphics driver has drawn what it was given: calls return before that.
+  async drawn() {
+    const fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+    gl.flush();
+    while (gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.UNSIGNALED) await new Promise((done) => setTimeout(done, 4));
+    gl.deleteSync(fence);
   }
 
   // Forget spheres that are no longer drawn.

@@ -11,12 +11,12 @@ const context = canvas.getContext("2d", { willReadFrequently: true });
 const readout = document.getElementById("readout"), notice = document.getElementById("notice"), legend = document.getElementById("legend");
 const BROWSER = new Set(["lobe3d", "sphere"]); // drawn by GLSL
 
-// How long each request has taken until it was drawn, in milliseconds, for whoever measures.
-export const latencies = [];
+// Milliseconds from each move of a hand until its plot was drawn, and until the frame that shows it, for whoever measures.
+export const latencies = [], shown = [];
 
 export class Plots {
   constructor(link, balls, lobes) {
-    Object.assign(this, { link, balls, lobes, cache: new Map(), asked: new Map(), waiting: [], probe: null, frame: 0, drawn: 0 });
+    Object.assign(this, { link, balls, lobes, cache: new Map(), asked: new Map(), waiting: [], probe: null, frame: 0, drawn: 0, ended: 0, took: 0 });
     onChange((what, detail) => this.change(what, detail));
     new ResizeObserver(() => this.draw()).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.look = null; changed("theme"); });
@@ -80,17 +80,21 @@ export class Plots {
     }
   }
 
-  // Draw in the next frame; `since` is when the hand moved.
+  // Draw in the next frame. What follows a hand, which has moved at `since`, is drawn at once, so that a frame that is
+  // about to begin has it; answers that arrive faster than they are drawn share a frame.
   draw(since = 0) {
     if (since) this.waiting.push(since);
-    this.frame ||= requestAnimationFrame(() => {
+    const paint = () => {
+      cancelAnimationFrame(this.frame);
       this.frame = 0;
       this.paint().catch((error) => this.tell(error.message));
-    });
+    };
+    if (since && !BROWSER.has(state.kind) && performance.now() - this.ended > this.took) paint();
+    else this.frame ||= requestAnimationFrame(paint);
   }
 
   async paint() {
-    const width = canvas.clientWidth, height = canvas.clientHeight, ratio = Math.min(devicePixelRatio, 2);
+    const began = performance.now(), width = canvas.clientWidth, height = canvas.clientHeight, ratio = Math.min(devicePixelRatio, 2);
     if (!width || !state.offered) return;
     this.look ??= theme();
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
@@ -119,8 +123,10 @@ export class Plots {
       if (typeof found === "string") { start(); this.tell(found); } else { this.probe = found; this.problems(surfaces); }
     }
     const now = performance.now();
+    [this.ended, this.took] = [now, now - began];
     for (const since of waiting) latencies.push(now - since);
-    if (latencies.length > 20000) latencies.splice(0, 10000);
+    if (waiting.length) requestAnimationFrame((frame) => { for (const since of waiting) shown.push(Math.max(frame, now) - since); });
+    for (const each of [latencies, shown]) if (each.length > 20000) each.splice(0, 10000);
     this.drawn++;
     this.tellLegend(surfaces);
     if (this.at) this.point(...this.at);
@@ -135,7 +141,7 @@ export class Plots {
     this.tell(found.join("  "));
   }
 
-  tell(text) { notice.textContent = text; notice.hidden = !text; }
+  tell(text) { if (notice.textContent !== text) notice.textContent = text; notice.hidden = !text; }
 
   tellLegend(surfaces) {
     const key = JSON.stringify([state.kind, surfaces.map((each) => [nameOf(each), colorOf(each)])]);
