@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,12 +15,15 @@ from numpy.typing import NDArray
 
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
+from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.mitsuba.frozen import held_arrays
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
-from lookdev.mitsuba.lights import lights_of
+from lookdev.mitsuba.passes import CENTRAL, Features
+from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
 from lookdev.render.adaptive import Region
-from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, render_halves
+from lookdev.render.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
@@ -42,13 +45,24 @@ class MitsubaScene:
         self._task = task
         self._per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
         sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
-        self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn)
+        self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn, task.groups)
         looks = Looks(mi, sources, self._geometry)
-        light = lights_of(mi, task.lights, self._geometry.center, task.camera.pivot)
+        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
+        for spared in light.spared:
+            self._geometry.casting(spared)  # made before it is used in a kernel
         shadows = any(source.shadows for source in sources)
         glossy = all(source.glossy for source in sources)
         counts = _counts(task.sampling, light.sampled, glossy)
-        self._estimator = Estimator(mi, self._geometry, looks, light, counts, task.sampling.bounces, shadows)
+        self._groups = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
+        wanted, bounces = task.sampling.passes, task.sampling.bounces
+        # The last of a set of parts is what the others leave.
+        recorded, direct = self._groups[:-1] if "lobes" in wanted else [], "direct" in wanted
+        self._recorded = (*recorded, *(["direct"] * direct))
+        self._features = Features(mi, self._geometry, looks, bounces)
+        self._estimator = Estimator(mi, self._geometry, looks, light, counts, bounces, shadows, recorded, direct)
+        # Traced once: for many looks and lights this takes longer than the kernel.
+        arrays = held_arrays(self._estimator)
+        self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
 
     def fits(self, task: SceneTask) -> bool:
         """Return whether frames of a task are frames of this scene, which differ in samples and seed at most."""
@@ -69,16 +83,54 @@ class MitsubaScene:
             last = done, of, relmse
             progress(*last)
 
-        def render(seed: int, region: Region) -> tuple[Image, Image]:
+        def render(seed: int, region: Region) -> tuple[Image, Image, Mapping[str, Image]]:
             height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
-            sums = np.zeros((height * width, 4))
+            sums = np.zeros((height * width, 4 + 3 * len(self._recorded)))
             for part, pixels in self._launches(view, seed, region, height * width):
                 sums[pixels] = part
                 progress(*last)
-            means = (sums / region.samples).astype(np.float32).reshape(height, width, 4)
-            return means[..., :3], means[..., 3]
+            means = (sums / region.samples).reshape(height, width, -1)
+            parts = self._parts(task.scene.sampling.passes, means)
+            return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
-        return render_halves(task, render, partial(self._denoiser, view), report)
+        frame = render_halves(task, render, partial(self._denoiser, view), report)
+        started = time.perf_counter()
+        passes, names = self._passes(task, view, frame)
+        seconds = time.perf_counter() - started
+        return replace(
+            frame,
+            passes={**frame.passes, **passes},
+            names=names,
+            seconds=frame.seconds + seconds,
+            raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
+        )
+
+    def _parts(self, wanted: Sequence[str], means: Floats) -> dict[str, Image]:
+        """Return the parts of the light of means (H, W, 4 + 3 n): colour, coverage, and what was recorded."""
+        beauty, parts = means[..., :3], {}
+        for number, name in enumerate(self._recorded):
+            parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
+        if "lobes" in wanted:
+            if self._groups:
+                parts[self._groups[-1]] = beauty - sum(parts[group] for group in self._groups[:-1])
+            parts |= {group: np.zeros_like(beauty) for group in LOBE_GROUPS if group not in self._groups}
+        if "direct" in wanted:
+            parts["indirect"] = beauty - parts["direct"]
+        return {name: part.astype(np.float32) for name, part in parts.items()}
+
+    def _passes(self, task: FrameTask, view: View, frame: RenderedFrame) -> tuple[dict[str, Image], Mapping[str, Any]]:
+        """Return the passes that are no parts of the light, and the names in mattes."""
+        wanted = {*task.scene.sampling.passes}
+        passes: dict[str, Image] = {}
+        names: Mapping[str, Any] = {}
+        if wanted & CENTRAL:
+            passes |= self._features.central(view, task)
+        if "albedo" in wanted:
+            passes["albedo"], _ = self._features.guides(view)
+        if "cryptomatte" in wanted:
+            mattes, names = self._features.mattes(view, task, frame.alpha, frame.samples)
+            passes |= mattes
+        return passes, names
 
     def _launches(self, view: View, seed: int, region: Region, total: int) -> Iterator[tuple[Floats, slice]]:
         """Yield sums (n, 4) of radiance and coverage over the samples of n pixels of a region, and which these are."""
@@ -92,7 +144,9 @@ class MitsubaScene:
             # So frames do not depend on how long launches take, nor on the number of threads.
             count = 1 << int(math.log2(max(1.0, min(most, total - first))))
             numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1)]
-            parts = self._estimator.pixels(view, place, count * size, *numbers)
+            lane = dr.arange(mi.UInt32, count * size)
+            dr.eval(lane)
+            parts = self._pixels(view, place, lane, *numbers)
             dr.eval(*parts)
             # By NumPy, whose order of summation does not depend on the size of a launch.
             sums = np.stack([np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts], -1)
@@ -101,10 +155,7 @@ class MitsubaScene:
             first += count
 
     def _denoiser(self, view: View) -> Denoiser:
-        albedo, normal = (
-            each.reshape(view.height, view.width, 3) for each in self._estimator.guides(view, FEATURE_SAMPLES)
-        )
-        return denoiser(albedo, normal)
+        return denoiser(*self._features.guides(view))
 
 
 # In recesses a path that goes on adds one sample of what other parts reflect, however many directions were drawn where

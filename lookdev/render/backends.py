@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
-from lookdev.light import Light, called, mitsuba_gaps, native_gaps
+from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 RENDER_VERSION = 4
 """Raised when the program renders the same frame task to other pixels than before."""
 
-MITSUBA_VERSION = 2
+MITSUBA_VERSION = 3
 """Raised when `lookdev.mitsuba` does."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
@@ -123,8 +123,7 @@ def _nodes_exact(look: Look, setting: Setting) -> Source:
 def _program(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
-    features = setting.sampling.denoise != "off"
-    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features)
+    return generate_program(look, setting.image_file, shadows=setting.shadows, features=setting.sampling.features)
 
 
 def _principled(look: Look, setting: Setting) -> Source:
@@ -210,9 +209,10 @@ BACKENDS: dict[str, Backend] = {
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
-            cannot_light=mitsuba_gaps,
+            cannot_light=lambda lights: (),
             directions=True,
             features=True,
+            passes=tuple(PASSES),
             version=_of_mitsuba,
         ),
         Backend(

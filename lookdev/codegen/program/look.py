@@ -21,7 +21,7 @@ from lookdev.brdf.table import Table
 from lookdev.cache import Content, derived
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import Written
-from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, ProgramSource
+from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
@@ -65,8 +65,14 @@ def generate_program(
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Any] = {"value": value, "pdf": pdf}
     outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    parts = _parts(mixture, symbols(graph, WI))
+    outputs["diffuse"] = sum((diffuse for _, diffuse in parts.values()), np.zeros(3))
+    for group, (of_group, diffuse) in parts.items():
+        outputs[f"of_{group}"] = [*elements_of(of_group), *elements_of(diffuse)]
     for number, delta in enumerate(deltas):
-        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value)]
+        place = float(LOBE_GROUPS.index("transmission" if delta.transmits else "specular"))
+        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value), place]
+    present = {*parts, *("transmission" if delta.transmits else "specular" for delta in deltas)}
     if see_through:
         outputs["presence"] = bsdf.presence
     if features:
@@ -99,9 +105,20 @@ def generate_program(
         deltas=len(deltas),
         glossy=not any(lobe.broad or lobe.transmits or lobe.crosses for lobe in lobes),
         shadows=shadows,
+        recorded=tuple(group for group in LOBE_GROUPS if group in present),
     )
     digest = hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest()
     return replace(made, digest=digest, folded=folded_lobes(graph, bsdf))
+
+
+def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
+    """Return the value of the lobes of each group for light from `wi`, and the part of diffuse lobes."""
+    parts: dict[str, tuple[Any, Any]] = {}
+    for term in mixture.terms(wi):
+        group = "transmission" if term.lobe.transmits else term.lobe.group
+        value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
+        parts[group] = value + term.value, diffuse + (term.value if term.lobe.group == "diffuse" else np.zeros(3))
+    return parts
 
 
 def live_name(layer: int, parameter: str) -> str:
