@@ -115,6 +115,7 @@ def render_job(
     backend = BACKENDS[job.render.backend]
     with output_lock(job.output) as folder, _opened(folder, backend.command) as worker:
         if force or _lacks_frames(job):
+            backend.check_device(job.render.device)
             # Blender starts while files are read; an error is that of the first frame, then.
             with suppress(WorkerError):
                 worker.launch()

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from lookdev.errors import RenderError
-from lookdev.render.llvm import VARIABLE, find_llvm
+from lookdev.render.llvm import VARIABLE, check_device, find_llvm
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 """By device; colours are linear Rec.709, numbers float32."""
@@ -17,6 +17,7 @@ VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 @cache
 def load_mitsuba(device: str) -> Any:
     """Return Mitsuba, in the variant of a device; raises RenderError where that cannot be."""
+    check_device(device)
     if device == "cpu":
         os.environ[VARIABLE] = find_llvm()
     mi: Any = importlib.import_module("mitsuba")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
 from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import held_arrays
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
@@ -44,6 +45,7 @@ class MitsubaScene:
         self._mi = mi
         self._task = task
         self._per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
+        self._most_samples = _MOST_SAMPLES
         sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
         self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn, task.groups)
         looks = Looks(mi, sources, self._geometry)
@@ -138,24 +140,43 @@ class MitsubaScene:
         place = Rectangle.of(mi, region)
         first = 0
         while first < total:
-            started = time.perf_counter()
-            most = min(self._per_second * LONGEST_LAUNCH, _MOST_SAMPLES) / size
+            most = min(self._per_second * LONGEST_LAUNCH, self._most_samples) / size
             # Of a power of two: rays of other launches are in other packets of Embree, and differ in their last digit.
             # So frames do not depend on how long launches take, nor on the number of threads.
             count = 1 << int(math.log2(max(1.0, min(most, total - first))))
             numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1)]
-            lane = dr.arange(mi.UInt32, count * size)
-            dr.eval(lane)
-            parts = self._pixels(view, place, lane, *numbers)
-            dr.eval(*parts)
-            # By NumPy, whose order of summation does not depend on the size of a launch.
-            sums = np.stack([np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts], -1)
+            try:
+                lane = dr.arange(mi.UInt32, count * size)
+                dr.eval(lane)
+                parts = self._pixels(view, place, lane, *numbers)
+                started = time.perf_counter()
+                dr.eval(*parts)
+                # By NumPy, whose order of summation does not depend on the size of a launch.
+                found = [np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts]
+            except (MemoryError, RuntimeError) as error:
+                if not _out_of_memory(error):
+                    raise
+                if count == 1:
+                    raise RenderError(
+                        f"out of memory, even with the {size} samples of a single pixel in a launch: fewer samples, "
+                        "smaller geometry or textures, or more memory would be right"
+                    ) from error
+                self._most_samples = count * size // 2
+                dr.flush_malloc_cache()
+                continue
             self._per_second = count * size / max(time.perf_counter() - started, 1e-6)
-            yield sums, slice(first, first + count)
+            yield np.stack(found, axis=-1), slice(first, first + count)
             first += count
 
     def _denoiser(self, view: View) -> Denoiser:
         return denoiser(*self._features.guides(view))
+
+
+def _out_of_memory(error: BaseException | None) -> bool:
+    """Return whether an error, or one that it came from, is that of an allocation."""
+    if error is None:
+        return False
+    return isinstance(error, MemoryError) or "out of memory" in str(error) or _out_of_memory(error.__cause__)
 
 
 # In recesses a path that goes on adds one sample of what other parts reflect, however many directions were drawn where

@@ -14,6 +14,7 @@ from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderS
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
+from lookdev.render.llvm import check_device
 from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
 
@@ -87,6 +88,7 @@ class Backend:
     features: bool = False  # renders what a denoiser is guided by
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
+    check_device: Callable[[str], None] = lambda device: None  # raises RenderError if it cannot be had here
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
 
@@ -213,6 +215,7 @@ BACKENDS: dict[str, Backend] = {
             directions=True,
             features=True,
             passes=tuple(PASSES),
+            check_device=check_device,
             version=_of_mitsuba,
         ),
         Backend(
