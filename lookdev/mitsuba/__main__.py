@@ -45,7 +45,7 @@ def main() -> None:
 
         try:
             if scene is None or not scene.fits(task.scene):
-                scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene)
+                scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, scene)
             frame = scene.render(task, progress)
             arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:

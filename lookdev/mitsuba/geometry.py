@@ -23,13 +23,12 @@ MOST_TRIANGLES = 40_000_000
 
 
 class Geometry:
-    """Triangles in metres about the asset's centre, in a variant's arrays; `looks` are the numbers of the slots' looks.
+    """Triangles in metres about the asset's centre, in a variant's arrays, which wear nothing yet (`dress`).
 
-    `scene` is Mitsuba's, of one mesh: the index of a primitive is that of a triangle. `groups` are the numbers of the
-    slots' groups, of which a light may spare some.
+    `scene` is Mitsuba's, of one mesh: the index of a primitive is that of a triangle.
     """
 
-    def __init__(self, mi: Any, asset: Asset, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
+    def __init__(self, mi: Any, asset: Asset) -> None:
         self._mi = mi
         self.asset = asset
         self.center = np.array(asset.center)
@@ -58,7 +57,7 @@ class Geometry:
         index, sides, facets = index[kept], sides[kept], facets[kept]
         self._facets = mi.Float((facets / np.linalg.norm(facets, axis=-1, keepdims=True)).astype(np.float32).ravel())
         self._corners = mi.UInt32(np.concatenate(corners)[kept].astype(np.uint32).ravel())
-        self._worn = mi.UInt32(np.asarray(looks)[np.concatenate(slots)[kept]].astype(np.uint32))
+        self._slots = np.concatenate(slots)[kept]
         self._hands = mi.Float(np.concatenate(hands)[kept].astype(np.float32))
         sizes = [len(split[each.mesh][1]) for each in asset.instances]
         self._instances = mi.UInt32(np.repeat(np.arange(len(sizes), dtype=np.uint32), sizes)[kept])
@@ -70,11 +69,14 @@ class Geometry:
         )
         self._carried: dict[AttributeBinding, Any] = {}
         self._vertices = index
-        self._groups = np.concatenate(slots)[kept]
-        if groups:
-            self._groups = np.asarray(groups)[self._groups]
         self.scene = self._scene(index)
-        self._casting: dict[tuple[int, ...], Any] = {(): self.scene}
+        self._casting: dict[tuple[int, ...], Any] = {}
+
+    def dress(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
+        """Set the numbers of the slots' looks, and those of their groups, of which a light may spare some."""
+        self._worn = self._mi.UInt32(np.asarray(looks)[self._slots].astype(np.uint32))
+        self._groups = np.asarray(groups)[self._slots] if groups else self._slots
+        self._casting = {(): self.scene}
 
     def _scene(self, index: NDArray[Any]) -> Any:
         mi = self._mi

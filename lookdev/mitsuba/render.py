@@ -39,15 +39,19 @@ _MOST_SAMPLES = 1 << 24  # of a launch: four numbers of each are stored
 
 
 class MitsubaScene:
-    """A scene task in a variant's arrays."""
+    """A scene task in a variant's arrays; of the scene `before`, which is not rendered any more, it keeps the asset."""
 
-    def __init__(self, mi: Any, task: SceneTask) -> None:
+    def __init__(self, mi: Any, task: SceneTask, before: MitsubaScene | None = None) -> None:
         self._mi = mi
         self._task = task
         self._per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
         self._most_samples = _MOST_SAMPLES
         sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
-        self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn, task.groups)
+        if before is not None and (before._task.asset, before._task.device) == (task.asset, task.device):
+            self._geometry: Geometry = before._geometry
+        else:
+            self._geometry = Geometry(mi, read_asset(task.asset.path))
+        self._geometry.dress(task.worn, task.groups)
         looks = Looks(mi, sources, self._geometry)
         light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
         for spared in light.spared:

@@ -111,6 +111,7 @@ def test_single_directions_agree(model: str, render: RenderScene, light_of) -> N
 def test_frames_are_the_same_in_any_order_and_after_other_scenes(render: RenderScene, light_of) -> None:
     first = render("suzanne", LOOKS["coated"], light_of("city"), samples=8, seed=3)
     render("sphere", LOOKS["leaf"], light_of("studio"), samples=8)
+    render("suzanne", LOOKS["painted"], light_of("studio"), samples=8)
     again = render("suzanne", LOOKS["coated"], light_of("city"), samples=8, seed=3)
     other = render("suzanne", LOOKS["coated"], light_of("city"), samples=8, seed=4)
     assert np.array_equal(first.a, again.a)
