@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
+
+
+@contextmanager
+def nothing_freed() -> Iterator[None]:
+    """Let Python collect no garbage meanwhile: freeing memory that NumPy made ends a process that records a kernel."""
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
 
 
 def held_arrays(root: object) -> list[Any]:

@@ -17,7 +17,7 @@ from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.errors import RenderError
-from lookdev.mitsuba.frozen import held_arrays
+from lookdev.mitsuba.frozen import held_arrays, nothing_freed
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
 from lookdev.mitsuba.passes import CENTRAL, Features
@@ -99,7 +99,8 @@ class MitsubaScene:
             parts = self._parts(task.scene.sampling.passes, means)
             return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
-        frame = render_halves(task, render, partial(self._denoiser, view), report)
+        with nothing_freed():
+            frame = render_halves(task, render, partial(self._denoiser, view), report)
         started = time.perf_counter()
         passes, names = self._passes(task, view, frame)
         seconds = time.perf_counter() - started
