@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frames import orbit_camera
+from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, sent
 from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
@@ -27,7 +28,6 @@ from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.linking import link_lights
-from rigs import FACING, RIG_LOOKS, RIGS, grey, near, sent
 
 pytestmark = pytest.mark.cycles
 

@@ -10,6 +10,7 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 from frames import orbit_camera
+from light_rigs import grey, near
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.batch.frame_file import write_rendered
@@ -22,7 +23,6 @@ from lookdev.render.task import FrameTask, one_frame
 from lookdev.render.worker import Rendered, Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.rays import camera_rays
-from rigs import grey, near
 
 pytestmark = pytest.mark.mitsuba
 
