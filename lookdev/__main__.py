@@ -2,4 +2,5 @@
 
 from lookdev.cli import main
 
-main()
+if __name__ == "__main__":  # processes of multiprocessing import it too
+    main()

@@ -86,11 +86,21 @@ def from_memory(file: Path) -> Iterator[str]:
 
 @contextmanager
 def _temporary(final: Path) -> Iterator[Path]:
-    temporary = final.with_name(f".{final.stem}.{os.getpid()}-{secrets.token_hex(4)}{final.suffix}")
+    temporary = final.with_name(f".{final.stem}.{process_name()}-{secrets.token_hex(4)}{final.suffix}")
     try:
         yield temporary
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def process_name() -> str:
+    """Return the name of this process in the names of its temporary files, unlike that of any other on any machine."""
+    return _name_of(os.getpid())
+
+
+@cache
+def _name_of(process: int) -> str:
+    return secrets.token_hex(4)
 
 
 def file_digest(path: Path) -> str:
@@ -107,7 +117,13 @@ def code_digest(*rooms: str) -> str:
     """
     import numpy as np
 
-    digest = hashlib.sha256(f"{sys.version} {np.__version__}".encode())
+    return hashlib.sha256(f"{sys.version} {np.__version__} {package_digest(*rooms)}".encode()).hexdigest()
+
+
+@cache
+def package_digest(*rooms: str) -> str:
+    """Return a digest of the code of some rooms of the package, by default of all: the same on every machine."""
+    digest = hashlib.sha256()
     package = Path(__file__).parent
     for folder in [package / room for room in rooms] or [package]:
         for file in sorted(file for file in folder.rglob("*") if file.suffix in _CODE and file.is_file()):

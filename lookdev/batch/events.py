@@ -1,10 +1,22 @@
-"""What happens during a run, reported as it happens."""
+"""What happens during a run, reported as it happens.
+
+A frame has a name, ``look/ibl/turntable.0001``, and an id: its digest, in its plan, its worker's log and its EXR too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+
+
+class LogFormat(StrEnum):
+    """How a run writes what happens; as `OPENJD`, some lines are messages to a session of Open Job Description."""
+
+    TEXT = "text"
+    JSON = "json"
+    OPENJD = "openjd"
 
 
 @dataclass(frozen=True)
@@ -12,6 +24,27 @@ class Noted:
     """A note on the input for the user, such as repaired texels of a light."""
 
     text: str
+
+
+@dataclass(frozen=True)
+class RunJoined:
+    """A run, by its id, has joined those of the output folder to render a plan, by its digest, or a chunk of it."""
+
+    run: str
+    chunk: str
+    plan: str
+
+
+@dataclass(frozen=True)
+class RunEnded:
+    """A run has ended: of `total` frames, `done` are on disk, `rendered` of them by it."""
+
+    total: int
+    done: int
+    rendered: int
+    failed: int
+    missing: int
+    interrupted: bool
 
 
 @dataclass(frozen=True)
@@ -24,9 +57,10 @@ class RunStarted:
 
 @dataclass(frozen=True)
 class FrameStarted:
-    """A frame, named ``look/ibl/turntable.0001``, goes to the worker."""
+    """A frame goes to the worker."""
 
     name: str
+    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -37,6 +71,7 @@ class FrameProgressed:
     samples: int
     of: int
     relmse: float | None
+    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -47,6 +82,7 @@ class FrameDone:
     seconds: float
     samples: int
     relmse: float
+    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -57,6 +93,15 @@ class FrameRetried:
     reason: str
     attempt: int
     attempts: int
+    id: str = ""
+
+
+@dataclass(frozen=True)
+class FrameFound:
+    """A frame that was to be rendered is on disk: another run has rendered it."""
+
+    name: str
+    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -65,6 +110,7 @@ class FrameFailed:
 
     name: str
     reason: str
+    id: str = ""
 
 
 @dataclass(frozen=True)
@@ -74,5 +120,17 @@ class SheetWritten:
     path: Path
 
 
-Event = Noted | RunStarted | FrameStarted | FrameProgressed | FrameDone | FrameRetried | FrameFailed | SheetWritten
+Event = (
+    Noted
+    | RunJoined
+    | RunStarted
+    | RunEnded
+    | FrameStarted
+    | FrameProgressed
+    | FrameDone
+    | FrameFound
+    | FrameRetried
+    | FrameFailed
+    | SheetWritten
+)
 Report = Callable[[Event], None]

@@ -11,16 +11,34 @@ from numpy.typing import NDArray
 
 import lookdev
 from lookdev.batch.pictures import write_shared
+from lookdev.batch.sanity import doubts
 from lookdev.metrics import standard_error
 from lookdev.output.exr import write_frame
 from lookdev.render.cryptomatte import matte_header
-from lookdev.render.passes import LIGHT, arrays_of
+from lookdev.render.executors import Stored
+from lookdev.render.passes import arrays_of, parts_of_light
 from lookdev.render.task import FrameTask
 from lookdev.render.worker import Rendered
+from lookdev.space import REC709
 
 
-def write_rendered(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32]) -> None:
-    """Write the file of a frame, `beauty` (H, W, 3) being the mean of its halves, exposed; raises OutputError.
+def store(task: FrameTask, rendered: Rendered) -> Stored:
+    """Write the file of a frame, and return what is known of it, with doubts among its notes; raises OutputError."""
+    beauty, constant = exposed(task, rendered), all(light.constant for light in task.scene.lights)
+    _write(task, rendered, beauty)
+    name = "/".join((*task.files[0].parts[-3:-1], task.files[0].stem))
+    doubtful = [f"{name}: {doubt}" for doubt in doubts(rendered, beauty, constant_light=constant)]
+    return Stored(rendered.samples, rendered.relmse, (*rendered.notes, *doubtful))
+
+
+def exposed(task: FrameTask, rendered: Rendered) -> NDArray[np.float32]:
+    """Return the mean of the halves of a frame, (H, W, 3), exposed."""
+    with np.errstate(over="ignore"):
+        return np.asarray((rendered.a + rendered.b) * np.float32(0.5 * 2.0**task.exposure))
+
+
+def _write(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float32]) -> None:
+    """Write the file of a frame, `beauty` (H, W, 3) being the mean of its halves, exposed.
 
     The layer ``raw`` is the picture before it was denoised, ``error`` the standard error of what halves have.
     """
@@ -41,16 +59,22 @@ def write_rendered(task: FrameTask, rendered: Rendered, beauty: NDArray[np.float
         header["raw.relmse"] = repr(rendered.raw_relmse)
     if not math.isnan(rendered.relmse):  # else the halves are one render
         layers["error"] = standard_error(rendered.a, rendered.b) * exposure
-    channels = arrays_of(task.scene.sampling.passes)
+    passes, groups = task.scene.sampling.passes, task.scene.names_of_light
+    channels, light = arrays_of(passes, groups), parts_of_light(passes, groups)
     planes = {
-        channel: rendered.passes[name][..., i] * (exposure if name in LIGHT else np.float32(1.0))
+        channel: rendered.passes[name][..., i] * (exposure if name in light else np.float32(1.0))
         for name, each in channels.items()
         for i, channel in enumerate(each)
     }
+    space = task.scene.space
+    if space != REC709:
+        header["space"] = space
     attributes = {
         key: text for matte, names in rendered.names.items() for key, text in matte_header(matte, names).items()
     }
     write_shared(
         task.files,
-        lambda path: write_frame(path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes),
+        lambda path: write_frame(
+            path, beauty, rendered.alpha, header, layers, planes=planes, attributes=attributes, space=space
+        ),
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from itertools import groupby
 from pathlib import Path
@@ -49,8 +49,7 @@ def plan_text(plan: Plan, output: Path) -> str:
     for part in plan_ranges(plan, output):
         numbers = part.first if part.count == 1 else f"{part.first}-{part.last}"
         rows.append((part.turntable, numbers, part.state, part.reason))
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    lines = ["  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines = [table(rows)]
     for (look, ibl), skips in groupby(plan.skips, key=lambda skip: (skip.look, skip.ibl)):
         lines.append(f"{look}/{ibl} skipped: {', '.join(map(str, skips))}")
     counts = ", ".join(f"{count} {state}" for state, count in plan.counts.items())
@@ -90,3 +89,11 @@ def plan_data(plan: Plan, output: Path) -> dict[str, object]:
         "render": len(plan.pending()),
         **dict(zip(("shaders", "programs"), _programs(plan), strict=True)),
     }
+
+
+def table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of cells as aligned text."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows
+    )

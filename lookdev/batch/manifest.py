@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 import lookdev
-from lookdev.batch.lock import STATE_FOLDER
-from lookdev.batch.pictures import ledger_names
+from lookdev.batch.ledger import Ledger
+from lookdev.batch.runs import STATE_FOLDER
 from lookdev.cache import atomic_path, file_digest
 from lookdev.errors import LookError, StageError
 from lookdev.job import Job
@@ -51,7 +51,7 @@ def _composed_of(file: Path) -> set[Path]:
 
 
 def record_run(job: Job, plan: Plan) -> Path:
-    """Write the manifest of what a run left on disk; the caller holds the output's lock.
+    """Write the manifest of what a run left on disk.
 
     Files whose size and time are as they were are not read again. Raises OSError where one cannot be read or written.
     """
@@ -65,7 +65,7 @@ def record_run(job: Job, plan: Plan) -> Path:
             name = file.relative_to(plan.output).as_posix()
             again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
             frames.append(digests.entry(file, name) | {"header": read_header(file), "command": again})
-    made = ((plan.output / name, name) for name in ledger_names(plan.output))
+    made = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
     manifest = {
         "job": str(job.file),
         "command": render,

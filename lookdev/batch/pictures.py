@@ -1,7 +1,7 @@
 """The outputs of a plan: files made of finished frames, and made again only when they would differ.
 
-A ledger in the output's state folder records what each file was made of, the frame digests and the options, and its
-digest. So a new view, another number of frames, or a file that was damaged is noticed although no frame was rendered.
+A ledger (`lookdev.batch.ledger`) records what each file was made of, the frame digests and the options, and its digest.
+So a new view, another number of frames, or a file that was damaged is noticed although no frame was rendered.
 """
 
 from __future__ import annotations
@@ -16,22 +16,23 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.batch.lock import STATE_FOLDER
-from lookdev.cache import atomic_path, file_digest, share
+from lookdev.batch.ledger import Ledger
+from lookdev.cache import file_digest, share
 from lookdev.job import JobOutputs
-from lookdev.output import Frames, Output, composite, read_frame
+from lookdev.output import Frames, Output, composite
 from lookdev.output.color import DisplayView
+from lookdev.output.exr import read_shown
 from lookdev.plan import Plan, Reel
 from lookdev.render.task import FrameTask
-from lookdev.text import TextError, parse_json, read_text
+from lookdev.space import REC709, to_rec709
 
 Floats = NDArray[np.float32]
 Background = Callable[[FrameTask], NDArray[np.float32] | NDArray[np.float64]]
 """Returns the linear light behind a frame, exposure applied: (H, W, 3), or (3,) where it is one colour."""
 
 
-@dataclass(frozen=True)
-class _File:
+@dataclass(frozen=True, eq=False)
+class PictureFile:
     """A file to come, under each of its paths; its frames in order, and a label of each."""
 
     output: Output
@@ -51,19 +52,20 @@ class Pictures:
         The frames, and what is made of them.
     background, light
         What is behind the frames, as the ledger records it, and the light that it has.
+    ledger
+        What was made before, and by other runs; the caller closes it.
     """
 
-    def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background) -> None:
+    def __init__(self, plan: Plan, outputs: JobOutputs, background: object, light: Background, ledger: Ledger) -> None:
         self._outputs = outputs
         self._root = plan.output
         self._background = light
         self._behind = background
-        self._ledger_file = plan.output / STATE_FOLDER / "pictures.json"
-        self._ledger = _read_ledger(self._ledger_file)
+        self._ledger = ledger
         self._overdue = set(plan.pictures)
         files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
         self._sheets = [file for output, file in files if output.of != "frame"]
-        self._singles: dict[Path, list[_File]] = {}
+        self._singles: dict[Path, list[PictureFile]] = {}
         for output, file in files:
             if output.of == "frame":
                 self._singles.setdefault(next(iter(file.frames)), []).append(file)
@@ -87,27 +89,30 @@ class Pictures:
         for file in self._singles.get(task.files[0], ()):
             self._write(file, file.paths, (beauty, alpha))
 
-    def refresh_sheets(self, done: set[Path], task: FrameTask | None = None) -> list[Path]:
-        """Make what is out of date of several frames, if they are all done; return the paths.
-
-        With `task`, only what shows it, and in any case: its frame is new.
-        """
-        written: list[Path] = []
+    def sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
+        """Yield what is made of several frames, if they are all done; with `task`, only what shows it."""
         for file in self._sheets:
-            if task is not None and file.frames.keys().isdisjoint(task.files):
-                continue
-            if not file.frames.keys() <= done:
-                continue
-            if task is not None or not self._is_current(file.paths[0], self._key(file)):
-                self._write(file, file.paths)
-                written += file.paths
-        return written
+            shown = file.frames.keys()
+            if shown <= done and not (task is not None and shown.isdisjoint(task.files)):
+                yield file
 
-    def _write(self, file: _File, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
+    def is_due(self, file: PictureFile) -> bool:
+        """Return whether a file is missing or out of date."""
+        return not self._is_current(file.paths[0], self._key(file))
+
+    def make(self, file: PictureFile) -> None:
+        """Make a file of several frames."""
+        self._write(file, file.paths)
+
+    def _write(self, file: PictureFile, paths: Sequence[Path], pixels: tuple[Floats, Floats] | None = None) -> None:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
         def layers(frame: Path) -> tuple[Floats, Floats]:
-            return pixels or read_frame(frame)
+            if pixels is None:
+                return read_shown(frame)
+            beauty, alpha = pixels
+            space = file.frames[frame].scene.space
+            return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
 
         def light(frame: Path) -> Floats:
             return composite(*layers(frame), self._background(file.frames[frame]))
@@ -117,11 +122,11 @@ class Pictures:
         )
         write_shared(paths, lambda path: file.output.write(path, frames))
         key = self._key(file)
-        self._ledger |= {self._name(path): [key, file_digest(path)] for path in paths}
-        with atomic_path(self._ledger_file) as temporary:
-            temporary.write_text(json.dumps(self._ledger, indent=0))
+        digest = file_digest(paths[0])
+        for path in paths:
+            self._ledger.add(self._name(path), key, digest)
 
-    def _key(self, file: _File) -> str:
+    def _key(self, file: PictureFile) -> str:
         digests = [task.digest for task in file.frames.values()]
         made_of = [digests, file.labels, self._behind, self._options(file.output)]
         made_of += [file.columns] if file.columns else []
@@ -133,7 +138,7 @@ class Pictures:
         return {"view": self._outputs.shown(output.name), **burned, **own}
 
     def _is_current(self, path: Path, key: str) -> bool:
-        return path.is_file() and self._ledger.get(self._name(path)) == [key, file_digest(path)]
+        return path.is_file() and self._ledger.has(self._name(path), key, path)
 
     def _name(self, path: Path) -> str:
         return path.relative_to(self._root).as_posix()
@@ -143,11 +148,6 @@ def _view_digest(view: DisplayView) -> str:
     return view.digest
 
 
-def ledger_names(output: Path) -> list[str]:
-    """Return the files that outputs have made in an output folder, by their paths in it."""
-    return sorted(_read_ledger(output / STATE_FOLDER / "pictures.json"))
-
-
 def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
     """Write the first path, and give the same content to the others."""
     write(paths[0])
@@ -155,12 +155,14 @@ def write_shared(paths: Sequence[Path], write: Callable[[Path], None]) -> None:
         share(paths[0], path)
 
 
-def _files(plan: Plan, output: Output) -> Iterator[_File]:
+def _files(plan: Plan, output: Output) -> Iterator[PictureFile]:
     """Yield the files of an output."""
     tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
 
-    def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> _File:
-        return _File(output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels))
+    def file(paths: Iterable[Path], title: Iterable[str], frames: Iterable[Path], labels: Iterable[str]) -> PictureFile:
+        return PictureFile(
+            output, tuple(paths), " / ".join(title), {path: tasks[path] for path in frames}, tuple(labels)
+        )
 
     if output.of == "frame":
         for files in (planned.task.files for planned in plan.frames):
@@ -189,11 +191,3 @@ def _files(plan: Plan, output: Output) -> Iterator[_File]:
 
 def _number(frame: Path) -> str:
     return frame.stem.rpartition(".")[2]
-
-
-def _read_ledger(path: Path) -> dict[str, object]:
-    try:
-        ledger = parse_json(read_text(path), path)
-    except TextError:  # lost or spoilt: every picture is made again
-        return {}
-    return ledger if isinstance(ledger, dict) else {}

@@ -23,7 +23,8 @@ from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan, make_setup
 from lookdev.render.scene import Generated, scene_task
 from lookdev.render.task import SceneTask
-from lookdev.scene import Scene
+from lookdev.scene import Film, Scene
+from lookdev.space import REC709
 
 
 @dataclass(frozen=True)
@@ -64,7 +65,8 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     def show(job: Job, look: Look, lights: tuple[Light, ...]) -> None:
         if ahead is not None:
             with suppress(LookdevError):  # the setups report it
-                scene = replace(Scene.of_look(_card(), look, lights[0], job.render.resolution), lights=lights)
+                scene = Scene.of_look(_card(), look, lights[0], job.render.resolution)
+                scene = replace(scene, lights=lights, film=Film(job.render.resolution, job.render.space))
                 ahead(scene_task(scene, job.render.sampling, job.render.backend, job.render.device, generated))
 
     made = make_setups(job_scenes(job, show), generated)
@@ -75,8 +77,9 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files, without its wedges; backend and errors as `prepare_job`."""
-    job = load_job(path).model_copy(update={"wedge": ()})
+    """Read a job and its files, without its wedges, in linear Rec.709; backend and errors as `prepare_job`."""
+    job = load_job(path)
+    job = job.model_copy(update={"wedge": (), "render": job.render.model_copy(update={"space": REC709})})
     return make_setups(job_scenes(_with_backend(job, backend)), {})
 
 

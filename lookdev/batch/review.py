@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-from lookdev.batch.lock import STATE_FOLDER
+from lookdev.batch.runs import STATE_FOLDER
 from lookdev.errors import OutputError, shortened
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_header

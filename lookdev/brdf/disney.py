@@ -43,6 +43,10 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
     dielectric = 1.0 - p["metallic"]
     sheen_color = scale(mix_color(np.ones(3), _tint(base_color), p["sheenTint"]), p["sheen"])
 
+    def sheen(d: Directions) -> Array:
+        # Burley 2012, addenda, "Sheen details".
+        return scale(sheen_color, schlick_weight(d.cos_theta_d))
+
     def evaluate(d: Directions) -> Array:
         fi, fo = schlick_weight(d.cos_theta_i), schlick_weight(d.cos_theta_o)
         # Burley 2012, section 5.3.
@@ -52,9 +56,8 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         # Hanrahan and Krueger 1993 as in the BRDF Explorer: Fss90 flattens retroreflection, 1.25 keeps the albedo.
         fss = schlick_blend(1.0, retro, d.cos_theta_i) * schlick_blend(1.0, retro, d.cos_theta_o)
         subsurface = 1.25 * (fss * (1.0 / np.maximum(d.cos_theta_i + d.cos_theta_o, TINY) - 0.5) + 0.5)
-        # Burley 2012, addenda, "Sheen details".
-        sheen = scale(sheen_color, schlick_weight(d.cos_theta_d))
-        return scale(scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / np.pi)) + sheen, dielectric)
+        body = scale(base_color, mix(diffuse, subsurface, p["subsurface"]) * (1.0 / np.pi))
+        return scale(body + sheen(d), dielectric)
 
     return Lobe(
         "disney",
@@ -68,6 +71,7 @@ def _diffuse(p: Parameters, wo: Array, frame: Frame) -> Lobe:
         frame=frame,
         broad=True,
         values={**p, "sheen_color": sheen_color, "dielectric": dielectric},
+        parts={"sheen": lambda d: scale(sheen(d), dielectric)},
     )
 
 

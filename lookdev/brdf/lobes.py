@@ -6,7 +6,7 @@ generation drops it where the 0 is constant, and guards it by an ``if`` where th
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -17,6 +17,9 @@ from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, dot, scale
 
 Group = Literal["diffuse", "specular", "clearcoat"]
 """The kind of response; a lobe of any kind may transmit."""
+
+PartGroup = Literal["sheen"]
+"""The kind of a term that a lobe of another kind has."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,8 @@ class Lobe:
         Factor in [0, 1] of f in a blend with other surfaces.
     values
         What f is computed from, by name, for stand-ins (`lookdev.closures`).
+    parts
+        Terms of f that are passes of their own, by their groups: functions as `evaluate`.
     """
 
     model: str
@@ -90,6 +95,7 @@ class Lobe:
     broad: bool = False
     weight: Real = 1.0
     values: Parameters = field(default_factory=dict)
+    parts: Mapping[PartGroup, Callable[[Directions], Array]] = field(default_factory=dict)
 
     @property
     def leans(self) -> bool:
@@ -170,3 +176,34 @@ class Bsdf:
         """Return whether light passes, seen along any of some views (..., 3); what is opaque is lit from its front."""
         lobes = any(lobe.transmits and bool(np.any(lobe.share > 0.0)) for lobe in self.lobes(wo))
         return lobes or any(each.transmits for each in self.deltas(wo, np.zeros(wo.shape[:-1], np.bool_)))
+
+    def converted(self, matrix: Array) -> Bsdf:
+        """Return a BSDF whose f has the coordinates of another linear space.
+
+        `matrix` (3, 3) leads there, and its rows sum up to 1. Models are as published, in linear Rec.709: their tints
+        by luminance, exact metals and films, which are sums over a spectrum, keep their colours. What is linear in a
+        colour is as if that colour had been converted.
+        """
+        rows = np.asarray(matrix, np.float64).tolist()
+
+        def convert(color: Array) -> Array:
+            r, g, b = color[..., 0], color[..., 1], color[..., 2]
+            return vector(*(row[0] * r + row[1] * g + row[2] * b for row in rows))
+
+        def function(evaluate: Callable[[Directions], Array]) -> Callable[[Directions], Array]:
+            return lambda d: convert(evaluate(d))
+
+        def lobes(wo: Array) -> tuple[Lobe, ...]:
+            return tuple(
+                replace(
+                    lobe,
+                    evaluate=function(lobe.evaluate),
+                    parts={name: function(part) for name, part in lobe.parts.items()},
+                )
+                for lobe in self.lobes(wo)
+            )
+
+        def deltas(wo: Array, inside: Mask) -> tuple[Delta, ...]:
+            return tuple(replace(each, value=convert(each.value)) for each in self.deltas(wo, inside))
+
+        return replace(self, lobes=lobes, deltas=deltas)

@@ -28,6 +28,8 @@ BELOW_ONE = 0.99999994
 class Term:
     """The terms of one lobe in the mixture's sums, for a pair of directions.
 
+    directions
+        The pair in the lobe's frame.
     valid : (...)
         Where both directions are on the lobe's sides; `f`, `cosine` and `density` have a meaning only there.
     f : (..., 3)
@@ -37,6 +39,7 @@ class Term:
     """
 
     lobe: Lobe
+    directions: Directions
     valid: Mask
     f: Array
     cosine: Array
@@ -87,7 +90,7 @@ class Mixture:
             # A single lobe has probability 1, whatever its share is.
             share = lobe.share if len(self.lobes) > 1 else np.where(lobe.share > 0.0, 1.0, 0.0)
             density = np.where(valid, share * lobe.pdf(directions), 0.0)
-            yield Term(lobe, valid, f, directions.cos_theta_i, density)
+            yield Term(lobe, directions, valid, f, directions.cos_theta_i, density)
 
     def normalised(self, density: Array) -> Array:
         """Return the pdf (...) of the mixture from the sum of its terms' densities."""

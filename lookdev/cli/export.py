@@ -45,3 +45,43 @@ def export_mitsuba(
     for note in exported.notes:
         say(f"note: {note}", err=True)
     say(exported.summary())
+
+
+@app.command("openjd")
+def export_openjd(
+    job: JobFile,
+    out: Annotated[
+        Path,
+        typer.Option(
+            "-o",
+            "--out",
+            metavar="FILE",
+            help="The template to write, YAML or JSON; a name without suffix is the folder of a job bundle, as AWS "
+            "Deadline Cloud takes it.",
+            show_default=False,
+        ),
+    ],
+    chunks: Annotated[
+        int | None,
+        typer.Option(
+            "--chunks",
+            metavar="N",
+            min=1,
+            help="How many tasks render; default: of about five minutes.",
+            show_default=False,
+        ),
+    ] = None,
+    cores: Annotated[int, typer.Option("--cores", metavar="N", min=1, help="Cores that a host must have.")] = 2,
+    memory: Annotated[int, typer.Option("--memory", metavar="MIB", min=1, help="Memory that a host must have.")] = 4096,
+    command: Annotated[
+        str, typer.Option("--command", metavar="PROGRAM", help="This program on the hosts.")
+    ] = "lookdev",
+) -> None:
+    """Write the job for a render farm, as a template of Open Job Description 2023-09."""
+    from lookdev.batch.export_openjd import Needs
+    from lookdev.batch.export_openjd import export_openjd as export
+
+    exported = export(job, out, chunks, Needs(cores, memory, command))
+    for note in exported.notes:
+        say(f"note: {note}", err=True)
+    say(exported.summary())

@@ -9,9 +9,13 @@ from typing import Annotated
 
 import typer
 
+from lookdev.batch.events import LogFormat
 from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
+from lookdev.errors import LookdevError
 
 app = typer.Typer()
+
+
 _PANEL = "Jobs"
 
 
@@ -28,34 +32,151 @@ def render(
             show_default=False,
         ),
     ] = None,
+    chunk: Annotated[
+        str | None,
+        typer.Option(
+            "--chunk",
+            metavar="I/N",
+            help="Render the I-th of N parts of like cost, I from 1; render the job without it, or with "
+            "--outputs-only, when all parts are done.",
+            show_default=False,
+        ),
+    ] = None,
+    outputs_only: Annotated[
+        bool,
+        typer.Option("--outputs-only", help="Render nothing: make pictures, sheets, movies and the manifest."),
+    ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            help="Render so many frames at once; default: one, and more while that leaves cores and memory unused.",
+            show_default=False,
+        ),
+    ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(
+            "--device",
+            metavar="KIND[:N,...]",
+            help="Render on this kind of device instead of the job's, as cuda, or on some of them, as cuda:0,1.",
+            show_default=False,
+        ),
+    ] = None,
+    executor: Annotated[
+        str,
+        typer.Option(
+            "--executor",
+            metavar="NAME[:ADDRESS]",
+            help="What renders: local, workers of this machine; dask, those of a Dask cluster of this machine, or of "
+            "the scheduler at an address; warm:SOCKET, a worker that 'lookdev warm start' keeps.",
+        ),
+    ] = "local",
+    shared: Annotated[
+        bool,
+        typer.Option("--shared", help="Workers of Dask write frames themselves, to an output that all machines share."),
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", metavar="DIR", help="Write here instead of the job's output.", show_default=False),
+    ] = None,
+    path_mapping: Annotated[
+        Path | None,
+        typer.Option(
+            "--path-mapping",
+            metavar="FILE",
+            help="Rules of Open Job Description (JSON): where the absolute paths of the job are on this machine.",
+            show_default=False,
+        ),
+    ] = None,
+    log_format: Annotated[
+        LogFormat,
+        typer.Option(
+            "--log-format",
+            help="Write events as text, as lines of JSON, or as sessions of Open Job Description read them.",
+        ),
+    ] = LogFormat.TEXT,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only list what would be rendered, as 'lookdev plan' does.")
     ] = False,
 ) -> None:
-    """Render every frame of a job that is new or stale, then pictures and contact sheets."""
+    """Render every frame of a job that is new or stale, then pictures and contact sheets.
+
+    Several runs of one job, on machines that share its output folder, share its frames.
+    """
     if dry_run:
         plan(job)
         return
     from lookdev.batch.progress import show_progress
     from lookdev.batch.run import render_job
+    from lookdev.job.mapping import read_rules
+    from lookdev.plan.chunks import Chunk
+    from lookdev.render.executors.choice import choose
 
-    with show_progress(sys.stdout) as report:
-        result = render_job(job, force=force, only=frame or (), report=report)
-    say(result.summary(), err=result.exit_code != 0)
+    if outputs_only and (force or frame or chunk):
+        raise LookdevError("--outputs-only renders nothing: it goes without --force, --frame and --chunk")
+    part = None if chunk is None else Chunk.parse(chunk)
+    choice = choose(executor, workers=workers, device=device, stored=shared)
+    rules = read_rules(path_mapping) if path_mapping is not None else ()
+    with show_progress(sys.stdout, log_format) as report:
+        result = render_job(
+            job,
+            rules=rules,
+            output=output,
+            force=force,
+            only=frame or (),
+            chunk=part,
+            outputs_only=outputs_only,
+            choice=choice,
+            report=report,
+        )
+    if log_format is not LogFormat.JSON:
+        say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
 
 
 @app.command(rich_help_panel=_PANEL)
-def plan(job: JobFile, as_json: AsJson = False) -> None:
+def plan(
+    job: JobFile,
+    chunks: Annotated[
+        int | None,
+        typer.Option(
+            "--chunks",
+            metavar="N",
+            help="List the N parts that 'lookdev render --chunk I/N' renders.",
+            min=1,
+            max=100_000,
+            show_default=False,
+        ),
+    ] = None,
+    measured: Annotated[
+        bool,
+        typer.Option(
+            "--measured",
+            help="Divide by the times of frames on disk, and keep these chunks in the output folder; before the first "
+            "is rendered.",
+        ),
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
     """List what would be rendered and why: new, stale or done."""
+    from lookdev.batch.chunks import chunks_data, chunks_text, keep_measured_chunks
     from lookdev.batch.listing import plan_data, plan_text
     from lookdev.batch.prepare import prepare_job
 
+    if measured and chunks is None:
+        raise LookdevError("--measured divides a job into chunks: it goes with --chunks N")
     with nothing_printed():
         prepared = prepare_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)
-    if as_json:
+    if chunks is not None:
+        if measured:
+            keep_measured_chunks(prepared.plan, chunks)
+        say_json(chunks_data(prepared.plan, chunks)) if as_json else say(chunks_text(prepared.plan, chunks))
+    elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))
     else:
         say(plan_text(prepared.plan, prepared.job.output))

@@ -1,4 +1,4 @@
-"""The verbs of what was rendered: review, manifest."""
+"""The verbs of what is, or was, rendered: review, manifest, status."""
 
 from __future__ import annotations
 
@@ -74,3 +74,12 @@ def manifest(
     else:
         say(manifest_text(out, listed, found))
     raise typer.Exit(1 if any(each.fails for each in found or ()) else 0)
+
+
+@app.command(rich_help_panel=_PANEL)
+def status(out: OutputFolder, as_json: AsJson = False) -> None:
+    """Show how far a job is: frames done and failed, which runs are at work, which stand still, the time left."""
+    from lookdev.batch.status import read_status, status_data, status_text
+
+    found = read_status(out.absolute())
+    say_json(status_data(found)) if as_json else say(status_text(found))

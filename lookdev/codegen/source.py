@@ -106,8 +106,11 @@ class Source(Protocol):
     def see_through(self) -> bool: ...
 
 
-LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "transmission")
+LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
 """The groups of lobes whose light can be recorded; a lobe that transmits is of the last, whatever its own."""
+
+FIRST_LIGHT_PART = 2 + len(LOBE_GROUPS)
+"""The number of the first group of lights among the parts of the light that shaders record."""
 
 
 @dataclass(frozen=True)

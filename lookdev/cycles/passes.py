@@ -15,12 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.codegen import ShaderSource
-from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, Scene
 from lookdev.render.cryptomatte import filled, renamed
 from lookdev.render.frame import FEATURE_SAMPLES, Image, RenderedFrame
-from lookdev.render.passes import MATTES
+from lookdev.render.passes import LIGHTS, MATTES, light_layer, parts_of_light
 from lookdev.render.task import FrameTask
 
 _OF_CYCLES = {"depth": "z", "position": "position", "normal": "normal", "uv": "uv"}
@@ -40,56 +40,83 @@ class Passes:
 
 
 Batch = Sequence[tuple[str, int]]
-"""The parts of the light that are recorded in one render, at most two: names, and numbers in the shaders' template."""
+"""Parts of the light that are recorded in one render, at most three: names, and numbers in the shaders' template."""
 
-# Blender 4.5 abbreviates the names of passes.
-_RECORDS = (("GlossCol", "Glossy Color"), ("TransCol", "Transmission Color"))
+Plan = tuple[Sequence[Batch], Sequence[Batch]]
+"""The renders of each half of a frame."""
+
+# The passes that have them, and what their values are multiplied by; Blender 4.5 abbreviates names.
+_RECORDS = (
+    (("GlossCol", "Glossy Color"), -2.0),
+    (("TransCol", "Transmission Color"), -2.0),
+    (("DiffCol", "Diffuse Color"), 1.0 / 64.0),
+)
 
 
 @contextmanager
-def recording(scene: Scene, task: FrameTask) -> Iterator[list[Batch]]:
-    """Yield the parts that have to be recorded, by renders; of each set of parts the last is what remains."""
-    wanted = task.scene.sampling.passes
-    parts: list[tuple[str, int]] = []
-    if "lobes" in wanted:
-        parts += ((group, 2 + LOBE_GROUPS.index(group)) for group in _groups(task)[:-1])
-    if "direct" in wanted:
-        parts.append(("direct", 1))
+def recording(scene: Scene, task: FrameTask) -> Iterator[Plan]:
+    """Yield the parts that have to be recorded, by renders of each half."""
+    plan = _plan(task)
     settings = scene.scene.cycles
     before = settings.min_transparent_bounces
-    if parts:
+    if plan[0]:
         # Cycles' Russian roulette would weigh recorded light, and not the light itself.
         settings.min_transparent_bounces = settings.transparent_max_bounces
-    with _storing(scene, {f"use_pass_{kind}_color": True for kind in _COLORS[1:]} if parts else {}):
-        yield [parts[i : i + 2] for i in range(0, len(parts), 2)]
+    with _storing(scene, {f"use_pass_{kind}_color": True for kind in _COLORS} if plan[0] else {}):
+        yield plan
     settings.min_transparent_bounces = before
 
 
-def _groups(task: FrameTask) -> list[str]:
-    """Return the groups of lobes that a task's looks have."""
-    found = {each for source in task.scene.shaders if isinstance(source, ShaderSource) for each in source.recorded}
-    return [group for group in LOBE_GROUPS if group in found]
+def _sets(task: FrameTask) -> list[list[tuple[str, int]]]:
+    """Return the sets of parts that sum up to the beauty, with the numbers of parts in the shaders' template."""
+    wanted, scene = task.scene.sampling.passes, task.scene
+    lobes = {each for source in scene.shaders if isinstance(source, ShaderSource) for each in source.recorded}
+    sets = []
+    if "lobes" in wanted:
+        sets.append([(group, 2 + LOBE_GROUPS.index(group)) for group in LOBE_GROUPS if group in lobes])
+    if "direct" in wanted:
+        sets.append([("direct", 1), ("indirect", -1)])
+    if LIGHTS in wanted:
+        names = dict.fromkeys(scene.light_groups[: len(scene.lights)])
+        sets.append([(light_layer(name), FIRST_LIGHT_PART + number) for number, name in enumerate(names)])
+    return [each for each in sets if each]
+
+
+def _plan(task: FrameTask) -> Plan:
+    """Return what is recorded: of each set of parts all but the last, which is what remains.
+
+    What one render can record is recorded in both halves. Else each set is recorded in the half that has fewer so far:
+    its shares of that half are those of the frame.
+    """
+    every = [each[:-1] for each in _sets(task)]
+    parts = [part for each in every for part in each]
+    if len(parts) <= len(_RECORDS):
+        batches = [parts] if parts else []
+        return batches, batches
+    halves: tuple[list[tuple[str, int]], list[tuple[str, int]]] = ([], [])
+    for each in sorted(every, key=len, reverse=True):
+        min(halves, key=len).extend(each)
+    size = len(_RECORDS)
+    first, second = ([half[i : i + size] for i in range(0, len(half), size)] for half in halves)
+    return first, second
 
 
 def record_of(batch: Batch, passes: Mapping[str, Image]) -> dict[str, Image]:
     """Return what shaders recorded (`recording` in the template), rows top-down."""
     return {
-        name: -2.0 * next(passes[each] for each in names if each in passes)[::-1]
-        for (name, _), names in zip(batch, _RECORDS, strict=False)
+        name: np.float32(factor) * next(passes[each] for each in names if each in passes)[::-1]
+        for (name, _), (names, factor) in zip(batch, _RECORDS, strict=False)
     }
 
 
 def completed(task: FrameTask, frame: RenderedFrame) -> dict[str, Image]:
-    """Return the passes of a frame with what remains of the light, and black for lobes that no look has."""
-    wanted, passes = task.scene.sampling.passes, dict(frame.passes)
+    """Return the passes of a frame with what remains of the light, and black for parts that no look or light has."""
+    passes = dict(frame.passes)
     beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
-    if "lobes" in wanted:
-        groups = _groups(task)
-        if groups:
-            passes[groups[-1]] = beauty - sum(passes[group] for group in groups[:-1])
-        passes |= {group: np.zeros_like(beauty) for group in LOBE_GROUPS if group not in groups}
-    if "direct" in wanted:
-        passes["indirect"] = beauty - passes["direct"]
+    for *others, (last, _) in _sets(task):
+        passes[last] = beauty - sum(passes[name] for name, _ in others)
+    for name in parts_of_light(task.scene.sampling.passes, task.scene.names_of_light) - {*passes}:
+        passes[name] = np.zeros_like(beauty)
     return passes
 
 

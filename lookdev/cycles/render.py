@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from lookdev.cycles import engine
-from lookdev.cycles.passes import Batch, Passes, completed, record_of, recording, render_frame_passes
+from lookdev.cycles.passes import Passes, Plan, completed, record_of, recording, render_frame_passes
 from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
 from lookdev.render.adaptive import Region
-from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, render_halves
+from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, half_of, render_halves
 from lookdev.render.oidn import denoiser
 from lookdev.render.passes import arrays_of
 from lookdev.render.task import FrameTask
@@ -30,12 +29,12 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     if task.scene.sampling.error is not None:
         engine.fill_tables(scene.scene)
     before = time.perf_counter() - started
-    with recording(scene, task) as batches:
-        render = partial(_rendered, scene, task, batches)
+    with recording(scene, task) as plan:
+        render = partial(_rendered, scene, task, plan)
         frame = render_halves(task, render, partial(_denoiser, scene, task), progress)
     frame = replace(frame, passes=completed(task, frame))
     made = Passes({}, {})
-    if {*arrays_of(task.scene.sampling.passes)} - {*frame.passes}:
+    if {*arrays_of(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
         begun = time.perf_counter()
         made = render_frame_passes(scene, task, frame.alpha, frame.samples)
         before += time.perf_counter() - begun
@@ -76,7 +75,7 @@ def _denoiser(scene: Scene, task: FrameTask) -> Denoiser:
 
 
 def _rendered(
-    scene: Scene, task: FrameTask, batches: Sequence[Batch], seed: int, region: Region
+    scene: Scene, task: FrameTask, plan: Plan, seed: int, region: Region
 ) -> tuple[Image, Image, dict[str, Image]]:
     """Return the colours and the coverage of a region, and the recorded parts of colours."""
     scene.control(task.pose, seed, region.samples)
@@ -85,10 +84,11 @@ def _rendered(
     rows, columns = region.rows, region.columns
     box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
     parts: dict[str, Image] = {}
+    batches = plan[half_of(seed)]
     # Reversed, as the light is that of the first: what paths carry is in the last bits of the places that they reach,
     # which the noise of later hits depends on.
     for batch in reversed(batches or [()]):
-        if batch:
+        if task.scene.sampling.recorded:
             scene.record([number for _, number in batch])
         passes = engine.render_passes(scene.scene, region.samples, seed, box)
         parts |= record_of(batch, passes)

@@ -236,11 +236,12 @@ class Scene:
         return 0.0 if still_domes(self.task.lights) else pose.lighting
 
     def record(self, parts: Sequence[int]) -> None:
-        """Let OSL shaders record at most two parts of their light, by their numbers in the template."""
-        first, second = (*parts, 0, 0)[:2]
+        """Let OSL shaders record at most three parts of their light, by their numbers in the template."""
+        numbers = tuple(float(each) for each in (*parts, 0, 0, 0)[:3])
         for item in self.objects:
-            item[RECORD] = (float(first), float(second), 0.0)
-            item.update_tag()
+            if tuple(item.get(RECORD, ())) != numbers:
+                item[RECORD] = numbers
+                item.update_tag()
 
     def control(self, pose: Pose, seed: int, samples: float) -> None:
         """Pass the values that change from render to render to OSL shaders, by the colour of the objects.

@@ -24,11 +24,12 @@ from pydantic_core import CoreSchema, PydanticCustomError, core_schema
 
 from lookdev.asset import BUILTINS
 from lookdev.errors import nearest_hint
+from lookdev.job.mapping import mapped
 from lookdev.light import BUILTIN_LIGHTS
 from lookdev.light.builtin_rigs import BUILTIN_RIGS
 from lookdev.output.color import BUILT_IN, SHIPPED
 from lookdev.render.backends import job_backends
-from lookdev.render.passes import PASSES
+from lookdev.render.passes import IN_EACH_FRAME, PASSES
 
 # Names become folders and file names: no separator, and no leading dot, which marks our temporary files.
 NAME = r"^[A-Za-z0-9_-][A-Za-z0-9._-]*$"
@@ -72,14 +73,14 @@ BuiltinAsset = Annotated[str, _OneOf(lambda: BUILTINS)]
 BuiltinIbl = Annotated[str, _OneOf(lambda: BUILTIN_LIGHTS)]
 BuiltinRig = Annotated[str, _OneOf(lambda: BUILTIN_RIGS)]
 BackendName = Annotated[str, _OneOf(job_backends)]
-PassName = Annotated[str, _OneOf(lambda: PASSES)]
+PassName = Annotated[str, _OneOf(lambda: (*PASSES, *IN_EACH_FRAME))]
 Device = Annotated[str, _OneOf(_devices)]
 
 
-def _resolve(value: object, info: ValidationInfo[dict[str, Path]]) -> Path:
+def _resolve(value: object, info: ValidationInfo[dict[str, Any]]) -> Path:
     if not isinstance(value, str) or not value or "\0" in value:
         raise wrong("should be a path in quotes")
-    return Path(os.path.normpath(info.context["file"].parent / value))
+    return Path(os.path.normpath(info.context["file"].parent / mapped(value, info.context.get("rules", ()))))
 
 
 def default_config() -> str:
@@ -92,8 +93,8 @@ def _is_name_of_config(value: str) -> bool:
     return value == SHIPPED or value.startswith(BUILT_IN)
 
 
-def _config(value: object, info: ValidationInfo[dict[str, Path]]) -> object:
-    if not isinstance(value, str) or Path(value).is_absolute() or _is_name_of_config(value):
+def _config(value: object, info: ValidationInfo[dict[str, Any]]) -> object:
+    if not isinstance(value, str) or _is_name_of_config(value):
         return value
     return str(_resolve(value, info))
 

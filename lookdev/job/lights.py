@@ -16,6 +16,7 @@ from lookdev.light.builtin_rigs import rig_file
 from lookdev.light.dome.maps import load_dome
 from lookdev.light.fit import fitted
 from lookdev.light.rig import Rig, load_rig
+from lookdev.light.space import in_space
 
 
 @dataclass(frozen=True)
@@ -59,13 +60,14 @@ def job_lights(job: Job, notes: list[str], faults: list[Fault]) -> tuple[Lit, ..
             known.check_exposed(ibl.exposure)
             if known.repairs:
                 notes.append(f"ibl '{ibl.name}': {known.repairs}")
-            found.append(Lit(ibl.name, (known.dome,), check_exposed=known.check_exposed))
+            lights = (in_space(known.dome, job.render.space),)
+            found.append(Lit(ibl.name, lights, check_exposed=known.check_exposed))
     for index, given in enumerate(job.rig):
         with collected(job, f"rig[{index}]", faults):
             rig = _rig(given)
             rig.check_exposed(given.exposure)
             notes += rig.notes
-            found.append(Lit(given.name, rig.lights, rig, rig.check_exposed))
+            found.append(Lit(given.name, _lights(rig, job), rig, rig.check_exposed))
     return tuple(found)
 
 
@@ -90,12 +92,16 @@ def wedge_lights(
             values = {key.removeprefix("light:"): value for key, value in varied.changes if key.startswith("light:")}
             if values and isinstance(table, JobRig):
                 rig = _rig(table, values)
-                base = Lit(name, rig.lights, rig, rig.check_exposed)
+                base = Lit(name, _lights(rig, job), rig, rig.check_exposed)
             base.check_exposed(table.exposure)
             made.append(replace(base, name=name))
     ibls = (*job.ibl, *(table for table in tables if isinstance(table, JobIbl)))
     rigs = (*job.rig, *(table for table in tables if isinstance(table, JobRig)))
     return job.model_copy(update={"ibl": ibls, "rig": rigs}), tuple(made), places
+
+
+def _lights(rig: Rig, job: Job) -> tuple[Light, ...]:
+    return tuple(in_space(each, job.render.space) for each in rig.lights)
 
 
 def _rig(given: JobRig, values: Mapping[str, Value] | None = None) -> Rig:

@@ -15,6 +15,7 @@ from pydantic_core import ErrorDetails
 
 from lookdev.errors import Fault, JobError, nearest_hint
 from lookdev.job.keys import PATTERNS
+from lookdev.job.mapping import PathRules
 from lookdev.job.schema import LISTS, Job
 from lookdev.text import TextError, has_text_path, parse_toml, read_text
 
@@ -23,8 +24,10 @@ Place = tuple[str | int, ...]
 _LARGEST = 1 << 20  # bytes of a job file
 
 
-def load_job(path: Path) -> Job:
+def load_job(path: Path, rules: PathRules = ()) -> Job:
     """Read a job file, TOML; paths in it are relative to its folder, and absolute in the job.
+
+    `rules` state where the files of another machine are on this one.
 
     Raises
     ------
@@ -38,10 +41,10 @@ def load_job(path: Path) -> Job:
     except TextError as error:
         hint = "" if path.exists() else "'lookdev example' lists jobs to copy"
         raise JobError(replace(fault, hint=fault.hint or hint) for fault in error.faults) from None
-    return parse_job(text, path)
+    return parse_job(text, path, rules)
 
 
-def parse_job(text: str, path: Path) -> Job:
+def parse_job(text: str, path: Path, rules: PathRules = ()) -> Job:
     """Read a job from `text` as the content of the file `path`; errors as `load_job`."""
     try:
         data = _frozen(parse_toml(text, path))
@@ -50,7 +53,7 @@ def parse_job(text: str, path: Path) -> Job:
         raise JobError(replace(fault, hint=fault.hint or hint) for fault in error.faults) from None
     faults = [*_duplicate_names(data, str(path)), *_bound_to_a_builtin(data, str(path))]
     try:
-        job = Job.model_validate(data, context={"file": path.absolute()})
+        job = Job.model_validate(data, context={"file": path.absolute(), "rules": rules})
     except ValidationError as error:
         details = error.errors(include_url=False)
         faults += [_fault(detail, data, str(path)) for detail in details if not _is_echo(detail)]

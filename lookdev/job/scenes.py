@@ -96,7 +96,7 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
     shown, cameras = rendered(job, dressed, shot, places, notes)
     largest = max(shown.values(), key=lambda asset: asset.radius)
     parts = {path for each in turned.values() for path in each.paths}
-    film = Film(job.render.resolution)
+    film = Film(job.render.resolution, job.render.space)
     scenes = {}
     for rig in rigs:
         notes += rig.unlinked(parts)

@@ -38,9 +38,10 @@ from lookdev.job.outputs import JobOutputs
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.job.wedge import JobWedge
 from lookdev.render.backends import BACKENDS, job_backends
-from lookdev.render.passes import PASSES
+from lookdev.render.passes import IN_EACH_FRAME, PASSES
 from lookdev.scene import SAMPLE_CAP, Sampling
 from lookdev.scene.framing import DEFAULT_FILL
+from lookdev.space import REC709, Space
 
 DEFAULT_FOCAL_LENGTH = 50.0
 
@@ -207,9 +208,16 @@ class JobRender(Table):
         description="'measured': by Open Image Denoise, mixed with the raw picture so that no frame is worse; the "
         "error is that of the result, bias included. Exact backend only.",
     )
+    space: Space = Field(
+        default=REC709,
+        description="The space of light, and of the EXRs: linear 'rec709', or 'acescg', to which looks and lights are "
+        "converted. Backends exact and mitsuba.",
+    )
     passes: tuple[PassName, ...] = Field(
         default=(),
-        description="Further layers of the EXR: " + "; ".join(f"{e.name}: {e.help}" for e in PASSES.values()) + ".",
+        description="Further layers of the EXR: "
+        + "; ".join(f"{e.name}: {e.help}" for e in PASSES.values())
+        + f". Every frame has {', '.join(IN_EACH_FRAME[:-1])} and {IN_EACH_FRAME[-1]}.",
     )
     background: Background = Field(
         default="black", description="Behind the asset: 'black', 'ibl' (the light itself), or a linear [r, g, b]."
@@ -245,10 +253,20 @@ class JobRender(Table):
             raise wrong(f"backend '{backend.name}' renders no albedos and normals to denoise by", f"backend = {others}")
         return value
 
+    @field_validator("space")
+    @classmethod
+    def _space_of_the_backend(cls, value: Space, info: ValidationInfo) -> Space:
+        backend = BACKENDS.get(info.data.get("backend", ""))
+        if backend is not None and value not in backend.spaces:
+            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if value in each.spaces)
+            raise wrong(f"backend '{backend.name}' renders in linear Rec.709 alone", f"backend = {others}")
+        return value
+
     @field_validator("passes")
     @classmethod
     def _passes_of_the_backend(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
         backend = BACKENDS.get(info.data.get("backend", ""))
+        value = tuple(name for name in value if name not in IN_EACH_FRAME)
         lacking = [name for name in value if backend is not None and name not in backend.passes]
         if backend is not None and lacking:
             others = " or ".join(f'"{n}"' for n, each in job_backends().items() if {*lacking} <= {*each.passes})

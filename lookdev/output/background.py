@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lookdev.light import Dome, Light, Turned
 from lookdev.render.task import FrameTask
 from lookdev.scene import Camera, camera_rays
+from lookdev.space import to_rec709
 
 _GRID = 3  # subsamples of a pixel along each axis
 _LENS_GRID = 8  # of those through a lens
@@ -21,7 +22,7 @@ Floats = NDArray[np.float64]
 
 
 def environment_background(task: FrameTask) -> Floats:
-    """Return the radiance behind the asset of a frame, (H, W, 3), exposure applied.
+    """Return the radiance behind the asset of a frame, (H, W, 3), linear Rec.709, exposure applied.
 
     It is that of all domes, and of the other lights that the camera sees. What is infinitely far shows each of its
     points through a lens as a disc of one size in the whole picture; what is not, as rays through the whole lens meet.
@@ -39,7 +40,7 @@ def environment_background(task: FrameTask) -> Floats:
         total = np.maximum(oaconvolve(total, disc[..., None], mode="valid", axes=(0, 1)), 0.0)
     if near:
         total += _seen(task, near, lens=scene.camera.lens is not None)
-    return np.asarray(total * math.pow(2.0, task.exposure))
+    return to_rec709(total, scene.space) * math.pow(2.0, task.exposure)
 
 
 def _seen(task: FrameTask, lights: Sequence[Light], *, edge: int = 0, lens: bool = False) -> Floats:

@@ -12,13 +12,14 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 from lookdev.errors import OutputError, nearest_hint, shortened
-from lookdev.output.config import BASE, FILE, NAME
+from lookdev.output.config import FILE, NAME
+from lookdev.space import BASE, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
     import PyOpenColorIO as ocio
 
-SOURCE = "Linear Rec.709 (sRGB)"
-"""The colour space of frames, by its name in OpenColorIO's built-in configs."""
+SOURCE = OCIO_NAMES[REC709]
+"""The colour space in which views take light, by its name in OpenColorIO's built-in configs."""
 
 SHIPPED = NAME
 """The name of the config that ships."""
@@ -139,8 +140,9 @@ def _processor(wanted: DisplayView) -> ocio.Processor:
 
 def _known(config: str, what: str, name: str, names: Sequence[str]) -> None:
     if name not in names:
-        every = f"; known: {', '.join(names)}" if len(names) <= 20 else ""
-        raise OutputError(f"{config} has no {what} called '{name}' ({nearest_hint(name, names)}{every})")
+        hint, every = nearest_hint(name, names), f"known: {', '.join(names)}"
+        also = f"; {every}" if hint != every and len(names) <= 20 else ""
+        raise OutputError(f"{config} has no {what} called '{name}' ({hint}{also})")
 
 
 def _first_line(error: Exception) -> str:

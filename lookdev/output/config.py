@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from lookdev.cache import atomic_path
+from lookdev.space import BASE, OCIO_NAMES, REC709
 
 if TYPE_CHECKING:
     import PyOpenColorIO as ocio
@@ -30,10 +31,9 @@ KNEE = 0.6
 WHITE = 64.0
 """V that is shown as the brightest of its hue and saturation: 6 stops above 1."""
 
-BASE = "cg-config-v2.2.0_aces-v1.3_ocio-v2.4"
 FILE = Path(__file__).with_name("data") / "lookdev.ocio"
 NAME = "lookdev"
-_SOURCE = "Linear Rec.709 (sRGB)"
+_SOURCE = OCIO_NAMES[REC709]
 _STANDARD_RANGE = ("sRGB - Display", "Display P3 - Display", "Rec.1886 Rec.709 - Display", "P3-D65 - Display")
 _BEYOND = 2.0  # above every hue and saturation: the curve leaves these channels alone
 

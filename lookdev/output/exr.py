@@ -11,9 +11,10 @@ import os
 import struct
 import zlib
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import BinaryIO
+from typing import BinaryIO, Self
 
 import numpy as np
 import OpenEXR
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from lookdev.cache import atomic_path, from_memory
 from lookdev.errors import OutputError
 from lookdev.images import open_image, whole_image
+from lookdev.space import CHROMATICITIES, INTEROP_IDS, OCIO_NAMES, REC709, Space, to_rec709
 
 Floats = NDArray[np.float32]
 
@@ -31,9 +33,11 @@ LARGEST = 1 << 28
 """Pixels of a frame: 16384 x 16384."""
 
 _ROWS_OF_A_BLOCK = 16  # of ZIP_COMPRESSION
-_CHECKSUM = PREFIX + "checksum"
+_CHECKSUM = (PREFIX + "checksum").encode()
 _NO_CHECKSUM = b"00000000"
 _STRIP = 1 << 20  # bytes read at once
+_MAGIC = b"\x76\x2f\x31\x01"
+_HEAD = 1 << 14  # bytes in which a header usually ends
 
 
 def write_frame(
@@ -45,10 +49,11 @@ def write_frame(
     *,
     planes: Mapping[str, ArrayLike] = MappingProxyType({}),
     attributes: Mapping[str, str] = MappingProxyType({}),
+    space: Space = REC709,
 ) -> None:
     """Write a frame, whole or not at all; makes folders.
 
-    `beauty` is premultiplied linear Rec.709 radiance, (H, W, 3), as are the other `layers` by their names; `alpha` is
+    `beauty` is premultiplied radiance of a `space`, (H, W, 3), as are the other `layers` by their names; `alpha` is
     coverage in [0, 1], (H, W). `planes` (H, W) are further channels by their names, `attributes` entries of the
     header as they are. `read_header` returns `header` as strings. Raises OutputError where the shapes differ or
     the file cannot be written.
@@ -64,14 +69,16 @@ def write_frame(
     written |= {name: np.ascontiguousarray(plane, np.float32) for name, plane in planes.items()}
     entries: dict[str, object] = {PREFIX + key: str(value) for key, value in header.items()}
     entries |= attributes
+    if space != REC709:  # that of an EXR without the attribute
+        entries |= {"chromaticities": CHROMATICITIES[space], "colorInteropID": INTEROP_IDS[space]}
     entries |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    entries[_CHECKSUM] = _NO_CHECKSUM.decode()
+    entries[_CHECKSUM.decode()] = _NO_CHECKSUM.decode()
     try:
         with atomic_path(path) as temporary, from_memory(temporary) as name:
             with OpenEXR.File(entries, written) as exr:
                 exr.write(name)
             with Path(name).open("r+b") as stream:
-                place = _attributes(stream)[_CHECKSUM.encode()]
+                _, place, _ = _Header.read(stream).places[_CHECKSUM]
                 checksum = _checksum(stream, place)
                 stream.seek(place)
                 stream.write(checksum)
@@ -88,12 +95,28 @@ def read_frame(path: Path) -> tuple[Floats, Floats]:
                 raise OutputError(f"{path}: has channels {', '.join(names[:20])}")
             pixels = whole_image(image, path, range(len(names)), OutputError)
         with path.open("rb") as stream:
-            _check(path, stream, _attributes(stream))
-    except (OutputError, OSError, struct.error) as error:
+            _check(path, stream, _Header.read(stream))
+    except (OutputError, OSError, ValueError, struct.error) as error:
         reason = str(error).removeprefix(f"{path}: ")
         raise OutputError(f"{path}: not a whole frame with channels R, G, B, A: {reason}") from error
     beauty = [names.index(name) for name in "RGB"]
     return np.ascontiguousarray(pixels[..., beauty]), np.ascontiguousarray(pixels[..., names.index("A")])
+
+
+def read_shown(path: Path) -> tuple[Floats, Floats]:
+    """Return beauty and alpha as `read_frame`, the light in linear Rec.709, in which views and pages take it."""
+    beauty, alpha = read_frame(path)
+    space = space_of(path)
+    return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+
+
+def space_of(path: Path) -> Space:
+    """Return the space of a frame that `read_frame` has read; raises OutputError for one that is not known."""
+    with open_image(path, OutputError, LARGEST) as image:
+        name = image.spec().get_string_attribute(PREFIX + "space") or REC709
+    if name not in OCIO_NAMES:
+        raise OutputError(f"{path}: is in the space '{name}'; one of {', '.join(OCIO_NAMES)} would be right")
+    return name
 
 
 def read_layer(path: Path, name: str) -> Floats | None:
@@ -110,64 +133,101 @@ def read_layer(path: Path, name: str) -> Floats | None:
     return np.ascontiguousarray(pixels[..., [names.index(each) for each in wanted]])
 
 
-def read_header(path: Path) -> dict[str, str]:
+def read_header(path: Path, *, check: bool = True) -> dict[str, str]:
     """Return the header given to `write_frame`, as strings, without decoding pixels; empty for another EXR.
 
     It has the ``resolution`` of the pixels, "width x height", too. Raises OutputError where the header cannot be read,
-    or the file was changed since it was written.
+    or, if that is to be checked, the file was changed since it was written.
     """
     try:
         if not path.is_file():
             raise ValueError("not a file")
-        with OpenEXR.File(str(path), header_only=True) as exr:
-            entries = dict(exr.header())
-        own = {key.removeprefix(PREFIX): str(value) for key, value in entries.items() if key.startswith(PREFIX)}
-        if own:
-            (left, top), (right, bottom) = (corner.tolist() for corner in entries["dataWindow"])
-            width, height = right - left + 1, bottom - top + 1
-            with path.open("rb") as stream:
-                places = _attributes(stream)
-                if not _has_all_rows(stream, height):
-                    raise ValueError("its pixels are cut off")
-                _check(path, stream, places)
-            own.pop("checksum", None)
-            own["resolution"] = f"{width} x {height}"
-    except (RuntimeError, ValueError, KeyError, OSError, struct.error) as error:
+        with path.open("rb") as stream:
+            header = _Header.read(stream)
+            own = header.strings(PREFIX)
+            if own:
+                left, top, right, bottom = struct.unpack("<4i", header.value(b"dataWindow"))
+                width, height = right - left + 1, bottom - top + 1
+                if check:
+                    if not _has_all_rows(stream, header.end, height):
+                        raise ValueError("its pixels are cut off")
+                    _check(path, stream, header)
+                own.pop("checksum", None)
+                own["resolution"] = f"{width} x {height}"
+    except (ValueError, KeyError, OSError, struct.error) as error:
         raise OutputError(f"{path}: no readable EXR header: {error}") from error
     return own
 
 
-def _attributes(stream: BinaryIO) -> dict[bytes, int]:
-    """Return where the value of each attribute is in an EXR, and go to what follows the last.
+@dataclass(frozen=True)
+class _Header:
+    """The attributes of an EXR. Source: "OpenEXR File Layout"."""
 
-    Source: "OpenEXR File Layout". Raises struct.error where the header is cut off.
-    """
-    places = {}
-    stream.seek(8)
-    while name := _text(stream):
-        _text(stream)  # its type
-        (size,) = struct.unpack("<I", stream.read(4))
-        places[name] = stream.tell()
-        stream.seek(size, os.SEEK_CUR)
-    return places
+    data: bytes  # from the start of the file
+    places: dict[bytes, tuple[bytes, int, int]]  # by name: type, place and size of the value
+    end: int
+
+    @classmethod
+    def read(cls, stream: BinaryIO) -> Self:
+        """Read the first header of a file; raises ValueError where it is none, or is cut off."""
+        size = _HEAD
+        while True:
+            stream.seek(0)
+            data = stream.read(size)
+            try:
+                return cls(data, *_attributes(data))
+            except (ValueError, struct.error):
+                if len(data) < size:
+                    raise
+            size *= 4
+
+    def value(self, name: bytes) -> bytes:
+        """Return the bytes of a value; raises KeyError where there is none of this name."""
+        _, place, size = self.places[name]
+        return self.data[place : place + size]
+
+    def strings(self, prefix: str) -> dict[str, str]:
+        """Return the texts whose names begin with a prefix, by what follows it."""
+        start = prefix.encode()
+        return {
+            name[len(start) :].decode(): self.data[place : place + size].decode()
+            for name, (kind, place, size) in self.places.items()
+            if kind == b"string" and name.startswith(start)
+        }
 
 
-def _has_all_rows(stream: BinaryIO, height: int) -> bool:
-    """Return whether a file that `write_frame` wrote has its last block of rows; the stream is behind its header."""
+def _attributes(data: bytes) -> tuple[dict[bytes, tuple[bytes, int, int]], int]:
+    """Return type, place and size of each attribute of the first header of an EXR, and where it ends."""
+    if data[:4] != _MAGIC:
+        raise ValueError("not an EXR")
+    places: dict[bytes, tuple[bytes, int, int]] = {}
+    at = 8
+    while data[at : at + 1] != b"\0":
+        name_end = data.index(b"\0", at)
+        kind_end = data.index(b"\0", name_end + 1)
+        (size,) = struct.unpack_from("<I", data, kind_end + 1)
+        places[data[at:name_end]] = data[name_end + 1 : kind_end], kind_end + 5, size
+        at = kind_end + 5 + size
+        if at >= len(data):
+            raise ValueError("its header is cut off")
+    return places, at + 1
+
+
+def _has_all_rows(stream: BinaryIO, end: int, height: int) -> bool:
+    """Return whether a file that `write_frame` wrote has its last block of rows; its header has an end."""
     blocks = -(-height // _ROWS_OF_A_BLOCK)
+    stream.seek(end)
     start = max(struct.unpack(f"<{blocks}Q", stream.read(8 * blocks)))
     stream.seek(start)
     _, size = struct.unpack("<iI", stream.read(8))
     return bool(start) and start + 8 + size <= os.fstat(stream.fileno()).st_size
 
 
-def _check(path: Path, stream: BinaryIO, places: Mapping[bytes, int]) -> None:
+def _check(path: Path, stream: BinaryIO, header: _Header) -> None:
     """Raise OutputError where a file differs from what was written; one of an earlier version has no checksum."""
-    place = places.get(_CHECKSUM.encode())
-    if place is not None:
-        expected = _checksum(stream, place)
-        stream.seek(place)
-        if stream.read(len(expected)) != expected:
+    if _CHECKSUM in header.places:
+        expected = _checksum(stream, header.places[_CHECKSUM][1])
+        if header.value(_CHECKSUM) != expected:
             raise OutputError(f"{path}: it was changed since it was written: its checksum differs")
 
 
@@ -179,11 +239,3 @@ def _checksum(stream: BinaryIO, place: int) -> bytes:
     while part := stream.read(_STRIP):
         checksum = zlib.crc32(part, checksum)
     return b"%08x" % checksum
-
-
-def _text(stream: BinaryIO) -> bytes:
-    """Return what a stream has before the next byte 0."""
-    text = bytearray()
-    while (byte := stream.read(1)) not in (b"\0", b""):
-        text += byte
-    return bytes(text)

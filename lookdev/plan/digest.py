@@ -10,16 +10,32 @@ from dataclasses import asdict
 from lookdev.render.backends import BACKENDS
 from lookdev.render.task import SceneTask
 from lookdev.scene import Pose
+from lookdev.space import REC709
+
+PARTS = ("asset", "look", "ibl", "camera", "pose", "render")
+"""The parts of a frame's inputs, each with a digest of its own."""
 
 
 def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str]:
-    """Return the digest of each part of a frame's inputs: ``asset look ibl camera pose render``.
+    """Return the digest of each part of a frame's inputs: `PARTS`.
 
     No part contains a path: geometry, textures and light tables count by their content.
     """
+    return {**scene_digests(scene, exposure), "pose": pose_digest(pose)}
+
+
+def pose_digest(pose: Pose) -> str:
+    """Return the digest of the part ``pose``."""
+    return _digest(asdict(pose))
+
+
+def scene_digests(scene: SceneTask, exposure: float) -> dict[str, str]:
+    """Return the digest of each part that all frames of a scene share."""
     sampling = asdict(scene.sampling)
     if scene.sampling.passes:
         sampling["prims"] = scene.prims
+        if scene.light_groups:
+            sampling["light_groups"] = scene.light_groups
     else:
         del sampling["passes"]
     render = {
@@ -29,12 +45,13 @@ def part_digests(scene: SceneTask, pose: Pose, exposure: float) -> dict[str, str
         "backend": scene.backend,
         "version": BACKENDS[scene.backend].version(),
     }
+    if scene.space != REC709:
+        render["space"] = scene.space
     return {
         "asset": scene.asset.digest,
         "look": _digest([[source.digest for source in scene.shaders], scene.worn]),
         "ibl": _digest([*(light.digest for light in scene.lights), *scene.lit, *scene.groups, exposure]),
         "camera": _digest(asdict(scene.camera)),
-        "pose": _digest(asdict(pose)),
         "render": _digest(render),
     }
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
+import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Literal
 
 from lookdev.errors import OutputError
 from lookdev.job.wedges import WedgeSheet
-from lookdev.plan.digest import frame_digest, part_digests
+from lookdev.plan.digest import PARTS, frame_digest, pose_digest, scene_digests
 from lookdev.plan.poses import turntable_poses
 from lookdev.plan.setup import Setup, Turns
 from lookdev.plan.skips import Skip, scene_skips
@@ -29,19 +34,34 @@ OutputError where the file is broken."""
 
 @dataclass(frozen=True)
 class PlannedFile:
-    """A file of a frame. `reason` is why it is not done, empty where it is."""
+    """A file of a frame.
+
+    `reason` is why it is not done, empty where it is. `seconds` are those that rendering took, in proportion to the
+    pixels and samples of the frame where the file has others; None where they are not known.
+    """
 
     path: Path
     state: State
     reason: str
+    seconds: float | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlannedFrame:
-    """A frame, and the state of each of ``task.files``, in their order."""
+    """A frame, whose files `read_header` reads when their states are first asked for."""
 
     task: FrameTask
-    files: tuple[PlannedFile, ...]
+    read_header: HeaderReader
+
+    @cached_property
+    def files(self) -> tuple[PlannedFile, ...]:
+        """The state of each of ``task.files``, in their order."""
+        return tuple(_planned_file(path, self.task, self.read_header) for path in self.task.files)
+
+    @property
+    def seconds(self) -> float | None:
+        """The time that the frame took, or will by that of another version of it on disk; None without one."""
+        return next((file.seconds for file in self.files if file.seconds is not None), None)
 
 
 @dataclass(frozen=True)
@@ -64,24 +84,37 @@ class Reel:
 
 @dataclass(frozen=True)
 class Plan:
-    """Every frame of some setups, in their order.
-
-    `pictures` are the files to make of single frames that need no rendering: those that are missing or older than the
-    EXR, or whose EXR `copies` will make.
-    """
+    """Every frame of some setups, in their order; `beside` are the suffixes of the files that each is to have."""
 
     frames: tuple[PlannedFrame, ...]
     reels: tuple[Reel, ...]
     output: Path  # the folder of all files
-    pictures: tuple[Path, ...] = ()  # EXRs that need no rendering but whose PNG is missing or older, copies included
+    beside: tuple[str, ...] = ()
     skips: tuple[Skip, ...] = ()
     sheets: tuple[WedgeSheet, ...] = ()
+
+    @cached_property
+    def digest(self) -> str:
+        """A digest of all frames and their files, wherever the output folder is."""
+        digest, start = hashlib.sha256(), len(str(self.output))
+        for frame in self.frames:
+            names = "\0".join(str(path)[start:] for path in frame.task.files)
+            digest.update(f"{frame.task.digest}\0{names}\n".encode())
+        return digest.hexdigest()
 
     @property
     def counts(self) -> dict[State, int]:
         """How many files are in each state."""
         counter = Counter(file.state for frame in self.frames for file in frame.files)
         return {"done": counter["done"], "stale": counter["stale"], "new": counter["new"]}
+
+    @cached_property
+    def pictures(self) -> tuple[Path, ...]:
+        """The files to make of single frames that need no rendering.
+
+        They are missing or older than the EXR, or `copies` will make their EXR.
+        """
+        return tuple(_pictures(self.frames, self.beside))
 
     def pending(self) -> tuple[FrameTask, ...]:
         """Return the tasks to render, scene by scene; a frame with a done file is among `copies` instead."""
@@ -111,18 +144,21 @@ def build_plan(
     Poses that differ only by a turn of what looks the same from everywhere are one. `labels` are entries of the header
     of every frame; `beside` are the suffixes of the files that every frame is to have beside its EXR.
     """
-    frames = tuple(
-        PlannedFrame(task, tuple(_planned_file(path, task, read_header) for path in task.files))
-        for setup in setups
-        for task in _tasks(setup, turns, labels or {})
-    )
     reels = tuple(
-        Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
+        tuple(
+            Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
+            for each in turns.turntables
+        )
         for setup in setups
-        for each in turns.turntables
     )
-    due = tuple(_pictures(frames, beside))
-    return Plan(frames, reels, turns.output, due, tuple(find_skips(setups, turns)))
+    of_pose = cache(_pose_labels)  # shared by the looks
+    frames = tuple(
+        PlannedFrame(task, read_header)
+        for setup, shown in zip(setups, reels, strict=True)
+        for task in _tasks(setup, turns, shown, labels or {}, of_pose)
+    )
+    skips = tuple(find_skips(setups, turns))
+    return Plan(frames, tuple(chain.from_iterable(reels)), turns.output, tuple(beside), skips)
 
 
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:
@@ -143,49 +179,71 @@ def _frame_skips(setup: Setup, turns: Turns) -> Iterator[tuple[str, str]]:
         yield f"{len(poses) - len(left)} of {len(poses)} frames", ", ".join(causes)
 
 
-def _tasks(setup: Setup, turns: Turns, labels: Mapping[str, str]) -> Iterator[FrameTask]:
+def _pose_labels(pose: Pose) -> dict[str, str]:
+    return {
+        "pose.element": repr(pose.element),
+        "pose.lighting": repr(pose.lighting),
+        "digest.pose": pose_digest(pose),
+    }
+
+
+def _tasks(
+    setup: Setup,
+    turns: Turns,
+    reels: Sequence[Reel],
+    labels: Mapping[str, str],
+    of_pose: Callable[[Pose], dict[str, str]],
+) -> Iterator[FrameTask]:
     shown: dict[Pose, list[tuple[str, Path]]] = {}
-    for turntable in turns.turntables:
-        files = turns.files(setup.look, setup.ibl, turntable)
-        for pose, file in zip(setup.poses(turntable, turns.azimuth), files, strict=True):
+    for turntable, reel in zip(turns.turntables, reels, strict=True):
+        for pose, file in zip(setup.poses(turntable, turns.azimuth), reel.files, strict=True):
             shown.setdefault(pose, []).append((turntable.name, file))
+    parts = scene_digests(setup.task, setup.exposure)
+    common = {**labels, "look": setup.look, "ibl": setup.ibl, "exposure": repr(setup.exposure)}
+    common |= {f"digest.{part}": digest for part, digest in parts.items()}
     for pose, places in shown.items():
-        parts = part_digests(setup.task, pose, setup.exposure)
-        own = {
-            "look": setup.look,
-            "ibl": setup.ibl,
-            "turntable": ", ".join(dict.fromkeys(name for name, _ in places)),
-            "pose.element": repr(pose.element),
-            "pose.lighting": repr(pose.lighting),
-            "exposure": repr(setup.exposure),
-        }
+        own = of_pose(pose)
         yield FrameTask(
             scene=setup.task,
             pose=pose,
             exposure=setup.exposure,
-            digest=frame_digest(parts),
+            digest=frame_digest({**parts, "pose": own["digest.pose"]}),
             files=tuple(file for _, file in places),
-            labels={**labels, **own, **{f"digest.{part}": digest for part, digest in parts.items()}},
+            labels={**common, "turntable": sys.intern(", ".join(dict.fromkeys(name for name, _ in places))), **own},
         )
 
 
 def _planned_file(path: Path, task: FrameTask, read_header: HeaderReader) -> PlannedFile:
-    if not path.exists():
-        return PlannedFile(path, "new", "no file")
     try:
         header = read_header(path) or {}
     except OutputError:
-        return PlannedFile(path, "stale", DAMAGED)
+        return PlannedFile(path, "stale", DAMAGED) if path.exists() else PlannedFile(path, "new", "no file")
     width, height = task.scene.resolution
     if header.get("digest") == task.digest:
-        same = header.get("resolution") == f"{width} x {height}"
-        return PlannedFile(path, "done", "") if same else PlannedFile(path, "stale", "pixels of another size")
+        if header.get("resolution") == f"{width} x {height}":
+            return PlannedFile(path, "done", "", _seconds(header, task, exactly=True))
+        return PlannedFile(path, "stale", "pixels of another size")
     if "digest" not in header:
         return PlannedFile(path, "stale", "not written by lookdev")
-    parts = [key for key in task.labels if key.startswith("digest.") and header.get(key) != task.labels[key]]
-    names = ["light" if part == "digest.ibl" else part.removeprefix("digest.") for part in parts]
+    parts = [part for part in PARTS if header.get(f"digest.{part}") != task.labels[f"digest.{part}"]]
+    names = ["light" if part == "ibl" else part for part in parts]
     changed = ", ".join(names) or "digest"
-    return PlannedFile(path, "stale", f"{changed} changed")
+    return PlannedFile(path, "stale", f"{changed} changed", _seconds(header, task, exactly=False))
+
+
+def _seconds(header: Header, task: FrameTask, *, exactly: bool) -> float | None:
+    """Return the time that a frame takes, by the header of one on disk; None where it states none."""
+    try:
+        seconds, samples = float(header["seconds"]), int(header["samples"])
+        shown = math.prod(int(side) for side in header["resolution"].split(" x "))
+    except (KeyError, ValueError):
+        return None
+    if not (0.0 <= seconds < math.inf and samples > 0 and shown > 0):
+        return None
+    scene = task.scene
+    if exactly or scene.sampling.error is not None:  # of a target error, nobody knows the samples
+        return seconds
+    return seconds * math.prod(scene.resolution) * scene.sampling.samples / (shown * samples)
 
 
 def _done_path(files: tuple[PlannedFile, ...]) -> Path | None:

@@ -15,8 +15,9 @@ from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.render.llvm import check_device
-from lookdev.render.passes import PASSES
+from lookdev.render.passes import LIGHTS, PASSES
 from lookdev.scene import Sampling
+from lookdev.space import OCIO_NAMES, REC709, Space
 
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
@@ -36,7 +37,8 @@ class Setting:
     """What a source is generated for besides its look.
 
     Without `shadows` the asset never occludes light. `resolve` returns the linear EXR file of a texture, or that of the
-    slopes of a height map; None: those of the cache.
+    slopes of a height map; None: those of the cache. `light_groups` has the number of each light's group, where a pass
+    has them. `space` is that of the lights, and of what is rendered.
     """
 
     lights: tuple[Light, ...]
@@ -44,6 +46,8 @@ class Setting:
     sampling: Sampling
     shadows: bool = True
     resolve: Callable[[Texture | Bump], Path] | None = None
+    light_groups: tuple[int, ...] = ()
+    space: Space = REC709
 
     def image_file(self, source: Texture | Bump) -> Path:
         """Return the file of an image."""
@@ -86,6 +90,7 @@ class Backend:
     cannot_light: Callable[[Sequence[Light]], Sequence[str]] = native_gaps  # what of lights it cannot show, if not any
     directions: bool = False  # uses brdf_samples and ibl_samples of a Sampling
     features: bool = False  # renders what a denoiser is guided by
+    spaces: tuple[Space, ...] = (REC709,)  # in which it renders
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     check_device: Callable[[str], None] = lambda device: None  # raises RenderError if it cannot be had here
@@ -107,6 +112,8 @@ def _exact(look: Look, setting: Setting) -> Source:
         resolution=setting.resolution,
         features=setting.sampling.features,
         recorded=setting.sampling.recorded,
+        light_groups=setting.light_groups,
+        space=setting.space,
     )
 
 
@@ -125,7 +132,13 @@ def _nodes_exact(look: Look, setting: Setting) -> Source:
 def _program(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
-    return generate_program(look, setting.image_file, shadows=setting.shadows, features=setting.sampling.features)
+    return generate_program(
+        look,
+        setting.image_file,
+        shadows=setting.shadows,
+        features=setting.sampling.features,
+        space=setting.space,
+    )
 
 
 def _principled(look: Look, setting: Setting) -> Source:
@@ -177,6 +190,7 @@ BACKENDS: dict[str, Backend] = {
             any_light=True,
             directions=True,
             features=True,
+            spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
             ahead=True,
         ),
@@ -214,8 +228,9 @@ BACKENDS: dict[str, Backend] = {
             cannot_light=lambda lights: (),
             directions=True,
             features=True,
-            passes=tuple(PASSES),
+            passes=tuple(name for name in PASSES if name != LIGHTS),
             check_device=check_device,
+            spaces=tuple(OCIO_NAMES),
             version=_of_mitsuba,
         ),
         Backend(

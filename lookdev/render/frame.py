@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -43,6 +43,11 @@ class RenderedFrame:
     raw_seconds: float | None = None
     passes: Mapping[str, Image] = field(default_factory=dict)
     names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def half_of(seed: int) -> int:
+    """Return which half of a frame a renderer's seed belongs to, 0 or 1."""
+    return seed % 2
 
 
 Progress = Callable[[int, int, float | None], None]
@@ -93,10 +98,23 @@ def render_halves(
     passes: dict[str, Image] = {}
     if "samples" in sampling.passes:
         passes["samples"] = (halves[0].samples + halves[1].samples).astype(np.float32)[..., None]
-    for name in halves[0].parts:
-        mean = 0.5 * sum(half.parts[name] / half.samples[..., None] for half in halves)
-        passes[name] = np.asarray(mean, np.float32)
+    for name in dict.fromkeys((*halves[0].parts, *halves[1].parts)):
+        passes[name] = _part(name, halves)
     seconds = time.perf_counter() - started
     if result is None:
         return RenderedFrame(*shown, done, seconds, error, passes=passes)
     return RenderedFrame(*shown, done, seconds, error, raw, raw_error, seconds - denoising, passes)
+
+
+def _part(name: str, halves: Sequence[Half]) -> Image:
+    """Return a part of the light (H, W, 3) of the mean of both halves, raw.
+
+    Of a part that one half has recorded, the share in that half's light is the share in the frame's. It is biased by
+    half of what a quotient of means is, which falls with the samples.
+    """
+    having = [half for half in halves if name in half.parts]
+    means = [half.parts[name] / half.samples[..., None] for half in having]
+    if len(having) == len(halves):
+        return np.asarray(0.5 * (means[0] + means[1]), np.float32)
+    own, beauty = having[0].color, 0.5 * (halves[0].color + halves[1].color)
+    return np.asarray(beauty * np.divide(means[0], own, out=np.zeros_like(own), where=own > 0.0), np.float32)

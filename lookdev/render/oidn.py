@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.errors import RenderError
+from lookdev.render.threads import given_threads
 
 Image = NDArray[np.float32]
 
@@ -23,6 +24,8 @@ _CPU, _FLOAT3 = 1, 3
 _POINTER, _SIZE, _TEXT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "oidnNewDevice": (_POINTER, [ctypes.c_int]),
+    "oidnSetDeviceInt": (None, [_POINTER, _TEXT, ctypes.c_int]),
+    "oidnSetDeviceBool": (None, [_POINTER, _TEXT, ctypes.c_bool]),
     "oidnCommitDevice": (None, [_POINTER]),
     "oidnGetDeviceError": (ctypes.c_int, [_POINTER, ctypes.POINTER(_TEXT)]),
     "oidnNewFilter": (_POINTER, [_POINTER, _TEXT]),
@@ -52,6 +55,10 @@ def _library() -> tuple[ctypes.CDLL, int]:
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
     device = library.oidnNewDevice(_CPU)
+    if threads := given_threads():
+        library.oidnSetDeviceInt(device, b"numThreads", threads)
+        # It would pin them to the first cores, in each of several processes to the same.
+        library.oidnSetDeviceBool(device, b"setAffinity", False)
     library.oidnCommitDevice(device)
     _check(library, device)
     return library, device

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.light import Light
 from lookdev.render.cryptomatte import RANKS
 
 
@@ -48,6 +50,7 @@ PASSES: dict[str, Pass] = {
         _layer("samples", "samples of each pixel", "Y"),
         _parts("lobes", "light by the lobes that reflect it to the camera", LOBE_GROUPS),
         _parts("direct", "light that reaches the surface from lights, and by way of the asset", ("direct", "indirect")),
+        _parts("lights", "light by the light, or the group of lights, that sends it", ()),
         Pass(
             "cryptomatte",
             "coverage of each prim, look and asset",
@@ -57,10 +60,35 @@ PASSES: dict[str, Pass] = {
 }
 
 
-LIGHT = frozenset(name for each in PASSES.values() if each.light for name in each.arrays)
-"""The names of arrays that are parts of the beauty."""
+IN_EACH_FRAME = ("beauty", "alpha", "error")
+"""What a job may name among its passes, and every frame has."""
+
+LIGHTS = "lights"
+"""The pass whose arrays are those of a scene: one for each group of lights."""
 
 
-def arrays_of(passes: Iterable[str]) -> dict[str, tuple[str, ...]]:
-    """Return the channels of each array of passes, by its name."""
-    return {name: channels for each in passes for name, channels in PASSES[each].arrays.items()}
+def light_layer(group: str) -> str:
+    """Return the name of the array, and of the layer in the EXR, of a group of lights."""
+    return f"light_{group}"
+
+
+def light_groups(lights: Sequence[Light]) -> tuple[str, ...]:
+    """Return the group of each light: that of its emission, and the kind of light where it has none.
+
+    What is no letter or digit becomes an underscore: dots would divide the names of layers.
+    """
+    return tuple(re.sub(r"\W", "_", each.emission.group or each.kind, flags=re.ASCII) for each in lights)
+
+
+def arrays_of(passes: Collection[str], groups: Sequence[str] = ()) -> dict[str, tuple[str, ...]]:
+    """Return the channels of each array of passes, by its name; `groups` are those of the lights."""
+    found = {name: channels for each in passes for name, channels in PASSES[each].arrays.items()}
+    if LIGHTS in passes:
+        for name in map(light_layer, dict.fromkeys(groups)):
+            found[name] = tuple(f"{name}.{letter}" for letter in "RGB")
+    return found
+
+
+def parts_of_light(passes: Iterable[str], groups: Sequence[str]) -> frozenset[str]:
+    """Return the names of the arrays that are parts of the beauty, to which exposure applies."""
+    return frozenset(arrays_of([each for each in passes if PASSES[each].light], groups))

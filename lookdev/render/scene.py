@@ -16,6 +16,7 @@ from lookdev.light.lamps import CodedRig
 from lookdev.light.link import MOST_GROUPS
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.kept import kept_source
+from lookdev.render.passes import LIGHTS, light_groups
 from lookdev.render.task import SceneTask
 from lookdev.scene import Sampling, Scene
 
@@ -36,6 +37,8 @@ def scene_task(
     closed and a look transmits. Lights that reach nothing are left out. Raises CodegenError or EnvironmentMapError,
     a line each, where the backend cannot show a look or lights.
     """
+    # A light that reaches nothing is a black layer.
+    named = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
     scene = scene.without_idle_lights()
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look, and are lit by the same lights, share its source.
@@ -53,6 +56,8 @@ def scene_task(
             f"lights; at most {MOST_GROUPS + 1} would be right"
         )
     known: Generated = {} if generated is None else generated
+    groups = light_groups(scene.lights) if LIGHTS in sampling.passes else ()
+    numbers_of_groups = {name: number for number, name in enumerate(dict.fromkeys((*groups, *named)))}
     # The files of a light are values that a source is given, so lights of one kind and size have one source.
     by_light = record.any_light and sampling.ibl_samples != 0
 
@@ -62,13 +67,15 @@ def scene_task(
         return kinds, lights_code(lights, sampled=sampled).constants if record.any_light else ()
 
     lit_by = {lit: tuple(scene.lights[number] for number in lit) for _, lit in different}
-    like = {lit: lit_as(lights) for lit, lights in lit_by.items()}
+    grouped = {lit: tuple(numbers_of_groups[groups[each]] for each in lit) if groups else () for lit in lit_by}
+    like = {lit: (*lit_as(lights), grouped[lit]) if groups else lit_as(lights) for lit, lights in lit_by.items()}
 
     def generate(sampling: Sampling, shadows: bool) -> list[Source]:
         sources = []
         for (number, lit), look in different.items():
             setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows)
-            key = (number, backend, *like[lit], setting.resolution, sampling, shadows)
+            setting = replace(setting, light_groups=grouped[lit], space=scene.film.space)
+            key = (number, backend, *like[lit], setting.resolution, sampling, shadows, setting.space)
             if key not in known:
                 known[key] = kept_source(record, look, setting, like[lit])
             sources.append(known[key])
@@ -100,8 +107,10 @@ def scene_task(
         lit=tuple(lit for _, _, lit in kept) if scene.lit else (),
         groups=scene.grouped if scene.groups else (),
         resolution=scene.film.resolution,
+        space=scene.film.space,
         sampling=chosen,
         prims=tuple(each.path for each in asset.instances) if "cryptomatte" in chosen.passes else (),
+        light_groups=(*groups, *(name for name in named if name not in groups)),
         camera=scene.camera,
         device=device,
     )

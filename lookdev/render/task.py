@@ -15,6 +15,7 @@ from lookdev.codegen import Source
 from lookdev.light import AnyLight, Light
 from lookdev.render.backends import BACKENDS
 from lookdev.scene import Camera, Pose, Sampling
+from lookdev.space import REC709, Space
 
 
 @cache
@@ -55,6 +56,9 @@ class SceneTask:
     groups: tuple[int, ...] = ()  # the group of each slot, as `Emission.spared` has them; (): of each 0
 
     prims: tuple[str, ...] = ()  # the path of each instance, where a pass has them
+    space: Space = REC709  # of the light
+    # The group of each light, where a pass has them, and then those of lights that reach nothing.
+    light_groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         record = BACKENDS[self.backend]
@@ -74,6 +78,11 @@ class SceneTask:
     def lights_of(self, shader: int) -> tuple[Light, ...]:
         """Return the lights that light what wears a source, by its number."""
         return tuple(self.lights[number] for number in self.lit[shader]) if self.lit else self.lights
+
+    @property
+    def names_of_light(self) -> tuple[str, ...]:
+        """The names of the groups of lights, each once, where a pass has them."""
+        return tuple(dict.fromkeys(self.light_groups))
 
     @property
     def constant_light(self) -> bool:

@@ -19,6 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Literal, Self
 
 import numpy as np
@@ -33,6 +34,9 @@ from lookdev.render.task import FrameTask, SceneTask
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
+
+_FRAME = "lookdev: frame "
+"""Begins the line of a log before what a worker writes of a frame: its digest and file follow."""
 
 LONGEST_MESSAGE = 1 << 20
 """Bytes; a longer line is refused, so that it does not fill the memory."""
@@ -108,12 +112,21 @@ class Worker:
         An existing folder for its temporary files (``TMPDIR``), results included; the caller removes it.
     patience
         Seconds without an answer after which it counts as hung.
+    variables
+        Variables of its environment besides those of this process.
     """
 
-    def __init__(self, command: Sequence[str], log: Path, scratch: Path, patience: float = PATIENCE) -> None:
+    def __init__(
+        self,
+        command: Sequence[str],
+        log: Path,
+        scratch: Path,
+        patience: float = PATIENCE,
+        variables: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:
         self.log = log
         self._command = tuple(command)
-        self._environment = os.environ | {"TMPDIR": str(scratch)}
+        self._environment = os.environ | {"TMPDIR": str(scratch), **variables}
         # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
         self._environment.pop("OCIO", None)
         self._patience = patience
@@ -128,6 +141,11 @@ class Worker:
 
     def __exit__(self, *exception: object) -> None:
         self.kill()
+
+    @property
+    def pid(self) -> int | None:
+        """The number of the process; None where there is none."""
+        return None if self._process is None else self._process.pid
 
     def launch(self) -> None:
         """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
@@ -186,6 +204,8 @@ class Worker:
         """
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
+        with self.log.open("a") as log:
+            log.write(f"{_FRAME}{task.digest} {' '.join(map(str, task.files[:1]))}\n")
         with self._killed_on_error():
             self._send(self._process, wire.encode(task))
             while isinstance(message := self._receive(self._process), Progress):
@@ -197,6 +217,12 @@ class Worker:
             if isinstance(message, Failed):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
             return _load(message, task.scene, self._blender)
+
+    def stop(self) -> None:
+        """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
+        process = self._process
+        if process is not None and process.returncode is None:
+            _kill_group(process)
 
     def kill(self) -> None:
         """Kill the process and its children."""
@@ -308,9 +334,9 @@ def renderer(patience: float = PATIENCE) -> Iterator[Callable[[FrameTask], Rende
 
 
 def last_line(log: Path) -> str:
-    """Return the last line with text in a log file, or an empty string."""
+    """Return the last line with text of a worker in a log file, or an empty string."""
     lines = log.read_text(errors="replace").split("\n")
-    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+    return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME)), "")
 
 
 def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
@@ -318,7 +344,7 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = arrays_of(scene.sampling.passes)
+    passes = arrays_of(scene.sampling.passes, scene.names_of_light)
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
     try:
         with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:

@@ -34,4 +34,4 @@ class Sampling:
     @property
     def recorded(self) -> bool:
         """Whether shaders can record parts of their light."""
-        return not {"lobes", "direct"}.isdisjoint(self.passes)
+        return not {"lobes", "direct", "lights"}.isdisjoint(self.passes)

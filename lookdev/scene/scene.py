@@ -13,13 +13,15 @@ from lookdev.light.reach import may_reach
 from lookdev.material import Look
 from lookdev.scene.camera import Camera
 from lookdev.scene.framing import frame_camera
+from lookdev.space import REC709, Space
 
 
 @dataclass(frozen=True)
 class Film:
-    """What the camera exposes: `resolution` is width and height in pixels."""
+    """What the camera exposes: `resolution` is width and height in pixels, `space` that of all light."""
 
     resolution: tuple[int, int]
+    space: Space = REC709
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,9 +42,11 @@ color lamp_picture(float lamps[], int at, vector p, vector w, float distance
 #if RECORDED
 #define RIG_ADD(at, arriving, distance) { \
     color arrived = (arriving) * RIG_PASSED(at, distance); \
-    direct += RIG_REFLECTED(at, f, f_diffuse) * arrived; \
-    recorded_a += RIG_REFLECTED(at, f_a, f_a_diffuse) * arrived; \
-    recorded_b += RIG_REFLECTED(at, f_b, f_b_diffuse) * arrived; }
+    color reflected = RIG_REFLECTED(at, f, f_diffuse) * arrived; \
+    direct += reflected; \
+    by_light[light_groups[(at - 3) / LAMP_FIELDS]] += reflected; \
+    for (int g = 0; g < RECORDED_LOBES; ++g) \
+        by_lobe[g] += RIG_REFLECTED(at, f_lobe[g], f_lobe_diffuse[g]) * arrived; }
 #else
 #define RIG_ADD(at, arriving, distance) \
     direct += RIG_REFLECTED(at, f, f_diffuse) * (arriving) * RIG_PASSED(at, distance);
@@ -138,12 +140,18 @@ color lamp_picture(float lamps[], int at, vector p, vector w, float distance
         if (lamps[at + LAMP_camera] > 0 && distance < start) {
             before += RIG_SENT(at, p, w, distance);
             hidden = 1;
+#if RECORDED
+            by_light[light_groups[j]] += RIG_SENT(at, p, w, distance);
+#endif
         }
     }
     if (hidden) {
         surface = before * emission();
 #if RECORDED
-        surface += recording(normal(I), (records_a == 1) * before, (records_b == 1) * before);
+        color parts[3];
+        for (int r = 0; r < 3; ++r)
+            parts[r] = part_of_light(records[r], r, 1, before, by_lobe, lobes, by_light, digits);
+        surface += recording(normal(I), parts);
 #endif
         return;
     }

@@ -44,6 +44,11 @@ def result(task: dict, what: str) -> None:
     width, height = task["scene"]["resolution"]
     half = np.full((height, width, 3), 0.25, np.float32)
     arrays = {"a": half, "b": 3.0 * half, "alpha": np.full((height, width), 0.5, np.float32)}
+    if wanted := task["scene"]["sampling"]["passes"]:
+        from lookdev.render.passes import arrays_of
+
+        for name, channels in arrays_of(wanted, task["scene"]["light_groups"]).items():
+            arrays[f"pass {name}"] = np.full((height, width, len(channels)), 0.5, np.float32)
     if what == "shape":
         arrays["b"] = half[1:]
     elif what == "empty":

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -48,10 +49,19 @@ class LogFile(io.StringIO):
         self.flushed = len(self.getvalue())
 
 
-def test_a_log_file_gets_plain_lines_at_once() -> None:
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Return the seconds on the clock, which the test sets."""
+    seconds = [100.0]
+    monkeypatch.setattr("lookdev.batch.progress.time", SimpleNamespace(monotonic=lambda: seconds[0]))
+    return seconds
+
+
+def test_a_log_file_gets_plain_lines_at_once(clock: list[float]) -> None:
     log = LogFile()
     with show_progress(log) as report:
         for event in STORY:
+            clock[0] += event.seconds if isinstance(event, FrameDone) else 0.0
             report(event)
             assert log.flushed == len(log.getvalue())
     assert log.getvalue().splitlines() == [
@@ -78,14 +88,14 @@ def test_no_name_controls_the_terminal(monkeypatch: pytest.MonkeyPatch, kind: ty
     assert not {"\x9b", "\u202e"} & set(stream.getvalue())
 
 
-def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch, clock: list[float]) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
     monkeypatch.setenv("COLUMNS", "120")
     terminal = Terminal()
     with show_progress(terminal) as report:
-        for event in STORY[:-3]:
+        for event in STORY[:-2]:
+            clock[0] += event.seconds if isinstance(event, FrameDone) else 0.0
             report(event)
-        report(STORY[-3])
         report(FrameProgressed("gold/city/element.0003", 16, 64, 3e-3))
     shown = terminal.getvalue()
     assert "\x1b[?25l" in shown  # the cursor is hidden while it lives
@@ -93,19 +103,22 @@ def test_a_terminal_gets_one_live_display(monkeypatch: pytest.MonkeyPatch) -> No
     last = shown.rpartition("\x1b[2K")[2]
     assert "gold/city/element.0003" in last
     assert "16/64 samples  relMSE 3.0e-03" in last
-    assert "4/5  left 0:00:40" in shown
+    assert "4/5  left 0:00:20" in shown
     assert "died [of SIGKILL]" in shown  # brackets are text, not markup
 
 
-def test_time_left_is_the_mean_of_rendered_frames_times_those_waiting() -> None:
-    tally = Tally()
+def test_time_left_is_that_since_the_start_for_each_frame_times_those_waiting(clock: list[float]) -> None:
+    tally, left = Tally(), []
     tally.take(RunStarted(total=10, pending=4))
     assert tally.time_left() == ""
-    tally.take(FrameDone("a", 10.0, 64, 0.0))
-    assert tally.time_left() == "0:00:30"
-    tally.take(FrameFailed("b", "reason"))
-    assert tally.time_left() == "0:00:20"
-    tally.take(FrameDone("c", 20.0, 64, 0.0))
-    assert tally.time_left() == "0:00:15"
-    tally.take(FrameDone("d", 20.0, 64, 0.0))
-    assert tally.time_left() == ""
+    # Two at once, of 15 s each: they overlap.
+    for seconds, event in (
+        (10.0, FrameDone("a", 15.0, 64, 0.0)),
+        (2.0, FrameFailed("b", "reason")),
+        (12.0, FrameDone("c", 15.0, 64, 0.0)),
+        (1.0, FrameDone("d", 15.0, 64, 0.0)),
+    ):
+        clock[0] += seconds
+        tally.take(event)
+        left.append(tally.time_left())
+    assert left == ["0:00:30", "0:00:12", "0:00:08", ""]

@@ -5,6 +5,7 @@ import re
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,9 +18,8 @@ import pytest
 
 import lookdev
 from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameRetried, Noted, RunStarted, SheetWritten
-from lookdev.batch.lock import output_lock
-from lookdev.batch.prepare import Prepared
 from lookdev.batch.run import background_light, render_job
+from lookdev.batch.runs import Run
 from lookdev.errors import AssetError, JobError, OutputError, WorkerError
 from lookdev.job import Job
 from lookdev.output.exr import read_frame, read_header, read_layer
@@ -275,6 +275,13 @@ def test_a_worker_that_never_starts_ends_the_batch(tmp_path: Path, monkeypatch: 
     assert (tmp_path / "starts").read_text() == "xxx"
 
 
+def wait_for_the_third(folder: Path) -> None:
+    """Wait until the third frame is being rendered, and the second is written, as is what comes after it."""
+    case.wait_until(lambda: "element.0003.exr" in case.requests(folder))
+    case.wait_until(lambda: (place(folder) / "element.0002.png").exists())
+    time.sleep(0.2)
+
+
 def batch(folder: Path) -> subprocess.Popen[str]:
     program = (sys.executable, str(Path(case.__file__)), str(folder))
     return subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
@@ -283,7 +290,7 @@ def batch(folder: Path) -> subprocess.Popen[str]:
 def test_ctrl_c_keeps_what_is_done_and_reports_how_to_continue(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0003=["hang", "ok"])
     with batch(tmp_path) as process:
-        case.wait_until(lambda: "element.0003.exr" in case.requests(tmp_path))
+        wait_for_the_third(tmp_path)
         process.send_signal(signal.SIGINT)
         output, errors = process.communicate(timeout=20)
     assert (process.returncode, errors) == (130, "")
@@ -297,7 +304,7 @@ def test_ctrl_c_keeps_what_is_done_and_reports_how_to_continue(tmp_path: Path) -
 def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> None:
     case.misbehave(tmp_path, element_0003=["hang", "ok"])
     with batch(tmp_path) as process:
-        case.wait_until(lambda: "element.0003.exr" in case.requests(tmp_path))
+        wait_for_the_third(tmp_path)
         process.kill()
         process.communicate(timeout=20)
     case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))))
@@ -305,8 +312,7 @@ def test_a_killed_batch_takes_its_worker_along_and_resumes(tmp_path: Path) -> No
     leftover.write_bytes(b"half a frame")
     own = place(tmp_path) / ".keep"
     own.touch()
-    with output_lock(tmp_path / "out"):
-        result = case.run(tmp_path)
+    result = case.run(tmp_path)
     assert (result.done, result.rendered, result.exit_code) == (6, 4, 0)
     assert sorted(case.requests(tmp_path)) == sorted([f"{name}.exr" for name in [*FRAMES, "element.0003"]])
     assert not leftover.exists()
@@ -337,17 +343,19 @@ def test_a_batch_killed_again_and_again_completes(tmp_path: Path) -> None:
     assert case.run(tmp_path).rendered == 0
 
 
-def test_render_job_plans_under_the_lock(tmp_path: Path) -> None:
+def test_a_run_of_another_version_of_the_job_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     given = case.make_job(tmp_path)
     (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES)
+    monkeypatch.setitem(BACKENDS, "exact", replace(BACKENDS["exact"], command=case.command(tmp_path)))
 
-    def prepare(job: Job, ahead: object) -> Prepared:
-        raise AssertionError(job.file)
+    def prepare(job: Job, ahead: object) -> Any:
+        return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
 
-    with output_lock(given.output), pytest.raises(OutputError, match=f"process {os.getpid()} on "):
-        render_job(tmp_path / "job.toml", prepare=prepare)
-    with pytest.raises(AssertionError):
-        render_job(tmp_path / "job.toml", prepare=prepare)
+    with Run(given.output) as run:
+        run.renders("another plan")
+        with pytest.raises(OutputError, match=f"process {os.getpid()} on .* another version of this job"):
+            render_job(tmp_path / "job.toml", prepare=prepare)
+    assert render_job(tmp_path / "job.toml", prepare=prepare).exit_code == 0
 
 
 @pytest.mark.parametrize("fails", [False, True])

@@ -1,22 +1,34 @@
-"""A batch of two looks that makes all there is of its frames, by the fake worker: a program, so that tests kill it."""
+"""A batch of two looks that makes all there is of its frames, by the fake worker: a program, so that tests kill it.
+
+Frames have all passes, and the looks are those of a wedge, too.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "batch"))
 
 import batch_case as case
 
+from lookdev.batch.run import run_plan
+from lookdev.job.wedges import WedgeSheet
 from lookdev.lifetime import ending_at_signals
+from lookdev.render.passes import PASSES
 
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
+PASSES_WANTED = case.RENDER.replace("samples = 8", f"samples = 8\npasses = {[*PASSES]}")
+CELLS = (("gold", "city"), ("tin", "city"))
+SHEET = WedgeSheet("metals", "gold to tin", "gold", "city", CELLS, ("gold", "tin"), None)
 WANTED = 'movie = true\nprores = true\nvp9 = true\ngrid = true\nburn_in = ["png", "movie"]\n'
 
 if __name__ == "__main__":
     folder = Path(sys.argv[1])
     with ending_at_signals():
-        result = case.run(folder, case.make_job(folder, case.TURNTABLES + TIN, case.RENDER + WANTED))
+        job = case.make_job(folder, case.TURNTABLES + TIN, PASSES_WANTED + WANTED)
+        plan = replace(case.make_plan(job), sheets=(SHEET,))
+        result = run_plan(plan, job.outputs, job.render.background, worker_command=case.command(folder))
     os._exit(result.exit_code)

@@ -8,8 +8,9 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
-import numpy as np
+import OpenImageIO as oiio
 import pytest
 
 from lookdev.output.exr import read_frame, read_header
@@ -37,16 +38,18 @@ def finish(folder: Path, kills: random.Random | None, longest: float) -> int:
             longest *= 1.05
 
 
-def files(folder: Path) -> dict[str, object]:
-    """Return all files of the output by their names: bytes, of frames pixels and the header but what is of the run."""
-    found: dict[str, object] = {}
+def files(folder: Path) -> dict[str, Any]:
+    """Return all files by their names: bytes, of frames all channels and the header but what is of the run."""
+    found: dict[str, Any] = {}
     for path in sorted((folder / "out").rglob("*")):
         name = path.relative_to(folder / "out").as_posix()
         if path.is_dir() or name.startswith(".lookdev/") or name in ("manifest.json", "pictures.json"):
             continue
         if path.suffix == ".exr":
             header = {key: each for key, each in (read_header(path) or {}).items() if key not in OF_THE_RUN}
-            found[name] = (header, [np.asarray(each).tobytes() for each in read_frame(path)])
+            read_frame(path)  # whole
+            buffer = oiio.ImageBuf(str(path))
+            found[name] = (header, list(buffer.spec().channelnames), buffer.get_pixels(oiio.FLOAT).tobytes())
         else:
             found[name] = path.read_bytes()
     return found
@@ -61,6 +64,9 @@ def test_a_killed_batch_ends_with_the_same_bytes(rounds: int, tmp_path: Path) ->
     seconds = time.perf_counter() - started
     whole = files(tmp_path)
     assert {Path(name).suffix for name in whole} >= {".exr", ".png", ".mp4", ".mov", ".webm"}
+    assert any(name.endswith(".metals.wedge.png") for name in whole)
+    frame = next(each for name, each in whole.items() if name.endswith(".exr"))
+    assert {"depth.Z", "diffuse.R", "indirect.B", "CryptoObject00.R"} <= {*frame[1]}
     rng = random.Random(rounds)
     while rounds:
         shutil.rmtree(tmp_path / "out")

@@ -75,9 +75,8 @@ def leftovers(job: Path) -> list[Path]:
     output = job.parent / "out"
     known = {
         ".lookdev",
-        ".lookdev/lock",
         ".lookdev/worker.log",
-        *(f".lookdev/{name}.json" for name in ("pictures", "digests")),
+        *(f".lookdev/{name}.json" for name in ("pictures", "digests", "plan")),
     }
     hidden = [path.relative_to(output) for path in output.rglob("*") if "/." in f"/{path.relative_to(output)}"]
     return [path for path in hidden if path.as_posix() not in known]

@@ -13,7 +13,7 @@ from frames import orbit_camera
 from light_rigs import grey, near
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
-from lookdev.batch.frame_file import write_rendered
+from lookdev.batch.frame_file import store
 from lookdev.light import Light
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
@@ -27,9 +27,11 @@ from lookdev.scene.rays import camera_rays
 pytestmark = pytest.mark.mitsuba
 
 POSE, SIZE = Pose(40.0, 15.0), (24, 18)
-COATED = Look("coated", (Layer("p", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3}),))
+COATED = Look(
+    "coated", (Layer("p", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3, "sheen": 0.5}),)
+)
 NET = Look("net", (Layer("p", "pixar", {"surfaceColor": (0.6, 0.5, 0.4), "roughness": 0.5, "presence": 0.25}),))
-PARTS = (("diffuse", "specular", "clearcoat", "transmission"), ("direct", "indirect"))
+PARTS = (("diffuse", "specular", "clearcoat", "sheen", "transmission"), ("direct", "indirect"))
 
 
 def pair() -> Asset:
@@ -112,6 +114,7 @@ def test_parts_of_the_light_sum_up_to_it_and_leave_it_as_it_is(worker: Worker) -
             assert (frame.passes[name] >= -1e-5 * (1.0 + beauty)).all(), name
     assert not frame.passes["transmission"].any()
     assert frame.passes["clearcoat"].mean() > 1e-3 * beauty.mean()
+    assert frame.passes["sheen"].mean() > 1e-3 * beauty.mean()
     assert 0.01 < frame.passes["indirect"].mean() / beauty.mean() < 0.5
 
 
@@ -152,7 +155,7 @@ def test_mattes_are_the_coverage_of_each_part(worker: Worker, tmp_path: Path) ->
     task = task_of((COATED, NET), ("cryptomatte",), samples=2048, bounces=3)
     task = replace(task, files=(tmp_path / "frame.exr",))
     frame = rendered(worker, task)
-    write_rendered(task, frame, 0.5 * (frame.a + frame.b))
+    store(task, frame)
     buffer = oiio.ImageBuf(str(task.files[0]))
     entries = {each.name: each.value for each in buffer.spec().extra_attribs if each.name.startswith("cryptomatte/")}
     names = {name for key, text in entries.items() if key.endswith("/manifest") for name in json.loads(text)}

@@ -388,3 +388,24 @@ def test_fifty_looks_load_in_two_seconds(opened: Open, tmp_path: Path) -> None:
         times.append(time.perf_counter() - started)
     assert len(shown.driver.find_elements(By.CSS_SELECTOR, ".cell")) == 200
     assert min(times) < LOAD_SECONDS, f"{times}, load {os.getloadavg()}"
+
+
+def test_frames_are_in_step_where_some_are_missing(opened: Open, tmp_path: Path) -> None:
+    old = case.write_job(tmp_path / "old", ["gold", "tin"], ["city"], {"element": 5})
+    new = case.write_job(tmp_path / "new", ["gold", "tin"], ["city"], {"element": 5}, seed=3)
+    (new / "gold" / "city" / "element.0002.exr").unlink()
+    (old / "gold" / "city" / "element.0004.exr").unlink()
+    shown = opened("#mode=wipe", file=review(new, old)[0])
+    found = []
+    for _ in range(4):
+        shown.drawn()
+        sides = [shown.frame(side).stem.rpartition(".")[2] if shown.drawn()[side] else "" for side in (0, 1)]
+        found.append((*sides, shown.find("#legend").text if not sides[1] else ""))
+        shown.press(Keys.ARROW_RIGHT)
+    assert found == [
+        ("0001", "0001", ""), ("0003", "0003", ""), ("0004", "", "B has no frame 4"), ("0005", "0005", ""),
+    ]  # fmt: skip
+    shown.press(Keys.ARROW_RIGHT, Keys.ARROW_RIGHT)  # the third of gold, which has no second, is tin's fourth
+    Select(shown.find("[aria-label='look of A']")).select_by_visible_text("tin")
+    assert shown.frame().name == "element.0004.exr"
+    assert "number 4" not in shown.find("#place").text

@@ -16,11 +16,13 @@ of ``f`` that is of the group ``"diffuse"``.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from lookdev.brdf import Array, Delta, Lobe
+from lookdev.brdf.mixture import Term
 from lookdev.brdf.table import Table
+from lookdev.brdf.vectors import scale
 from lookdev.codegen.osl.block import Block, Spell, bare, by_name
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.codegen.trace.graph import Graph, Node, Scalar, depends_on, in_order, reachable
@@ -49,6 +51,7 @@ class TracedLobe:
     wi: tuple[Scalar, ...]
     light_sampled: bool
     group: str
+    parts: tuple[tuple[str, tuple[Scalar, ...]], ...] = ()  # of `value`, by other groups
 
     @property
     def diffuse(self) -> bool:
@@ -56,13 +59,13 @@ class TracedLobe:
         return self.group == "diffuse"
 
     @property
-    def recorded(self) -> int:
-        """Its number among `LOBE_GROUPS`."""
-        return LOBE_GROUPS.index("transmission" if self.transmits else self.group)
+    def recorded(self) -> str:
+        """The group of `LOBE_GROUPS` that its light is recorded as, but for its parts."""
+        return "transmission" if self.transmits else self.group
 
     def evaluated(self) -> tuple[Scalar, ...]:
         """Return what is computed for each direction of the light."""
-        return (*self.value, self.density)
+        return (*self.value, self.density, *(each for _, part in self.parts for each in part))
 
 
 @dataclass(frozen=True)
@@ -105,9 +108,13 @@ class TracedMixture:
 
 
 def trace_lobes(
-    graph: Graph, lobes: Sequence[Lobe], light_sampled: Callable[[Lobe], bool] = lambda lobe: False
+    graph: Graph,
+    lobes: Sequence[Lobe],
+    light_sampled: Callable[[Lobe], bool] = lambda lobe: False,
+    *,
+    recorded: bool = False,
 ) -> TracedMixture:
-    """Trace the mixture of lobes at the symbols ``wo_x wo_y wo_z wi_x wi_y wi_z u1 u2``."""
+    """Trace the mixture of lobes at the symbols ``wo_x wo_y wo_z wi_x wi_y wi_z u1 u2``, `recorded` with parts."""
     mixture, wi = trace_mixture(graph, lobes), symbols(graph, WI)
     # A lobe's code runs where the light is on its side.
     sides = [_side(lobe, mixture.wo, wi) for lobe in lobes]
@@ -127,12 +134,22 @@ def trace_lobes(
             wi=tuple(elements_of(lobe.draw(choice.stretched, symbol(graph, "u2")))),
             light_sampled=light_sampled(lobe),
             group=lobe.group,
+            parts=tuple(_parts(term)) if recorded and not lobe.transmits else (),
         )
         for lobe, side, term, choice in zip(lobes, sides, terms, choices, strict=True)
     )
     sums = ("pdf", "bsdf_sampled_pdf") if any(lobe.light_sampled for lobe in traced) else ("pdf",)
     densities = {name: elements_of(mixture.normalised(symbol(graph, name)))[0] for name in sums}
     return TracedMixture(traced, elements_of(mixture.total)[0], densities)
+
+
+def _parts(term: Term) -> Iterator[tuple[str, tuple[Scalar, ...]]]:
+    """Yield the parts of a lobe's value that do not fold to 0."""
+    for group, evaluate in term.lobe.parts.items():
+        f = scale(evaluate(term.directions), term.lobe.weight)
+        part = tuple(elements_of(replace(term, f=f).value))
+        if any(isinstance(each, Node) or each > 0.0 for each in part):
+            yield group, part
 
 
 def _side(lobe: Lobe, wo: Array, wi: Array) -> Node | None:
@@ -157,8 +174,8 @@ def emit_brdf(
 ) -> BrdfCode:
     """Write the three fragments of a mixture, and the presence where it is not 1; `spell` is called as of `Block`.
 
-    `by_group`: evaluate sets ``f_diffuse``. `recorded`: it sets ``f_a`` and ``f_b``, sums over lobes of values times
-    ``part_a`` and ``part_b`` of their groups, and setup sets ``int delta_group[]``. `features` are triples of
+    `by_group`: evaluate sets ``f_diffuse``. `recorded`: it sets ``f_lobe[]``, and ``f_lobe_diffuse[]``, by the groups
+    that the code has in the order of `LOBE_GROUPS`, and setup sets ``int delta_group[]``. `features` are triples of
     numbers that depend on the view alone, by the names of the colours that they become in a fragment of their own.
     """
     lobes = mixture.lobes
@@ -188,19 +205,21 @@ def emit_brdf(
 
     if recorded:
         for number, delta in enumerate(deltas):
-            setup.write(f"delta_group[{number}] = {_delta_group(delta)};")
+            setup.write(f"delta_group[{number}] = {LOBE_GROUPS.index(_delta_group(delta))};")
     others = [each for triple in (features or {}).values() for each in triple]
     shown = setup.inner("a", indent=2)
     shown.prepare(others)
     for name, feature in (features or {}).items():
         shown.write(f"color {name} = color({', '.join(map(shown.expression, feature))});")
 
+    found = {*_groups(lobes), *map(_delta_group, deltas)} if recorded else ()
+    places = {group: place for place, group in enumerate(sorted(found, key=LOBE_GROUPS.index))}
     read = reachable([*values, *(lobe.share for lobe in lobes), presence, *followed, *others])
     inputs = {str(node.args[0]) for node in read if node.op == "symbol"} - VARYING - {*WO, INSIDE}
     tables = {node.args[0].digest: node.args[0] for node in read if node.op == "look_up"}
     return BrdfCode(
         setup=tuple(setup.lines),
-        evaluate=tuple(_evaluate(mixture, setup, varying, by_group, recorded)),
+        evaluate=tuple(_evaluate(mixture, setup, varying, by_group, places)),
         sample=tuple(_sample(lobes, setup)),
         inputs=frozenset(inputs),
         tables=tuple(tables.values()),
@@ -210,12 +229,17 @@ def emit_brdf(
         light_sampled=any(lobe.light_sampled for lobe in lobes),
         deltas=tuple(deltas),
         features=tuple(shown.lines),
-        groups=tuple(LOBE_GROUPS[each] for each in (*(lobe.recorded for lobe in lobes), *map(_delta_group, deltas))),
+        groups=(*_groups(lobes), *map(_delta_group, deltas)),
     )
 
 
-def _delta_group(delta: Delta) -> int:
-    return LOBE_GROUPS.index("transmission" if delta.transmits else "specular")
+def _groups(lobes: Iterable[TracedLobe]) -> list[str]:
+    """Return the groups of lobes and of their parts."""
+    return [group for lobe in lobes for group in (lobe.recorded, *(name for name, _ in lobe.parts))]
+
+
+def _delta_group(delta: Delta) -> str:
+    return "transmission" if delta.transmits else "specular"
 
 
 def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
@@ -226,21 +250,21 @@ def _frontier(values: Iterable[Scalar], varying: set[Node]) -> list[Node]:
 
 
 def _evaluate(
-    mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool, recorded: bool
+    mixture: TracedMixture, setup: Block, varying: set[Node], by_group: bool, recorded: Mapping[str, int]
 ) -> Iterable[str]:
-    """Sum the lobes of the side that the light is on."""
+    """Sum the lobes of the side that the light is on; `recorded` are the places of groups in ``f_lobe``, if any."""
     split = len(mixture.densities) > 1
     sides: dict[bool | Node, list[TracedLobe]] = {False: [], True: []}
     for lobe in mixture.lobes:
         sides.setdefault(lobe.transmits if lobe.side is None else lobe.side, []).append(lobe)
     outer = setup.inner("g", indent=2)
     outer.write("color f = 0;")
-    sums = {"f": None, **({"f_a": "part_a", "f_b": "part_b"} if recorded else {})}
-    for name in sums:
-        if name != "f":
-            outer.write(f"color {name} = 0;")
+    if by_group:
+        outer.write("color f_diffuse = 0;")
+    for place in recorded.values():
+        outer.write(f"f_lobe[{place}] = 0;")
         if by_group:
-            outer.write(f"color {name}_diffuse = 0;")
+            outer.write(f"f_lobe_diffuse[{place}] = 0;")
     for name in mixture.densities:
         outer.write(f"float {name} = 0;")
     groups = {side: members for side, members in sides.items() if members}
@@ -250,7 +274,7 @@ def _evaluate(
             condition = bare(outer.expression(side)) if isinstance(side, Node) else f"wi_z {'<' if side else '>'} 0"
             outer.write(f"if ({condition}) {{")
         prefix = f"c{number}_" if isinstance(side, Node) else "t" if side else "e"
-        outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + (len(groups) > 1), split, by_group, sums)
+        outer.lines += _evaluate_side(members, setup, varying, prefix, 2 + (len(groups) > 1), split, by_group, recorded)
         if guarded:
             outer.write("}")
     for name, density in mixture.densities.items():
@@ -267,12 +291,12 @@ def _evaluate_side(
     indent: int,
     split: bool,
     by_group: bool,
-    sums: Mapping[str, str | None],
+    recorded: Mapping[str, int],
 ) -> Iterable[str]:
     """Sum lobes: common subexpressions first, then each lobe's own part under a guard on its share.
 
     With `split` the densities of lobes that are not light-sampled are summed by themselves, too, and so are the values
-    of diffuse lobes `by_group`. `sums` are the colours to which values are added, and the arrays of their factors.
+    of diffuse lobes `by_group`. `recorded` as of `_evaluate`.
     """
     groups = [reachable(lobe.evaluated(), stop=setup.named) for lobe in lobes]
     counts = Counter(node for group in groups for node in group)
@@ -296,19 +320,26 @@ def _evaluate_side(
         inner.prepare(lobe.evaluated())
         color = ", ".join(inner.expression(value) for value in lobe.value)
         density = bare(inner.expression(lobe.density))
+        terms = {name: f"color({', '.join(map(inner.expression, part))})" for name, part in lobe.parts}
         guard = f"if ({setup.expression(lobe.share)} > 0) " if isinstance(lobe.share, Node) else ""
         outer.write(f"{guard}{{  // {lobe.name}")
         outer.lines += inner.lines
         again = by_group and lobe.diffuse
         summand = f"color({color})"
-        if again or len(sums) > 1:
+        if again or recorded:
             outer.write(f"    color own_f = {summand};")
             summand = "own_f"
-        for name, part in sums.items():
-            share = "" if part is None else f"{part}[{lobe.recorded}] * "
-            outer.write(f"    {name} += {share}{summand};")
-            if again:
-                outer.write(f"    {name}_diffuse += {share}{summand};")
+        outer.write(f"    f += {summand};")
+        if again:
+            outer.write("    f_diffuse += own_f;")
+        if recorded:
+            for name, part in terms.items():
+                outer.write(f"    color {name}_f = {part};")
+            rest = "".join(f" - {name}_f" for name in terms)
+            for name, term in {lobe.recorded: f"own_f{rest}", **{name: f"{name}_f" for name in terms}}.items():
+                outer.write(f"    f_lobe[{recorded[name]}] += {term};")
+                if again:
+                    outer.write(f"    f_lobe_diffuse[{recorded[name]}] += {term};")
         if split and not lobe.light_sampled:
             outer.write(f"    float own_pdf = {density};")
             outer.write("    bsdf_sampled_pdf += own_pdf;")

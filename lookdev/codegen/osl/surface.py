@@ -22,7 +22,7 @@ from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
-from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
+from lookdev.codegen.source import FIRST_LIGHT_PART, HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas
@@ -33,6 +33,7 @@ from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import LIFT
+from lookdev.space import REC709, Space, from_rec709
 
 _OSL_TYPE = {"uv": "vector", "float": "float", "color": "color", "vector": "vector"}
 
@@ -76,6 +77,8 @@ def generate_surface(
     resolution: tuple[int, int],
     features: bool = False,
     recorded: bool = False,
+    light_groups: Sequence[int] = (),
+    space: Space = REC709,
     replaced: Mapping[str, Sequence[str]] = MappingProxyType({}),
 ) -> ShaderSource:
     """Generate the light integral shader of a look.
@@ -100,12 +103,18 @@ def generate_surface(
         Whether the shader can show, instead, what a denoiser is guided by: near albedos and normals.
     recorded
         Whether the shader can record parts of its light, besides.
+    light_groups
+        The number of each light's group, where these are recorded.
+    space
+        That of the lights, and of the light that is reflected.
     replaced
         Other lines for sections of the template, by their names: what the benchmark takes the time of.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = stack_bsdf([_of_look(graph, layer) for layer in look_layers(look, inputs)])
+    if space != REC709:
+        bsdf = bsdf.converted(from_rec709(space))
     lobes = continuous_lobes(graph, bsdf)
     deltas = present_deltas(graph, bsdf)
     constant = all(light.constant for light in lights)
@@ -122,7 +131,7 @@ def generate_surface(
         behind = lobe.transmits or (transmits and lobe.crosses)
         return drawn.ibl > 0 and lobe.broad and (from_behind or not behind)
 
-    traced = trace_lobes(graph, lobes, light_sampled)
+    traced = trace_lobes(graph, lobes, light_sampled, recorded=recorded)
     names = Names(inputs)
     rig = None if coded(lights) else CodedRig.of(lights)
     split = rig is not None and rig.split
@@ -132,6 +141,7 @@ def generate_surface(
         traced, presence, spell=names.spell, by_group=split, recorded=recorded, deltas=deltas, features=guides
     )
     passes = any(delta.transmits for delta in deltas)
+    groups = tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))
     directed = reads_tangent(graph, lobes)
     attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(each.attribute == HANDEDNESS for each in attributes)
@@ -161,7 +171,7 @@ def generate_surface(
                 f"#define SEE_THROUGH {int(code.see_through)}",
                 f"#define FEATURES {int(features)}",
                 f"#define RECORDED {int(recorded)}",
-                f"#define GROUPS {len(LOBE_GROUPS)}",
+                *(_recording(groups, _shader_order(lights, light_groups)) if recorded else ()),
                 *lights_code(lights, sampled=drawn.ibl > 0).constants,
                 f"#define DIRECTED {int(directed)}",
                 f"#define LEANING {int(leaning)}",
@@ -177,6 +187,8 @@ def generate_surface(
             **replaced,
         },
     )
+    if not recorded:
+        osl = _without_recording(osl)
     constants = tuple(names.constants)
     digest = hashlib.sha256(f"{osl}{constants}".encode())
     for binding in bound:
@@ -186,7 +198,49 @@ def generate_surface(
     passing, numbers = (code.transmits or passes, code.see_through), (drawn.brdf, drawn.ibl)
     known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, shadows, tables.bindings, constants
     made = ShaderSource(look.name, osl, *known, folded=folded_lobes(graph, bsdf))
-    return replace(made, recorded=tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))) if recorded else made
+    return replace(made, recorded=groups) if recorded else made
+
+
+def _shader_order(lights: Sequence[Light], groups: Sequence[int]) -> list[int]:
+    """Return the groups of lights, 0 without, in the order in which a shader numbers the lights."""
+    given = groups or [0] * len(lights)
+    if coded(lights):
+        return list(given)
+    rig = CodedRig.of(lights)
+    numbers = {id(light): number for number, light in enumerate(lights)}
+    return [given[numbers[id(light)]] for light in (*rig.lamps, *rig.domes)]
+
+
+def _recording(lobes: Sequence[str], lights: Sequence[int]) -> list[str]:
+    """Define what shaders record: the groups of their lobes among `LOBE_GROUPS`, and those of their lights."""
+    numbers = [LOBE_GROUPS.index(name) for name in lobes] or [-1]  # a black look has none
+    return [
+        f"#define FIRST_LIGHT_PART {FIRST_LIGHT_PART}",
+        f"#define RECORDED_LOBES {len(numbers)}",
+        f"#define RECORDED_LOBE_NUMBERS {{ {', '.join(map(str, numbers))} }}",
+        f"#define RECORDED_LIGHTS {len(lights)}",
+        f"#define LIGHT_GROUP_NUMBERS {{ {', '.join(map(str, lights))} }}",
+        f"#define LIGHT_GROUPS {max(lights) + 1}",
+    ]
+
+
+def _without_recording(osl: str) -> str:
+    """Return a shader without the lines that are compiled only where light is recorded: its digest is without them."""
+    lines: list[str] = []
+    # Whether each open condition is that of recording, and whether its lines are compiled.
+    conditions: list[tuple[bool, bool]] = []
+    for line in osl.splitlines(keepends=True):
+        command = line.split()[:1]
+        if command and command[0] in ("#if", "#ifdef", "#ifndef"):
+            conditions.append((line.split() == ["#if", "RECORDED"], line.split() != ["#if", "RECORDED"]))
+        own, _ = conditions[-1] if conditions else (False, True)
+        if own and command == ["#else"]:
+            conditions[-1] = (True, True)
+        elif not (own and command in (["#if"], ["#endif"])) and all(kept for _, kept in conditions):
+            lines.append(line)
+        if command == ["#endif"]:
+            conditions.pop()
+    return "".join(lines)
 
 
 def _guides(graph: Graph, lobes: Sequence[Lobe], deltas: Sequence[Delta]) -> dict[str, list[Any]]:

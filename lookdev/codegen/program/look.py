@@ -18,6 +18,7 @@ from lookdev.brdf import StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
+from lookdev.brdf.vectors import scale
 from lookdev.cache import Content, derived
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import Written
@@ -29,6 +30,7 @@ from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniform
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
+from lookdev.space import REC709, Space, from_rec709
 
 Live = Callable[[int, str], bool]
 _CONSTANT = (np.ndarray, float)
@@ -40,13 +42,14 @@ def generate_program(
     *,
     shadows: bool = True,
     features: bool = False,
+    space: Space = REC709,
     live: Live = lambda number, name: False,
 ) -> ProgramSource:
     """Generate the program of a look.
 
     Its constants are folded, and named, so that looks which differ in numbers alone have one text. `resolve` turns a
     texture into its linear EXR file, a height map into that of its slopes. With `shadows`, rays are traced along
-    directions; `features` adds what guides a denoiser.
+    directions; `features` adds what guides a denoiser. `space` is that of the light.
 
     Constants that are `live`, by their layer's number from the base and their parameter (or ``"mask"``), do not fold:
     they are symbols by their `live_name`, three with ``[0]`` to ``[2]`` behind it. An editor changes them while the
@@ -55,6 +58,8 @@ def generate_program(
     graph = Graph()
     inputs = Inputs(graph, resolve)
     bsdf = stack_bsdf([_of_look(graph, *each, live) for each in enumerate(look_layers(look, inputs))])
+    if space != REC709:
+        bsdf = bsdf.converted(from_rec709(space))
     lobes, deltas = continuous_lobes(graph, bsdf), present_deltas(graph, bsdf)
     presence = elements_of(bsdf.presence)[0]
     see_through = isinstance(presence, Node) or presence < 1.0
@@ -115,9 +120,17 @@ def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
     """Return the value of the lobes of each group for light from `wi`, and the part of diffuse lobes."""
     parts: dict[str, tuple[Any, Any]] = {}
     for term in mixture.terms(wi):
-        group = "transmission" if term.lobe.transmits else term.lobe.group
-        value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
-        parts[group] = value + term.value, diffuse + (term.value if term.lobe.group == "diffuse" else np.zeros(3))
+        whole: Any = term.value
+        found: dict[str, Any] = {}
+        if not term.lobe.transmits:
+            for name, evaluate in term.lobe.parts.items():
+                part = replace(term, f=scale(evaluate(term.directions), term.lobe.weight)).value
+                if any(isinstance(each, Node) or each > 0.0 for each in elements_of(part)):
+                    found[name] = part
+        rest = whole - sum(found.values()) if found else whole
+        for group, part in {**found, "transmission" if term.lobe.transmits else term.lobe.group: rest}.items():
+            value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
+            parts[group] = value + part, diffuse + (part if term.lobe.group == "diffuse" else np.zeros(3))
     return parts
 
 

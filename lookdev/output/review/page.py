@@ -171,7 +171,7 @@ class _Page:
         return {
             "version": version, "look": reel.look, "rig": reel.rig, "turntable": reel.turntable, "count": len(names),
             "turns": _turns(reel), "width": width, "height": height, "sprite": sprite, "columns": columns,
-            "script": script,
+            "script": script, "numbers": [frame.number for frame in reel.frames],
         }  # fmt: skip
 
     def _is_kept(self, name: str) -> bool:

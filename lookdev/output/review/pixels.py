@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path
 from lookdev.metrics import pooled_error
-from lookdev.output.exr import read_frame, read_layer
+from lookdev.output.exr import read_layer, read_shown, space_of
+from lookdev.space import REC709, error_in_rec709
 
 Floats = NDArray[np.float32]
 
@@ -35,8 +36,10 @@ class Pixels:
 
 def read_pixels(frame: Path) -> Pixels:
     """Return what a page shows of a frame, rounded as it is there; raises OutputError where it is damaged."""
-    beauty, alpha = read_frame(frame)
-    error = read_layer(frame, "error")
+    beauty, alpha = read_shown(frame)
+    error, space = read_layer(frame, "error"), space_of(frame)
+    if error is not None and space != REC709:
+        error = error_in_rec709(error, space).astype(np.float32)
     pooled = None if error is None else _rounded(pooled_error(error))
     return Pixels(_rounded(beauty), _rounded(alpha), pooled)
 

@@ -70,7 +70,8 @@ review.grid = (target, index, names, open) => {
       button.setAttribute("aria-label", `${cell.look} under ${cell.rig}${reel ? "" : ": no frames"}`);
       button.toggleAttribute("aria-current", Boolean(marks[0]));
       if (!reel) continue;
-      cell.number = Math.min(number, reel.count - 1);
+      // The last frame up to the number: another one may be missing here.
+      cell.number = Math.max(0, reel.numbers.findLastIndex((each) => each <= number));
       review.showSprite(button, reel, cell.number);
       load(cell);
     }

@@ -38,11 +38,16 @@ review.start = (index) => {
   let shown = { a: null, b: null };
   let turn = 0;
 
+  // Frames are in step by the numbers in their names, as some may be missing: that of the state is a place in A's reel.
+  const shownNumber = () => {
+    const reel = find(state.a);
+    return reel ? reel.numbers[clamp(state.frame, 0, reel.count - 1)] : 1;
+  };
   async function frameOf(side) {
-    const reel = find(side);
-    if (!reel) return null;
+    const reel = find(side), place = reel ? reel.numbers.indexOf(shownNumber()) : -1;
+    if (place < 0) return null;
     const frames = await review.read(reel.script, reel.script);
-    return frames[Math.min(state.frame, frames.length - 1)];
+    return frames[place];
   }
 
   // What is to be drawn, as text; the page has it in data-drawn once it is.
@@ -133,7 +138,7 @@ review.start = (index) => {
     target.hidden = state.mode === "picture" || (state.mode === "wipe" && Boolean(b));
     if (target.hidden) return;
     delete target.dataset.share;
-    if (!b) target.textContent = "B has no frames here";
+    if (!b) target.textContent = find(sideB()) ? `B has no frame ${shownNumber()}` : "B has no frames here";
     else if (shown.a.width !== shown.b.width || shown.a.height !== shown.b.height) target.textContent = "A and B differ in size";
     else if (state.mode === "difference") target.textContent = `(A − B) × ${2 ** state.amplify}, grey where equal`;
     else {
@@ -172,8 +177,9 @@ review.start = (index) => {
     state.frame = clamp(state.frame, 0, count - 1);
     $("number").max = count - 1;
     $("number").value = state.frame;
+    const missing = reel && reel.numbers[count - 1] !== count;
     $("number").setAttribute("aria-valuetext", `frame ${state.frame + 1} of ${count}`);
-    $("place").textContent = `${state.frame + 1} / ${count}`;
+    $("place").textContent = `${state.frame + 1} / ${count}${missing ? `, number ${shownNumber()}` : ""}`;
     $("play").setAttribute("aria-pressed", state.playing);
     $("play").textContent = state.playing ? "Pause" : "Play";
     $("split").value = state.split;
@@ -201,7 +207,7 @@ review.start = (index) => {
     $("tag-b").hidden = !comparing();
     stage.setAttribute("aria-label", `${label(state.a)}, ${state.turntable}, frame ${state.frame + 1} of ${count}`
       + (comparing() ? `, ${state.mode} against ${label(other)}` : ""));
-    cells((look, rig) => find({ ...state.a, look, rig }), state.frame, state.a, comparing() ? other : null);
+    cells((look, rig) => find({ ...state.a, look, rig }), shownNumber(), state.a, comparing() ? other : null);
     keep();
   }
 
@@ -241,7 +247,11 @@ review.start = (index) => {
   }
 
   const set = (changes) => {
+    const number = shownNumber();
     Object.assign(state, changes);
+    // Another look stays at the number of the frame, or at the last before it.
+    const reel = find(state.a);
+    if (reel && !("frame" in changes)) state.frame = Math.max(0, reel.numbers.findLastIndex((each) => each <= number));
     update();
   };
   const setSide = (side, changes) => set({ [side]: { ...state[side], ...changes } });
@@ -332,7 +342,7 @@ review.start = (index) => {
       const reel = reels.get([0, change.look, change.rig, change.turntable].join("\n"));
       set({
         a: { version: 0, look: change.look, rig: change.rig }, b: { version: 1, look: null, rig: null },
-        turntable: change.turntable, frame: change.frame ? clamp(change.frame - 1, 0, reel.count - 1) : 0,
+        turntable: change.turntable, frame: Math.max(0, reel.numbers.indexOf(change.frame)),
         mode: change.state === "new" ? "picture" : "noise",
       });
       $("viewer").scrollIntoView({ block: "start" });

@@ -1,0 +1,39 @@
+"""The verbs of ``lookdev warm``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from lookdev.cli.options import say
+
+app = typer.Typer(help="Keep a render worker from run to run, for 'lookdev render --executor warm:SOCKET'.")
+
+Socket = Annotated[
+    Path, typer.Argument(metavar="SOCKET", help="Where it is reached: a path on a local disk.", show_default=False)
+]
+
+
+@app.command()
+def start(
+    socket: Socket,
+    backend: Annotated[str, typer.Option("--backend", metavar="NAME", help="That of the jobs.")] = "exact",
+    idle: Annotated[
+        int, typer.Option("--idle", metavar="SECONDS", min=1, help="Seconds without a run after which it ends.")
+    ] = 900,
+) -> None:
+    """Start a worker that stays, with what it has compiled, until 'lookdev warm stop'."""
+    from lookdev.render.executors.warm import start as start_at
+
+    start_at(socket, backend, idle)
+    say(f"a worker is kept at {socket}")
+
+
+@app.command()
+def stop(socket: Socket) -> None:
+    """End the worker that is kept at a socket."""
+    from lookdev.render.executors.warm import stop as stop_at
+
+    say(f"the worker at {socket} has ended" if stop_at(socket) else f"no worker is kept at {socket}")

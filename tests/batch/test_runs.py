@@ -1,0 +1,171 @@
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+from batch_case import wait_until
+
+from lookdev.batch.runs import Run, RunInfo, Runs
+from lookdev.errors import OutputError
+
+# Another process that has joined, claimed something, and ends when its input does.
+HOLD = """
+import sys
+from pathlib import Path
+from lookdev.batch.runs import Run, RunInfo, Runs
+with Run(Path(sys.argv[1])) as run:
+    run.renders("plan")
+    assert run.claim("gold/city/element.0001")
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+FRAME = "gold/city/element.0001"
+
+
+@contextmanager
+def holder(out: Path) -> Iterator[subprocess.Popen[bytes]]:
+    with subprocess.Popen(
+        (sys.executable, "-c", HOLD, str(out)), stdin=subprocess.PIPE, stdout=subprocess.PIPE
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"held\n"
+        yield process
+
+
+def state(out: Path) -> list[str]:
+    return sorted(path.relative_to(out / ".lookdev").as_posix() for path in (out / ".lookdev").rglob("*"))
+
+
+def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "out"
+    with holder(out) as other, Run(out) as run:
+        assert [each.process for each in run.renders("plan")] == [other.pid]
+        assert not run.claim(FRAME)
+        assert run.claim("gold/city/element.0002")
+        other.communicate()
+        assert run.claim(FRAME)
+        assert run.others() == []
+    assert state(out) == []
+
+
+def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
+    with holder(tmp_path) as other:
+        other.kill()
+    assert len(state(tmp_path)) == 4
+    with Run(tmp_path) as run:
+        assert run.renders("another plan") == []
+        assert run.claim(FRAME)
+    assert state(tmp_path) == []
+
+
+def test_a_living_run_of_another_plan_is_named(tmp_path: Path) -> None:
+    with (
+        holder(tmp_path) as other,
+        Run(tmp_path) as run,
+        pytest.raises(OutputError, match=rf"process {other.pid} on .*wait for its end"),
+    ):
+        run.renders("another plan")
+
+
+def test_a_run_that_stands_still_loses_its_claims_and_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOOKDEV_LEASE", "1")
+    with holder(tmp_path) as other, Run(tmp_path) as run:
+        other.send_signal(signal.SIGSTOP)
+        wait_until(lambda: run.claim(FRAME))
+        with Run(tmp_path) as late:
+            late._file.unlink()
+            with pytest.raises(OutputError, match="stood still for more than 1 s"):
+                late.check()
+        other.send_signal(signal.SIGCONT)
+        other.communicate()
+    assert state(tmp_path) == []
+
+
+@pytest.mark.parametrize("skew", [-3600, 3600])
+def test_what_clocks_show_does_not_matter(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, skew: int) -> None:
+    monkeypatch.setenv("LOOKDEV_LEASE", "1")
+    with holder(tmp_path) as other, Run(tmp_path) as run:
+        for file in (tmp_path / ".lookdev" / "runs").iterdir():
+            there = file.stat().st_mtime + skew
+            os.utime(file, (there, there))
+        assert not run.claim(FRAME)
+        other.send_signal(signal.SIGSTOP)
+        wait_until(lambda: run.claim(FRAME))
+        other.kill()
+
+
+def test_without_hard_links_claims_are_of_one_run_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_link(source: Path, target: Path) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    with Run(tmp_path) as first, Run(tmp_path) as second:
+        monkeypatch.setattr(os, "link", no_link)
+        assert first.claim(FRAME)
+        assert first.claim(FRAME)
+        assert not second.claim(FRAME)
+        first.release(FRAME)
+        assert second.claim(FRAME)
+    assert state(tmp_path) == []
+
+
+def test_an_output_that_cannot_be_made_is_an_output_error(tmp_path: Path) -> None:
+    (tmp_path / "out").touch()
+    with pytest.raises(OutputError, match="out: the output folder cannot be written"), Run(tmp_path / "out"):
+        raise AssertionError("a file cannot be an output folder")
+
+
+def test_only_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
+    folder, frames = tmp_path / ".lookdev", tmp_path / "gold"
+    (folder / "scratch-abc" / "deeper").mkdir(parents=True)
+    (folder / "scratch-abc" / "frame.npz").touch()
+    frames.mkdir()
+    with Run(tmp_path / "other") as other:
+        own = other.info.id[:8]
+    left = [
+        folder / ".pictures.0123abcd-0a1b2c3d.json",
+        frames / ".element.0001.77-0a1b2c3d.exr",
+        frames / ".element.0001.0123abcd-0a1b2c3d.png",
+    ]
+    kept = [
+        folder / "pictures.json",
+        frames / f".element.0001.{own}-0a1b2c3d.exr",
+        frames / "element.0001.exr",
+        frames / ".element.0001.exr",
+        frames / ".notes.77-0a1b2c.txt",
+        frames / "element.77-0a1b2c3d.exr",
+    ]
+    for path in left + kept:
+        path.touch()
+    with Run(tmp_path) as run:
+        assert not (folder / "scratch-abc").exists()
+        run.remove_leftovers([folder, frames, tmp_path / "not_made_yet"])
+    assert not any(path.exists() for path in left)
+    assert all(path.exists() for path in kept)
+
+
+def test_a_run_that_joins_while_another_cleans_up_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    alive = Runs.alive
+    joined: list[Run] = []
+    with ExitStack() as stack, Run(tmp_path) as first:
+
+        def alive_late(self: Runs) -> list[RunInfo]:
+            found = alive(self)
+            if not joined:
+                # Another run joins just after the living were looked up, and begins to write.
+                joined.append(Run(tmp_path))
+                stack.enter_context(joined[0])
+                stack.enter_context(joined[0].scratch())
+            return found
+
+        monkeypatch.setattr(Runs, "alive", alive_late)
+        first._remove_scratch()
+        (other,) = joined
+        assert list((tmp_path / ".lookdev").glob(f"scratch-{other.info.id}-*"))

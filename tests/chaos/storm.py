@@ -1,0 +1,319 @@
+"""Runs of one job at once, in chunks and whole, while faults of every kind happen to them; then what is on disk.
+
+Runs are forked from this process, which has imported all they need: so a thousand of them start in minutes. Leases and
+patience are seconds, so that what stands still is noticed. ``python tests/chaos/storm.py KILLS`` prints the figures.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "batch"))
+
+import batch_case as case
+import numpy as np
+
+import lookdev.batch.manifest
+import lookdev.batch.prepare  # noqa: F401  before it forks
+from lookdev.batch import run as batch
+from lookdev.batch.runs import LEASE_VARIABLE
+from lookdev.errors import LookdevError
+from lookdev.job import Job
+from lookdev.output.exr import read_frame, read_header
+from lookdev.plan.chunks import Chunk
+from lookdev.render.backends import BACKENDS
+
+CHUNKS, AT_ONCE = 3, 4
+LEASE, PATIENCE = 1, 1.5  # seconds
+HOUR = 3600.0
+TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
+TURNTABLES = '[[turntable]]\nkind = "element"\nframes = 8\n[[turntable]]\nkind = "lighting"\nframes = 5\n'
+DISK = 3 << 20  # bytes of the small disk
+OF_THE_RUN = {"time", "seconds", "host"}
+KEPT = {"pictures.json", "digests.json", "plan.json", "worker.log"}
+
+
+@dataclass
+class Figures:
+    """What a storm did, and how runs ended, by their exit codes."""
+
+    faults: Counter[str] = field(default_factory=Counter)
+    ends: Counter[int] = field(default_factory=Counter)
+    rounds: int = 0
+
+    @property
+    def kills(self) -> int:
+        return self.faults["run killed"] + self.faults["worker killed"]
+
+
+def write_job(folder: Path) -> Path:
+    (folder / "gold.usda").touch()
+    file = folder / "job.toml"
+    file.write_text(case.JOB + TIN + TURNTABLES + case.RENDER)
+    return file
+
+
+def render(job: Path, chunk: Chunk | None, frame_seconds: float) -> int:
+    """Render a job as the command line does, with the quick worker; return the exit code."""
+
+    def prepare(job: Job, ahead: object) -> Any:
+        return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
+
+    command = (sys.executable, "-S", "-E", str(Path(__file__).with_name("quick_worker.py")), str(frame_seconds))
+    BACKENDS["exact"] = replace(BACKENDS["exact"], command=command)
+    batch._opened = partial(batch._opened, patience=PATIENCE)  # type: ignore[assignment]
+    try:
+        return batch.render_job(job, prepare=prepare, chunk=chunk).exit_code
+    except (LookdevError, OSError) as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+
+
+def forked(program: Callable[[], int], log: Path) -> int:
+    """Run a program in a fork of this process, and return its process id."""
+    child = os.fork()
+    if child:
+        return child
+    code = 70
+    try:
+        os.dup2(os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND), 2)
+        os.environ[LEASE_VARIABLE] = str(LEASE)
+        code = program()
+    except BaseException:  # noqa: BLE001  it must not go on as its parent
+        import traceback
+
+        traceback.print_exc()
+    finally:
+        os._exit(code)
+
+
+def children(process: int) -> list[int]:
+    try:
+        return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
+    except (FileNotFoundError, ProcessLookupError):
+        return []
+
+
+@contextmanager
+def small_disk(folder: Path) -> Iterator[bool]:
+    """Mount a file system of some megabytes; yield whether that is allowed."""
+    folder.mkdir(exist_ok=True)
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK}", "storm", str(folder)]
+    mounted = shutil.which("mount") is not None and subprocess.run(mount, capture_output=True).returncode == 0
+    try:
+        yield mounted
+    finally:
+        if mounted:
+            subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+class Storm:
+    """A round of a storm over the output of a job."""
+
+    def __init__(self, folder: Path, rng: random.Random, figures: Figures, disk: bool) -> None:
+        self._job, self._out = folder / "job.toml", folder / "out"
+        self._log = folder / "errors.log"
+        self._rng, self._figures = rng, figures
+        self._runs: set[int] = set()
+        self._later: list[tuple[float, Callable[[], None]]] = []
+        self._again = 0.0
+        self._faults: dict[str, tuple[float, Callable[[], bool]]] = {
+            "run killed": (10.0, self._kill_run),
+            "worker killed": (6.0, self._kill_worker),
+            "run stopped": (1.0, self._stop_run),
+            "worker stopped": (1.0, self._stop_worker),
+            "clock skewed": (3.0, self._skew),
+            "unwritable": (0.5, self._make_unwritable),
+            **({"disk full": (0.5, self._fill)} if disk else {}),
+        }
+
+    def blow(self, kills: int, longest: float) -> None:
+        """Render, with faults until so many kills, or so many seconds; then let it end."""
+        end, target = time.monotonic() + longest, self._figures.kills + kills
+        while self._figures.kills < target and time.monotonic() < end:
+            self._keep_running()
+            time.sleep(self._rng.uniform(0.0, 0.12))
+            self._do_later()
+            names = list(self._faults)
+            (name,) = self._rng.choices(names, [self._faults[each][0] for each in names])
+            if self._faults[name][1]():
+                self._figures.faults[name] += 1
+        while self._later:
+            time.sleep(0.05)
+            self._do_later()
+        while self._runs:
+            self._collect()
+            time.sleep(0.02)
+        for _ in range(20):
+            run = self._start(None)
+            self._runs.remove(run)
+            if (code := os.waitstatus_to_exitcode(os.waitpid(run, 0)[1])) == 0:
+                return
+            self._figures.ends[code] += 1
+        raise AssertionError(f"the job does not end: {self._log.read_text()[-4000:]}")
+
+    def _keep_running(self) -> None:
+        self._collect()
+        while len(self._runs) < AT_ONCE:
+            number = self._rng.randrange(CHUNKS + 1)
+            self._start(Chunk(number, CHUNKS) if number else None)
+
+    def _start(self, chunk: Chunk | None) -> int:
+        run = forked(partial(render, self._job, chunk, self._rng.uniform(0.0, 0.06)), self._log)
+        self._runs.add(run)
+        return run
+
+    def _collect(self) -> None:
+        for run in list(self._runs):
+            if (ended := os.waitpid(run, os.WNOHANG))[0]:
+                self._runs.remove(run)
+                self._figures.ends[os.waitstatus_to_exitcode(ended[1])] += 1
+
+    def _do_later(self) -> None:
+        now = time.monotonic()
+        due = [each for each in self._later if each[0] <= now]
+        self._later = [each for each in self._later if each[0] > now]
+        for _, do in due:
+            do()
+
+    def _any_run(self) -> int | None:
+        return self._rng.choice(sorted(self._runs)) if self._runs else None
+
+    def _any_worker(self) -> int | None:
+        workers = [worker for run in sorted(self._runs) for worker in children(run)]
+        return self._rng.choice(workers) if workers else None
+
+    def _signal(self, process: int | None, number: signal.Signals) -> bool:
+        if process is None:
+            return False
+        with suppress(ProcessLookupError):
+            os.kill(process, number)
+            return True
+        return False
+
+    def _kill_run(self) -> bool:
+        return self._signal(self._any_run(), signal.SIGKILL)
+
+    def _kill_worker(self) -> bool:
+        return self._signal(self._any_worker(), signal.SIGKILL)
+
+    def _stop(self, process: int | None) -> bool:
+        if not self._signal(process, signal.SIGSTOP):
+            return False
+        until = time.monotonic() + self._rng.uniform(0.5, 3.0) * LEASE
+        self._later.append((until, lambda: self._signal(process, signal.SIGCONT) and None))
+        return True
+
+    def _stop_run(self) -> bool:
+        return self._stop(self._any_run())
+
+    def _stop_worker(self) -> bool:
+        return self._stop(self._any_worker())
+
+    def _skew(self) -> bool:
+        """Set times of signs of life, and of a frame, an hour off."""
+        files = [*self._out.glob(".lookdev/runs/*"), *list(self._out.glob("*/*/*.exr"))[:1]]
+        for file in files:
+            with suppress(OSError):
+                there = file.stat().st_mtime + self._rng.choice((-HOUR, HOUR))
+                os.utime(file, (there, there))
+        return bool(files)
+
+    def _make_unwritable(self) -> bool:
+        """Let no file be made, replaced or removed for a while."""
+        if time.monotonic() < self._again:
+            return False
+        folders = [str(path) for path in (self._out, *self._out.rglob("*")) if path.is_dir()]
+        if os.geteuid() == 0:
+            if subprocess.run(["chattr", "+i", *folders], capture_output=True).returncode:
+                subprocess.run(["chattr", "-f", "-i", *folders], capture_output=True)
+                return False
+            back = ["chattr", "-f", "-i", *folders]
+        else:
+            subprocess.run(["chmod", "a-w", *folders], capture_output=True)
+            back = ["chmod", "u+w", *folders]
+        self._again = time.monotonic() + 3.0
+        self._later.append((time.monotonic() + 1.0, lambda: subprocess.run(back, capture_output=True) and None))
+        return True
+
+    def _fill(self) -> bool:
+        """Fill the disk for a while."""
+        if time.monotonic() < self._again:
+            return False
+        ballast = self._out / "ballast"
+        with suppress(OSError), ballast.open("wb") as stream:
+            for size in (1 << 16, 1 << 12, 1):
+                with suppress(OSError):
+                    while True:
+                        stream.write(b"\0" * size)
+                        stream.flush()
+        self._again = time.monotonic() + 3.0
+        self._later.append((time.monotonic() + 1.0, lambda: ballast.unlink(missing_ok=True)))
+        return True
+
+
+def contents(out: Path) -> dict[str, object]:
+    """Return all files of an output: bytes; of frames pixels, and the header but for what is of the run."""
+    found: dict[str, object] = {}
+    for path in sorted(path for path in out.rglob("*") if path.is_file()):
+        name = path.relative_to(out).as_posix()
+        if path.suffix == ".exr":
+            header = {key: each for key, each in read_header(path).items() if key not in OF_THE_RUN}
+            found[name] = header, [np.asarray(each).tobytes() for each in read_frame(path)]
+        elif name != "manifest.json" and not name.startswith(".lookdev/"):
+            found[name] = path.read_bytes()
+    return found
+
+
+def check(out: Path, whole: Mapping[str, object]) -> None:
+    """Raise AssertionError unless an output is as that of an undisturbed run, and nothing is left over."""
+    found = contents(out)
+    assert list(found) == list(whole)
+    assert [name for name, each in found.items() if each != whole[name]] == []
+    assert {path.name for path in (out / ".lookdev").iterdir()} <= KEPT
+
+
+def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
+    """Let storms of `each` so many kills go over a job until there were `kills`, and check what is left after each."""
+    rng, figures = random.Random(seed), Figures()
+    calm = folder / "calm"
+    calm.mkdir()
+    # The name of the job file is in the headers: both have it from the same folder, one after the other.
+    with ExitStack() as stack:
+        write_job(calm)
+        run = forked(partial(render, calm / "job.toml", None, 0.0), calm / "errors.log")
+        assert os.waitpid(run, 0)[1] == 0, (calm / "errors.log").read_text()
+        whole = contents(calm / "out")
+        shutil.rmtree(calm / "out")
+        disk = stack.enter_context(small_disk(calm / "out"))
+        for figures.rounds in itertools.count(1):
+            Storm(calm, rng, figures, disk).blow(min(each, kills - figures.kills), 60.0)
+            check(calm / "out", whole)
+            if figures.kills >= kills:
+                return figures
+            for path in (calm / "out").iterdir():
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
+    raise AssertionError
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as place:
+        started = time.perf_counter()
+        found = storm(Path(place), int(sys.argv[1]), int((sys.argv[2:] or ["1"])[0]))
+        sys.stdout.write(f"{found} in {time.perf_counter() - started:.0f} s\n")

@@ -1,0 +1,132 @@
+"""Parts of the beauty that shaders record: by lights, by sheen, and how the halves of a frame share them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_passes import CENTER, COATED, GREY, POSE, SIZE, balls, rendered, task_of
+
+from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
+from lookdev.material import Layer, Look
+from lookdev.render.passes import arrays_of, light_layer
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Sampling, Scene
+
+pytestmark = pytest.mark.cycles
+
+VELVET = Look("velvet", (Layer("v", "disney", {"baseColor": (0.3, 0.1, 0.1), "sheen": 1.0, "clearcoat": 1.0}),))
+PLAIN = Look("plain", (Layer("v", "disney", {"baseColor": (0.3, 0.1, 0.1), "sheen": 0.0, "clearcoat": 1.0}),))
+
+
+def rig() -> tuple[Light, ...]:
+    """Return a dome, and lamps about the balls, two of them of one group."""
+    dome = prepare_light(load_environment(builtin="sunset"))
+    sky = replace(dome, emission=replace(dome.emission, color=(0.4, 0.4, 0.4), group="sky"))
+    x, y, z = CENTER
+    lamp = RectLight(width=2.0, height=2.0, position=(x, y, z + 4.0), emission=Emission((3.0, 2.5, 2.0), group="key"))
+    fill = [
+        SphereLight(radius=0.5, position=(x + side, y - 3.0, z), emission=Emission(color, specular=0.5, group="fi.ll"))
+        for side, color in ((4.0, (1.0, 2.0, 6.0)), (-3.0, (4.0, 1.0, 1.0)))
+    ]
+    return (lamp, sky, *fill)
+
+
+def frame_of(
+    worker: Worker, look: Look, lights: tuple[Light, ...], passes: tuple[str, ...], **given: object
+) -> Rendered:
+    asset = balls()
+    camera = task_of(asset, ()).scene.camera
+    scene = Scene.of_look(asset, GREY, lights[0], SIZE, camera)
+    scene = replace(scene, wears={"/set/ball": look, "/set/others": GREY}, lights=lights)
+    sampling = Sampling(**{"samples": 64, "bounces": 1, "passes": passes} | given)
+    name = f"{look.name} {[each.digest for each in lights]} {passes} {given}"
+    return rendered(worker, one_frame(scene_task(scene, sampling), POSE, name))
+
+
+def sums(frame: Rendered, groups: tuple[str, ...]) -> None:
+    """Check that each set of parts sums up to the beauty, and that no part is negative beyond rounding."""
+    beauty = 0.5 * (frame.a + frame.b) if frame.raw is None else frame.raw
+    for name in ("lobes", "direct", "lights"):
+        parts = [*arrays_of((name,), groups)]
+        if not {*parts} <= {*frame.passes}:
+            continue
+        total = np.sum([frame.passes[each] for each in parts], axis=0)
+        assert (np.abs(total - beauty) <= 1e-4 * beauty).all(), name
+        for each in parts:
+            assert (frame.passes[each] >= -1e-5 * (1.0 + beauty)).all(), each
+
+
+GROUPS = ("key", "sky", "fi_ll")
+
+
+def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker) -> None:
+    lights = rig()
+    frames = [frame_of(worker, COATED, lights, ("lights",), seed=seed) for seed in range(4)]
+    for frame in frames:
+        sums(frame, GROUPS)
+    for name in GROUPS:
+        alone = tuple(each for each in lights if each.emission.group.replace(".", "_") == name)
+        single = [frame_of(worker, COATED, alone, (), seed=seed) for seed in range(4)]
+        shown = np.array([each.passes[light_layer(name)].mean(axis=(0, 1)) for each in frames])
+        there = np.array([(0.5 * (each.a + each.b)).mean(axis=(0, 1)) for each in single])
+        noise = np.sqrt((shown.var(axis=0, ddof=1) + there.var(axis=0, ddof=1)) / 4.0)
+        off = np.abs(shown.mean(axis=0) - there.mean(axis=0))
+        # Student's t of 3 degrees of freedom: beyond 12 by chance once in a thousand.
+        assert (off < 12.0 * noise).all(), (name, off, noise)
+        assert (noise < 0.01 * there.mean(axis=0)).all(), "the test would notice one percent"
+
+
+@pytest.mark.parametrize(
+    "given", [{}, {"denoise": "measured"}, {"error": 5e-3, "samples": 256}], ids=["samples", "denoise", "error"]
+)
+def test_sets_that_do_not_fit_one_render_are_shared_by_the_halves(given: dict[str, object], worker: Worker) -> None:
+    passes = ("lobes", "direct", "lights")
+    frame = frame_of(worker, VELVET, rig(), passes, bounces=2, **given)
+    sums(frame, GROUPS)
+    assert frame.passes["sheen"].mean() > 2e-4
+    assert not frame.passes["transmission"].any()
+    assert frame.passes["indirect"].mean() > 3e-4
+    assert {*frame.passes} == {*arrays_of(passes, GROUPS)}
+
+
+@pytest.mark.slow
+def test_parts_of_one_half_are_those_of_both_but_for_noise(worker: Worker) -> None:
+    # Four sets of lobes, of lights and direct light need 3 + 2 + 1 records: each half has three of them.
+    shared = [
+        frame_of(worker, VELVET, rig(), ("lobes", "direct", "lights"), samples=128, seed=seed) for seed in range(4)
+    ]
+    for name, own in (("lobes", "specular"), ("lights", "light_key"), ("direct", "direct")):
+        whole = [frame_of(worker, VELVET, rig(), (name,), samples=128, seed=seed) for seed in range(4, 8)]
+        a, b = (np.array([each.passes[own].mean(axis=(0, 1)) for each in frames]) for frames in (shared, whole))
+        noise = np.sqrt((a.var(axis=0, ddof=1) + b.var(axis=0, ddof=1)) / 4.0)
+        # Student's t of 3 degrees of freedom: beyond 12 by chance once in a thousand; a quotient's bias, .2 percent.
+        assert (np.abs(a.mean(axis=0) - b.mean(axis=0)) < 12.0 * noise + 2e-3 * b.mean(axis=0)).all(), name
+
+
+def test_sheen_is_what_a_look_has_more_with_it(worker: Worker) -> None:
+    white = (prepare_light(load_environment(builtin="white")),)
+    velvet, plain = (frame_of(worker, look, white, ("lobes",), bounces=0, samples=256) for look in (VELVET, PLAIN))
+    more = 0.5 * (velvet.a + velvet.b) - 0.5 * (plain.a + plain.b)
+    sheen = velvet.passes["sheen"].mean(axis=(0, 1))
+    assert (sheen > 2e-4).all()
+    noise = np.sqrt(sum(np.var(0.5 * (e.a - e.b), axis=(0, 1)) for e in (velvet, plain)) / more[..., 0].size)
+    assert (np.abs(more.mean(axis=(0, 1)) - sheen) < 5.0 * noise).all()
+    assert (noise < 0.1 * sheen).all(), "the test would notice a half"
+    assert not plain.passes["sheen"].any()
+    for name in ("diffuse", "specular", "clearcoat"):
+        a, b = (each.passes[name].mean(axis=(0, 1)) for each in (velvet, plain))
+        np.testing.assert_allclose(a, b, rtol=0.02)
+
+
+def test_a_light_that_reaches_nothing_is_a_black_layer(worker: Worker) -> None:
+    lights = rig()[:2]
+    x, y, z = CENTER
+    # It sends its light along -z, away from the balls.
+    idle = RectLight(width=1.0, height=1.0, position=(x, y, z - 9.0), emission=Emission(group="idle"))
+    frame = frame_of(worker, COATED, (lights[0], idle, lights[1]), ("lights",))
+    sums(frame, ("key", "sky", "idle"))
+    assert not frame.passes["light_idle"].any()

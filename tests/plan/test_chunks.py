@@ -1,0 +1,70 @@
+from __future__ import annotations
+
+import random
+from dataclasses import replace
+from itertools import combinations_with_replacement, pairwise
+
+import pytest
+
+from lookdev.errors import LookdevError
+from lookdev.plan.chunks import Chunk, Costs, split
+from lookdev.plan.costs import estimate, filled
+from lookdev.render.task import SceneTask
+
+
+def cost(scenes: list[int], costs: Costs, first: int, end: int) -> float:
+    """Return what a part costs that renders frames in their order."""
+    changes = sum(number == first or scenes[number] != scenes[number - 1] for number in range(first, end))
+    return sum(costs.frames[first:end]) + changes * costs.scene
+
+
+def most(scenes: list[int], costs: Costs, ends: tuple[int, ...]) -> float:
+    return max(cost(scenes, costs, first, end) for first, end in pairwise((0, *ends)))
+
+
+@pytest.mark.parametrize("text", ["1/1", "2/8", "100000/100000"])
+def test_a_chunk_is_read_as_it_is_written(text: str) -> None:
+    assert str(Chunk.parse(text)) == text
+
+
+@pytest.mark.parametrize("text", ["", "0/3", "4/3", "1", "1/0", "-1/3", "1/3/5", "a/b", "1/100001", "1/3 ", "١/٣"])
+def test_what_is_no_chunk_is_refused(text: str) -> None:
+    with pytest.raises(LookdevError, match="is no chunk: 2/8 is the second of eight"):
+        Chunk.parse(text)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_no_division_has_a_cheaper_most_costly_part(seed: int) -> None:
+    rng = random.Random(seed)
+    scenes = sorted(rng.randrange(3) for _ in range(8))
+    costs = Costs(tuple(rng.uniform(0.1, 3.0) for _ in scenes), rng.uniform(0.0, 4.0), 1.0)
+    count = rng.randint(1, 4)
+    ends = split(scenes, costs, count)
+    assert (len(ends), ends[-1]) == (count, len(scenes))
+    every = combinations_with_replacement(range(len(scenes) + 1), count - 1)
+    best = min(most(scenes, costs, (*inner, len(scenes))) for inner in every)
+    assert most(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
+
+
+def test_scenes_stay_together_where_that_costs_nothing() -> None:
+    scenes = [scene for scene in range(6) for _ in range(10)]
+    assert split(scenes, Costs((1.0,) * 60, 4.0, 6.0), 3) == (20, 40, 60)
+
+
+@pytest.mark.parametrize(("frames", "count"), [(0, 3), (2, 5), (7, 7)])
+def test_parts_without_frames_are_the_last(frames: int, count: int) -> None:
+    ends = split([0] * frames, Costs((1.0,) * frames, 1.0, 1.0), count)
+    assert ends == tuple(min(number, frames) for number in range(1, count + 1))
+
+
+def test_a_plan_has_at_least_one_part() -> None:
+    with pytest.raises(ValueError, match="at least one part"):
+        split([0], Costs((1.0,), 1.0, 1.0), 0)
+
+
+def test_scenes_that_were_not_measured_are_estimated_in_the_ratio_of_the_others(scene: SceneTask) -> None:
+    other = replace(scene, sampling=replace(scene.sampling, samples=4 * scene.sampling.samples))
+    frames = [scene, scene, other]
+    assert filled(frames, [None, None, None]) == [estimate(scene), estimate(scene), estimate(other)]
+    assert filled(frames, [3.0, None, None]) == pytest.approx([3.0, 3.0, 3.0 * estimate(other) / estimate(scene)])
+    assert filled(frames, [3.0, 5.0, None])[2] == pytest.approx(4.0 * estimate(other) / estimate(scene))

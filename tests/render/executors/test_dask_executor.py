@@ -1,0 +1,226 @@
+"""Workers of Dask with the fake renderer; their cache is another than that of this process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import batch_case as case
+import pytest
+
+from lookdev.batch.frame_file import store
+from lookdev.batch.run import run_plan
+from lookdev.cache import Content
+from lookdev.errors import LookdevError, OutputError, WorkerError
+from lookdev.light import Dome
+from lookdev.output.exr import read_frame
+from lookdev.plan import Plan
+from lookdev.render.executors import Finished, GivenUp, Place, Remarked, Retried
+from lookdev.render.executors.choice import Choice, opened
+from lookdev.render.executors.dask import DaskExecutor
+from lookdev.render.task import contents
+
+pytestmark = pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::DeprecationWarning")
+
+
+@pytest.fixture(scope="module")
+def there(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The cache of the workers."""
+    return tmp_path_factory.mktemp("there")
+
+
+@pytest.fixture(scope="module")
+def cluster(there: Path) -> Iterator[Any]:
+    from distributed import LocalCluster
+
+    options = {"threads_per_worker": 1, "dashboard_address": "127.0.0.1:0", "host": "127.0.0.1"}
+    with LocalCluster(n_workers=2, env={"LOOKDEV_CACHE": str(there)}, **options) as cluster:
+        yield cluster
+
+
+@pytest.fixture
+def plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Plan:
+    """Return a plan whose files are in the cache of this process."""
+    monkeypatch.setenv("LOOKDEV_CACHE", str(tmp_path / "here"))
+    plan = case.make_plan(case.make_job(tmp_path))
+    maps = [Content.holding(part.encode(), ".exr") for part in "rpsb"]
+    scene = plan.frames[0].task.scene
+    scene = replace(scene, asset=Content.holding(os.urandom(99), ".npz"), lights=(Dome(*maps, 64, 32, "119147"),))
+    return replace(plan, frames=tuple(replace(each, task=replace(each.task, scene=scene)) for each in plan.frames))
+
+
+@pytest.fixture
+def executor(cluster: Any, tmp_path: Path, plan: Plan) -> Iterator[DaskExecutor]:
+    with make(cluster.scheduler_address, tmp_path) as executor:
+        yield executor
+
+
+def make(address: str, folder: Path, **options: Any) -> DaskExecutor:
+    (folder / "scratch").mkdir(exist_ok=True)
+    place = Place(folder / "scratch", lambda name: folder / f"{name}.log", (), 20.0)
+    return DaskExecutor(place, address, command=case.command(folder), **options)
+
+
+def happenings(executor: DaskExecutor, plan: Plan) -> list[Any]:
+    return list(executor.render([frame.task for frame in plan.frames], lambda task: True))
+
+
+def stems(found: list[Any], kind: type) -> list[str]:
+    return sorted(each.task.files[0].stem for each in found if isinstance(each, kind))
+
+
+ALL = ["element.0001", "element.0002", "element.0003", "element.0004", "lighting.0002", "lighting.0003"]
+
+
+def test_frames_come_back_and_files_go_there_once(
+    executor: DaskExecutor, plan: Plan, there: Path, tmp_path: Path
+) -> None:
+    named = contents(plan.frames[0].task.scene)
+    assert stems(happenings(executor, plan), Finished) == ALL
+    stored = {each: there / "content" / f"{each.digest}{each.suffix}" for each in named}
+    assert all(file.read_bytes() == each.path.read_bytes() for each, file in stored.items())
+    before = {file: file.stat().st_ino for file in stored.values()}
+    assert stems(happenings(executor, plan), Finished) == ALL
+    assert {file: file.stat().st_ino for file in stored.values()} == before
+    assert not list((there / "content").glob(".*"))
+
+
+def test_a_frame_that_fails_is_given_up_and_one_that_lost_its_renderer_is_tried_again(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path
+) -> None:
+    case.misbehave(tmp_path, element_0002=["failed"], element_0003=["die", "ok"])
+    found = happenings(executor, plan)
+    assert stems(found, Finished) == [name for name in ALL if name != "element.0002"]
+    (given_up,) = (each for each in found if isinstance(each, GivenUp))
+    assert "no such attribute 'st2' (on tcp://127.0.0.1:" in given_up.reason
+    assert stems(found, Retried) == ["element.0002", "element.0003"]
+
+
+def test_frames_of_a_worker_of_dask_that_is_killed_are_rendered_by_others(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path
+) -> None:
+    case.misbehave(tmp_path, element_0002=["hang", "ok"])
+    found, killed = [], False
+    for each in executor.render([frame.task for frame in plan.frames], lambda task: True):
+        found.append(each)
+        if not killed and "element.0002.exr" in case.requests(tmp_path):
+            # The renderer that hangs is that of a chunk in flight; its parent is the worker of Dask.
+            for pid in case.worker_pids(tmp_path):
+                if case.is_alive(pid):
+                    parent = int(Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[1])
+                    os.kill(parent, signal.SIGKILL)
+                    killed = True
+    assert killed
+    assert stems(found, Finished) == ALL
+
+
+def test_ending_early_stops_what_renders_there(executor: DaskExecutor, plan: Plan, tmp_path: Path) -> None:
+    case.misbehave(tmp_path, **{name.replace(".", "_"): ["hang"] for name in ALL})
+    next(iter(executor.render([frame.task for frame in plan.frames], lambda task: True)))
+    case.wait_until(lambda: bool(case.requests(tmp_path)))
+    executor.__exit__()
+    case.wait_until(lambda: not any(map(case.is_alive, case.worker_pids(tmp_path))), 20.0)
+
+
+def test_workers_write_frames_to_a_folder_that_they_share(cluster: Any, plan: Plan, tmp_path: Path) -> None:
+    job = case.make_job(tmp_path)
+    with make(cluster.scheduler_address, tmp_path, store=store) as executor:
+        result = run_plan(plan, job.outputs, job.render.background, executor=executor)
+    assert (result.done, result.rendered, result.exit_code) == (6, 6, 0)
+    place = tmp_path / "out" / "gold" / "city"
+    assert (read_frame(place / "element.0002.exr")[0] == 0.25).all()
+    assert len(list(place.glob("*.png"))) == 9
+
+
+def test_a_worker_without_the_shared_folder_is_told_what_it_lacks(
+    cluster: Any, plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with make(cluster.scheduler_address, tmp_path, store=store) as executor:
+        monkeypatch.setattr(executor, "_shared_mark", lambda: Path("/nowhere/mark"))
+        with pytest.raises(
+            WorkerError, match=r"does not see /nowhere: mount the output folder.* or leave out --shared"
+        ):
+            happenings(executor, plan)
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "error", "message"),
+    [("full", OutputError, r"worker tcp://.*: /out: No space left on device")],
+)
+def test_a_worker_that_cannot_write_ends_the_run(
+    executor: DaskExecutor, plan: Plan, tmp_path: Path, behaviour: str, error: type[Exception], message: str
+) -> None:
+    case.misbehave(tmp_path, element_0001=[behaviour])
+    with pytest.raises(error, match=message):
+        happenings(executor, plan)
+
+
+def test_a_file_that_is_nowhere_is_an_error_that_names_it(executor: DaskExecutor, plan: Plan) -> None:
+    asset = plan.frames[0].task.scene.asset
+    asset.path.unlink()
+    with pytest.raises(LookdevError, match=asset.digest):
+        happenings(executor, plan)
+
+
+def test_a_worker_whose_cache_cannot_be_written_is_named(
+    executor: DaskExecutor, plan: Plan, there: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asset = plan.frames[0].task.scene.asset
+    # A folder where the part of the file would be written: root may write everywhere.
+    pids = executor._client.run(os.getpid).values()
+    blocked = [there / "content" / f".{asset.digest}{asset.suffix}.{pid}.part" for pid in pids]
+    for each in blocked:
+        each.mkdir(parents=True)
+    try:
+        with pytest.raises(OutputError, match=r"worker tcp://.* cannot keep a file: .*directory"):
+            happenings(executor, plan)
+    finally:
+        for each in blocked:
+            each.rmdir()
+
+
+def test_other_versions_are_an_error_that_says_what_to_install(
+    executor: DaskExecutor, plan: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from lookdev.render.executors import dask
+
+    ours = dask.versions("exact")
+    monkeypatch.setattr(dask, "versions", lambda backend: ours | {"NumPy": "0.1", "lookdev": "9.9"})
+    with pytest.raises(
+        WorkerError, match=r"tcp://.* has lookdev 0.1.0, here 9.9; NumPy .*, here 0.1.*Install the same"
+    ):
+        happenings(executor, plan)
+
+
+def test_a_scheduler_that_is_not_there_is_an_error_that_says_what_to_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lookdev.render.executors.dask._CONNECT", 0.5)
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+    with pytest.raises(WorkerError, match=f"no scheduler of Dask answers at {address}.*'dask scheduler'"):
+        make(address, tmp_path).__enter__()
+    place = Place(tmp_path, lambda name: tmp_path / name, ())
+    with pytest.raises(LookdevError, match="has workers of its own"):
+        opened(Choice("dask", address, workers=2), place, store)
+
+
+def test_a_user_is_told_where_no_worker_comes(tmp_path: Path, plan: Plan, monkeypatch: pytest.MonkeyPatch) -> None:
+    from distributed import LocalCluster
+
+    monkeypatch.setattr("lookdev.render.executors.dask._LONELY", 0.5)
+    alone = LocalCluster(n_workers=0, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1")
+    with alone as cluster, make(cluster.scheduler_address, tmp_path) as executor:
+        found = []
+        for each in executor.render([frame.task for frame in plan.frames], lambda task: True):
+            found.append(each)
+            if isinstance(each, Remarked) and not cluster.workers:
+                assert "has no worker: frames wait for one" in each.text
+                cluster.adapt(minimum=0, maximum=1, interval="100ms")
+        assert stems(found, Finished) == ALL

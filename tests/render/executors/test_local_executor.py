@@ -1,0 +1,139 @@
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import batch_case as case
+import pytest
+
+from lookdev.errors import LookdevError, OutputError, WorkerError
+from lookdev.render.executors import Finished, GivenUp, LocalExecutor, Place, Retried
+from lookdev.render.executors.choice import Choice, choose, devices_of
+from lookdev.render.task import FrameTask
+from lookdev.render.threads import THREADS_VARIABLE
+
+
+def place(folder: Path, command: tuple[str, ...] | None = None) -> Place:
+    (folder / "scratch").mkdir(exist_ok=True)
+    return Place(folder / "scratch", lambda name: folder / f"{name}.log", command or case.command(folder), 20.0)
+
+
+def names(tasks: Iterator[FrameTask]) -> list[str]:
+    return sorted(task.files[0].stem for task in tasks)
+
+
+@pytest.fixture
+def tasks(tmp_path: Path) -> list[FrameTask]:
+    return [frame.task for frame in case.make_plan(case.make_job(tmp_path)).frames]
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_every_frame_is_rendered_once_however_many_workers(
+    tmp_path: Path, tasks: list[FrameTask], workers: int
+) -> None:
+    case.misbehave(tmp_path, **{task.files[0].stem.replace(".", "_"): ["slow"] for task in tasks})
+    with LocalExecutor(place(tmp_path), workers) as executor:
+        found = list(executor.render(tasks, lambda task: True))
+    done = [each for each in found if isinstance(each, Finished)]
+    assert names(each.task for each in done) == names(iter(tasks))
+    assert all((each.rendered.a == 0.25).all() for each in done)
+    assert sorted(case.requests(tmp_path)) == sorted(task.files[0].name for task in tasks)
+    assert len(case.worker_pids(tmp_path)) == workers
+    assert not any(map(case.is_alive, case.worker_pids(tmp_path)))
+    logs = {path.name for path in tmp_path.glob("worker*.log")}
+    assert logs == {"worker.log", "worker-2.log", "worker-3.log"} - {f"worker-{n}.log" for n in (2, 3) if n > workers}
+
+
+def test_a_frame_that_is_not_wanted_any_more_is_left_out(tmp_path: Path, tasks: list[FrameTask]) -> None:
+    with LocalExecutor(place(tmp_path), 2) as executor:
+        found = executor.render(tasks, lambda task: task is not tasks[2])
+        assert names(each.task for each in found if isinstance(each, Finished)) == names(iter([*tasks[:2], *tasks[3:]]))
+
+
+def test_a_frame_that_kills_its_worker_is_given_up_and_the_others_are_rendered(
+    tmp_path: Path, tasks: list[FrameTask]
+) -> None:
+    case.misbehave(tmp_path, element_0002=["die"], element_0003=["failed", "ok"])
+    with LocalExecutor(place(tmp_path), 2) as executor:
+        found = list(executor.render(tasks, lambda task: True))
+    (given_up,) = (each for each in found if isinstance(each, GivenUp))
+    assert given_up.task.files[0].stem == "element.0002"
+    assert "SIGKILL" in given_up.reason
+    assert given_up.log is not None
+    assert given_up.log.exists()
+    tries = sorted((each.task.files[0].stem, each.attempt) for each in found if isinstance(each, Retried))
+    assert tries == [("element.0002", 2), ("element.0002", 3), ("element.0003", 2)]
+    assert len([each for each in found if isinstance(each, Finished)]) == len(tasks) - 1
+
+
+@pytest.mark.parametrize(
+    ("behaviour", "error", "message"), [("full", OutputError, "No space left"), (None, WorkerError, "3 times")]
+)
+def test_what_ends_a_run_ends_all_workers(
+    tmp_path: Path, tasks: list[FrameTask], behaviour: str | None, error: type[Exception], message: str
+) -> None:
+    case.misbehave(tmp_path, element_0002=[behaviour or "ok"], element_0001=["hang"], element_0003=["hang"])
+    command = case.command(tmp_path) if behaviour else ("/bin/false",)
+    with LocalExecutor(place(tmp_path, command), 2) as executor, pytest.raises(error, match=message):
+        list(executor.render(tasks, lambda task: True))
+    assert not any(map(case.is_alive, case.worker_pids(tmp_path)))
+
+
+def test_an_iteration_that_ends_early_ends_what_renders(tmp_path: Path, tasks: list[FrameTask]) -> None:
+    case.misbehave(tmp_path, element_0001=["hang"], element_0002=["hang"])
+    started = time.monotonic()
+    with LocalExecutor(place(tmp_path), 2) as executor:
+        next(iter(executor.render(tasks, lambda task: True)))
+        case.wait_until(lambda: len(case.requests(tmp_path)) == 2)
+    assert time.monotonic() - started < 15.0
+    assert not any(map(case.is_alive, case.worker_pids(tmp_path)))
+
+
+@pytest.mark.parametrize(("idle", "workers"), [(1.9, 2), (0.0, 1)])
+def test_without_a_number_workers_are_added_while_cores_are_idle(
+    tmp_path: Path, tasks: list[FrameTask], monkeypatch: pytest.MonkeyPatch, idle: float, workers: int
+) -> None:
+    module = "lookdev.render.executors"
+    monkeypatch.setattr(f"{module}.local.idle_cores", lambda before, now: idle if len(executor._slots) == 1 else 0.0)
+    monkeypatch.setattr(f"{module}.local._WATCHED", 0.0)
+    monkeypatch.setattr(f"{module}.capacity._START", 0.0)
+    monkeypatch.setattr(f"{module}.capacity.cores", lambda: 2)
+    case.misbehave(tmp_path, **{task.files[0].stem.replace(".", "_"): ["slow"] for task in tasks})
+    with LocalExecutor(place(tmp_path), None) as executor:
+        found = list(executor.render(tasks, lambda task: True))
+    assert len([each for each in found if isinstance(each, Finished)]) == len(tasks)
+    assert len(executor._slots) == workers
+
+
+def test_workers_divide_threads_and_take_turns_with_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("lookdev.render.executors.local.cores", lambda: 8)
+    devices = devices_of(Choice(workers=3, device="cuda", numbers=(0, 2)))
+    with LocalExecutor(place(tmp_path), 3, devices) as executor:
+        workers = [executor._slots[0], executor._slot()]
+        executor._slots.append(workers[1])
+        third = executor._slot()
+    shown = [each.worker._environment for each in (*workers, third)]
+    assert [each["CUDA_VISIBLE_DEVICES"] for each in shown] == ["0", "2", "0"]
+    assert {each[THREADS_VARIABLE] for each in shown} == {"2"}
+    assert devices_of(Choice(device="optix", numbers=(1, 3))) == ({"CUDA_VISIBLE_DEVICES": "1,3"},)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"executor": "dusk"}, "did you mean 'dask'"),
+        ({"executor": "local:here"}, "has no address"),
+        ({"executor": "warm"}, "warm:SOCKET"),
+        ({"executor": "warm:x", "workers": 2}, "--workers: executor 'warm' has workers of its own"),
+        ({"stored": True}, "--shared"),
+        ({"device": "cdua"}, "did you mean 'cuda'"),
+        ({"device": "cpu:0"}, "cannot be chosen by number"),
+        ({"device": "cuda:"}, "should be as cuda:0"),
+        ({"device": "cuda:0,x"}, "should be as cuda:0"),
+        ({"executor": "dask", "device": "cuda:1"}, "write --device cuda"),
+    ],
+)
+def test_a_wrong_choice_states_what_would_be_right(options: dict[str, object], message: str) -> None:
+    with pytest.raises(LookdevError, match=message):
+        choose(**{"executor": "local", "workers": None, "device": None, "stored": False, **options})  # type: ignore[arg-type]
