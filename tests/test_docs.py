@@ -108,7 +108,9 @@ def _job_tables(name: str, table: dict[str, Any], schema: dict[str, Any]) -> Ite
     """Yield a table of the job file, and the tables in it, each by its name."""
     yield name, _job_table(table)
     for key, field in table["properties"].items():
-        reference = field.get("$ref") or field.get("items", {}).get("$ref")
+        # Of a job itself, a table that may be absent has a table of its own too.
+        given = field.get("anyOf", [{}])[0] if name == "job" else {}
+        reference = field.get("$ref") or field.get("items", {}).get("$ref") or given.get("$ref")
         if reference:
             yield from _job_tables(f"{name}.{key}", schema["$defs"][reference.rpartition("/")[2]], schema)
 

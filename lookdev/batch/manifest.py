@@ -32,6 +32,7 @@ _STATE = f"{STATE_FOLDER}/digests.json"
 def input_files(job: Job) -> list[Path]:
     """Return a job file and all files that it reads, those that its USD files compose included."""
     composed = [job.asset.usd, job.camera.file, *(rig.usd for rig in job.rig)]
+    composed += [job.ground.material] if job.ground else []
     for look in job.look:
         composed += [look.material, look.layer, *(each.material for each in look.assign)]
     needed = {ibl.file for ibl in job.ibl if ibl.file}.union(*(_composed_of(file) for file in composed if file))
@@ -65,13 +66,14 @@ def record_run(job: Job, plan: Plan) -> Path:
             name = file.relative_to(plan.output).as_posix()
             again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
             frames.append(digests.entry(file, name) | {"header": read_header(file), "command": again})
+    beside = (key for key in ("charts", "ground") if getattr(job, key) is not None)
     made = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
     manifest = {
         "job": str(job.file),
         "command": render,
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
         "view": asdict(job.outputs.shown("png")),
-        "settings": job.model_dump(mode="json", include={"render", "outputs"}),
+        "settings": job.model_dump(mode="json", include={"render", "outputs", *beside}),
         "inputs": [digests.entry(file, str(file)) for file in input_files(job) if file.is_file()],
         "planned": len(planned),
         "frames": frames,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from lookdev.batch.ledger import Ledger
 from lookdev.cache import file_digest, share
 from lookdev.job import JobOutputs
-from lookdev.output import Frames, Output, composite
+from lookdev.output import Frames, Output, composite, laid_over
 from lookdev.output.color import DisplayView
 from lookdev.output.exr import read_shown
 from lookdev.plan import Plan, Reel
@@ -63,6 +63,8 @@ class Pictures:
         self._behind = background
         self._ledger = ledger
         self._overdue = set(plan.pictures)
+        self._tasks = {path: planned.task for planned in plan.frames for path in planned.task.files}
+        self._charts = plan.charts
         files = [(output, file) for output in outputs.wanted for file in _files(plan, output)]
         self._sheets = [file for output, file in files if output.of != "frame"]
         self._singles: dict[Path, list[PictureFile]] = {}
@@ -70,8 +72,8 @@ class Pictures:
             if output.of == "frame":
                 self._singles.setdefault(next(iter(file.frames)), []).append(file)
 
-    def refresh(self, task: FrameTask) -> None:
-        """Make what is missing or out of date of a single frame on disk.
+    def refresh(self, task: FrameTask, done: set[Path]) -> None:
+        """Make what is missing or out of date of a single frame on disk, if the props over it are `done`.
 
         Raises
         ------
@@ -79,20 +81,30 @@ class Pictures:
             The frame cannot be read, or a file not be written.
         """
         for file in self._singles.get(task.files[0], ()):
+            if not self._over(file) <= done:
+                continue
             key = self._key(file)
             due = [path for path in file.paths if path in self._overdue or not self._is_current(path, key)]
             if due:
                 self._write(file, due)
 
-    def write(self, task: FrameTask, beauty: Floats, alpha: Floats) -> None:
-        """Make what is made of a single frame, which was just rendered."""
+    def write(self, task: FrameTask, beauty: Floats, alpha: Floats, done: set[Path]) -> None:
+        """Make what is made of a single frame, which was just rendered, if the props over it are `done`."""
         for file in self._singles.get(task.files[0], ()):
-            self._write(file, file.paths, (beauty, alpha))
+            if self._over(file) <= done:
+                self._write(file, file.paths, (beauty, alpha))
+
+    def refresh_under(self, task: FrameTask, done: set[Path]) -> None:
+        """Make what is out of date of single frames that are `done`, over which a new frame of props is laid."""
+        under = {self._tasks[frame].files for frame, over in self._charts.items() if over in task.files}
+        for files in under:
+            if files[0] in done:
+                self.refresh(self._tasks[files[0]], done)
 
     def sheets(self, done: set[Path], task: FrameTask | None = None) -> Iterator[PictureFile]:
         """Yield what is made of several frames, if they are all done; with `task`, only what shows it."""
         for file in self._sheets:
-            shown = file.frames.keys()
+            shown = file.frames.keys() | self._over(file)
             if shown <= done and not (task is not None and shown.isdisjoint(task.files)):
                 yield file
 
@@ -108,11 +120,14 @@ class Pictures:
         """Write a file; `pixels` are beauty and alpha of its only frame, if they need not be read."""
 
         def layers(frame: Path) -> tuple[Floats, Floats]:
+            over = self._charts.get(frame)
             if pixels is None:
-                return read_shown(frame)
-            beauty, alpha = pixels
-            space = file.frames[frame].scene.space
-            return (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+                shown = read_shown(frame)
+            else:
+                beauty, alpha = pixels
+                space = file.frames[frame].scene.space
+                shown = (beauty if space == REC709 else to_rec709(beauty, space).astype(np.float32)), alpha
+            return shown if over is None else laid_over(read_shown(over), shown)
 
         def light(frame: Path) -> Floats:
             return composite(*layers(frame), self._background(file.frames[frame]))
@@ -126,8 +141,13 @@ class Pictures:
         for path in paths:
             self._ledger.add(self._name(path), key, digest)
 
+    def _over(self, file: PictureFile) -> set[Path]:
+        """Return the frames of props that are laid over the frames of a file."""
+        return {self._charts[frame] for frame in file.frames if frame in self._charts}
+
     def _key(self, file: PictureFile) -> str:
         digests = [task.digest for task in file.frames.values()]
+        digests += [self._tasks[self._charts[frame]].digest for frame in file.frames if frame in self._charts]
         made_of = [digests, file.labels, self._behind, self._options(file.output)]
         made_of += [file.columns] if file.columns else []
         return hashlib.sha256(json.dumps(made_of, default=_view_digest).encode()).hexdigest()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from lookdev.asset import Asset, load_asset, make_asset
@@ -20,10 +20,11 @@ from lookdev.job.wedges import WedgeSheet
 from lookdev.light import Light
 from lookdev.material import Look
 from lookdev.output.exr import read_header
-from lookdev.plan import Plan, Setup, Turns, build_plan, make_setup
+from lookdev.plan import Charts, Plan, Setup, Turns, build_plan, make_setup
 from lookdev.render.scene import Generated, scene_task
 from lookdev.render.task import SceneTask
 from lookdev.scene import Film, Scene
+from lookdev.scene.charts import FOLDER
 from lookdev.space import REC709
 
 
@@ -35,6 +36,7 @@ class JobSetups:
     setups: tuple[Setup, ...]
     notes: tuple[str, ...]
     sheets: tuple[WedgeSheet, ...]
+    charts: tuple[Setup, ...] = ()  # of reference props, one for each light
 
     @property
     def turns(self) -> Turns:
@@ -46,7 +48,7 @@ class JobSetups:
 class Prepared(JobSetups):
     """A job with its plan."""
 
-    plan: Plan
+    plan: Plan = field(kw_only=True)
 
 
 def prepare_job(path: Path, backend: str | None = None) -> Prepared:
@@ -72,14 +74,18 @@ def plan_job(job: Job, ahead: Callable[[SceneTask], None] | None = None) -> Prep
     made = make_setups(job_scenes(job, show), generated)
     job = made.job
     labels = {"job": str(job.file), "asset": job.asset.builtin or str(job.asset.usd)}
-    plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside)
-    return Prepared(job, made.setups, made.notes, made.sheets, replace(plan, sheets=made.sheets))
+    charts = Charts(made.charts, job.charts.strip(job.render.resolution)) if job.charts else None
+    plan = build_plan(made.setups, made.turns, read_header, labels=labels, beside=job.outputs.beside, charts=charts)
+    plan = replace(plan, sheets=made.sheets)
+    return Prepared(job, made.setups, made.notes, made.sheets, made.charts, plan=plan)
 
 
 def read_setups(path: Path, backend: str | None = None) -> JobSetups:
-    """Read a job and its files, without its wedges, in linear Rec.709; backend and errors as `prepare_job`."""
+    """Read a job and its files, without wedges, props and a catcher, in linear Rec.709; errors as `prepare_job`."""
     job = load_job(path)
-    job = job.model_copy(update={"wedge": (), "render": job.render.model_copy(update={"space": REC709})})
+    plane = job.ground if job.ground and job.ground.kind == "plane" else None
+    render = job.render.model_copy(update={"space": REC709})
+    job = job.model_copy(update={"wedge": (), "charts": None, "ground": plane, "render": render})
     return make_setups(job_scenes(_with_backend(job, backend)), {})
 
 
@@ -99,20 +105,28 @@ def make_setups(shown: JobScenes, generated: Generated) -> JobSetups:
     """Generate the sources of a job's scenes; raises FaultsError with the faults of `make_setup` of all of them."""
     job, faults = shown.job, list[Fault]()
     rigs = {rig.name: rig for rig in job.rigs}
-    setups = []
+    plain = replace(job.render.sampling, passes=(), denoise="off")
+    wanted = [(FOLDER, name, scene, plain, "charts") for name, scene in shown.charts.items()]
     for (look, name), scene in shown.scenes.items():
-        with collected(job, shown.places[look], faults):
+        wanted.append((look, name, scene, job.render.sampling, shown.places[look]))
+    setups = []
+    for look, name, scene, sampling, place in wanted:
+        with collected(job, place, faults):
             rig, render = rigs[name], job.render
             try:
-                setup = make_setup(look, name, scene, render.sampling, render.backend, render.device, generated)
+                setup = make_setup(look, name, scene, sampling, render.backend, render.device, generated)
             except EnvironmentMapError as error:
                 file = [str(rig.usd)] if isinstance(rig, JobRig) and rig.usd else []
-                place = ": ".join((shown.rig_places[name], *file))
-                faults += (Fault(str(job.file), place, line) for line in error.args[0].splitlines())
+                where = ": ".join((shown.rig_places[name], *file))
+                faults += (Fault(str(job.file), where, line) for line in error.args[0].splitlines())
                 continue
-            setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation))
+            # Props stand still before the camera, whatever turns.
+            around = setup.around or place == "charts"
+            setups.append(replace(setup, exposure=rig.exposure, rotation=rig.rotation, around=around))
     raise_all(faults)
-    return JobSetups(job, tuple(_sharing(setups)), (*shown.notes, *take_notes()), shown.sheets)
+    shared = tuple(_sharing(setups))
+    count = len(shown.charts)
+    return JobSetups(job, shared[count:], (*shown.notes, *take_notes()), shown.sheets, shared[:count])
 
 
 def _sharing(setups: Sequence[Setup]) -> Iterator[Setup]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from datetime import timedelta
 from typing import TextIO
 
@@ -29,6 +30,7 @@ from lookdev.batch.events import (
 )
 from lookdev.batch.log import JsonReport
 from lookdev.errors import printable
+from lookdev.fit.picture.search import Point
 
 _MOST_BARS = 8  # of frames
 
@@ -45,6 +47,21 @@ def show_progress(stream: TextIO, form: LogFormat = LogFormat.TEXT) -> Iterator[
             yield _LiveReport(display)
     else:
         yield _PlainReport(stream)
+
+
+@contextmanager
+def show_fit(stream: TextIO) -> Iterator[Callable[[Point], None]]:
+    """Yield a report of the renders that a fit tries: in a terminal a line that is replaced, else nothing."""
+    counts: Counter[str] = Counter()
+    with Console(file=stream).status("reading") if stream.isatty() else nullcontext() as status:
+
+        def report(point: Point) -> None:
+            counts[point.stage] += 1
+            if status is not None:
+                tried = ", ".join(f"{count} {stage}" for stage, count in counts.items())
+                status.update(f"difference {100.0 * max(point.loss, 0.0) ** 0.5:.3g} %  ({tried})")
+
+        yield report
 
 
 class Tally:

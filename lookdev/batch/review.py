@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from lookdev.batch.runs import STATE_FOLDER
@@ -13,6 +14,7 @@ from lookdev.output.exr import read_header
 from lookdev.output.manifest import read_manifest
 from lookdev.output.review import Reel, ReviewFrame, Version, write_page
 from lookdev.output.review.page import Written
+from lookdev.scene.charts import FOLDER, STRIP
 
 PAGE_FOLDER = "review"
 """Folder of the page inside the output folder, unless another is named."""
@@ -60,7 +62,7 @@ def review(
 
 
 def find_version(folder: Path, page: Path) -> Version:
-    """Return the frames of an output folder: ``<look>/<rig>/<turntable>.####.exr``.
+    """Return the frames of an output folder: ``<look>/<rig>/<turntable>.####.exr``, with the reference props over each.
 
     Damaged frames are left out, and are among its problems; the folder `page` is passed over. Raises OutputError where
     no frame is left.
@@ -69,7 +71,7 @@ def find_version(folder: Path, page: Path) -> Version:
         raise OutputError(f"{folder}: no such folder; the output folder of a job would be right")
     folder = folder.absolute()
     reels: dict[tuple[str, str, str], list[ReviewFrame]] = {}
-    problems = []
+    problems, doubted = list[str](), set[str]()
     for file in sorted(folder.glob("*/*/*.exr")):
         found = _FRAME.fullmatch(file.name)
         look, rig = file.parts[-3:-1]
@@ -83,13 +85,33 @@ def find_version(folder: Path, page: Path) -> Version:
         if "digest" not in header:
             problems.append(f"{file}: is left out: not written by lookdev")
             continue
+        if "charts.doubt" in header and header["digest"] not in doubted:
+            doubted.add(header["digest"])  # one picture has several names
+            problems.append(f"{file}: {header['charts.doubt']}")
         reels.setdefault((look, rig, found["turntable"]), []).append(ReviewFrame(file, int(found["number"]), header))
     if not reels:
         why = f": {'; '.join(map(shortened, problems[:_MOST]))}" if problems else ""
         raise OutputError(f"{folder}: has no frames, <look>/<rig>/<turntable>.####.exr{why}")
-    return Version(
-        folder.name, folder, tuple(Reel(*key, tuple(frames)) for key, frames in reels.items()), tuple(problems)
-    )
+    props = {
+        frame.file.relative_to(folder / FOLDER): frame.file
+        for (look, _, _), frames in reels.items()
+        for frame in frames
+        if look == FOLDER and STRIP in frame.header and _has_props(folder)
+    }
+    made = []
+    for key, frames in sorted(reels.items(), key=lambda each: each[0][0] == FOLDER):  # props after the looks
+        files = [frame.file.relative_to(folder / key[0]) for frame in frames]
+        over = [props.get(file) if key[0] != FOLDER else None for file in files]
+        made.append(Reel(*key, tuple(replace(f, over=each) for f, each in zip(frames, over, strict=True))))
+    return Version(folder.name, folder, tuple(made), tuple(problems))
+
+
+def _has_props(folder: Path) -> bool:
+    """Return whether frames of props that are in a folder belong to its job, as far as it is known."""
+    try:
+        return "charts" in read_manifest(folder)["settings"]
+    except (OutputError, KeyError, TypeError):
+        return True
 
 
 def _job_view(folder: Path) -> DisplayView:

@@ -154,7 +154,7 @@ def render_job(
     backend = BACKENDS[job.render.backend]
     with Run(job.output, str(chunk or "")) as run, _opened(choice, run, backend.command) as executor:
         if not outputs_only and (force or _lacks_frames(job)):
-            if choice.kind == "local":
+            if choice.here:
                 backend.check_device(job.render.device)
             # Blender starts while files are read.
             executor.launch()
@@ -299,6 +299,8 @@ def run_plan(
         The plan has no frame of a name in `only`.
     OutputError
         A file cannot be written.
+    RenderError
+        The device of the frames cannot be had here.
     WorkerError
         The worker does not start.
     """
@@ -313,7 +315,11 @@ def run_plan(
             tasks = frames.bring_up_to_date(only)
             if tasks and not outputs_only:
                 if executor is None:
-                    command = worker_command or BACKENDS[tasks[0].scene.backend].command
+                    scene = tasks[0].scene
+                    backend = BACKENDS[scene.backend]
+                    if worker_command is None:
+                        backend.check_device(scene.device)
+                    command = worker_command or backend.command
                     executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
                 frames.render(tasks, executor)
             frames.wait_for_sheets()
@@ -356,6 +362,7 @@ class _Frames:
         self._run = run
         self._report = report
         self._pictures = pictures
+        self._props = set(plan.charts.values())
         self._force = force
         self._done: set[Path] = set()
         self._rendered = 0
@@ -386,7 +393,7 @@ class _Frames:
             if task.files in waiting:
                 continue
             try:
-                self._pictures.refresh(task)
+                self._pictures.refresh(task, self._done)
             except OutputError:
                 if _is_whole(task.files[0]):
                     raise
@@ -411,7 +418,9 @@ class _Frames:
         for name in names:
             if name not in known:
                 raise LookdevError(f"the job has no frame '{name}' ({close_hint(name, list(known)) or 'see its plan'})")
-        return {known[name] for name in names}
+        chosen = {known[name] for name in names}
+        tasks = {path: frame.task.files for frame in self._plan.frames for path in frame.task.files}
+        return chosen | {tasks[self._plan.charts[f]] for files in chosen for f in files if f in self._plan.charts}
 
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
         """Render frames, each claimed until it is done; only workers that never start end the batch.
@@ -454,7 +463,7 @@ class _Frames:
         for path in task.files[1:]:
             if not _has(path, task):
                 share(task.files[0], path)
-        self._pictures.refresh(task)
+        self._pictures.refresh(task, self._done)
         self._settle(task)
         self._report(FrameFound(self._name(task), task.digest))
         self._refresh_sheets()
@@ -488,9 +497,9 @@ class _Frames:
         for note in stored.notes:
             self._report(Noted(note))
         if isinstance(rendered, Stored):
-            self._pictures.refresh(task)
+            self._pictures.refresh(task, self._done)
         else:
-            self._pictures.write(task, exposed(task, rendered), rendered.alpha)
+            self._pictures.write(task, exposed(task, rendered), rendered.alpha, self._done)
         self._settle(task)
         self._rendered += 1
         self._report(FrameDone(self._name(task), seconds, stored.samples, stored.relmse, task.digest))
@@ -498,6 +507,8 @@ class _Frames:
 
     def _settle(self, task: FrameTask) -> None:
         self._done.update(task.files)
+        if task.files[0] in self._props:
+            self._pictures.refresh_under(task, self._done)
         self._run.release(self._name(task))
 
     def _refresh_sheets(self, task: FrameTask | None = None) -> None:

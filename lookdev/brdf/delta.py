@@ -19,7 +19,7 @@ import numpy as np
 from lookdev.brdf.frames import Frame, frame_of
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Bsdf, Delta
-from lookdev.brdf.metal import named_metal
+from lookdev.brdf.metal import OF_INDICES, named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter, normal_parameter
 from lookdev.brdf.vectors import TINY, Array, Mask, Parameters, Real, scale, vector
@@ -99,7 +99,9 @@ def _model(
     *parameters: Parameter,
 ) -> Model:
     by_name = {each.name: each for each in (*parameters, _NORMAL)}
-    return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True)
+    return Model(name, title, text, by_name, bsdf, f"Lookdev{title}", preview=Preview({}, preview), delta=True,
+        quotes={key: each for key, each in OF_INDICES.items() if key in by_name}, quoted="Trent 2017, section 4",
+    )  # fmt: skip
 
 
 MIRROR = _model(

@@ -216,7 +216,8 @@ _PARAMETERS: dict[str, Parameter] = {
             0.0,
             hard=(0.0, 3000.0),
             soft=(0.0, 1000.0),
-            help="Nanometres of a thin film over the specular lobe, which makes it iridescent; 0: there is none.",
+            help="Thickness of a film over the specular lobe, which makes it iridescent; 0: there is none.",
+            unit="nm",
             optional=True,
         ),
         Parameter(
@@ -231,6 +232,28 @@ _PARAMETERS: dict[str, Parameter] = {
         ),
         *metal_parameters("apart"),
     )
+}
+
+
+_QUOTES = {
+    "baseColor": "the surface color, usually supplied by texture maps.",
+    "subsurface": "controls diffuse shape using a subsurface approximation.",
+    "metallic": "the metallic-ness (0 = dielectric, 1 = metallic). This is a linear blend between two different "
+    "models. The metallic model has no diffuse component and also has a tinted incident specular, equal to the base "
+    "color.",
+    "specular": "incident specular amount. This is in lieu of an explicit index-of-refraction.",
+    "specularTint": "a concession for artistic control that tints incident specular towards the base color. Grazing "
+    "specular is still achromatic.",
+    "roughness": "surface roughness, controls both diffuse and specular response.",
+    "anisotropic": "degree of anisotropy. This controls the aspect ratio of the specular highlight. (0 = isotropic, "
+    "1 = maximally anisotropic.)",
+    "sheen": "an additional grazing component, primarily intended for cloth.",
+    "sheenTint": "amount to tint sheen towards base color.",
+    "clearcoat": "a second, special-purpose specular lobe.",
+    "clearcoatGloss": "controls clearcoat glossiness (0 = a “satin” appearance, 1 = a “gloss” appearance).",
+    "gamma": "Preliminary fitting results suggest typical values of γ between 1 and 2.",
+    "filmThickness": "We've also received requests to add iridescence to our model. This should be as simple as adding "
+    "specular color variation as previously discussed.",
 }
 
 
@@ -292,4 +315,6 @@ DISNEY = Model(
     preview=Preview(
         {"diffuseColor": "baseColor", "metallic": "metallic", "roughness": "roughness", "opacity": "presence"}, _preview
     ),
+    quotes=_QUOTES,
+    quoted="Burley 2012, sections 5.2, 5.4 and 6.3",
 )

@@ -41,6 +41,13 @@ METAL_COLORS = ("nearest", "bands")
 
 _NONE = "none"
 
+OF_INDICES = {
+    "eta": "the internal IOR (η_i) is the index of refraction of the material itself",
+    "k": "the extinction coefficient (k) is effectively how conductive the material is",
+    "externalIor": "the external IOR (η_o) is the index of refraction of the material the object is contained in.",
+}
+"""What Trent 2017, section 4, says of indices."""
+
 
 @cache
 def metal_table() -> Any:

@@ -78,6 +78,8 @@ class Model:
         The approximation by UsdPreviewSurface.
     delta
         Whether it scatters along single directions alone, and has no lobes.
+    quotes
+        What a publication says of parameters, word by word, by their names; `quoted` is the publication and the place.
     """
 
     name: str
@@ -95,6 +97,8 @@ class Model:
     probe: Mapping[str, Value] = field(default_factory=dict)
     preview: Preview = field(default_factory=Preview)
     delta: bool = False
+    quotes: Mapping[str, str] = field(default_factory=dict)
+    quoted: str = ""
 
     def stack(self, layers: Sequence[StackLayer]) -> Bsdf:
         """Combine layers of this model, base first, into one surface; tokens that differ raise ModelError."""

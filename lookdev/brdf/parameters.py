@@ -22,12 +22,12 @@ class Parameter:
     """One input of a reflectance model.
 
     `hard` is the range outside which the model has no meaning: a constant outside it is an error at load time. `soft`
-    is the range of a slider. Colours are linear Rec.709 and their ranges hold per channel. A ``"token"`` is one of
-    `choices`, forms of the model between which code generation chooses: it must be constant. A ``"normal"`` is a vector
-    in the frame of tangent, bitangent and shading normal, of any length but zero. Where it is not given, it has the
-    value of the parameter that it `follows`, whose default is the same. `optional` numbers belong to parts of the
-    model that their defaults leave out. A token with `file` may be the path of a file, too, which that function reads,
-    and must be given.
+    is the range of a slider, `unit` that of the number, empty where it is a ratio. Colours are linear Rec.709 and their
+    ranges hold per channel. A ``"token"`` is one of `choices`, forms of the model between which code generation
+    chooses: it must be constant. A ``"normal"`` is a vector in the frame of tangent, bitangent and shading normal, of
+    any length but zero. Where it is not given, it has the value of the parameter that it `follows`, whose default is
+    the same. `optional` numbers belong to parts of the model that their defaults leave out. A token with `file` may be
+    the path of a file, too, which that function reads, and must be given.
 
     `among` layers that one model combines, a token must be ``"alike"``; layers that differ in it are blended
     ``"apart"``, as those of two models are; or it is each layer's ``"own"``. A token that `stands` for values of other
@@ -41,6 +41,7 @@ class Parameter:
     soft: tuple[float, float] = (0.0, 1.0)
     choices: tuple[str, ...] = ()
     help: str = ""
+    unit: str = ""
     follows: str = ""
     optional: bool = False
     among: Literal["alike", "apart", "own"] = "alike"

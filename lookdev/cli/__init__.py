@@ -15,7 +15,7 @@ import typer
 
 import lookdev
 from lookdev.cache import take_notes
-from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials, plots, review, warm
+from lookdev.cli import assets, bench, checks, export, jobs, looks, machine, materials, plots, review, studio, warm
 from lookdev.cli.options import say
 from lookdev.errors import FaultsError, LookdevError, OutputError, RenderError, WorkerError
 from lookdev.guard import KilledError, NativeCrash, supervised
@@ -30,7 +30,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-for group in (jobs, review, assets, looks, plots, checks, bench, machine):
+for group in (jobs, review, assets, looks, plots, studio, checks, bench, machine):
     app.add_typer(group.app)
 app.add_typer(materials.app, name="materials", rich_help_panel="Looks")
 app.add_typer(warm.app, name="warm", rich_help_panel="Jobs")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from lookdev.cli.options import AsJson, say, say_json
+from lookdev.errors import LookdevError
 
 app = typer.Typer()
+_PICTURES = "Pictures"
 
 What = Annotated[
     list[str],
@@ -71,28 +75,168 @@ def plot(
 def fit(
     what: Annotated[
         str,
-        typer.Argument(metavar="DATA", help="Measured data, or anything else that plot shows.", show_default=False),
+        typer.Argument(
+            metavar="DATA|JOB",
+            help="Measured data, or anything else that plot shows; with --picture, the job that shows the scene.",
+            show_default=False,
+        ),
     ],
     model: Annotated[
-        str, typer.Option("--model", metavar="MODEL", help="The model; parameters given with it stay: disney:sheen=0.")
-    ] = "disney",
+        str | None,
+        typer.Option(
+            "--model",
+            metavar="MODEL",
+            help="The model; parameters given with it stay: disney:sheen=0. Default: disney.",
+            show_default=False,
+        ),
+    ] = None,
     only: Annotated[
         list[str] | None,
         typer.Option("--only", metavar="NAME", help="Fit this parameter, not all. Repeatable.", show_default=False),
     ] = None,
-    loss: Annotated[str, typer.Option("--loss", help="Of f cos: log, cbrt or linear.")] = "log",
-    starts: Annotated[int, typer.Option("--starts", help="How many of the best random starts are followed.")] = 4,
+    loss: Annotated[
+        str | None, typer.Option("--loss", help="Of f cos: log, cbrt or linear. Default: log.", show_default=False)
+    ] = None,
+    starts: Annotated[
+        int | None,
+        typer.Option(
+            "--starts",
+            help="How many of the best random starts are followed. Default: 4, of a picture 2.",
+            show_default=False,
+        ),
+    ] = None,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="FILE", help="The difference as a plot.", show_default=False),
+        typer.Option(
+            "--output",
+            "-o",
+            metavar="FILE",
+            help="The difference as a plot; of a picture the page, by default <picture>_fit.html here.",
+            show_default=False,
+        ),
     ] = None,
     look: Annotated[
-        Path | None, typer.Option("--look", metavar="FILE", help="The result as a look, USD.", show_default=False)
+        Path | None,
+        typer.Option(
+            "--look",
+            metavar="FILE",
+            help="The result as a look, USD; of a picture by default <picture>_fitted.usda here.",
+            show_default=False,
+        ),
     ] = None,
     as_json: AsJson = False,
     library: Library = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            "--picture",
+            metavar="PHOTO.exr",
+            help="Find the parameters of a look of JOB in this picture of it, by derivatives of renders.",
+            rich_help_panel=_PICTURES,
+            show_default=False,
+        ),
+    ] = None,
+    parameters: Annotated[
+        str,
+        typer.Option(
+            "--parameters",
+            metavar="NAMES",
+            help="Which, separated by commas: roughness,Flakes.mask,sheen=0..0.3, with bounds of its own.",
+            rich_help_panel=_PICTURES,
+            show_default=False,
+        ),
+    ] = "",
+    frame: Annotated[
+        str,
+        typer.Option(
+            "--frame",
+            metavar="NAME",
+            help="The frame that the picture is, as gold/city/element.0001, or its beginning; default: the first.",
+            rich_help_panel=_PICTURES,
+            show_default=False,
+        ),
+    ] = "",
+    mask: Annotated[
+        Path | None,
+        typer.Option(
+            "--mask",
+            metavar="FILE",
+            help="An image of the picture's size: by its last channel pixels count.",
+            rich_help_panel=_PICTURES,
+            show_default=False,
+        ),
+    ] = None,
+    exposure: Annotated[
+        bool, typer.Option("--exposure", help="Find the picture's exposure, too.", rich_help_panel=_PICTURES)
+    ] = False,
+    pixels: Annotated[
+        int,
+        typer.Option(
+            "--pixels",
+            min=256,
+            help="Blocks of the picture's pixels are one pixel, as long as so many are left.",
+            rich_help_panel=_PICTURES,
+        ),
+    ] = 4096,
+    samples: Annotated[
+        int,
+        typer.Option(
+            "--samples",
+            min=8,
+            max=4096,
+            help="Of a pixel in each half of the finest renders; a power of two.",
+            rich_help_panel=_PICTURES,
+        ),
+    ] = 256,
+    force: Annotated[
+        bool, typer.Option("--force", help="Replace files that exist.", rich_help_panel=_PICTURES)
+    ] = False,
 ) -> None:
-    """Fit the parameters of a model to measured data, a look or another model."""
+    """Fit parameters: of a model to measured data, a look or another model; of a look to a picture."""
+    of_data = {"--model": model, "--only": only, "--loss": loss, "--library": library}
+    of_pictures = {"--parameters": parameters, "--frame": frame, "--mask": mask, "--exposure": exposure}
+    for name, value in (of_data if picture else of_pictures).items():
+        if value:
+            raise LookdevError(f"{name} has no meaning {'with' if picture else 'without'} --picture")
+    if picture is None:
+        _fit_data(what, model or "disney", only or (), loss or "log", starts, output, look, as_json, library)
+        return
+    from lookdev.batch.fit_picture import Wish, fit_picture
+    from lookdev.batch.progress import show_fit
+    from lookdev.fit.picture import Settings
+
+    if samples & (samples - 1):
+        raise LookdevError(f"--samples {samples}: a power of two would be right")
+    if starts is not None and not 1 <= starts <= Settings.tried:
+        raise LookdevError(f"--starts {starts}: 1 to {Settings.tried} would be right")
+    wish = Wish(
+        picture, Path(what), tuple(each for each in parameters.split(",") if each.strip()), frame,
+        look or Path(f"{picture.stem}_fitted.usda"), output or Path(f"{picture.stem}_fit.html"), mask, exposure,
+        look_named=look is not None, force=force, pixels=pixels,
+        settings=Settings(followed=starts or Settings.followed, finest=samples),
+    )  # fmt: skip
+    with show_fit(sys.stderr) as report:
+        made = fit_picture(wish, report)
+    for note in made.notes:
+        say(f"note: {note}", err=True)
+    if as_json:
+        say_json(made.data())
+    else:
+        say(made.text())
+    raise typer.Exit(130 if made.found.interrupted else 0)
+
+
+def _fit_data(
+    what: str,
+    model: str,
+    only: Sequence[str],
+    loss: str,
+    starts: int | None,
+    output: Path | None,
+    look: Path | None,
+    as_json: bool,
+    library: Path | None,
+) -> None:
     from lookdev.fit import fit as fitted
     from lookdev.fit import fit_text
     from lookdev.material.library.edit import model_look
@@ -103,7 +247,7 @@ def fit(
     if output is not None:
         checked_suffix(output)
     data = read_subject(what, library)
-    found = fitted(data, *read_model(model), wanted=only or (), loss=loss, starts=starts)
+    found = fitted(data, *read_model(model), wanted=only, loss=loss, starts=4 if starts is None else starts)
     if as_json:
         say_json(found.data())
     else:

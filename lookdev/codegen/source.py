@@ -70,6 +70,12 @@ class AttributeBinding:
             return self.attribute
         return f"{'' if self.kind == 'uv' else 'primvars:'}{short_name(self.attribute)}"
 
+    @property
+    def symbols(self) -> tuple[str, ...]:
+        """The names of its numbers in a program: of a float the parameter, else with ``[0]``, ``[1]`` behind it."""
+        width = {"float": 0, "uv": 2}.get(self.kind, 3)
+        return tuple(f"{self.parameter}[{i}]" for i in range(width)) if width else (self.parameter,)
+
 
 def short_name(name: str) -> str:
     """Return the name of a UV set or primvar in Blender and in shaders, different for each.
@@ -106,6 +112,9 @@ class Source(Protocol):
     def see_through(self) -> bool: ...
 
 
+Catching = Literal["", "ground", "asset"]
+"""Of a scene with a shadow catcher: whether a look is the ground's or the asset's."""
+
 LOBE_GROUPS = ("diffuse", "specular", "clearcoat", "sheen", "transmission")
 """The groups of lobes whose light can be recorded; a lobe that transmits is of the last, whatever its own."""
 
@@ -121,7 +130,7 @@ class ShaderSource:
     compiled into it, so that sources with one `program` differ in numbers alone. `directions` are the numbers drawn at
     a shading point from the BSDF and from the light; with `shadows`, rays are traced along them. `recorded` are those
     of `LOBE_GROUPS` that the look has, if it can record parts of its light. So many lobes are `folded`: constants make
-    them 0, and no code is theirs.
+    them 0, and no code is theirs. If `catching`, it can show the parts of a frame with a shadow catcher.
     """
 
     name: str
@@ -138,6 +147,7 @@ class ShaderSource:
     varying: tuple[int, ...] = ()
     recorded: tuple[str, ...] = ()
     folded: int = 0
+    catching: Catching = ""
 
     @property
     def program(self) -> ShaderSource:
@@ -193,9 +203,10 @@ class ProgramSource:
     ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``diffuse`` (3) is what of the value is of diffuse
     lobes, ``of_<group>`` (6) the value of each of the groups `recorded` that has lobes, and what of that is of diffuse
     ones. ``delta0 ..`` (7) are a single direction each, what light from there is multiplied by, and the number of its
-    group; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
-    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser. With `shadows`, rays are traced. A
-    look is `glossy` if no lobe is broad or lets light pass. `folded` as in `ShaderSource`.
+    group; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is there if the look is
+    `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser; ``value/roughness`` is the derivative of an output by a
+    symbol of a live input. With `shadows`, rays are traced. A look is `glossy` if no lobe is broad or lets light pass.
+    `folded` as in `ShaderSource`.
     """
 
     name: str

@@ -39,7 +39,7 @@ def _serve(answers: Answers) -> None:
     from lookdev.cycles.render import render_frame
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
-    from lookdev.render.task import SceneTask
+    from lookdev.render.task import FrameTask, SceneTask
     from lookdev.render.wire import decode_request
 
     requests: queue.Queue[str] = queue.Queue()
@@ -56,6 +56,7 @@ def _serve(answers: Answers) -> None:
                 made.compile_shaders()
                 scene = made
             continue
+        assert isinstance(task, FrameTask), "pictures with derivatives are of another backend"
 
         def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
             answers.progress(digest, samples, of, relmse)

@@ -92,8 +92,8 @@ def render_features(scene: Any, samples: int) -> dict[str, NDArray[np.float32]]:
 def fill_tables(scene: Any) -> None:
     """Make Cycles' table of sample points as long as it ever is.
 
-    It grows with the most samples that were rendered, and what it has for fewer changes as it does: rounds of different
-    samples would depend on what was rendered before.
+    It grows with the most samples that were rendered, and what it has for fewer changes as it does: a frame would
+    depend on the rounds, passes and frames that the process rendered before it.
     """
     scene.cycles.samples = _LONGEST_TABLE
     scene.cycles.use_sample_subset = True

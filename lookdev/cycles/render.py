@@ -9,11 +9,22 @@ from functools import partial
 
 import numpy as np
 
+from lookdev.codegen.osl.catching import ASSET, BARE, GROUND
 from lookdev.cycles import engine
 from lookdev.cycles.passes import Passes, Plan, completed, record_of, recording, render_frame_passes
 from lookdev.cycles.scene import ALBEDOS, NORMALS, Scene
 from lookdev.render.adaptive import Region
-from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, half_of, render_halves
+from lookdev.render.catcher import caught_pictures
+from lookdev.render.frame import (
+    FEATURE_SAMPLES,
+    Denoiser,
+    Image,
+    Progress,
+    RenderedFrame,
+    half_of,
+    plain_pictures,
+    render_halves,
+)
 from lookdev.render.oidn import denoiser
 from lookdev.render.passes import arrays_of
 from lookdev.render.task import FrameTask
@@ -26,12 +37,12 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
     scene.pose(task.scene.camera, task.pose)
     if scene.by_user:
         return _frame_of_user(scene, task.scene.sampling, progress)
-    if task.scene.sampling.error is not None:
-        engine.fill_tables(scene.scene)
+    engine.fill_tables(scene.scene)
     before = time.perf_counter() - started
     with recording(scene, task) as plan:
         render = partial(_rendered, scene, task, plan)
-        frame = render_halves(task, render, partial(_denoiser, scene, task), progress)
+        pictures = caught_pictures if task.scene.catches else plain_pictures
+        frame = render_halves(task, render, partial(_denoiser, scene, task), progress, pictures)
     frame = replace(frame, passes=completed(task, frame))
     made = Passes({}, {})
     if {*arrays_of(task.scene.sampling.passes, task.scene.names_of_light)} - {*frame.passes}:
@@ -45,6 +56,20 @@ def render_frame(scene: Scene, task: FrameTask, progress: Progress) -> RenderedF
         names=made.names,
         raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + before,
     )
+
+
+def _caught(scene: Scene, samples: int, seed: int, box: engine.Box | None) -> tuple[Image, Image, dict[str, Image]]:
+    """Return what `_rendered` does, with the parts of which `caught_pictures` makes a frame.
+
+    The samples of the ground are the same with the asset and without: what it does not change differs in no bit.
+    """
+    shown = {}
+    for part in (ASSET, GROUND, BARE):
+        scene.catch(part)
+        shown[part] = engine.render_passes(scene.scene, samples, seed, box)["Combined"][::-1]
+    color, coverage = (shown[ASSET][..., i] + shown[GROUND][..., i] for i in (slice(3), 3))
+    covered = np.repeat(shown[GROUND][..., 3:], 3, axis=-1)
+    return color, coverage, {"ground": shown[GROUND][..., :3], "bare": shown[BARE][..., :3], "covered": covered}
 
 
 def _frame_of_user(scene: Scene, sampling: Sampling, progress: Progress) -> RenderedFrame:
@@ -83,6 +108,8 @@ def _rendered(
     height = task.scene.resolution[1]
     rows, columns = region.rows, region.columns
     box = None if region.whole else (columns.start, height - rows.stop, columns.stop, height - rows.start)
+    if task.scene.catches:
+        return _caught(scene, region.samples, seed, box)
     parts: dict[str, Image] = {}
     batches = plan[half_of(seed)]
     # Reversed, as the light is that of the first: what paths carry is in the last bits of the places that they reach,

@@ -17,7 +17,7 @@ from lookdev.cycles.geometry import add_asset
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.principled import configure_as_users_do, principled_material, shade_by_normals
-from lookdev.cycles.shaders import RECORD, surface_material, varying_values
+from lookdev.cycles.shaders import CAUGHT, RECORD, surface_material, varying_values
 from lookdev.cycles.svm import check_stack
 from lookdev.cycles.world import build_world
 from lookdev.errors import RenderError
@@ -234,6 +234,12 @@ class Scene:
 
     def _frame(self, pose: Pose) -> float:
         return 0.0 if still_domes(self.task.lights) else pose.lighting
+
+    def catch(self, part: int) -> None:
+        """Let OSL shaders show a part of a frame with a shadow catcher (`lookdev.codegen.osl.catching`)."""
+        for item in self.objects:
+            item[CAUGHT] = (float(part), 0.0, 0.0)
+            item.update_tag()
 
     def record(self, parts: Sequence[int]) -> None:
         """Let OSL shaders record at most three parts of their light, by their numbers in the template."""

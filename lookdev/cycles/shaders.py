@@ -25,6 +25,9 @@ Array = NDArray[np.int32] | NDArray[np.float32]
 RECORD = "lookdev_record"
 """The property of objects that has the numbers of what shaders record."""
 
+CAUGHT = "lookdev_caught"
+"""The property of objects that has which part of a frame with a shadow catcher is rendered."""
+
 _SOCKETS: dict[type, str] = {str: "NodeSocketString", int: "NodeSocketInt", float: "NodeSocketFloat"}
 _ATTRIBUTE_SOCKETS = {
     "uv": "NodeSocketVector",
@@ -95,6 +98,8 @@ def surface_material(source: ShaderSource, number: int, lights: Sequence[Light],
         _link_attribute(tree, script, attribute.parameter, attribute.stored, attribute.kind)
     if source.recorded:
         _link_attribute(tree, script, "record", RECORD, "color", of="INSTANCER")
+    if source.catching:
+        _link_attribute(tree, script, "caught", CAUGHT, "color", of="INSTANCER")
     for i, name in enumerate(varying_values(source, number)):
         # Of the object that shows the instances, or of the object itself.
         _link_attribute(tree, script, f"look_values_{i}", name, "color", of="INSTANCER")

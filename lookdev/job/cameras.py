@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -45,8 +46,10 @@ def job_cameras(
     if shot is None:
         return dict.fromkeys(shown, _framed(job, assets)), ()
     points = _outlines(assets)
-    notes = tuple(shot_notes(shot, points, job.render.resolution))
-    return dict.fromkeys(shown, shot_camera(shot, points)), notes
+    camera, notes = shot_camera(shot, points), list(shot_notes(shot, points, job.render.resolution))
+    if job.charts is not None:
+        notes += job.charts.hidden(camera, points, element_arcs(job), job.render.resolution)
+    return dict.fromkeys(shown, camera), tuple(notes)
 
 
 def element_arcs(job: Job) -> tuple[Arc, ...]:
@@ -62,13 +65,24 @@ def element_arcs(job: Job) -> tuple[Arc, ...]:
 
 def _framed(job: Job, assets: list[Asset]) -> Camera:
     camera, resolution = job.camera, job.render.resolution
-    fov, elevation = camera.horizontal_fov, camera.elevation
-    if camera.margin is not None:
-        center, radius = _sphere(assets)
-        return frame_camera(center, radius, resolution, fov=fov, elevation=elevation, margin=camera.margin)
+    elevation, arcs = camera.elevation, element_arcs(job)
     fill = DEFAULT_FILL if camera.fill is None else camera.fill
-    arcs = element_arcs(job)
-    return frame_fill(_outlines(assets), resolution, fov=fov, elevation=elevation, fill=fill, arcs=arcs)
+
+    def frame(resolution: tuple[float, float], fov: float) -> Camera:
+        if camera.margin is not None:
+            center, radius = _sphere(assets)
+            return frame_camera(center, radius, resolution, fov=fov, elevation=elevation, margin=camera.margin)
+        return frame_fill(_outlines(assets), resolution, fov=fov, elevation=elevation, fill=fill, arcs=arcs)
+
+    def share(half: float) -> float:
+        """Return the part of the tangent of half an angle of view that the asset covers at most."""
+        if camera.margin is None:
+            return fill
+        return math.tan(math.asin(math.sin(half) / camera.margin)) / math.tan(half)
+
+    if job.charts is None:
+        return frame(resolution, camera.horizontal_fov)
+    return job.charts.framed(resolution, camera.horizontal_fov, share, frame)
 
 
 def _outlines(assets: list[Asset]) -> Floats:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
+from lookdev.asset import Asset
 from lookdev.asset.usd_camera import UsdCamera, read_camera
 from lookdev.errors import Fault, FaultsError, shortened
 from lookdev.job.faults import collected, raise_all
+from lookdev.job.ground import JobGround
 from lookdev.job.lights import job_lights, wedge_lights
 from lookdev.job.parts import JobAssign, JobLook
 from lookdev.job.rendered import rendered
@@ -21,7 +23,10 @@ from lookdev.material import Look
 from lookdev.material.usd import expand_variants
 from lookdev.material.usd.bound import read_any_look
 from lookdev.material.variants import MOST_COMBINATIONS
-from lookdev.scene import Film, Scene
+from lookdev.scene import Camera, Film, Scene
+from lookdev.scene.charts import props_camera, props_scene
+from lookdev.scene.ground import PATH as GROUND
+from lookdev.scene.ground import Ground, on_ground
 from lookdev.scene.linking import link_lights
 from lookdev.stage import open_stage
 
@@ -39,6 +44,7 @@ class JobScenes:
     notes: tuple[str, ...]  # for the user, each once
     rig_places: Mapping[str, str]  # the key in the job file of each rig
     sheets: tuple[WedgeSheet, ...]  # of wedges
+    charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
 
 
 def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobScenes:
@@ -94,23 +100,57 @@ def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobSc
         shot = _shot(job, next(iter(turned.values())))
     raise_all(faults)
     shown, cameras = rendered(job, dressed, shot, places, notes)
-    largest = max(shown.values(), key=lambda asset: asset.radius)
+    largest_of = max(shown, key=lambda name: shown[name].radius)
+    largest = shown[largest_of]
     parts = {path for each in turned.values() for path in each.paths}
     film = Film(job.render.resolution, job.render.space)
+    placed = {name: (shown[name], each.wears) for name, each in dressed.items()}
+    catchers: frozenset[str] = frozenset()
+    if job.ground is not None:
+        with collected(job, "ground", faults):
+            for name, ground in _grounds(job, job.ground, shown, cameras, notes).items():
+                placed[name] = on_ground(*placed[name], ground, cameras[name].pivot)
+        parts.add(GROUND)
+        catchers = frozenset([GROUND] if job.ground.kind == "catcher" else [])
+    raise_all(faults)
     scenes = {}
     for rig in rigs:
         notes += rig.unlinked(parts)
-    for name, each in dressed.items():
+    for name, (asset, wears) in placed.items():
         for rig in rigs:
             if (name, rig.name) not in wedges.pairs:
                 continue
             lights = rig.around(largest)
-            linked = link_lights(shown[name], each.wears, lights)
+            linked = link_lights(asset, wears, lights)
             scenes[name, rig.name] = Scene(
-                linked.asset, linked.wears, linked.lights, cameras[name], film, linked.lit, linked.groups
+                linked.asset, linked.wears, linked.lights, cameras[name], film, linked.lit, linked.groups, catchers
             )
+    charts = {}
+    if job.charts is not None:
+        with collected(job, "charts", faults):
+            seen, strip = props_camera(cameras[largest_of], largest.center), job.charts.strip(film.resolution)
+            lit = {name for _, name in scenes}
+            notes += filter(None, [strip.too_small()])
+            charts = {
+                rig.name: props_scene(strip, seen, rig.around(largest), film.space) for rig in rigs if rig.name in lit
+            }
+        raise_all(faults)
     shortly = tuple(dict.fromkeys(map(shortened, notes)))
-    return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets)
+    return JobScenes(job, scenes, places, shortly, rig_places, wedges.sheets, charts)
+
+
+def _grounds(
+    job: Job, given: JobGround, shown: Mapping[str, Asset], cameras: Mapping[str, Camera], notes: list[str]
+) -> dict[str, Ground]:
+    """Return the ground of each look, and add to `notes`; all wear one look."""
+    look = None
+    if given.material is not None:
+        found = read_any_look(given.material, given.prim, given.variants, "ground")
+        notes += lost_notes(found.lost)
+        look = found.look
+        if look.displacement is not None:
+            notes.append(f"{given.material}: the ground is flat: the displacement of its look is left out")
+    return {name: given.under(asset, look, cameras[name]) for name, asset in shown.items()}
 
 
 def each_variant(

@@ -14,6 +14,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator
 
+from lookdev.job.charts import JobCharts
+from lookdev.job.ground import JobGround
 from lookdev.job.keys import (
     BackendName,
     Background,
@@ -303,6 +305,13 @@ class Job(Table):
     )
     camera: JobCamera = Field(default_factory=JobCamera, description="The camera.")
     render: JobRender = Field(default_factory=JobRender, description="Resolution, samples, device, background.")
+    charts: JobCharts | None = Field(
+        default=None,
+        description="A chrome ball, a grey ball and a colour chart beside the asset, where the table is given.",
+    )
+    ground: JobGround | None = Field(
+        default=None, description="What the asset stands on, where the table is given: a shadow catcher or a plane."
+    )
     outputs: JobOutputs = Field(default_factory=dict, validate_default=True, description="Which files are written.")
 
     _file: Path = PrivateAttr()
@@ -329,6 +338,23 @@ class Job(Table):
         if camera.usd is not None and camera.file is None and asset is not None and asset.usd is None:
             raise wrong("a built-in asset has no camera", "name the 'file' of the camera")
         return camera
+
+    @field_validator("charts")
+    @classmethod
+    def _charts_of_the_frame(cls, charts: JobCharts | None, info: ValidationInfo) -> JobCharts | None:
+        render = info.data.get("render")
+        if charts is not None and render is not None:
+            looks = (each.name for each in info.data.get("look", ()))
+            charts.check(render.resolution, render.backend, looks)
+        return charts
+
+    @field_validator("ground")
+    @classmethod
+    def _ground_of_the_frame(cls, ground: JobGround | None, info: ValidationInfo) -> JobGround | None:
+        render = info.data.get("render")
+        if ground is not None and render is not None:
+            ground.check(render.backend, render.denoise, render.passes)
+        return ground
 
     def model_post_init(self, context: Any) -> None:
         """Keep the job file, whose absolute path is ``file`` of the validation context."""

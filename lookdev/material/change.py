@@ -1,17 +1,19 @@
-"""A look with another value of one input: what a wedge varies."""
+"""A look with another value of one input: what a wedge varies, and what a fit searches."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 from lookdev.brdf import MASK
 from lookdev.brdf.parameters import Parameter, complete
 from lookdev.errors import ModelError, nearest_hint
 from lookdev.material.expression import ExpressionError, parse
-from lookdev.material.look import VIEW, Formula, Input, Layer, Look, View
+from lookdev.material.look import VIEW, Formula, Input, Layer, Look, Primvar, View
 from lookdev.material.translate import layer_parameters
+
+_LIVE = "lookdev:live:"
 
 Value = float | tuple[float, float, float] | str
 
@@ -27,6 +29,14 @@ def changed_look(look: Look, parameter: str, value: Value) -> Look:
     ModelError
         There is no such parameter, several layers have it, or the value is not one that it can have.
     """
+    names, found = _found(look, parameter)
+    layer, path = names[found]
+    changed = _changed(layer, path, value, found, alone=len(look.layers) == 1)
+    return replace(look, layers=tuple(changed if each is layer else each for each in look.layers))
+
+
+def _found(look: Look, parameter: str) -> tuple[dict[str, tuple[Layer, tuple[str, ...]]], str]:
+    """Return the inputs of a look by their names, and which of them is meant; raises ModelError for none or several."""
     names = dict(varied_names(look))
     found = [name for name in names if name == parameter] or [
         name for name, (layer, _) in names.items() if name.removeprefix(f"{layer.name}.") == parameter
@@ -40,9 +50,88 @@ def changed_look(look: Look, parameter: str, value: Value) -> Look:
         raise ModelError(
             f"several layers of look '{look.name}' have '{parameter}': one of {', '.join(found)} would be right"
         )
-    layer, path = names[found[0]]
-    changed = _changed(layer, path, value, found[0], alone=len(look.layers) == 1)
-    return replace(look, layers=tuple(changed if each is layer else each for each in look.layers))
+    return names, found[0]
+
+
+@dataclass(frozen=True)
+class Constant:
+    """A constant of a look: its whole name, the record of its parameter, and the value, a number or three.
+
+    `path` leads to it from the layer of the number `layer`: a parameter or ``"mask"``, then inputs of an expression.
+    """
+
+    name: str
+    layer: int
+    path: tuple[str, ...]
+    parameter: Parameter
+    value: tuple[float, ...]
+
+
+def constant_of(look: Look, parameter: str) -> Constant:
+    """Return a constant by its name, as of `changed_look`.
+
+    Raises ModelError where that raises, and where it is no constant number or colour.
+    """
+    names, found = _found(look, parameter)
+    layer, path = names[found]
+    known = MASK if path[0] == "mask" else layer_parameters(layer.model)[path[0]]
+    source: Any = layer.mask if path[0] == "mask" else layer.inputs.get(path[0])
+    if len(path) > 1:
+        known, source = Parameter(path[1], source.kinds[path[1]], 0.0, (-1e18, 1e18)), source.inputs[path[1]]
+    elif source is None:
+        # It has the default of its model, or the value of the parameter that it follows.
+        source = layer.inputs.get(known.follows, known.default)
+    if known.kind not in ("float", "color"):
+        raise ModelError(f"{found} is a {known.kind}; a number or a colour would be right")
+    if not isinstance(source, float | int | tuple):
+        what = "an expression" if isinstance(source, Formula) else "a texture or primvar"
+        inputs = [name for name, (owner, way) in names.items() if owner is layer and way[0] == path[0] and way[1:]]
+        hint = f": its inputs are {', '.join(inputs)}" if inputs else ""
+        raise ModelError(f"{found} is {what}, not a constant{hint}")
+    value = tuple(map(float, source)) if isinstance(source, tuple) else (float(source),)
+    value = value * 3 if known.kind == "color" and len(value) == 1 else value
+    return Constant(found, look.layers.index(layer), path, known, value)
+
+
+def live_look(look: Look, constants: Mapping[str, Constant]) -> Look:
+    """Return a look whose constants are live, each by a key: an input that a program reads and has derivatives by.
+
+    It is a primvar of a reserved name, `live_primvar`, which no mesh has.
+    """
+    sources = [(each, Primvar(live_primvar(key), _plain(each))) for key, each in constants.items()]
+    return _with_sources(look, sources)
+
+
+def with_constants(look: Look, constants: Iterable[Constant]) -> Look:
+    """Return a look with other values of some constants."""
+    return _with_sources(look, [(each, _plain(each)) for each in constants])
+
+
+def _plain(constant: Constant) -> float | tuple[float, float, float]:
+    red, *others = constant.value
+    return (red, *others) if others else red  # type: ignore[return-value]
+
+
+def _with_sources(look: Look, sources: Iterable[tuple[Constant, Any]]) -> Look:
+    layers = list(look.layers)
+    for each, source in sources:
+        layer, (name, *inside) = layers[each.layer], each.path
+        if inside:
+            held: Any = layer.mask if name == "mask" else layer.inputs[name]
+            source = replace(held, inputs={**held.inputs, inside[0]: source})
+        changed: dict[str, Any] = {"mask": source} if name == "mask" else {"inputs": {**layer.inputs, name: source}}
+        layers[each.layer] = replace(layer, **changed)
+    return replace(look, layers=tuple(layers))
+
+
+def live_primvar(key: str) -> str:
+    """Return the name of the primvar of a live input."""
+    return f"{_LIVE}{key}"
+
+
+def is_live(primvar: str) -> bool:
+    """Return whether a primvar is a live input."""
+    return primvar.startswith(_LIVE)
 
 
 def varied_names(look: Look) -> Iterator[tuple[str, tuple[Layer, tuple[str, ...]]]]:

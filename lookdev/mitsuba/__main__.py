@@ -9,10 +9,18 @@ import os
 import queue
 import sys
 import threading
+import time
 import traceback
+from typing import TYPE_CHECKING
 
 from lookdev.lifetime import end_with_parent
-from lookdev.render.answers import Answers, save_arrays
+from lookdev.render.answers import Answers, save_arrays, save_named
+
+if TYPE_CHECKING:
+    from lookdev.mitsuba.render import MitsubaScene
+    from lookdev.mitsuba.slopes import SlopeScene
+    from lookdev.render.slopes import SlopeTask
+    from lookdev.render.task import FrameTask
 
 
 def _read_requests(requests: queue.Queue[str]) -> None:
@@ -21,41 +29,29 @@ def _read_requests(requests: queue.Queue[str]) -> None:
     os._exit(0)
 
 
-def main() -> None:
-    """Serve frame tasks until the input ends."""
-    end_with_parent()
-    answers = Answers()
-    requests: queue.Queue[str] = queue.Queue()
-    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
-    from importlib.metadata import version
+class _Scenes:
+    """The scenes of the last tasks: those of the next ones are mostly the same."""
 
-    answers.ready(f"mitsuba {version('mitsuba')}")
-    from lookdev.cache import take_notes
-    from lookdev.errors import LookdevError
-    from lookdev.mitsuba.load import load_mitsuba
-    from lookdev.mitsuba.render import MitsubaScene
-    from lookdev.render.wire import decode
+    def __init__(self, answers: Answers) -> None:
+        self._answers = answers
+        self.shown: MitsubaScene | None = None
+        self.derived: SlopeScene | None = None
 
-    scene: MitsubaScene | None = None
-    while True:
-        task = decode(requests.get())
+    def render(self, task: FrameTask) -> None:
+        """Render a frame and answer it."""
+        from lookdev.cache import take_notes
+        from lookdev.mitsuba.load import load_mitsuba
+        from lookdev.mitsuba.render import MitsubaScene
 
-        def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
-            answers.progress(digest, samples, of, relmse)
+        def progress(samples: int, of: int, relmse: float | None) -> None:
+            self._answers.progress(task.digest, samples, of, relmse)
 
-        try:
-            if scene is None or not scene.fits(task.scene):
-                scene = MitsubaScene(load_mitsuba(task.scene.device), task.scene, scene)
-            frame = scene.render(task, progress)
-            arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
-        except (LookdevError, RuntimeError, OSError, MemoryError) as error:
-            scene = None
-            traceback.print_exc()  # Dr.Jit's errors are about those before them
-            answers.failed(task.digest, error)
-            continue
-        answers.done(
+        if self.shown is None or not self.shown.fits(task.scene):
+            self.shown = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.shown)
+        frame = self.shown.render(task, progress)
+        self._answers.done(
             task.digest,
-            arrays,
+            save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names),
             samples=frame.samples,
             seconds=frame.seconds,
             relmse=frame.relmse,
@@ -63,6 +59,50 @@ def main() -> None:
             raw_seconds=frame.raw_seconds,
             notes=take_notes(),
         )
+
+    def derive(self, task: SlopeTask) -> None:
+        """Render a picture with derivatives and answer it; its relMSE is not estimated."""
+        from lookdev.mitsuba.load import load_mitsuba
+        from lookdev.mitsuba.slopes import SlopeScene
+
+        started = time.perf_counter()
+        if self.derived is None or self.derived.task != task.scene:
+            self.derived = SlopeScene(load_mitsuba(task.scene.device), task.scene)
+        halves = self.derived.render(task, lambda done, of: self._answers.progress(task.digest, done, of, None))
+        seconds = time.perf_counter() - started
+        arrays = save_named({"slopes": halves})
+        self._answers.done(task.digest, arrays, samples=2 * task.samples, seconds=seconds, relmse=0.0)
+
+
+def main() -> None:
+    """Serve tasks until the input ends."""
+    end_with_parent()
+    answers = Answers()
+    requests: queue.Queue[str] = queue.Queue()
+    threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
+    from importlib.metadata import version
+
+    answers.ready(f"mitsuba {version('mitsuba')}")
+    from lookdev.errors import LookdevError, WorkerError
+    from lookdev.render.slopes import SlopeTask
+    from lookdev.render.task import FrameTask
+    from lookdev.render.wire import decode_request
+
+    scenes = _Scenes(answers)
+    while True:
+        task = decode_request(requests.get())
+        try:
+            match task:
+                case FrameTask():
+                    scenes.render(task)
+                case SlopeTask():
+                    scenes.derive(task)
+                case _:
+                    raise WorkerError("this worker takes no scenes ahead of their frames")
+        except (LookdevError, RuntimeError, OSError, MemoryError) as error:
+            scenes = _Scenes(answers)
+            traceback.print_exc()  # Dr.Jit's errors are about those before them
+            answers.failed(getattr(task, "digest", ""), error)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ from lookdev.mitsuba.surface import Looks, Response, Surface
 from lookdev.render.adaptive import Region
 from lookdev.scene import Camera, Pose
 
-_LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
+LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
 _NEGLIGIBLE = 1e-20  # of the BSDF: as in the shader
 
 
@@ -235,7 +235,7 @@ class Estimator:
 
             throughput *= chosen * share
             # Russian roulette: paths of little throughput end, and others stand for them.
-            survival = dr.minimum(dr.mean(throughput) / _LITTLE, 1.0)
+            survival = dr.minimum(dr.mean(throughput) / LITTLE, 1.0)
             lucky = sobol.unit(mi.Float, sobol.hashed(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
             throughput = dr.select(lucky, throughput / survival, 0.0)
             active &= onward & lucky & (share > 0.0)
@@ -267,11 +267,7 @@ class Estimator:
                 response, pdf = surface.respond(wi, active, self._light.split, self._groups)
                 met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
                 met &= dr.max(arriving) > 0.0
-                occluders = [
-                    self._occluder(which, surface, w, distance, met & self._light.spares(controls, which))
-                    for which in range(len(self._light.spared))
-                ]
-                specular, diffuse = self._light.let(controls, distance, occluders)
+                specular, diffuse = self._passed(surface, w, distance, controls, met)
                 weight = arriving / (mi.Float(drawn) * pdf + density)
                 total = _sums(total, self._recorded(record, response, (weight * specular, weight * diffuse), met))
                 j += 1
@@ -366,6 +362,14 @@ class Estimator:
             far = self._mi.Float(FAR)
             found.append(self._occluder(which, surface, w, far, blocked) if spared else occluder)
         return found
+
+    def _passed(self, surface: Surface, w: Any, distance: Any, controls: tuple[Any, ...], active: Any) -> Arriving:
+        """Return the shares of lights at a distance that pass what occludes them."""
+        occluders = [
+            self._occluder(which, surface, w, distance, active & self._light.spares(controls, which))
+            for which in range(len(self._light.spared))
+        ]
+        return self._light.let(controls, distance, occluders)
 
     def _occluder(self, which: int, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
         """Return how far the first occluder of the lights is that spare a set of parts; `FAR` if beyond a distance."""

@@ -1,31 +1,19 @@
-"""Lights of a rig on Dr.Jit's arrays: rows of numbers, and functions of them, traced from `lookdev.light`."""
+"""Lights of a rig on Dr.Jit's arrays: rows of numbers, and functions of them (`lookdev.codegen.program.lamps`)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import fields
-from functools import cache
 from typing import Any
 
 import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
-from lookdev.brdf.table import Table
-from lookdev.codegen.program.written import Written
-from lookdev.codegen.trace.graph import Graph
-from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
-from lookdev.light.dome.local import meet_ball, share_within, towards_ball
-from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
-from lookdev.light.ies import profile_factor
-from lookdev.light.lamps import FIELDS, SHAPES, CodedRig, weight
-from lookdev.light.plane import meet_plane
-from lookdev.light.rect import Picture
+from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow_operations
+from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.mitsuba.images import bilinear, read_image
 from lookdev.mitsuba.programs import Place, Program
 
 _NUMBERS = {name: number for number, name in enumerate(FIELDS)}
-_SHADOW = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 _SPLIT = ("diffuse", "specular")
 
 
@@ -98,7 +86,7 @@ class Lamps(Rows):
         super().__init__(mi, rows, linked)
         shapings = [each.shaping for each in rig.emissions if each.shaping]
         steps = max((each.profile.steps for each in shapings if each.profile), default=0)
-        operations, outputs = _traced(kind, rig.shaped, steps, rig.falling and kind != "distant")
+        operations, outputs = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
         self._program = Program(operations, outputs, mi.Float, (), [mi.Float(rig.tables())])
         self._image = None
         if kind == "picture":
@@ -147,8 +135,8 @@ class Controls:
         self._mi = mi
         self.spared = rig.spared or ((),)
         self.shadowed, self.split = rig.shadowed, rig.split
-        self._names = (*["spares"] * bool(rig.spared), *(_SHADOW * rig.shadowed), *(_SPLIT * rig.split))
-        operations, outputs = _passed()
+        self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * rig.shadowed), *(_SPLIT * rig.split))
+        operations, outputs = shadow_operations()
         self._program = Program(operations, outputs, mi.Float)
 
     def none(self) -> tuple[Any, ...]:
@@ -187,93 +175,3 @@ class Controls:
         if straight or not self.split:
             return share, share
         return share * named["specular"], share * named["diffuse"]
-
-
-_Traced = tuple[list[Any], Mapping[str, tuple[int, ...]]]
-
-_TABLES = Table(np.zeros((1, 1)))
-"""Stands for the tables of a rig, which a program is run with."""
-
-
-def _written(outputs: Mapping[str, Callable[[], list[Any]]]) -> _Traced:
-    written = Written()
-    for name, traced in outputs.items():
-        written.add(name, traced())
-    assert not written.constants, "lights have no uniforms"
-    return written.operations, written.outputs
-
-
-@cache
-def _traced(kind: str, shaped: bool, steps: int, falling: bool) -> _Traced:
-    """Return the operations of the functions of a kind; a number of a row is a symbol by its name.
-
-    Profiles, if any, are looked up in `steps` steps.
-    """
-    graph = Graph()
-
-    def numbers(*names: str) -> tuple[Any, ...]:
-        return tuple(symbol(graph, name) for name in names)
-
-    def vector(name: str) -> Any:
-        return symbols(graph, [f"{name}[{i}]" for i in range(3)])
-
-    sizes: Any = numbers(*("a", "b")[: len(fields(SHAPES[kind]))])
-    shape: Any = (
-        Picture(sizes[0], sizes[1], _TABLES, symbol(graph, "tree")) if kind == "picture" else SHAPES[kind](*sizes)
-    )
-    p, w, n = map(vector, "pwn")
-    cone, fall = numbers("cone", "start", "rise", "focus"), numbers("virtual", "power", "fade", "fade_rise")
-    tint, (mean,) = symbols(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
-    beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
-    sent: Any = symbols(graph, ["red", "green", "blue"])
-    if shaped:
-        within = cone_factor(off_axis(w), *cone[:3])
-        sent = sent * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
-    if steps:
-        place, scale, angle_scale = numbers("profile", "profile_scale", "angle_scale")
-        start = np.maximum(place, 0.0)
-        factor = profile_factor(_TABLES, start, steps, DEGREES * off_axis(w), azimuth(w), scale, angle_scale)
-        sent = sent * np.expand_dims(np.where(place >= 0.0, factor, 1.0), -1)
-    if falling:
-        sent = sent * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *fall), -1)
-    drawn = shape.sample(p, symbols(graph, ["u1", "u2"]))
-    outputs: dict[str, Callable[[], list[Any]]] = {
-        "weight": lambda: elements_of(mean * weight(shape, beam, fall if falling else None, p, n)),
-        "meet": lambda: [*elements_of(shape.distance(p, w)), *elements_of(shape.pdf(p, w))],
-        "draw": lambda: [
-            *elements_of(drawn),
-            *elements_of(shape.distance(p, drawn)),
-            *elements_of(shape.pdf(p, drawn)),
-        ],
-        "sent": lambda: elements_of(sent),
-    }
-    if kind == "picture":
-        _, met = meet_plane(p, w, *sizes)
-        outputs["place"] = lambda: [*elements_of(met.s), *elements_of(met.t)]
-    return _written(outputs)
-
-
-@cache
-def _passed() -> _Traced:
-    """Return the operations of what passes the occluders of a light."""
-    graph = Graph()
-    enable, limit, zone, gamma = (symbol(graph, name) for name in _SHADOW[:4])
-    passed = shadow_passed(symbol(graph, "distance"), enable, limit, zone, gamma, symbols(graph, _SHADOW[4:]))
-    return _written({"passed": lambda: elements_of(passed)})
-
-
-@cache
-def traced_ball() -> _Traced:
-    """Return the operations of a local dome: its share at p, where w meets it, and directions to where `onto` does."""
-    graph = Graph()
-    start, radius = (symbol(graph, name) for name in "ab")
-    p, w, onto = (symbols(graph, [f"{name}[{i}]" for i in range(3)]) for name in ("p", "w", "onto"))
-    met, distance, around = meet_ball(p, w, radius)
-    inside = np.where(met, 1.0, 0.0)
-    return _written(
-        {
-            "share": lambda: elements_of(share_within(p, start, radius)),
-            "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(around)],
-            "draw": lambda: elements_of(towards_ball(p, onto, radius)),
-        }
-    )

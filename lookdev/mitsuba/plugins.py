@@ -17,7 +17,7 @@ import numpy as np
 
 from lookdev.brdf import MODELS, Parameter
 from lookdev.codegen import ProgramSource
-from lookdev.codegen.program.look import generate_program, live_name, live_numbers
+from lookdev.codegen.program.look import generate_program, live_name, live_numbers, stated
 from lookdev.errors import ModelError
 from lookdev.material import Layer, Look
 from lookdev.material.textures import image_file
@@ -75,20 +75,8 @@ def _constant(value: Any, parameter: Parameter) -> Any:
     return float(numbers[0]) if parameter.kind == "float" else tuple(map(float, np.broadcast_to(numbers, 3)))
 
 
-def _live(look: Look) -> Callable[[int, str], bool]:
-    """Return which constants of a look are inputs: those that a layer of our models states."""
-    stated = [
-        {name for name, each in layer.inputs.items() if isinstance(each, float | tuple)}
-        if layer.model in MODELS
-        else set()
-        for layer in look.layers
-    ]
-    ours = all(layer.model in MODELS for layer in look.layers)
-    return lambda number, name: ours and name in stated[number]
-
-
 def _bsdf(properties: Any, look: Look, textures: Mapping[str, tuple[Any, Parameter]]) -> Any:
-    live = _live(look)
+    live = stated(look)
     source = generate_program(look, image_file, live=live)
     source.check_plugin(look.name)
     return _class(mi.variant())(properties, look, source, live_numbers(look, live), textures)

@@ -58,7 +58,7 @@ class MitsubaScene:
             self._geometry.casting(spared)  # made before it is used in a kernel
         shadows = any(source.shadows for source in sources)
         glossy = all(source.glossy for source in sources)
-        counts = _counts(task.sampling, light.sampled, glossy)
+        counts = counts_of(task.sampling, light.sampled, glossy)
         self._groups = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
         wanted, bounces = task.sampling.passes, task.sampling.bounces
         # The last of a set of parts is what the others leave.
@@ -189,7 +189,7 @@ def _out_of_memory(error: BaseException | None) -> bool:
 _COUNTS, _GLOSSY = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4)
 
 
-def _counts(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
+def counts_of(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
     """Return the numbers of directions: those of the job, or those that take the least time to an error."""
     usual = _GLOSSY if glossy and sampling.bounces > 0 else _COUNTS
     brdf = usual.brdf if sampling.brdf_samples is None else sampling.brdf_samples

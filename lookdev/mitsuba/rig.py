@@ -10,6 +10,7 @@ import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.codegen.program.lamps import ball_operations
 from lookdev.light import Light, coded
 from lookdev.light.dome import Dome
 from lookdev.light.dome.local import LocalDome
@@ -17,7 +18,7 @@ from lookdev.light.lamps import FIELDS, AnyDome, CodedRig, Stand
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
-from lookdev.mitsuba.lamps import Controls, Lamps, Rows, kinds_of, traced_ball
+from lookdev.mitsuba.lamps import Controls, Lamps, Rows, kinds_of
 from lookdev.mitsuba.lights import Arriving, Lighting, Lights, OneDome, divided, turned
 from lookdev.mitsuba.programs import Program
 from lookdev.mitsuba.surface import Surface
@@ -100,10 +101,10 @@ class _PlacedDome(Rows):
             # The row has the map's radiance, too.
             self.radiance_factor /= dr.maximum(mi.Color3f(*dome.table[0, 0].tolist()), 1e-30)
         self.mean = self.field(self.first, "mean")
-        self._program = Program(*traced_ball(), mi.Float)
+        self._program = Program(*ball_operations(), mi.Float)
 
     def ball(self, name: str, **given: Any) -> tuple[Any, ...]:
-        """Return an output of `traced_ball`."""
+        """Return an output of `ball_operations`."""
         return self.called(self._program, self.first, name, **given)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import drjit as dr
@@ -15,10 +15,16 @@ from lookdev.mitsuba.programs import Place, Program
 
 
 class Looks:
-    """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which looks of one text share."""
+    """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which looks of one text share.
 
-    def __init__(self, mi: Any, sources: Sequence[ProgramSource], geometry: Geometry) -> None:
+    `inputs` are attributes, by their parameters, that have one value at all places.
+    """
+
+    def __init__(
+        self, mi: Any, sources: Sequence[ProgramSource], geometry: Geometry, inputs: Mapping[str, Any] | None = None
+    ) -> None:
         self.mi = mi
+        self.inputs = inputs or {}
         self.geometry = geometry
         # Looks that are lit by different lights may have one program.
         alike = {source.digest: source for source in sources}
@@ -31,7 +37,8 @@ class Looks:
         self.deltas = max(source.deltas for source in sources)
         for source in sources:
             for binding in source.attributes:
-                geometry.attribute(binding)
+                if binding.parameter not in self.inputs:
+                    geometry.attribute(binding)
 
     def program_of(self, triangle: Any) -> Any:
         """Return the number of the program of triangles."""
@@ -204,7 +211,7 @@ class _Symbols:
         self._images = looks.images[number]
         self._bindings = {each.parameter: each for each in looks.sources[number].attributes}
         self._uvs = {each.name: each.uv for each in looks.sources[number].look_ups}
-        self._known: dict[str, Any] = {"viewer": viewer}
+        self._known: dict[str, Any] = {"viewer": viewer, **looks.inputs}
 
     def __call__(self, name: str) -> Any:
         if name.startswith("wo_"):

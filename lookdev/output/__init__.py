@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from lookdev.output.display import composite, to_display, write_png
+from lookdev.output.display import composite, laid_over, to_display, write_png
 from lookdev.output.exr import read_frame, read_header, write_frame
 from lookdev.output.movie import write_grid, write_h264, write_prores, write_vp9
 from lookdev.output.record import Frames, Output, write_picture
@@ -64,6 +64,6 @@ OUTPUTS: dict[str, Output] = {
 """Every output but the EXR frames, by its name."""
 
 __all__ = [
-    "OUTPUTS", "Frames", "Output", "composite", "read_frame", "read_header", "to_display", "write_frame", "write_png",
-    "write_sheet",
+    "OUTPUTS", "Frames", "Output", "composite", "laid_over", "read_frame", "read_header", "to_display", "write_frame",
+    "write_png", "write_sheet",
 ]  # fmt: skip

@@ -63,6 +63,12 @@ def composite(beauty: ArrayLike, alpha: ArrayLike, background: ArrayLike) -> Flo
     return np.asarray(beauty, dtype=np.float32) + uncovered * np.asarray(background, dtype=np.float32)
 
 
+def laid_over(over: tuple[Floats, Floats], under: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Lay one premultiplied picture (H, W, 3), with its alpha (H, W), over another."""
+    (light, alpha), (light_under, alpha_under) = over, under
+    return composite(light, alpha, light_under), alpha + (1.0 - alpha) * alpha_under
+
+
 def write_png(path: Path, rgb: ArrayLike, alpha: ArrayLike | None, view: DisplayView | str) -> None:
     """Write linear light (H, W, 3) as a PNG, whole or not at all; raises OutputError as `to_display`, or on writing.
 

@@ -5,18 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from statistics import fmean
 
+from lookdev.codegen import ShaderSource, Source
 from lookdev.plan.chunks import Costs
 from lookdev.plan.plan import Plan
 from lookdev.render.task import SceneTask
 
-# Seconds on two cores; what counts is how they compare (bench/scaling.py measures them).
+# Seconds on two cores; what counts is how they compare. tests/bench/farm_costs.py measures them.
 _USUAL_SAMPLES = 256  # that frames with a target error take
 _SAMPLE = 1e-6  # of a sample of a pixel without bounces
 _BOUNCE = 0.5  # of it, for each bounce
 _FRAME = 0.15  # of a frame besides
-SCENE = 4.0
+_DIRECTIONS = 8  # that a look usually takes at a hit, of its BSDF and of the light
+_SHARED = 0.25  # of a sample's cost, whatever the directions
+_TRANSMITTING = 1.8  # times the cost of a look that only reflects: paths go on inside
+SCENE = 1.3
 """Seconds to prepare a scene."""
-START = 6.0
+START = 4.0
 """Seconds of a process to its first frame, but for what preparing the scene takes."""
 
 
@@ -54,4 +58,13 @@ def estimate(scene: SceneTask) -> float:
     """Return the cost of a frame by what is rendered, seconds."""
     sampling, (width, height) = scene.sampling, scene.resolution
     samples = sampling.samples if sampling.error is None else min(sampling.samples, _USUAL_SAMPLES)
-    return _FRAME + _SAMPLE * width * height * samples * (1.0 + _BOUNCE * sampling.bounces)
+    look = fmean(_of_look(source) for source in scene.shaders)
+    return _FRAME + _SAMPLE * width * height * samples * (1.0 + _BOUNCE * sampling.bounces) * look
+
+
+def _of_look(source: Source) -> float:
+    """Return the cost of a look's samples in that of a usual one's."""
+    cost = 1.0
+    if isinstance(source, ShaderSource):
+        cost = _SHARED + (1.0 - _SHARED) * sum(source.directions) / _DIRECTIONS
+    return cost * (_TRANSMITTING if source.transmits else 1.0)

@@ -7,7 +7,7 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
@@ -21,6 +21,7 @@ from lookdev.plan.setup import Setup, Turns
 from lookdev.plan.skips import Skip, scene_skips
 from lookdev.render.task import FrameTask
 from lookdev.scene import Pose
+from lookdev.scene.charts import STRIP, Strip
 
 State = Literal["done", "stale", "new"]
 DAMAGED = "damaged"
@@ -83,8 +84,20 @@ class Reel:
 
 
 @dataclass(frozen=True)
+class Charts:
+    """The reference props of a job: a setup for each light, and the strip of the frame that shows them."""
+
+    setups: tuple[Setup, ...]
+    strip: Strip
+
+
+@dataclass(frozen=True)
 class Plan:
-    """Every frame of some setups, in their order; `beside` are the suffixes of the files that each is to have."""
+    """Every frame of some setups, in their order; `beside` are the suffixes of the files that each is to have.
+
+    `charts` are the frames of reference props that are laid over frames of looks, all by their files; their frames are
+    the first.
+    """
 
     frames: tuple[PlannedFrame, ...]
     reels: tuple[Reel, ...]
@@ -92,6 +105,7 @@ class Plan:
     beside: tuple[str, ...] = ()
     skips: tuple[Skip, ...] = ()
     sheets: tuple[WedgeSheet, ...] = ()
+    charts: Mapping[Path, Path] = field(default_factory=dict)
 
     @cached_property
     def digest(self) -> str:
@@ -138,6 +152,7 @@ def build_plan(
     *,
     labels: Mapping[str, str] | None = None,
     beside: Sequence[str] = (),
+    charts: Charts | None = None,
 ) -> Plan:
     """Plan the frames of setups: one for each distinct pose of a setup, however many turntables show it.
 
@@ -157,8 +172,36 @@ def build_plan(
         for setup, shown in zip(setups, reels, strict=True)
         for task in _tasks(setup, turns, shown, labels or {}, of_pose)
     )
+    over, above = _frames_over(charts, reels, turns, read_header, labels or {}, of_pose)
     skips = tuple(find_skips(setups, turns))
-    return Plan(frames, tuple(chain.from_iterable(reels)), turns.output, tuple(beside), skips)
+    return Plan((*over, *frames), tuple(chain.from_iterable(reels)), turns.output, tuple(beside), skips, charts=above)
+
+
+def _frames_over(
+    charts: Charts | None,
+    reels: Sequence[Sequence[Reel]],
+    turns: Turns,
+    read_header: HeaderReader,
+    labels: Mapping[str, str],
+    of_pose: Callable[[Pose], dict[str, str]],
+) -> tuple[tuple[PlannedFrame, ...], dict[Path, Path]]:
+    """Return the frames of reference props, and which of their files is laid over each file of the reels of looks."""
+    if charts is None:
+        return (), {}
+    frames: list[PlannedFrame] = []
+    above: dict[Path, Path] = {}
+    for setup in charts.setups:
+        own = [
+            Reel(setup.look, setup.ibl, each.name, turns.files(setup.look, setup.ibl, each))
+            for each in turns.turntables
+        ]
+        named = {**labels, STRIP: charts.strip.label}
+        frames += (PlannedFrame(task, read_header) for task in _tasks(setup, turns, own, named, of_pose))
+        for shown in reels:
+            for under, over in zip(shown, own, strict=True):
+                if under.ibl == over.ibl:
+                    above |= zip(under.files, over.files, strict=True)
+    return tuple(frames), above
 
 
 def find_skips(setups: Iterable[Setup], turns: Turns) -> Iterator[Skip]:

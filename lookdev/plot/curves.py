@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 
-from lookdev.brdf import Bsdf, evaluate
+from lookdev.brdf import Bsdf
 from lookdev.brdf.fresnel import schlick_weight
 from lookdev.errors import LookdevError
-from lookdev.plot.angles import Floats, half_difference, towards
+from lookdev.plot.angles import Floats, Values, half_difference, towards
 from lookdev.plot.figure import (
     COLORS,
     DASHES,
@@ -25,14 +25,19 @@ from lookdev.plot.figure import (
     shown,
 )
 from lookdev.plot.options import Options
+from lookdev.plot.parts import evaluate_in_parts
 from lookdev.plot.subject import Subject
-from lookdev.reference.albedo import integrate_albedo
+from lookdev.reference.albedo import CELLS, integrate_albedo
 
 _AXIS = {"theta_h": "θh", "theta_d": "θd", "theta_i": "θi"}
 _EDGE = 1e-6
 _GRAZING = np.sin(np.radians(1.0))
 _DECADES = 4.0
 _ALBEDO_VIEWS = 19
+_DRAFT = (16, 8)
+
+FRESNEL_RANGE = (-0.5, 8.0)
+"""Of the axis of offset and scaled responses."""
 
 
 def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
@@ -40,6 +45,22 @@ def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
 
     theta_i is in the plane of incidence, negative on the viewer's side.
     """
+    figure, axes = figure_of()
+    ax = axes[0, 0]
+    found, columns = _drawn(ax, subjects, options, cartesian_values)
+    if options.axis == "theta_i":
+        still = f"view θo = {options.theta:g}°"
+    else:
+        other = "θd" if options.axis == "theta_h" else "θh"
+        still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
+    ax.set(xlabel=f"{_AXIS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
+    scale_values(ax, options, found["inner"])
+    legend(ax)
+    return Plot(figure, {f"{options.axis} (degrees)": found["x"], **columns})
+
+
+def cartesian_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, 3) at degrees `x`, (n,), and `inner`: where both directions are a degree off the horizon."""
     count = options.size or 721
     low = -options.limit if options.axis == "theta_i" else 0.0
     # As dense as the root of the angle on the side of the peak of most: a MERL file's own steps.
@@ -48,32 +69,29 @@ def cartesian(subjects: Sequence[Subject], options: Options) -> Plot:
     angle, fixed, phi = np.radians(degrees), np.radians(options.theta), np.radians(options.phi)
     if options.axis == "theta_i":
         wo, wi = np.broadcast_to(towards(fixed, np.pi), (count, 3)), towards(angle)
-        still = f"view θo = {options.theta:g}°"
     else:
         h, d = (angle, fixed) if options.axis == "theta_h" else (fixed, angle)
         wo, wi = half_difference(h, d, phi)
-        other = "θd" if options.axis == "theta_h" else "θh"
-        still = f"{other} = {options.theta:g}°, φd = {options.phi:g}°"
-    figure, axes = figure_of()
-    ax = axes[0, 0]
-    columns = draw_curves(ax, degrees, _values(subjects, wo, wi, options), options)
-    ax.set(xlabel=f"{_AXIS[options.axis]} (degrees)", ylabel=_f_label(options), title=still)
-    scale_values(ax, options, np.minimum(wo[:, 2], wi[:, 2]) > _GRAZING)
-    legend(ax)
-    return Plot(figure, {f"{options.axis} (degrees)": degrees, **columns})
+    inner = np.minimum(wo[:, 2], wi[:, 2]) > _GRAZING
+    return {"x": degrees, "f": f_of(subject, wo, wi, options.cosine), "inner": inner}
 
 
 def retro(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f where light and view coincide, against their angle to the normal (Burley 2012, figure 6)."""
-    degrees = np.linspace(0.0, options.limit, options.size or 361)
-    w = towards(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
     figure, axes = figure_of()
     ax = axes[0, 0]
-    columns = draw_curves(ax, degrees, _values(subjects, w, w, options), options)
+    found, columns = _drawn(ax, subjects, options, retro_values)
     ax.set(xlabel="θh = θi = θo (degrees)", ylabel=_f_label(options), title="retroreflection")
-    scale_values(ax, options, w[:, 2] > _GRAZING)
+    scale_values(ax, options, found["inner"])
     legend(ax)
-    return Plot(figure, {"theta (degrees)": degrees, **columns})
+    return Plot(figure, {"theta (degrees)": found["x"], **columns})
+
+
+def retro_values(subject: Subject, options: Options) -> Values:
+    """Return values as `cartesian_values`."""
+    degrees = np.linspace(0.0, options.limit, options.size or 361)
+    w = towards(np.radians(np.minimum(degrees, 90.0 - _EDGE)), np.radians(options.phi))
+    return {"x": degrees, "f": f_of(subject, w, w, options.cosine), "inner": w[:, 2] > _GRAZING}
 
 
 def polar(subjects: Sequence[Subject], options: Options) -> Plot:
@@ -81,10 +99,9 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
 
     The view is on the left: an arrow, as is the mirrored one.
     """
-    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
-    wo = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
-    wi = towards(theta, np.radians(options.phi))
-    curves = _values(subjects, np.broadcast_to(wo, wi.shape), wi, options)
+    found = [polar_values(subject, options) for subject in subjects]
+    theta = np.radians(found[0]["x"])
+    curves = list(zip(distinct([s.label for s in subjects]), (each["f"] for each in found), strict=True))
     figure, axes = figure_of(size=(6.8, 4.6), subplot_kw={"projection": "polar"})
     ax = axes[0, 0]
     peak = max((float(np.max(values)) for _, values in curves), default=0.0) or 1.0
@@ -115,7 +132,15 @@ def polar(subjects: Sequence[Subject], options: Options) -> Plot:
         ax.text(np.radians(angle), top * 0.97, text, fontsize=7, color="#555555", ha="center")
     ax.set_title(f"{_f_label(options)}, θo = {options.theta:g}°" + _scale_note(options))
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, 0.12), frameon=False, fontsize=8)
-    return Plot(figure, {"theta_i (degrees)": np.degrees(theta), **columns})
+    return Plot(figure, {"theta_i (degrees)": found[0]["x"], **columns})
+
+
+def polar_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, 3) at degrees `x`, (n,), negative on the viewer's side."""
+    theta = np.linspace(-0.5 * np.pi, 0.5 * np.pi, options.size or 1441)
+    wo = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
+    wi = towards(theta, np.radians(options.phi))
+    return {"x": np.degrees(theta), "f": f_of(subject, np.broadcast_to(wo, wi.shape), wi, options.cosine)}
 
 
 def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
@@ -130,32 +155,32 @@ def fresnel(subjects: Sequence[Subject], options: Options) -> Plot:
         raise LookdevError(
             "fresnel: mirrors and glass, of which it plots reflectances, beside others; not both at once"
         )
-    degrees = np.linspace(0.0, options.limit, options.size or 361)
-    theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
     figure, axes = figure_of()
     ax = axes[0, 0]
-    labels = distinct([subject.label for subject in subjects])
+    found, columns = _drawn(ax, subjects, options, fresnel_values)
+    degrees = found["x"]
     if kinds == {True}:
-        curves = [
-            (label, _reflectance(subject.bsdf, towards(theta))) for label, subject in zip(labels, subjects, strict=True)
-        ]
-        columns = draw_curves(ax, degrees, curves, options)
         ax.set(xlabel="θ (degrees)", ylabel="reflectance", title="Fresnel reflectance")
         scale_values(ax, options, np.ones(len(degrees), np.bool_))
     else:
-        normalised = partial(_normalised, degrees=degrees)
-        curves = [
-            (label, normalised(_averaged(subject.bsdf, theta, np.radians(options.phi))))
-            for label, subject in zip(labels, subjects, strict=True)
-        ]
-        columns = draw_curves(ax, degrees, curves, options)
-        columns["schlick"] = normalised(np.asarray(schlick_weight(np.cos(theta)))[:, None])[:, 0]
+        columns["schlick"] = found["schlick"]
         ax.plot(degrees, columns["schlick"], color="black", linestyle="--", linewidth=1.2, label="Schlick's curve")
         # Past 80 degrees f of a microfacet model goes up without limit: as in the figure, the plot ends.
-        ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=(-0.5, 8.0))
+        ax.set(xlabel="θd (degrees)", ylabel="offset and scaled f", ylim=FRESNEL_RANGE)
         ax.set_title("Fresnel response, mean over θh from 1° to 4°")
     legend(ax)
     return Plot(figure, {"theta_d (degrees)": degrees, **columns})
+
+
+def fresnel_values(subject: Subject, options: Options) -> Values:
+    """Return a reflectance, or a response and that of `schlick`, (n, 3) and (n,), at degrees `x`, (n,)."""
+    degrees = np.linspace(0.0, options.limit, options.size or 361)
+    theta = np.radians(np.minimum(degrees, 90.0 - _EDGE))
+    if subject.is_delta:
+        return {"x": degrees, "f": _reflectance(subject.bsdf, towards(theta))}
+    schlick = _normalised(np.asarray(schlick_weight(np.cos(theta)))[:, None], degrees)[:, 0]
+    risen = _normalised(_averaged(subject, theta, np.radians(options.phi)), degrees)
+    return {"x": degrees, "f": risen, "schlick": schlick}
 
 
 def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
@@ -163,17 +188,13 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
 
     The band is the error (`lookdev.reference.albedo.integrate_albedo`), mostly too thin to see: it is in the numbers.
     """
-    degrees = np.linspace(0.0, min(options.limit, 89.0), options.size or _ALBEDO_VIEWS)
     figure, axes = figure_of()
     ax = axes[0, 0]
-    curves, errors = [], {}
-    for label, subject in zip(distinct([each.label for each in subjects]), subjects, strict=True):
-        found = [
-            integrate_albedo(subject.bsdf, towards(angle, np.radians(options.phi))) for angle in np.radians(degrees)
-        ]
-        values, error = (np.array([getattr(each, name).sum(axis=0) for each in found]) for name in ("value", "error"))
-        curves.append((label, values))
-        errors[label] = error
+    labels = distinct([each.label for each in subjects])
+    found = [albedo_values(subject, options) for subject in subjects]
+    degrees = found[0]["x"]
+    curves = list(zip(labels, (each["f"] for each in found), strict=True))
+    errors = dict(zip(labels, (each["error"] for each in found), strict=True))
     columns = draw_curves(ax, degrees, curves, options, marker=".", markersize=4)
     for index, (label, values) in enumerate(curves):
         bands = zip(channels_of(values, options).values(), channels_of(errors[label], options).items(), strict=True)
@@ -190,9 +211,25 @@ def albedo(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, {"theta_o (degrees)": degrees, **columns}, (f"integration error at most {worst:.2g}",))
 
 
-def _values(subjects: Sequence[Subject], wo: Floats, wi: Floats, options: Options) -> list[tuple[str, Floats]]:
+def albedo_values(subject: Subject, options: Options, draft: bool = False) -> Values:
+    """Return albedos (n, 3) at degrees `x` of the view, (n,), and their `error`, (n, 3); a draft has larger ones."""
+    degrees = np.linspace(
+        0.0, min(options.limit, 89.0), options.size or (_ALBEDO_VIEWS // 2 if draft else _ALBEDO_VIEWS)
+    )
+    views = towards(np.radians(degrees), np.radians(options.phi))
+    found = [integrate_albedo(subject.bsdf, view, _DRAFT if draft else CELLS) for view in views]
+    values, error = (np.array([getattr(each, name).sum(axis=0) for each in found]) for name in ("value", "error"))
+    return {"x": degrees, "f": values, "error": error}
+
+
+def _drawn(
+    ax: Axes, subjects: Sequence[Subject], options: Options, values: Callable[[Subject, Options], Values]
+) -> tuple[Values, dict[str, Floats]]:
+    """Draw the curves of surfaces, and return the values of the last, and the columns."""
+    found = [values(subject, options) for subject in subjects]
     labels = distinct([subject.label for subject in subjects])
-    return [(label, f_of(subject, wo, wi, options.cosine)) for label, subject in zip(labels, subjects, strict=True)]
+    curves = list(zip(labels, (each["f"] for each in found), strict=True))
+    return found[-1], draw_curves(ax, found[-1]["x"], curves, options)
 
 
 def f_of(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
@@ -201,7 +238,10 @@ def f_of(subject: Subject, wo: Floats, wi: Floats, cosine: bool) -> Floats:
         raise LookdevError(
             f"{subject.label}: scatters along single directions and has no f; plot fresnel or albedo of it"
         )
-    f = evaluate(subject.bsdf, wo, wi)
+    if subject.faster:
+        f = subject.faster(wo.reshape(-1, 3), wi.reshape(-1, 3)).reshape(wo.shape)
+    else:
+        f = evaluate_in_parts(subject.bsdf, wo, wi)
     return f * np.abs(wi[..., 2:]) if cosine else f
 
 
@@ -221,10 +261,11 @@ def _reflectance(bsdf: Bsdf, wo: Floats) -> Floats:
     return total
 
 
-def _averaged(bsdf: Bsdf, theta_d: Floats, phi_d: float) -> Floats:
+def _averaged(subject: Subject, theta_d: Floats, phi_d: float) -> Floats:
     """Return the mean of f (n, 3) over theta_h from 1 to 4 degrees."""
     theta_h = np.radians(np.linspace(1.0, 4.0, 25))[:, None]
-    return np.asarray(evaluate(bsdf, *half_difference(theta_h, theta_d[None, :], phi_d)).mean(axis=0))
+    wo, wi = half_difference(theta_h, theta_d[None, :], phi_d)
+    return np.asarray(f_of(subject, wo, wi, cosine=False).mean(axis=0))
 
 
 def _normalised(f: Floats, degrees: Floats) -> Floats:
@@ -234,4 +275,4 @@ def _normalised(f: Floats, degrees: Floats) -> Floats:
     if not within.any():
         raise LookdevError("fresnel: curves are scaled by 45 to 80 degrees; a larger --limit and --size would be right")
     mean = np.abs(risen[within].mean(axis=0, keepdims=True))
-    return np.asarray(risen / np.where(mean > 1e-9 * np.abs(f).max(), mean, np.inf))
+    return np.asarray(risen / np.where(mean > 1e-9 * np.abs(f[within]).max(), mean, np.inf))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from lookdev.errors import LookdevError
-from lookdev.plot.angles import LUMINANCE, Floats, half_difference
+from lookdev.plot.angles import LUMINANCE, Floats, Values, half_difference
 from lookdev.plot.curves import f_of
 from lookdev.plot.figure import Plot, distinct, figure_of, picture, shown
 from lookdev.plot.options import Options
@@ -42,6 +43,12 @@ def slice_(subjects: Sequence[Subject], options: Options) -> Plot:
         columns |= {f"{label}.{name}": f[..., channel].ravel() for channel, name in enumerate("rgb")}
     figure.suptitle(_title(options), fontsize=9)
     return Plot(figure, columns)
+
+
+def slice_values(subject: Subject, options: Options) -> Values:
+    """Return f (n, n, 3): rows are theta_d, columns theta_h, from 0 to 90 degrees, at the middles of pixels."""
+    _, wo, wi = grid(options)
+    return {"f": f_of(subject, wo, wi, options.cosine)}
 
 
 def difference(subjects: Sequence[Subject], options: Options) -> Plot:
@@ -82,10 +89,16 @@ def difference(subjects: Sequence[Subject], options: Options) -> Plot:
 
 def grid(options: Options) -> tuple[Floats, Floats, Floats]:
     """Return the angles (n,) of the columns and rows of a slice in degrees, and wo and wi (n, n, 3)."""
-    count = options.size or _PIXELS
+    return _grid(options.size or _PIXELS, options.phi)
+
+
+@lru_cache(maxsize=4)
+def _grid(count: int, phi: float) -> tuple[Floats, Floats, Floats]:
     theta = (np.arange(count) + 0.5) / count * 90.0
     angle = np.radians(theta)
-    wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(options.phi))
+    wo, wi = half_difference(angle[None, :], angle[:, None], np.radians(phi))
+    for each in (theta, wo, wi):
+        each.flags.writeable = False
     return theta, wo, wi
 
 

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 
 from lookdev.brdf import Bsdf, evaluate_cosine, pdf, sample
 from lookdev.errors import LookdevError
-from lookdev.plot.angles import LUMINANCE, Floats, towards
+from lookdev.plot.angles import LUMINANCE, Floats, Values, towards
 from lookdev.plot.figure import Plot, distinct, figure_of, shown
 from lookdev.plot.options import Options
 from lookdev.plot.subject import Subject
@@ -44,22 +44,12 @@ class ChiSquare:
 
 def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot, for each surface, the pdf and f times the cosine over the sphere, and the weights of samples."""
-    wo = towards(np.radians(options.theta), np.radians(options.phi))
     figure, axes = figure_of(3, len(subjects), size=(4.0, 3.0))
     columns: dict[str, Floats] = {}
     notes = []
     for row, (label, subject) in enumerate(zip(distinct([s.label for s in subjects]), subjects, strict=True)):
-        if subject.is_delta:
-            raise LookdevError(
-                f"{label}: scatters along single directions and has no pdf; plot fresnel or albedo of it"
-            )
-        count = options.size or 192
-        cos = (np.arange(count) + 0.5) / count * 2.0 - 1.0
-        phi = (np.arange(2 * count) + 0.5) / count * np.pi
-        wi = towards(np.arccos(cos)[:, None], phi[None, :])
-        view = np.broadcast_to(wo, wi.shape)
-        density, value = pdf(subject.bsdf, view, wi), evaluate_cosine(subject.bsdf, view, wi) @ LUMINANCE
-        weights, test = _samples(subject.bsdf, wo)
+        found = sampling_values(subject, options)
+        cos, phi, density, value = (found[name] for name in ("cos", "phi", "pdf", "value"))
         top = float(max(density.max(), 1e-12))
         for ax, image, title in zip(
             axes[row], (density, value), (f"{shown(label)}\npdf (1/sr)", "f cos θi (1/sr)"), strict=False
@@ -71,12 +61,10 @@ def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
             ax.set(xlabel="φ (degrees)", ylabel="cos θi")
             ax.set_title(title, fontsize=8)
             figure.colorbar(shown_image, ax=ax, label="log10", shrink=0.9)
-        drawn = weights[weights > 0.0]
         ax = axes[row, 2]
-        ax.hist(drawn, bins=np.geomspace(*_range(drawn), 80), color="#0072b2")
+        ax.stairs(found["counts"], found["edges"], fill=True, color="#0072b2")
         ax.set(xscale="log", yscale="log", xlabel="f cos / pdf", ylabel="samples")
-        spread = float(weights.std() / np.sqrt(len(weights)))
-        note = f"albedo {weights.mean():.4f} ± {spread:.1g}, largest weight {weights.max():.3g}; {test}"
+        note = sampling_note(found)
         ax.set_title(note.replace("; ", "\n"), fontsize=7)
         notes.append(f"{label}: {note}")
         columns |= {"cos theta_i": np.repeat(cos, len(phi)), "phi (degrees)": np.tile(np.degrees(phi), len(cos))}
@@ -85,31 +73,66 @@ def sampling(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns, tuple(notes))
 
 
+def sampling_values(subject: Subject, options: Options, draft: bool = False) -> Values:
+    """Return the `pdf` and the `value`, f times the cosine, (n, 2n), at cosines `cos` (n,) and azimuths `phi` (2n,).
+
+    `counts` (k,) between `edges` (k + 1,) are of the samples' weights; `test` has their mean, its standard error, the
+    largest weight, and statistic, degrees of freedom, p of `ChiSquare`, and whether it is resolved.
+    """
+    if subject.is_delta:
+        raise LookdevError(
+            f"{subject.label}: scatters along single directions and has no pdf; plot fresnel or albedo of it"
+        )
+    wo = towards(np.radians(options.theta), np.radians(options.phi))
+    count = options.size or (64 if draft else 192)
+    cos = (np.arange(count) + 0.5) / count * 2.0 - 1.0
+    phi = (np.arange(2 * count) + 0.5) / count * np.pi
+    wi = towards(np.arccos(cos)[:, None], phi[None, :])
+    view = np.broadcast_to(wo, wi.shape)
+    density, value = pdf(subject.bsdf, view, wi), evaluate_cosine(subject.bsdf, view, wi) @ LUMINANCE
+    weights, test = _samples(subject.bsdf, wo, *((1 << 12, _NODES // 4) if draft else (_SAMPLES, _NODES)))
+    drawn = weights[weights > 0.0]
+    counts, edges = np.histogram(drawn, np.geomspace(*_range(drawn), 80))
+    spread = weights.std() / np.sqrt(len(weights))
+    numbers = [weights.mean(), spread, weights.max(), test.statistic, test.freedom, test.p, test.resolved]
+    return {
+        "cos": cos, "phi": phi, "pdf": density, "value": value, "counts": counts, "edges": edges,
+        "test": np.array(numbers, np.float64),
+    }  # fmt: skip
+
+
+def sampling_note(values: Values) -> str:
+    """Return what `sampling_values` found, in words."""
+    mean, spread, most, statistic, freedom, p, resolved = values["test"].tolist()
+    test = ChiSquare(statistic, int(freedom), p, bool(resolved))
+    return f"albedo {mean:.4f} ± {spread:.1g}, largest weight {most:.3g}; {test}"
+
+
 def _range(drawn: Floats) -> tuple[float, float]:
     low, high = (float(drawn.min()), float(drawn.max())) if len(drawn) else (0.1, 10.0)
     return max(low * 0.9, high * 1e-8), high * 1.1
 
 
-def _samples(bsdf: Bsdf, wo: Floats) -> tuple[Floats, ChiSquare]:
+def _samples(bsdf: Bsdf, wo: Floats, samples: int, nodes: int) -> tuple[Floats, ChiSquare]:
     """Return luminances of the samples' weights f cos / pdf, and the test of their directions against the pdf."""
-    u = np.random.default_rng(0).random((_SAMPLES, 2))
-    view = np.broadcast_to(wo, (_SAMPLES, 3))
+    u = np.random.default_rng(0).random((samples, 2))
+    view = np.broadcast_to(wo, (samples, 3))
     wi = sample(bsdf, view, u)
     density = pdf(bsdf, view, wi)
     drawn = (density > 0.0) & (wi[:, 2] != 0.0)
     value = evaluate_cosine(bsdf, view, wi) @ LUMINANCE
     weights = np.where(drawn, value / np.where(drawn, density, 1.0), 0.0)
-    return weights, chi_square(bsdf, wo, wi[drawn], _SAMPLES)
+    return weights, chi_square(bsdf, wo, wi[drawn], samples, nodes)
 
 
-def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int) -> ChiSquare:
+def chi_square(bsdf: Bsdf, wo: Floats, wi: Floats, samples: int, nodes: int = _NODES) -> ChiSquare:
     """Test directions (n, 3) that are above 0 among some number of samples against the pdf, in cells of the sphere."""
     rows, columns = _CELLS
     row = np.minimum((0.5 * (wi[:, 2] + 1.0) * rows).astype(int), rows - 1)
     turn = np.arctan2(wi[:, 1], wi[:, 0]) / (2.0 * np.pi) % 1.0
     column = np.minimum((turn * columns).astype(int), columns - 1)
     observed = np.bincount(row * columns + column, minlength=rows * columns).astype(float)
-    coarse, fine = (samples * _expected(bsdf, wo, nodes) for nodes in (_NODES // 2, _NODES))
+    coarse, fine = (samples * _expected(bsdf, wo, count) for count in (nodes // 2, nodes))
     # Of directions that count as none, the number is known, too.
     observed, fine = np.append(observed, samples - len(wi)), np.append(fine, max(samples - fine.sum(), 0.0))
     many = fine >= _LEAST

@@ -10,7 +10,7 @@ from matplotlib.colors import Normalize
 from lookdev.brdf import evaluate_cosine, pdf, sample, seen_along
 from lookdev.brdf.vectors import cross, normalize, vector
 from lookdev.light import load_environment, prepare_light
-from lookdev.plot.angles import LUMINANCE, Floats, towards
+from lookdev.plot.angles import LUMINANCE, Floats, Values, towards
 from lookdev.plot.curves import f_of
 from lookdev.plot.figure import Plot, distinct, figure_of, picture, shown
 from lookdev.plot.options import Options
@@ -26,18 +26,12 @@ _ROOT = 1.1673039782614187
 
 def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot f of all lights above the horizon, for one view, as the radius of a surface; the view is a line."""
-    count = options.size or 96
-    # Denser towards the mirrored view, where lobes are narrow.
-    theta = _dense(0.0, 0.5 * np.pi, np.radians(options.theta), count)
-    phi = _dense(-np.pi, np.pi, 0.0, 2 * count) + np.radians(options.phi)
-    wi = towards(theta[:, None], phi[None, :])
-    view = towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
-    wo = np.broadcast_to(view, wi.shape)
+    theta, phi, view = lobe_grid(options)
     figure, axes = figure_of(len(subjects), size=(4.6, 4.4), subplot_kw={"projection": "3d"})
     columns = {"theta_i (degrees)": np.repeat(np.degrees(theta), len(phi))}
     columns["phi_i (degrees)"] = np.tile(np.degrees(phi), len(theta))
     for ax, label, subject in zip(axes[0], distinct([each.label for each in subjects]), subjects, strict=True):
-        f = f_of(subject, wo, wi, options.cosine)
+        wi, f = lobe_values(subject, options).values()
         luminance = f @ LUMINANCE
         peak = float(luminance.max()) or 1.0
         if options.scale == "log":
@@ -59,11 +53,50 @@ def lobe3d(subjects: Sequence[Subject], options: Options) -> Plot:
     return Plot(figure, columns)
 
 
+def lobe_grid(options: Options) -> tuple[Floats, Floats, Floats]:
+    """Return theta (n,) and phi (2n,) of lights, denser towards the mirrored view, where lobes are narrow; the view."""
+    count = options.size or 96
+    theta = _dense(0.0, 0.5 * np.pi, np.radians(options.theta), count)
+    phi = _dense(-np.pi, np.pi, 0.0, 2 * count) + np.radians(options.phi)
+    return theta, phi, towards(np.radians(options.theta), np.radians(options.phi) + np.pi)
+
+
+def lobe_values(subject: Subject, options: Options) -> Values:
+    """Return `wi` and f, (theta, phi, 3), of the lights of `lobe_grid`."""
+    theta, phi, view = lobe_grid(options)
+    wi = towards(theta[:, None], phi[None, :])
+    return {"wi": wi, "f": f_of(subject, np.broadcast_to(view, wi.shape), wi, options.cosine)}
+
+
 def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
     """Plot spheres as seen from far away: above, lit by a distant point light; below, by the built-in studio dome.
 
     The light is `options.theta` degrees from the view, at an azimuth of `options.phi`, with an irradiance of pi. The
     dome is integrated by multiple importance sampling, 48 samples each of surface and dome a pixel.
+    """
+    figure, axes = figure_of(len(subjects), 2, size=(3.0, 3.0))
+    columns: dict[str, Floats] = {}
+    for index, (label, subject) in enumerate(zip(distinct([s.label for s in subjects]), subjects, strict=True)):
+        found = sphere_values(subject, options)
+        pixels, count = found.pop("pixel"), options.size or _PIXELS
+        columns |= {"row": (pixels // count).astype(float), "column": (pixels % count).astype(float)}
+        for row, (name, lit) in enumerate(found.items()):
+            image = np.zeros((count * count, 3))
+            image[pixels] = lit
+            ax = axes[row, index]
+            ax.imshow(picture(image.reshape(count, count, 3), options), origin="lower", interpolation="nearest")
+            ax.set_axis_off()
+            columns |= {f"{label}.{name}.{c}": lit[..., channel] for channel, c in enumerate("rgb")}
+        axes[0, index].set_title(shown(label), fontsize=8)
+    title = f"point light at {options.theta:g}°, and the dome '{_DOME}'; exposure {options.exposure:+g}"
+    figure.suptitle(title, fontsize=9)
+    return Plot(figure, columns)
+
+
+def sphere_values(subject: Subject, options: Options) -> Values:
+    """Return radiances (k, 3) under the `point` light and the `dome`, of the k pixels inside, numbered row by row.
+
+    The first row is the lowest.
     """
     count = options.size or _PIXELS
     x, y = np.meshgrid(*[(np.arange(count) + 0.5) / count * 2.0 - 1.0] * 2)
@@ -75,26 +108,11 @@ def sphere(subjects: Sequence[Subject], options: Options) -> Plot:
     bitangent = cross(normal, tangent)
     frame = np.stack([np.asarray(each) for each in (tangent, bitangent, normal)], axis=1)
     wo = np.ascontiguousarray(frame[..., 2])
-    light = towards(np.radians(options.theta), np.radians(options.phi))
-    toward_light = frame @ light
-    figure, axes = figure_of(len(subjects), 2, size=(3.0, 3.0))
-    pixels = np.flatnonzero(inside.ravel())
-    columns: dict[str, Floats] = {"row": (pixels // count).astype(float), "column": (pixels % count).astype(float)}
-    for index, (label, subject) in enumerate(zip(distinct([s.label for s in subjects]), subjects, strict=True)):
-        point = np.zeros(wo.shape) if subject.is_delta else np.pi * evaluate_cosine(subject.bsdf, wo, toward_light)
-        # A light behind the sphere reaches no front.
-        values = {"point": point * (toward_light[:, 2:] > 0.0), "dome": _lit_by_dome(subject, wo, frame)}
-        for row, (name, lit) in enumerate(values.items()):
-            image = np.zeros((count, count, 3))
-            image[inside] = lit
-            ax = axes[row, index]
-            ax.imshow(picture(image, options), origin="lower", interpolation="nearest")
-            ax.set_axis_off()
-            columns |= {f"{label}.{name}.{c}": lit[..., channel] for channel, c in enumerate("rgb")}
-        axes[0, index].set_title(shown(label), fontsize=8)
-    title = f"point light at {options.theta:g}°, and the dome '{_DOME}'; exposure {options.exposure:+g}"
-    figure.suptitle(title, fontsize=9)
-    return Plot(figure, columns)
+    toward_light = frame @ towards(np.radians(options.theta), np.radians(options.phi))
+    point = np.zeros(wo.shape) if subject.is_delta else np.pi * evaluate_cosine(subject.bsdf, wo, toward_light)
+    # A light behind the sphere reaches no front.
+    point = point * (toward_light[:, 2:] > 0.0)
+    return {"pixel": np.flatnonzero(inside.ravel()), "point": point, "dome": _lit_by_dome(subject, wo, frame)}
 
 
 def _lit_by_dome(subject: Subject, wo: Floats, frame: Floats) -> Floats:

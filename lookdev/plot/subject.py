@@ -8,7 +8,7 @@ is measured. ``label=`` before any of these replaces what the legend shows.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ from lookdev.material.usd import read_look
 from lookdev.material.values import look_layers
 
 _LABEL = re.compile(r"([^=:@#/]+)=(?=[^=:@#/]*(?:[:@#/.]|$))(.+)", re.DOTALL)
-_LOOK = re.compile(
+LOOK = re.compile(
     rf"(?P<file>.+?(?:{'|'.join(map(re.escape, SUFFIXES))}))"
     r"(?:#(?P<prim>/[^:@]*))?(?::(?P<layer>[^@]+))?(?:@(?P<uv>.+))?"
 )
@@ -36,19 +36,33 @@ _LOOK = re.compile(
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A surface to plot: a label, and its BSDF.
+    """A surface to plot: a label, its BSDF, and the layers that it is made of, base first, as they are seen from above.
 
-    `model` and `parameters` are those of a single layer; a stack has none.
+    `model` and `parameters` are those of a single layer; a stack has none. `faster` computes the same f as the BSDF for
+    directions (n, 3).
     """
 
     label: str
     bsdf: Bsdf
-    model: str = ""
-    parameters: Mapping[str, Any] | None = None
+    layers: tuple[StackLayer, ...] = ()
+    seen_alike: bool = True
+    faster: Callable[[Floats, Floats], Floats] | None = None
+
+    @property
+    def model(self) -> str:
+        """The model of the only layer, or an empty string."""
+        return self.layers[0].model if len(self.layers) == 1 else ""
+
+    @property
+    def parameters(self) -> Mapping[str, Any] | None:
+        """All parameters of the only layer."""
+        return self.layers[0].parameters if len(self.layers) == 1 else None
 
     @property
     def is_delta(self) -> bool:
         """Whether it scatters along single directions alone."""
+        if self.layers:
+            return all(MODELS[layer.model].delta for layer in self.layers)
         wo = np.array([0.0, 0.6, 0.8])
         return not self.bsdf.lobes(wo) and bool(self.bsdf.deltas(wo, np.asarray(False)))
 
@@ -73,7 +87,11 @@ class _Point(ImagePoints):
         return self.cosine
 
 
-def read_subject(words: str, library: Path | None = None) -> Subject:
+Locate = Callable[[str], Path]
+"""Finds the file of a name in words; raises LookdevError where it may not be read."""
+
+
+def read_subject(words: str, library: Path | None = None, locate: Locate = Path) -> Subject:
     """Return what words of the command line stand for.
 
     Raises
@@ -83,35 +101,56 @@ def read_subject(words: str, library: Path | None = None) -> Subject:
     LookdevError
         Nothing has that name.
     """
-    named = None if Path(words).exists() else _LABEL.fullmatch(words)
-    if named:
-        return replace(read_subject(named[2], library), label=named[1].strip())
-    if look := _LOOK.fullmatch(words):
-        return _of_look(words, Path(look["file"]), look["prim"], look["layer"], look["uv"])
+    label, words = split_label(words, locate)
+    subject = _read(words, library, locate)
+    return replace(subject, label=label) if label else subject
+
+
+def split_label(words: str, locate: Locate = Path) -> tuple[str, str]:
+    """Return the label before words, or an empty string, and the rest."""
+    named = None if _is_file(words, locate, folders=True) else _LABEL.fullmatch(words)
+    if named is None:
+        return "", words
+    _, rest = split_label(named[2], locate)
+    return named[1].strip(), rest
+
+
+def _read(words: str, library: Path | None, locate: Locate) -> Subject:
+    if look := LOOK.fullmatch(words):
+        return _of_look(words, look["file"], locate(look["file"]), look["prim"], look["layer"], look["uv"])
     name, _, rest = words.partition(":")
     if name in MODELS:
-        return subject_of(*read_model(words), words)
-    if Path(words).is_file():
-        return subject_of(MEASURED, {"file": words}, Path(words).name)
+        return subject_of(*read_model(words, locate), words)
+    if _is_file(words, locate):
+        return subject_of(MEASURED, {"file": str(locate(words))}, Path(words).name)
     if Path(name).suffix:
         raise LookdevError(f"{words}: no such file; a look, a MERL binary or data of Ngan et al. would be right")
     return _of_preset(words, name, rest, library)
 
 
-def read_model(words: str) -> tuple[Model, dict[str, Any]]:
+def _is_file(words: str, locate: Locate, folders: bool = False) -> bool:
+    try:
+        place = locate(words)
+        return place.is_file() or (folders and place.exists())
+    except (LookdevError, OSError, ValueError):
+        return False
+
+
+def read_model(words: str, locate: Locate = Path) -> tuple[Model, dict[str, Any]]:
     """Return the model that words such as ``disney:sheen=0`` name, and the parameters given; errors as above."""
     name, _, rest = words.partition(":")
     model = model_named(name)
-    return model, _parameters(words, model, rest)
+    return model, read_parameters(words, model, rest, locate)
 
 
 def subject_of(model: Model, given: Mapping[str, object], label: str) -> Subject:
     """Return a model with some of its parameters; a ModelError reports what is wrong with them."""
     parameters = model.complete(given)
-    return Subject(label, model.bsdf(parameters), model.name, parameters)
+    return Subject(label, model.bsdf(parameters), (StackLayer(model.name, parameters),))
 
 
-def _parameters(words: str, model: Model, text: str) -> dict[str, Any]:
+def read_parameters(words: str, model: Model, text: str, locate: Locate = Path) -> dict[str, Any]:
+    """Return the parameters of a model that text as ``roughness=.3,baseColor=.8/.2/.1`` gives; words are for errors."""
     given: dict[str, Any] = {}
     for pair in filter(None, text.split(",")):
         name, equals, value = pair.partition("=")
@@ -120,7 +159,10 @@ def _parameters(words: str, model: Model, text: str) -> dict[str, Any]:
             raise ModelError(f"{words}: '{pair}' is no NAME=VALUE, for instance {next(iter(model.parameters))}=…")
         if name not in model.parameters:
             raise ModelError(f"{words}: {model.name} has no '{name}' ({nearest_hint(name, list(model.parameters))})")
-        given[name] = _value(words, model.parameters[name].kind, name, value.strip())
+        parameter, text = model.parameters[name], value.strip()
+        if parameter.file and text not in parameter.choices:
+            text = str(locate(text))
+        given[name] = _value(words, parameter.kind, name, text)
     return given
 
 
@@ -151,15 +193,15 @@ def _of_preset(words: str, name: str, rest: str, library: Path | None) -> Subjec
     (layer,) = _layers(preset_look(preset, name), (0.5, 0.5), np.ones(1))
     given = dict(layer.parameters) | {
         key: complete_parameters(layer.model, {key: value})[key]
-        for key, value in _parameters(words, model_named(layer.model), rest).items()
+        for key, value in read_parameters(words, model_named(layer.model), rest).items()
     }
-    return Subject(words, model_named(layer.model).bsdf(given), layer.model, given)
+    return Subject(words, model_named(layer.model).bsdf(given), (replace(layer, parameters=given),))
 
 
-def _of_look(words: str, file: Path, prim: str | None, layer: str | None, at: str | None) -> Subject:
+def _of_look(words: str, named: str, file: Path, prim: str | None, layer: str | None, at: str | None) -> Subject:
     look = read_look(file, prim)
     place = _place(words, at)
-    label = words.replace(str(file), file.stem, 1)
+    label = words.replace(named, file.stem, 1)
     if layer is not None:
         names = [each.name for each in look.layers]
         if layer.isdigit() and int(layer) < len(names):
@@ -175,10 +217,10 @@ def _of_look(words: str, file: Path, prim: str | None, layer: str | None, at: st
             return stack_bsdf(_layers(look, place, np.abs(np.asarray(wo)[..., 2]), squeezed=False))
 
         front = seen(np.array([[0.0, 0.0, 1.0]]))
-        return Subject(label, replace(front, lobes=lambda wo: seen(wo).lobes(wo)))
+        above = tuple(_layers(look, place, np.ones(1)))
+        return Subject(label, replace(front, lobes=lambda wo: seen(wo).lobes(wo)), above, seen_alike=False)
     layers = _layers(look, place, np.ones(1))
-    alone = {"model": layers[0].model, "parameters": layers[0].parameters} if len(layers) == 1 else {}
-    return Subject(label, stack_bsdf(layers), **alone)  # type: ignore[arg-type]
+    return Subject(label, stack_bsdf(layers), tuple(layers))
 
 
 def _layers(look: Look, place: tuple[float, float], cosine: Floats, squeezed: bool = True) -> list[StackLayer]:

@@ -20,7 +20,8 @@ Floats = NDArray[np.float64]
 
 # The smallest alpha that the models allow.
 _NARROWEST = 0.001
-_CELLS = (128, 96)
+CELLS = (128, 96)
+"""Of the grid of half vectors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,7 @@ class Albedo:
     error: Floats
 
 
-def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = _CELLS) -> Albedo:
+def integrate_albedo(bsdf: Bsdf, wo: Floats, cells: tuple[int, int] = CELLS) -> Albedo:
     """Integrate f times the cosine of a surface of constant parameters over the sphere.
 
     Parameters

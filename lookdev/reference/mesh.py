@@ -47,13 +47,17 @@ class MeshScene:
         looks: Sequence[Look],
         lit_by: Sequence[Sequence[int]] | None = None,
         groups: Sequence[int] = (),
+        *,
+        shadows: bool = True,
     ) -> None:
         """`looks`, the numbers of the lights that light them, and `groups` are of the slots.
 
-        None: all lights light all; (): all slots are of group 0.
+        None: all lights light all; (): all slots are of group 0. Without `shadows` rays that leave a surface meet
+        nothing: all light arrives, and none from other places.
         """
         self._asset = asset
         self._lit_by = lit_by
+        self._shadows = shadows
         self._groups = np.array(groups or [0] * len(looks))
         self._looks = list({id(look): look for look in looks}.values())
         numbers = {id(look): number for number, look in enumerate(self._looks)}
@@ -95,6 +99,8 @@ class MeshScene:
         return self._meet(self._occluding[()], origins, self._local(origins), ray, np.full(len(ray), -1))
 
     def onward(self, place: Places, direction: Floats, spared: tuple[int, ...] = ()) -> tuple[Mask, Places]:
+        if not self._shadows:
+            return np.zeros(len(place), np.bool_), place.copy()
         origin, facet = self.points(place), self._facets[place["triangle"]]
         # Rounded, a place can lie behind the plane of its triangle, which neighbours may continue: it is lifted off.
         lifted = self._local(origin) + np.copysign(_LIFT, _dot(facet, direction)) * facet

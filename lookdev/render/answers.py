@@ -87,12 +87,17 @@ def save_arrays(
     arrays = {"a": a, "b": b, "alpha": alpha, **({} if raw is None else {"raw": raw})}
     arrays |= {f"pass {name}": each for name, each in passes.items()}
     texts = {"names": np.frombuffer(json.dumps(dict(names)).encode(), np.uint8)} if names else {}
+    return save_named({**arrays, **texts})
+
+
+def save_named(arrays: Mapping[str, NDArray[Any]]) -> str:
+    """Save arrays by their names; otherwise as `save_arrays`."""
     folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
     try:
         handle, path = tempfile.mkstemp(prefix="lookdev-", suffix=".npz", dir=folder)
         try:
             with os.fdopen(handle, "wb") as stream:
-                np.savez(stream, **arrays, **texts)
+                np.savez(stream, **arrays)
         except OSError:
             Path(path).unlink()
             raise

@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.codegen import NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
+from lookdev.codegen import Catching, NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
@@ -22,7 +22,7 @@ from lookdev.space import OCIO_NAMES, REC709, Space
 if TYPE_CHECKING:
     from lookdev.material import Bump, Look, Texture
 
-RENDER_VERSION = 4
+RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
 MITSUBA_VERSION = 3
@@ -36,15 +36,17 @@ WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
 class Setting:
     """What a source is generated for besides its look.
 
-    Without `shadows` the asset never occludes light. `resolve` returns the linear EXR file of a texture, or that of the
-    slopes of a height map; None: those of the cache. `light_groups` has the number of each light's group, where a pass
-    has them. `space` is that of the lights, and of what is rendered.
+    Without `shadows` the asset never occludes light. In a scene with a shadow catcher, `catching` is what wears the
+    look. `resolve` returns the linear EXR file of a texture, or that of the slopes of a height map; None: those of the
+    cache. `light_groups` has the number of each light's group, where a pass has them. `space` is that of the lights,
+    and of what is rendered.
     """
 
     lights: tuple[Light, ...]
     resolution: tuple[int, int]
     sampling: Sampling
     shadows: bool = True
+    catching: Catching = ""
     resolve: Callable[[Texture | Bump], Path] | None = None
     light_groups: tuple[int, ...] = ()
     space: Space = REC709
@@ -92,6 +94,8 @@ class Backend:
     features: bool = False  # renders what a denoiser is guided by
     spaces: tuple[Space, ...] = (REC709,)  # in which it renders
     passes: tuple[str, ...] = ("samples",)  # of `PASSES`
+    catches: bool = False  # renders shadow catchers
+    apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
     check_device: Callable[[str], None] = lambda device: None  # raises RenderError if it cannot be had here
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
@@ -112,6 +116,7 @@ def _exact(look: Look, setting: Setting) -> Source:
         resolution=setting.resolution,
         features=setting.sampling.features,
         recorded=setting.sampling.recorded,
+        catching=setting.catching,
         light_groups=setting.light_groups,
         space=setting.space,
     )
@@ -192,6 +197,8 @@ BACKENDS: dict[str, Backend] = {
             features=True,
             spaces=tuple(OCIO_NAMES),
             passes=tuple(PASSES),
+            catches=True,
+            apart=True,
             ahead=True,
         ),
         Backend(
@@ -230,6 +237,7 @@ BACKENDS: dict[str, Backend] = {
             features=True,
             passes=tuple(name for name in PASSES if name != LIGHTS),
             check_device=check_device,
+            apart=True,
             spaces=tuple(OCIO_NAMES),
             version=_of_mitsuba,
         ),

@@ -15,6 +15,7 @@ from lookdev.render.adaptive import Half, Region, mean_samples, next_round
 from lookdev.render.denoise import Denoised, denoised
 from lookdev.render.task import FrameTask
 
+Floats = NDArray[np.float64]
 Image = NDArray[np.float32]
 
 # Seeds of one frame's rounds and halves: those of neighbouring `seed` values never coincide.
@@ -59,12 +60,26 @@ Renderer = Callable[[int, Region], tuple[Image, Image] | tuple[Image, Image, Map
 Denoiser = Callable[[Image], Image]
 
 
+Pictures = Callable[[Half, Half], tuple[Floats, Floats, Floats]]
+"""Returns the colours of both halves, and the alpha of the frame."""
+
+
+def plain_pictures(first: Half, second: Half) -> tuple[Floats, Floats, Floats]:
+    """Return the colours of both halves and their mean coverage."""
+    return first.color, second.color, 0.5 * (first.alpha + second.alpha)
+
+
 def render_halves(
-    task: FrameTask, render: Renderer, denoiser: Callable[[], Denoiser], progress: Progress
+    task: FrameTask,
+    render: Renderer,
+    denoiser: Callable[[], Denoiser],
+    progress: Progress,
+    pictures: Pictures = plain_pictures,
 ) -> RenderedFrame:
     """Render the halves of a frame, by seeds of their own, so that their difference measures the error of their mean.
 
-    `denoiser` makes one that is guided by the features of the frame, if the task wants it.
+    `denoiser` makes one that is guided by the features of the frame, if the task wants it. `pictures` are what the
+    halves show, by which the frame is measured.
     """
     started = time.perf_counter()
     sampling, (width, height), gain = task.scene.sampling, task.scene.resolution, 2.0**task.exposure
@@ -83,7 +98,7 @@ def render_halves(
             done = round(2.0 * mean_samples(halves))
             progress(done, sampling.samples, error if number else None)
         number += 1
-        a, b, alpha = halves[0].color, halves[1].color, 0.5 * (halves[0].alpha + halves[1].alpha)
+        a, b, alpha = pictures(*halves)
         error = raw_error = relmse_of_halves(a * gain, b * gain, alpha)
         if smooth is not None:
             before = time.perf_counter()

@@ -30,7 +30,8 @@ def kept_source(backend: Backend, look: Look, setting: Setting, lit: tuple[objec
     read = None if backend.source is not ShaderSource or setting.resolve is not None else _contents(look)
     if read is None:
         return backend.generate(look, setting)
-    given = replace(look, source=""), setting.resolution, setting.sampling, setting.shadows, setting.space
+    settings = setting.resolution, setting.sampling, setting.shadows, setting.space, setting.catching
+    given = replace(look, source=""), *settings
     # All code: a source contains what many rooms define.
     key = hashlib.sha256(f"{code_digest()} {backend.name} {given!r} {read} {lit!r}".encode()).hexdigest()
     if (value := kept(_ROOM, key)) is not None:

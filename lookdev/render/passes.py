@@ -60,6 +60,9 @@ PASSES: dict[str, Pass] = {
 }
 
 
+CATCHER = _parts("catcher", "light of the ground with the asset and without", ("ground", "bare")).arrays
+"""What a frame with a shadow catcher has besides, as `lookdev.render.catcher` defines it."""
+
 IN_EACH_FRAME = ("beauty", "alpha", "error")
 """What a job may name among its passes, and every frame has."""
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from lookdev.asset import Asset, save_asset
 from lookdev.cache import Content
-from lookdev.codegen import TANGENT, Source
+from lookdev.codegen import TANGENT, Catching, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
 from lookdev.light.lamps import CodedRig
@@ -43,6 +43,9 @@ def scene_task(
     record, asset = BACKENDS[backend], scene.asset
     # Slots that share a look, and are lit by the same lights, share its source.
     worn_by = [(id(look), lit) for look, lit in zip(scene.looks, scene.lit_by, strict=True)]
+    caught = {id(scene.wears[path]) for path in scene.catchers}
+    if caught and not record.catches:
+        raise CodegenError(f"backend '{backend}' renders no shadow catcher: 'exact' does")
     different = dict(zip(worn_by, scene.looks, strict=True))
     for look in different.values():
         if reason := record.cannot_show(look):
@@ -73,9 +76,10 @@ def scene_task(
     def generate(sampling: Sampling, shadows: bool) -> list[Source]:
         sources = []
         for (number, lit), look in different.items():
-            setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows)
+            catching: Catching = "" if not caught else "ground" if number in caught else "asset"
+            setting = Setting(lit_by[lit], scene.film.resolution, sampling, shadows, catching)
             setting = replace(setting, light_groups=grouped[lit], space=scene.film.space)
-            key = (number, backend, *like[lit], setting.resolution, sampling, shadows, setting.space)
+            key = (number, backend, *like[lit], setting.resolution, sampling, shadows, setting.space, catching)
             if key not in known:
                 known[key] = kept_source(record, look, setting, like[lit])
             sources.append(known[key])

@@ -11,9 +11,10 @@ from typing import Annotated, Any
 from pydantic import PlainValidator, TypeAdapter, ValidationInfo
 
 from lookdev.cache import Content
-from lookdev.codegen import Source
+from lookdev.codegen import ShaderSource, Source
 from lookdev.light import AnyLight, Light
 from lookdev.render.backends import BACKENDS
+from lookdev.render.passes import CATCHER, arrays_of
 from lookdev.scene import Camera, Pose, Sampling
 from lookdev.space import REC709, Space
 
@@ -78,6 +79,16 @@ class SceneTask:
     def lights_of(self, shader: int) -> tuple[Light, ...]:
         """Return the lights that light what wears a source, by its number."""
         return tuple(self.lights[number] for number in self.lit[shader]) if self.lit else self.lights
+
+    @property
+    def catches(self) -> bool:
+        """Whether it has a shadow catcher."""
+        return any(isinstance(each, ShaderSource) and bool(each.catching) for each in self.shaders)
+
+    @property
+    def arrays(self) -> dict[str, tuple[str, ...]]:
+        """What its frames have besides colour and alpha: the channels of each array by its name."""
+        return {**arrays_of(self.sampling.passes, self.names_of_light), **(CATCHER if self.catches else {})}
 
     @property
     def names_of_light(self) -> tuple[str, ...]:

@@ -1,15 +1,20 @@
-"""Tasks as lines of JSON, the input of a worker process: frames, and to some workers scenes ahead of their frames."""
+"""Tasks as lines of JSON, the input of a worker process: frames, and to some workers scenes ahead of their frames, or
+pictures with derivatives."""
 
 from __future__ import annotations
 
 from pydantic import TypeAdapter, ValidationError
 
 from lookdev.errors import WorkerError
+from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import FrameTask, SceneTask
 
-Request = FrameTask | SceneTask
+Request = FrameTask | SceneTask | SlopeTask
 
 _REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
+
+
+_KINDS = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
 
 
 def encode(task: Request) -> str:
@@ -18,10 +23,10 @@ def encode(task: Request) -> str:
 
 
 def decode(line: str) -> FrameTask:
-    """Return the frame task of a line that `encode` made; raises WorkerError as `decode_request`, and for a scene."""
+    """Return the frame task of a line that `encode` made; WorkerError as `decode_request`, and for another task."""
     task = decode_request(line)
-    if isinstance(task, SceneTask):
-        raise WorkerError("the line is a scene task, not a frame task: the worker's backend is not sent any")
+    if not isinstance(task, FrameTask):
+        raise WorkerError(f"the line is a {_KINDS[type(task)]}, not a frame task: the worker's backend is not sent any")
     return task
 
 

@@ -29,8 +29,10 @@ from pydantic import BaseModel, Field, TypeAdapter, ValidationError
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
-from lookdev.render.passes import arrays_of
+from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import FrameTask, SceneTask
+
+Floats = NDArray[np.float32]
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
@@ -202,6 +204,18 @@ class Worker:
         Raises RenderError where the worker cannot render the frame, and keeps running; WorkerError where it died, hung
         or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
         """
+        with self._killed_on_error():
+            return _load(self._finish(task, progress), task.scene, self._blender)
+
+    def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats:
+        """Return halves of radiance and coverage, and of P derivatives: (2, 1 + P, H, W, 4); errors as `render`."""
+        width, height = task.scene.resolution
+        shape = (2, 1 + len(task.symbols), height, width, 4)
+        with self._killed_on_error():
+            return _arrays(self._finish(task, progress), {"slopes": shape})[0]["slopes"]
+
+    def _finish(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
+        """Send a task, and return the answer that ends it."""
         if self._process is None:
             raise WorkerError("the render worker is not running: start it first")
         with self.log.open("a") as log:
@@ -216,7 +230,7 @@ class Worker:
             self._check_digest(message.digest, task)
             if isinstance(message, Failed):
                 raise OutputError(message.message) if message.unwritable else RenderError(message.message)
-            return _load(message, task.scene, self._blender)
+            return message
 
     def stop(self) -> None:
         """Kill the process and its children, from any thread; what another thread waits for ends with an error."""
@@ -303,7 +317,7 @@ class Worker:
         return f"the render worker ended with exit code {code}" + (f": {line}" if line else "")
 
     @staticmethod
-    def _check_digest(digest: str, task: FrameTask) -> None:
+    def _check_digest(digest: str, task: FrameTask | SlopeTask) -> None:
         if digest != task.digest:
             raise WorkerError(f"the render worker answered for frame {digest[:12]}, asked for {task.digest[:12]}")
 
@@ -344,21 +358,9 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     width, height = scene.resolution
     shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
     shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = arrays_of(scene.sampling.passes, scene.names_of_light)
+    passes = scene.arrays
     shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
-    try:
-        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in shapes}
-            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
-    done.arrays.unlink(missing_ok=True)
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
-        if not np.isfinite(arrays[name]).all():
-            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
-    found = {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}
+    found, names = _arrays(done, shapes)
     shown = {name: found.pop(f"pass {name}") for name in passes}
     return Rendered(
         **found,
@@ -373,6 +375,23 @@ def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
         raw_relmse=done.raw_relmse,
         raw_seconds=done.raw_seconds,
     )
+
+
+def _arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
+    """Read and remove the arrays of a result, and the names of mattes; errors as `_load`."""
+    try:
+        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in shapes}
+            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
+    done.arrays.unlink(missing_ok=True)
+    for name, shape in shapes.items():
+        if arrays[name].shape != shape:
+            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
+        if not np.isfinite(arrays[name]).all():
+            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
+    return {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}, names
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

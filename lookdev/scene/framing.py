@@ -36,7 +36,7 @@ _LEAST_GAP = 1e-4
 def frame_camera(
     center: tuple[float, float, float],
     radius: float,
-    resolution: tuple[int, int],
+    resolution: tuple[float, float],
     *,
     fov: float = DEFAULT_FOV,
     elevation: float = 10.0,
@@ -77,7 +77,7 @@ def frame_camera(
 
 def frame_fill(
     points: Floats,
-    resolution: tuple[int, int],
+    resolution: tuple[float, float],
     *,
     fov: float = DEFAULT_FOV,
     elevation: float = 10.0,

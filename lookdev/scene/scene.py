@@ -29,7 +29,8 @@ class Scene:
     """What is shown. `wears` maps the path of each slot of the asset to a look; ValueError where a slot has none.
 
     `lit` maps the paths of slots to the numbers of the lights that light them; all light a slot that it lacks. `groups`
-    maps them to the groups of which `Emission.spared` has the numbers, 0 where it lacks one.
+    maps them to the groups of which `Emission.spared` has the numbers, 0 where it lacks one. Of the slots of the paths
+    `catchers`, only what the rest of the asset does to their light is shown: they are a shadow catcher.
     """
 
     asset: Asset
@@ -39,6 +40,7 @@ class Scene:
     film: Film
     lit: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     groups: Mapping[str, int] = field(default_factory=dict)
+    catchers: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         bare = [slot.path for slot in self.asset.slots if slot.path not in self.wears]

@@ -3,7 +3,7 @@
 // Sobol's first dimension is the bit reversal of the index; the second is Pascal's matrix modulo 2 applied to it,
 // the polynomial i(x + 1) over GF(2), which halves solve recursively. Scrambling follows Laine and Karras 2011 with
 // the constants of Vegdahl 2021, index shuffling Burley 2020 ("Practical Hash-based Owen Scrambling").
-// Integers are 32 bits and signed: every right shift is masked.
+// Integers are 32 bits and signed: every right shift is masked. The text is OSL, and GLSL but for the word `output`.
 
 int sobol_reverse(int value)
 {
@@ -42,7 +42,7 @@ int sobol_hash(int value)
 // 24 bits of an integer as a number in [0, 1).
 float sobol_unit(int x)
 {
-    return ((x >> 8) & 0xffffff) * (1.0 / 16777216.0);
+    return float((x >> 8) & 0xffffff) * (1.0 / 16777216.0);
 }
 
 // Point `index` of the sequence that `seed` scrambles.

@@ -13,7 +13,7 @@ import pytest
 from lookdev.asset import Asset, Instance, Slot
 from lookdev.asset.builtin import make_sphere
 from lookdev.asset.store import make_asset
-from lookdev.batch.frame_file import write_rendered
+from lookdev.batch.frame_file import store
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
@@ -197,7 +197,7 @@ def test_mattes_are_the_coverage_of_each_part(backend: str, worker: Worker, tmp_
     task = task_of(balls(), ("cryptomatte",), backend, size, samples=8192, bounces=0)
     task = replace(task, files=(tmp_path / "frame.exr",))
     frame = rendered(worker, task)
-    write_rendered(task, frame, 0.5 * (frame.a + frame.b))
+    store(task, frame)
     expected = covered(tuple(PARTS), size)
     objects, looks, assets = (decoded(task.files[0], f"Crypto{kind}") for kind in ("Object", "Material", "Asset"))
     assert {*objects} == {*PARTS}

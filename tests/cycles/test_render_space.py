@@ -10,7 +10,7 @@ import OpenEXR
 import pytest
 from test_passes import GREY, POSE, SIZE, balls, rendered, task_of
 
-from lookdev.batch.frame_file import write_rendered
+from lookdev.batch.frame_file import store
 from lookdev.light import load_environment, prepare_light
 from lookdev.light.dome.environment import make_environment
 from lookdev.light.space import in_space
@@ -83,7 +83,7 @@ def test_a_frame_states_its_space(worker: Worker, tmp_path: Path) -> None:
     )
     for each in (plain, other):
         frame = rendered(worker, each)
-        write_rendered(each, frame, beauty(frame))
+        store(each, frame)
     with OpenEXR.File(str(other.files[0]), header_only=True) as exr:
         header = dict(exr.header())
     np.testing.assert_allclose(header["chromaticities"], CHROMATICITIES["acescg"], rtol=1e-6)

@@ -12,7 +12,7 @@ from pxr import Usd
 
 from lookdev.errors import LookdevError
 from lookdev.material.library import Preset, find_preset
-from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
+from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_inputs, set_mask, write_preview
 from lookdev.material.library.masks import parse_mask
 from lookdev.material.look import Coordinates, Formula, Primvar, Texture, View
 from lookdev.material.usd import read_look
@@ -337,3 +337,33 @@ def test_a_fault_in_another_variant_counts(car: Path, take: Take) -> None:
     text = car.read_text().replace('"dusty" {\n', '"dusty" {\n over "Dust" {\n float inputs:shine = 1\n }\n')
     car.write_text(text)
     assert f"{car}: /CarPaint/Dust.inputs:shine: unknown input" in refused(lambda: add_layer(car, take("gold")), car)
+
+
+def test_constants_of_layers_are_set_where_the_file_has_them(paint: Path, take: Take) -> None:
+    add_layer(paint, take("rubber"), 0.5)
+    before = read_look(paint)
+    set_inputs(paint, {(0, "roughness"): 0.25, (1, "mask"): 0.75, (1, "baseColor"): (0.1, 0.2, 0.3)})
+    after = read_look(paint)
+    assert after.layers[0].inputs == {**before.layers[0].inputs, "roughness": pytest.approx(0.25)}
+    assert after.layers[1].mask == pytest.approx(0.75)
+    assert after.layers[1].inputs["baseColor"] == pytest.approx((0.1, 0.2, 0.3))
+
+
+def test_a_constant_of_a_variant_is_set_in_the_variant(tmp_path: Path) -> None:
+    file = tmp_path / "brushed_metal.usda"
+    shutil.copy(ROOT / "materials" / "brushed_metal.usda", file)
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    others = read_look(file, None, {"metal": "aluminium"})
+    set_inputs(file, {(0, "baseColor"): (0.1, 0.2, 0.3)}, None, {"metal": "copper"})
+    assert read_look(file, None, {"metal": "copper"}).layers[0].inputs["baseColor"] == pytest.approx((0.1, 0.2, 0.3))
+    assert read_look(file, None, {"metal": "aluminium"}).layers == others.layers
+
+
+def test_an_input_with_a_source_is_no_constant(tmp_path: Path) -> None:
+    file = tmp_path / "brushed_metal.usda"
+    shutil.copy(ROOT / "materials" / "brushed_metal.usda", file)
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    text = file.read_text()
+    with pytest.raises(LookdevError, match="is connected"):
+        set_inputs(file, {(0, "roughness"): 0.5})
+    assert file.read_text() == text

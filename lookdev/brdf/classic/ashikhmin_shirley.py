@@ -109,4 +109,6 @@ ASHIKHMIN_SHIRLEY = Model(
     identifier="LookdevAshikhminShirley",
     reciprocal=lambda tokens: ("diffuse", "specular"),
     preview=Preview({}, _preview),
+    quotes=dict.fromkeys(("exponentU", "exponentV"), "q_u, q_v: Exponents to control shape of specular peak."),
+    quoted="Lecture on reflection models, modern Phong",
 )

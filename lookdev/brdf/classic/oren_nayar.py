@@ -114,7 +114,8 @@ OREN_NAYAR = Model(
             0.3,
             hard=(0.0, 0.5 * np.pi),
             soft=(0.0, 1.0),
-            help="Standard deviation of the facets' slope angle, in radians; 0 is Lambert's reflection.",
+            help="Standard deviation of the facets' slope angle; 0 is Lambert's reflection.",
+            unit="rad",
         ),
         Parameter(
             "interreflection",

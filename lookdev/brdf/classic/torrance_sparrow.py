@@ -24,7 +24,7 @@ from lookdev.brdf.classic.parts import DIM, Build, color, lambertian, one_normal
 from lookdev.brdf.frames import Frame
 from lookdev.brdf.fresnel import conductor_fresnel
 from lookdev.brdf.lobes import Directions, Lobe
-from lookdev.brdf.metal import named_metal
+from lookdev.brdf.metal import OF_INDICES, named_metal
 from lookdev.brdf.model import Model, Preview
 from lookdev.brdf.parameters import Parameter
 from lookdev.brdf.vectors import Array, Parameters, Real, mean, reflect, scale
@@ -161,4 +161,9 @@ TORRANCE_SPARROW = Model(
     reciprocal=lambda tokens: ("diffuse", "specular", "specular2"),
     probe={"diffuse": (0.2, 0.2, 0.2), "weight2": 0.3, "roughness2": 0.1},
     preview=Preview({}, _preview),
+    quotes={
+        **OF_INDICES,
+        "weight2": "May want to model multiple scales of roughness.",
+    },
+    quoted="Trent 2017, section 4; lecture on reflection models, Cook-Torrance",
 )

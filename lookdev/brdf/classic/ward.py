@@ -100,4 +100,6 @@ WARD = Model(
     reciprocal=lambda tokens: ("diffuse", "specular"),
     probe={"alphaX": 0.2, "alphaY": 0.2},
     preview=Preview({"diffuseColor": "diffuse"}, _preview),
+    quotes=dict.fromkeys(("alphaX", "alphaY"), "α: surface roughness, or blur in specular component."),
+    quoted="Lecture on reflection models, Ward-Phong",
 )

@@ -9,7 +9,7 @@ from lookdev.brdf.lobes import Bsdf
 from lookdev.brdf.metal import is_exact
 from lookdev.brdf.model import Model, Preview, StackLayer
 from lookdev.brdf.pixar.layering import compose
-from lookdev.brdf.pixar.parameters import PARAMETERS
+from lookdev.brdf.pixar.parameters import PARAMETERS, QUOTES
 from lookdev.brdf.pixar.partition import FRONT, Partition, layer_color, layer_partition, partition_lobes
 from lookdev.brdf.vectors import Array, Parameters, Real
 from lookdev.errors import ModelError
@@ -58,4 +58,6 @@ PIXAR = Model(
         },
         _preview,
     ),
+    quotes=QUOTES,
+    quoted="Smits, Reflection Model Design for Wall-E and Up",
 )

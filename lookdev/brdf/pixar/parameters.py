@@ -71,3 +71,27 @@ PARAMETERS: dict[str, Parameter] = {
         *metal_parameters("own"),
     )
 }
+
+_TINTS = (
+    "We also allowed two tint colors, one for specular and reflection, and one for transmitted specular and refraction."
+)
+_SCALES = "Each of the 6 lobes had its own scaling term."
+_CONES = "There were also scaling terms on the cone angle for each of the highlight lobes."
+
+QUOTES: dict[str, str] = {
+    **{name: _CONES if name.endswith("ConeScale") else _SCALES for name in PARAMETERS if name.endswith("Scale")},
+    "metallic": "The default dielectric response is .05 (with the option to adjust this by the user, corresponding to "
+    "adjusting the index of refraction of the surface), and for a metal, it is 1.",
+    "roughness": "The basic idea is that roughness determines an angle at which the falloff of the specular lobe drops "
+    "to 10 percent.",
+    "clear": "determines what fraction of the light that enters the surface (based on the Fresnel weights) passes "
+    "straight through the surface, affected only by the surface color.",
+    "back": "is a description of whether the scattered light (diffuse) passes through the surface and exits the "
+    "opposite side, or if it exits on the side the light shines on.",
+    "normalScale": "We allowed 2 scaling terms on the Fresnel behavior, a normal scaling term that affected nRefl and "
+    "a grazing scaling term that affected gRefl.",
+    "grazingScale": "The grazing angle scaling term could be used to dampen down overly hot grazing angle specular "
+    "that could result when a displaced or bump mapped surface filtered out to a smooth result.",
+    "specularTint": _TINTS,
+    "transmissionTint": _TINTS,
+}

@@ -6,14 +6,13 @@ Constants may stay uniforms: while they change, what is compiled stays.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import function_text
 from lookdev.codegen.program.look import Live, generate_program, live_numbers
 from lookdev.codegen.source import AttributeBinding, ImageBinding
-from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
 
 _TYPES = {"uv": "vec2", "float": "float", "color": "vec3", "vector": "vec3"}
@@ -56,7 +55,9 @@ class LookFunctions:
     ``mesh_facet`` and ``viewer`` in the world, ``hand``; then ``wo_x`` to ``wi_z`` in the shading frame, above its
     horizon, and ``u1 u2``. ``look_read()`` looks up images by the attributes. ``look_frame(tangent, bitangent, normal,
     facet)`` sets the shading frame, ``look_evaluate(value, pdf)`` the BSDF times the cosine and the density,
-    ``look_draw(wi)`` a direction, ``look_presence(presence)`` the presence, if the look is `see_through`.
+    ``look_draw(wi)`` a direction, ``look_presence(presence)`` the presence, if the look is `see_through`. What scatters
+    along single directions is in `deltas` functions ``look_delta<k>(direction, factor)``; z of a direction is 0 where
+    there is none. ``inside`` is above 0 where the viewer is inside the solid.
 
     `numbers` are the uniforms, one ``float`` or ``vec3`` each, and their values. A look-up reads ``sampler2D
     look_<name>``, or ``look_<name>_<tile>`` of UDIM tiles, RGBA32F; a table ``look_table<k>``, as of `Functions`.
@@ -69,21 +70,15 @@ class LookFunctions:
     tables: tuple[Content, ...]
     transmits: bool
     see_through: bool
+    deltas: int = 0
 
 
 def look_functions(look: Look, resolve: Callable[[Texture | Bump], Path], live: Live) -> LookFunctions:
     """Return the functions of a look, whose `live` constants are uniforms; arguments as of `generate_program`.
 
-    Raises
-    ------
-    CodegenError
-        It scatters along single directions.
-    TextureError
-        An image is missing or unreadable.
+    Raises TextureError where an image is missing or unreadable.
     """
     program = generate_program(look, resolve, live=live)
-    if program.deltas:
-        raise CodegenError(f"{look.name}: scatters along single directions, which are no functions of two directions")
     read = {each.name.partition("[")[0] for each in program.operations if each.op == "symbol"}
     numbers = {name: each for name, each in live_numbers(look, live).items() if name in read}
     lines = [_DIRECTIONS, _MESH]
@@ -99,11 +94,23 @@ def look_functions(look: Look, resolve: Callable[[Texture | Bump], Path], live: 
     lines += function_text(program, f"look_frame({', '.join(f'out vec3 {name}' for name in frame)})", frame)
     lines += function_text(program, "look_evaluate(out vec3 value, out float pdf)", ("value", "pdf"))
     lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
+    for number in range(program.deltas):
+        found = program.outputs[f"delta{number}"]
+        alone = replace(program, outputs={"direction": found[:3], "factor": found[3:6]})  # then its group
+        head = f"look_delta{number}(out vec3 direction, out vec3 factor)"
+        lines += function_text(alone, head, ("direction", "factor"))
     if program.see_through:
         lines += function_text(program, "look_presence(out float presence)", ("presence",))
     text = "\n".join(lines) + "\n"
     return LookFunctions(
-        text, numbers, program.look_ups, program.attributes, program.tables, program.transmits, program.see_through
+        text,
+        numbers,
+        program.look_ups,
+        program.attributes,
+        program.tables,
+        program.transmits,
+        program.see_through,
+        program.deltas,
     )
 
 

@@ -17,12 +17,20 @@ from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.osl.bsdf import emit_brdf, trace_lobes
+from lookdev.codegen.osl.catching import catching_sections
 from lookdev.codegen.osl.directions import directions
 from lookdev.codegen.osl.frame import emit_frame
 from lookdev.codegen.osl.inputs import Names, emit_look_up
 from lookdev.codegen.osl.light import light_sections
 from lookdev.codegen.osl.tables import bind_tables
-from lookdev.codegen.source import FIRST_LIGHT_PART, HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ShaderSource
+from lookdev.codegen.source import (
+    FIRST_LIGHT_PART,
+    HANDEDNESS,
+    LOBE_GROUPS,
+    TANGENT_BINDING,
+    Catching,
+    ShaderSource,
+)
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.lobes import WO, continuous_lobes, folded_lobes, present_deltas
@@ -77,6 +85,7 @@ def generate_surface(
     resolution: tuple[int, int],
     features: bool = False,
     recorded: bool = False,
+    catching: Catching = "",
     light_groups: Sequence[int] = (),
     space: Space = REC709,
     replaced: Mapping[str, Sequence[str]] = MappingProxyType({}),
@@ -103,6 +112,8 @@ def generate_surface(
         Whether the shader can show, instead, what a denoiser is guided by: near albedos and normals.
     recorded
         Whether the shader can record parts of its light, besides.
+    catching
+        Of a scene with a shadow catcher, what this is the look of.
     light_groups
         The number of each light's group, where these are recorded.
     space
@@ -181,6 +192,7 @@ def generate_surface(
                 *tables.parameters,
                 *(f"    {_OSL_TYPE[attribute.kind]} {attribute.parameter} = 0," for attribute in attributes),
             ],
+            **catching_sections(catching),
             "frame": emit_frame(directed=directed, leaning=leaning),
             "inputs": [f"    {line}" for lines, _ in emitted for line in lines],
             **code.sections,
@@ -197,7 +209,7 @@ def generate_surface(
         digest.update(repr(attribute).encode())
     passing, numbers = (code.transmits or passes, code.see_through), (drawn.brdf, drawn.ibl)
     known = bound, tuple(attributes), digest.hexdigest(), *passing, numbers, shadows, tables.bindings, constants
-    made = ShaderSource(look.name, osl, *known, folded=folded_lobes(graph, bsdf))
+    made = ShaderSource(look.name, osl, *known, folded=folded_lobes(graph, bsdf), catching=catching)
     return replace(made, recorded=groups) if recorded else made
 
 

@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from lookdev.brdf import StackLayer, stack_bsdf
+from lookdev.brdf import MODELS, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
@@ -26,8 +27,11 @@ from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, Ima
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
+from lookdev.codegen.trace.slopes import slopes
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols, uniforms
+from lookdev.errors import CodegenError
 from lookdev.material import Bump, Look, Texture
+from lookdev.material.change import is_live
 from lookdev.material.values import look_layers
 from lookdev.scene.shading import shading_frame
 from lookdev.space import REC709, Space, from_rec709
@@ -53,7 +57,7 @@ def generate_program(
 
     Constants that are `live`, by their layer's number from the base and their parameter (or ``"mask"``), do not fold:
     they are symbols by their `live_name`, three with ``[0]`` to ``[2]`` behind it. An editor changes them while the
-    program stays.
+    program stays. By inputs of `lookdev.material.change.live_look`, the program has derivatives.
     """
     graph = Graph()
     inputs = Inputs(graph, resolve)
@@ -85,6 +89,7 @@ def generate_program(
         for delta in deltas:
             albedo = albedo + delta.value
         outputs |= {"albedo": np.clip(albedo, 0.0, 1.0), "bent": middle_normal(mixture) if lobes else ZENITH}
+    outputs |= _slopes(graph, look.name, inputs, outputs)
     directed = reads_tangent(graph, lobes)
     written = Written()
     for name, result in outputs.items():
@@ -134,6 +139,13 @@ def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
     return parts
 
 
+def stated(look: Look) -> Live:
+    """Return which constants of a look may be live: those that its layers state, if all are of our own models."""
+    given = [{name for name, each in layer.inputs.items() if isinstance(each, float | tuple)} for layer in look.layers]
+    ours = all(layer.model in MODELS for layer in look.layers)
+    return lambda number, name: ours and name in given[number]
+
+
 def live_name(layer: int, parameter: str) -> str:
     """Return the symbol of a parameter of a layer."""
     return f"layer{layer}_{parameter}"
@@ -169,6 +181,31 @@ def _of_look(graph: Graph, number: int, layer: StackLayer, live: Live) -> StackL
 
 def _values(layer: StackLayer) -> Mapping[str, Any]:
     return {**layer.parameters, "mask": layer.mask}
+
+
+def _slopes(graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return the derivatives of value, its diffuse part, presence and single directions by each symbol of live inputs.
+
+    Raises CodegenError where a single direction turns with one: the picture changes by more than values then.
+    """
+    live = [each for each in inputs.attributes.values() if is_live(each.attribute)]
+    names = [name for each in live for name in each.symbols]
+    found = {}
+    for name, (output, result) in product(names, outputs.items()):
+        if output not in ("value", "diffuse", "presence") and not output.startswith("delta"):
+            continue
+        found[slope_name(output, name)] = derived = slopes(graph, elements_of(result), name)
+        if output.startswith("delta") and any(isinstance(each, Node) or each != 0.0 for each in derived[:3]):
+            raise CodegenError(
+                f"{look}: a single direction turns with a parameter that is to be found, whose effect on pictures has "
+                "no derivative that is an integral over directions"
+            )
+    return found
+
+
+def slope_name(output: str, symbol: str) -> str:
+    """Return the name of the derivative of an output by a symbol."""
+    return f"{output}/{symbol}"
 
 
 def _unopened(texture: Texture | Bump) -> Path:

@@ -18,10 +18,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from lookdev.brdf import Mode, Model, layer_shaders
+from lookdev.brdf import MODELS, Mode, Model, layer_shaders
 from lookdev.brdf.measured import MEASURED, grid_of
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.material.change import Value
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.masks import Held, Mask, MaskWriter
 from lookdev.material.library.nodes import clear_input, delete, free_path, prune, relative_asset, sites, upstream
@@ -72,6 +73,9 @@ def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
         shader.CreateIdAttr(model.identifier)
         for name, value in values.items():
             kind = model.parameters[name].kind
+            if model.parameters[name].file and value not in model.parameters[name].choices:
+                shader.CreateInput(name, _TYPES.Asset).Set(str(Path(value).absolute()))
+                continue
             given = Gf.Vec3f(*map(float, value)) if kind in ("color", "normal") else value
             shader.CreateInput(name, _INPUT_TYPES[kind]).Set(given if kind != "float" else float(value))
         shader.CreateOutput("layer", _TYPES.Token)
@@ -82,7 +86,7 @@ def model_look(file: Path, model: Model, values: Mapping[str, Any]) -> str:
 
 def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], Sdf.Path]) -> str:
     """Write a new look whose base is defined at a path; the function returns it."""
-    _check_suffix(file)
+    check_suffix(file)
     if file.exists() or file.is_symlink():
         hint = "choose another name, or 'lookdev materials add' a layer to it"
         raise LookError([Fault(str(file), "", "exists already", hint)])
@@ -90,7 +94,7 @@ def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], S
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
         raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
-    with atomic_path(file) as temporary, _reported_for(file, temporary):
+    with atomic_path(file) as temporary, reported_for(file, temporary):
         stage = Usd.Stage.CreateNew(str(temporary))
         material = UsdShade.Material.Define(stage, f"/{name}")
         stage.SetDefaultPrim(material.GetPrim())
@@ -169,6 +173,46 @@ def set_mask(file: Path, layer: str, mask: Mask, prim: str | None = None) -> tup
         MaskWriter(stack.stage, stack.scope, old).write(attribute, f"{name}Mask", mask)
         prune(material, used)
     return number, name
+
+
+def set_inputs(
+    file: Path,
+    values: Mapping[tuple[int, str], Value],
+    prim: str | None = None,
+    variants: Mapping[str, str] | None = None,
+) -> None:
+    """Set constants of layers, by the place of a layer in the look, from the base, and the name of a parameter.
+
+    ``"mask"`` is that of the layer. What the file itself says of an input is changed where it says it, also in a
+    variant; an input of another file gets an override. The material is as in `variants`.
+    """
+    with _edited(file, prim, variants) as material:
+        layers, (network, _) = shown_layers(material), _surface(material)
+        for (number, name), value in values.items():
+            shader, holder, mask = layers[number]
+            if name == "mask":
+                _set(network, holder, mask, _TYPES.Float, value)
+            else:
+                kind = MODELS[layer_shaders()[shader_id(shader) or ""]].parameters[name].kind
+                _set(network, shader, name, _INPUT_TYPES[kind], value)
+
+
+def _set(network: Network, shader: UsdShade.Shader, name: str, kind: Sdf.ValueTypeName, value: Value) -> None:
+    """Set a constant where the strongest opinion of the edited file is, which an input may have from its material."""
+    stage = shader.GetPrim().GetStage()
+    given = Gf.Vec3f(*map(float, value)) if isinstance(value, tuple) else value
+    known = shader.GetInput(name)
+    held = network.follow(known.GetAttr()) if known else None
+    if isinstance(held, Source):
+        place = str(known.GetAttr().GetPath())
+        raise LookError([Fault(str(network.file), place, "is connected", "a texture or an expression has its value")])
+    specs = held.GetPropertyStack(Usd.TimeCode.Default()) if held else []
+    if own := [spec for spec in specs if spec.layer == stage.GetRootLayer() and spec.HasDefaultValue()]:
+        own[0].default = given
+    elif held:
+        held.Set(given)
+    else:
+        shader.CreateInput(name, kind).Set(given)
 
 
 def write_preview(file: Path, prim: str | None = None) -> str:
@@ -296,17 +340,27 @@ def _reference(stage: Usd.Stage, path: Sdf.Path, preset: Preset) -> Sdf.Path:
 
 def _author_preview(material: UsdShade.Material) -> str:
     look = _read_saved(material)
-    network, surface = _surface(material)
-    shaders = [surface.shader]
-    if stack := _find_stack(material):
-        inputs = [stack.prim.GetAttribute("inputs:base")]
-        for number in stack.layers:
-            enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled"))
-            if not enabled or network.constant(enabled, _TYPES.Bool) is not False:
-                inputs.append(stack.prim.GetAttribute(stack.input_name(number, "")))
-        sources = [network.follow(attribute) for attribute in inputs]
-        shaders = [source.shader for source in sources if isinstance(source, Source)]
+    shaders = [shader for shader, *_ in shown_layers(material)]
     return author_preview(material, list(zip(look.layers, shaders, strict=True)))
+
+
+def shown_layers(material: UsdShade.Material) -> list[tuple[UsdShade.Shader, UsdShade.Shader, str]]:
+    """Return each layer of a look, base first: its shader, the stack, and the name of the stack's input of its mask.
+
+    Disabled layers are left out; the base has no mask, and the name is empty.
+    """
+    network, surface = _surface(material)
+    stack = _find_stack(material)
+    if stack is None:
+        return [(surface.shader, surface.shader, "")]
+    found = []
+    for number in (0, *stack.layers):
+        enabled = stack.prim.GetAttribute(stack.input_name(number, "Enabled")) if number else None
+        if not enabled or network.constant(enabled, _TYPES.Bool) is not False:
+            source = network.follow(stack.prim.GetAttribute(stack.input_name(number, "") if number else "inputs:base"))
+            if isinstance(source, Source):
+                found.append((source.shader, UsdShade.Shader(stack.prim), f"layer{number}Mask" if number else ""))
+    return found
 
 
 def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
@@ -322,17 +376,17 @@ def _inputs(source: Usd.Attribute | Source | None) -> dict[str, Held]:
 
 
 @contextmanager
-def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
+def _edited(file: Path, prim: str | None, variants: Mapping[str, str] | None = None) -> Iterator[UsdShade.Material]:
     """Yield the material of a copy of a file, which replaces the file if it is a look in the end."""
-    _check_suffix(file)
+    check_suffix(file)
     if file.is_symlink():
         raise LookError([Fault(str(file), "", "is a symbolic link", f"edit {file.resolve()} itself")])
     if not file.is_file():
         raise LookError([Fault(str(file), "", "no such file", "'lookdev materials new' makes one")])
-    with atomic_path(file) as temporary, _reported_for(file, temporary):
+    with atomic_path(file) as temporary, reported_for(file, temporary):
         shutil.copy(file, temporary)
         stage, network = open_stage(temporary), Network(temporary)
-        path = find_material(network, stage, prim, {})
+        path = find_material(network, stage, prim, variants or {})
         if path is None:
             raise LookError(network.faults)
         material = UsdShade.Material(stage.GetPrimAtPath(path))
@@ -340,13 +394,14 @@ def _edited(file: Path, prim: str | None) -> Iterator[UsdShade.Material]:
         _check(material)
 
 
-def _check_suffix(file: Path) -> None:
+def check_suffix(file: Path) -> None:
+    """Raise LookError where a look cannot be written in a file of this name."""
     if file.suffix not in SUFFIXES:
         raise LookError([Fault(str(file), "", "is not a file to write a look in", f"one of {', '.join(SUFFIXES)}")])
 
 
 @contextmanager
-def _reported_for(file: Path, temporary: Path) -> Iterator[None]:
+def reported_for(file: Path, temporary: Path) -> Iterator[None]:
     """Report the faults of a temporary copy as faults of the file."""
     try:
         with reading(temporary):

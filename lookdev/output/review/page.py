@@ -39,11 +39,12 @@ _QUALITY = 90  # of a JPEG, which is shown while numbers load
 
 @dataclass(frozen=True)
 class ReviewFrame:
-    """A whole frame on disk, the number in its name, and its header."""
+    """A whole frame on disk, the number in its name, and its header; `over` is the frame of props laid over it."""
 
     file: Path
     number: int
     header: Mapping[str, str]
+    over: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -143,10 +144,11 @@ class _Page:
 
     def _frame(self, frame: ReviewFrame) -> str:
         """Make the picture and the script of a frame; return the key in their names."""
-        key = _key(FORMAT, self._view.digest, file_digest(frame.file))
+        of_props = [file_digest(frame.over)] if frame.over else []
+        key = _key(FORMAT, self._view.digest, file_digest(frame.file), *of_props)
         picture, script = f"data/frames/{key}.jpg", f"data/frames/{key}.js"
         if not (self._is_kept(picture) and self._is_kept(script)):
-            pixels = read_pixels(frame.file)
+            pixels = read_pixels(frame.file, frame.over)
             light = composite(pixels.beauty, pixels.alpha, np.zeros(3, np.float32))
             self._file(script, lambda path: write_pixels_script(path, key, pixels))
             self._file(picture, lambda path: _write_jpeg(path, to_display(light, self._view)))
@@ -233,9 +235,10 @@ def _changes(versions: Sequence[Version], pool: ThreadPoolExecutor) -> Iterator[
 
 
 def _compared(new: ReviewFrame, old: ReviewFrame) -> Comparison:
-    if new.file.samefile(old.file):
+    pairs = ((new.file, old.file), (new.over, old.over))
+    if all(a == b or (a and b and a.samefile(b)) for a, b in pairs):
         return Comparison((), 0.0, 0.0)
-    return compare_frames(read_pixels(new.file), read_pixels(old.file), new.header, old.header)
+    return compare_frames(read_pixels(new.file, new.over), read_pixels(old.file, old.over), new.header, old.header)
 
 
 def _other_entries(new: Mapping[str, str], old: Mapping[str, str]) -> list[tuple[str, str, str]]:

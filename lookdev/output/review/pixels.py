@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from lookdev.cache import atomic_path
 from lookdev.metrics import pooled_error
+from lookdev.output.display import laid_over
 from lookdev.output.exr import read_layer, read_shown, space_of
 from lookdev.space import REC709, error_in_rec709
 
@@ -34,14 +35,26 @@ class Pixels:
     error: Floats | None
 
 
-def read_pixels(frame: Path) -> Pixels:
-    """Return what a page shows of a frame, rounded as it is there; raises OutputError where it is damaged."""
-    beauty, alpha = read_shown(frame)
+def read_pixels(frame: Path, over: Path | None = None) -> Pixels:
+    """Return what a page shows of a frame, rounded as it is there, under another frame that is laid over it.
+
+    Raises OutputError where one is damaged.
+    """
+    (beauty, alpha), error = read_shown(frame), _error(frame)
+    if over is not None:
+        props, of_props = read_shown(over), _error(over)
+        beauty, alpha = laid_over(props, (beauty, alpha))
+        if error is not None:
+            error = None if of_props is None else np.hypot((1.0 - props[1]) * error, of_props)
+    return Pixels(_rounded(beauty), _rounded(alpha), None if error is None else _rounded(error))
+
+
+def _error(frame: Path) -> Floats | None:
+    """Return the pooled error of a frame that was read, (H, W), in linear Rec.709; None where it is not known."""
     error, space = read_layer(frame, "error"), space_of(frame)
-    if error is not None and space != REC709:
-        error = error_in_rec709(error, space).astype(np.float32)
-    pooled = None if error is None else _rounded(pooled_error(error))
-    return Pixels(_rounded(beauty), _rounded(alpha), pooled)
+    if error is None:
+        return None
+    return pooled_error(error if space == REC709 else error_in_rec709(error, space).astype(np.float32))
 
 
 def write_pixels_script(path: Path, name: str, pixels: Pixels) -> None:

@@ -1,0 +1,403 @@
+"""`lookdev fit --picture`: parameters of a look of a job, found in a picture of it, by derivatives of renders."""
+
+from __future__ import annotations
+
+import itertools
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+
+from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
+from lookdev.fit.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
+from lookdev.fit.picture.page import Pictures, Row, numbers, rows_of, write_page
+from lookdev.fit.picture.search import Point
+from lookdev.fit.picture.target import block_of, blocks
+from lookdev.fit.picture.unknowns import exposure_unknown
+from lookdev.job import Job, JobTurntable, load_job
+from lookdev.job.parts import JobLook
+from lookdev.job.scenes import job_scenes
+from lookdev.material import Look
+from lookdev.material.change import live_look
+from lookdev.material.library.constants import check_writable, write_changed
+from lookdev.material.library.edit import check_suffix
+from lookdev.plan import Setup, make_setup
+from lookdev.render.backends import BACKENDS
+from lookdev.render.slopes import SlopeTask, live_inputs
+from lookdev.render.task import SceneTask
+from lookdev.render.worker import Worker, last_line
+from lookdev.scene import Pose, Scene
+
+Floats = NDArray[np.float64]
+
+_PAGE_PIXELS = 1 << 18
+_PAGE_SAMPLES = 1 << 19
+"""Of a picture of the page, over all of its pixels."""
+
+_BACKEND = "mitsuba"
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What is to be found, and where it goes.
+
+    parameters
+        Names of constants, ``Layer.`` before them where several layers have one, ``=low..high`` behind them for bounds.
+    frame
+        ``look/light/turntable.0001`` of the job, or its beginning; "": the first.
+    look, page
+        The files to write; None: neither. A look that cannot be written is an error if it was `look_named`, or a note.
+    exposure
+        Whether the picture's exposure is found, too.
+    pixels, settings
+        At least so many pixels are rendered, where blocks of the picture's can be as large; how much is searched.
+    """
+
+    picture: Path
+    job: Path
+    parameters: tuple[str, ...]
+    frame: str = ""
+    look: Path | None = None
+    page: Path | None = None
+    mask: Path | None = None
+    exposure: bool = False
+    look_named: bool = True
+    force: bool = False
+    pixels: int = 4096
+    settings: Settings = field(default_factory=Settings)
+
+
+@dataclass(frozen=True, eq=False)
+class PictureFit:
+    """What was found for a frame of a job, and what was written; notes for the user."""
+
+    wish: Wish
+    frame: str
+    found: Found
+    rows: tuple[Row, ...]
+    block: int
+    noise_from: str
+    written: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+    def data(self) -> dict[str, Any]:
+        """Return the fit as plain data."""
+        found = self.found
+        return {
+            "picture": str(self.wish.picture), "job": str(self.wish.job), "frame": self.frame,
+            "parameters": {
+                row.name: {"before": _plain(row.before), "after": _plain(row.after), "error": _plain(row.error),
+                           "remark": row.remark}
+                for row in self.rows
+            },
+            "without_effect": list(found.without_effect), "undetermined": list(found.undetermined),
+            "alike": [{"parameters": [a, b], "correlation": value} for a, b, value in found.alike],
+            "loss": {"before": found.before, "after": found.after, "noise": found.noise},
+            "misfit": found.misfit, "noise_from": self.noise_from,
+            "starts": [{"loss": loss, "near_the_result": near} for loss, near in found.starts],
+            "curve": [{"stage": p.stage, "start": p.start, "loss": p.loss, "accepted": p.accepted}
+                      for p in found.curve],
+            "block": self.block, "converged": found.converged, "interrupted": found.interrupted,
+            "seconds": found.seconds, "written": [str(each) for each in self.written],
+        }  # fmt: skip
+
+    def lines(self) -> list[str]:
+        """Return what the page says below its title."""
+        found, wish = self.found, self.wish
+        state = "interrupted" if found.interrupted else "converged" if found.converged else "not converged"
+        return [
+            f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {state} in {found.seconds:.0f} s.",
+            f"Difference {_percent(found.before)} before, {_percent(found.after)} after, of which the picture's noise "
+            f"is {_percent(found.noise)}. Noise: by {self.noise_from}.",
+        ]
+
+    def text(self) -> str:
+        """Return the fit as lines of text."""
+        found = self.found
+        lines = [f"{self.wish.picture}: {self.frame}"]
+        width = max(len(row.name) for row in self.rows)
+        for row in self.rows:
+            error = "" if np.isnan(row.error).all() else f" ± {numbers(row.error, 2)}"
+            remark = f"  ({row.remark})" if row.remark else ""
+            lines.append(f"  {row.name:<{width}} = {numbers(row.after)}{error}  (was {numbers(row.before)}){remark}")
+        lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in found.alike]
+        state = "interrupted" if found.interrupted else "converged" if found.converged else "not converged"
+        lines.append(
+            f"{state}: difference {_percent(found.before)} before, {_percent(found.after)} after, of which the "
+            f"picture's noise is {_percent(found.noise)}; {found.seconds:.0f} s"
+        )
+        lines += [f"wrote {each}" for each in self.written]
+        return "\n".join(lines)
+
+
+def fit_picture(wish: Wish, report: Callable[[Point], None] = lambda point: None) -> PictureFit:
+    """Find parameters of a look in a picture of it; `report` is called with every render that is tried.
+
+    After a KeyboardInterrupt the best so far is written and returned, if there is one.
+
+    Raises
+    ------
+    LookdevError
+        The picture, the job or a parameter is wrong, or they do not belong together: before anything is rendered.
+    WorkerError, RenderError
+        The renderer fails; pip names the extra where it is not installed.
+    """
+    BACKENDS[_BACKEND].version()  # raises where it is not installed
+    photo = read_photo(wish.picture, wish.mask)
+    job = load_job(wish.job).model_copy(update={"wedge": ()})
+    scenes = job_scenes(job)
+    frame = _Frame.named(wish.frame, scenes.job, scenes.scenes)
+    look, unknowns = _searched(frame.scene, wish.parameters)
+    wish, notes = _checked(wish, photo, frame, look)
+    if wish.exposure:
+        unknowns = (*unknowns, exposure_unknown())
+    block = block_of(photo.size, wish.pixels)
+    with _renderer(job, frame, look, unknowns) as shown:
+        wide = shown.scene_of(photo.size, block)
+        first = shown.render(wide, shown.given, False, wish.settings.samples, (0, 1))
+        see_through = any(source.see_through for source in wide.shaders)
+        target = Target.of(photo, block, first[:, 0, ..., 3].min(axis=0), frame.gain, see_through=see_through)
+
+        def render(values: Mapping[str, tuple[float, ...]], slopes: bool, samples: int, seeds: tuple[int, int]) -> Any:
+            return shown.render(wide, values, slopes, samples, seeds)
+
+        found = Search(render, target, unknowns, wish.settings, report).run()
+        before = {each.name: each.constant.value for each in unknowns}
+        result = PictureFit(
+            wish,
+            frame.name,
+            found,
+            tuple(rows_of(found, before)),
+            block,
+            photo.noise_from,
+            tuple(_written_look(wish, frame, unknowns, found)),
+            (*scenes.notes, *photo.notes, *notes),
+        )
+        if wish.page is not None:
+            pictures = _pictures(photo, shown, target, result, before, frame.gain)
+            write_page(
+                wish.page, f"Fit of {', '.join(each.name for each in result.rows)}", result.lines(), pictures,
+                result.rows, found,
+            )  # fmt: skip
+            result = replace(result, written=(*result.written, wish.page))
+    return result
+
+
+def _written_look(wish: Wish, frame: _Frame, unknowns: tuple[Unknown, ...], found: Found) -> Iterator[Path]:
+    """Write the look that was found, if one is wanted; yield its file."""
+    if wish.look is not None and frame.table.material is not None:
+        changed = [replace(each.constant, value=found.values[each.name]) for each in unknowns if not each.is_exposure]
+        write_changed(frame.table.material, wish.look, changed, frame.table.prim, frame.table.variants)
+        yield wish.look
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A frame of a job: its look, its light, its turntable and pose."""
+
+    table: JobLook
+    rig: Any
+    turntable: JobTurntable
+    number: int
+    scene: Scene
+
+    @classmethod
+    def named(cls, name: str, job: Job, scenes: Mapping[tuple[str, str], Scene]) -> _Frame:
+        """Return the frame of a name, or of its beginning; raises LookdevError where there is none."""
+        look, light, last = (*name.split("/"), "", "")[:3] if name.count("/") < 3 else ("", "", "")
+        stem, _, digits = last.rpartition(".") if last.rpartition(".")[2].isdigit() else (last, "", "1")
+        looks = {each.name: each for each in job.look}
+        rigs = {each.name: each for each in job.rigs}
+        turntables = {each.name: each for each in job.turntable}
+        chosen = []
+        for what, given, known in (("look", look, looks), ("light", light, rigs), ("turntable", stem, turntables)):
+            if given and given not in known:
+                raise LookdevError(f"{job.file}: has no {what} '{given}' ({nearest_hint(given, list(known))})")
+            chosen.append(given or next(iter(known)))
+        turntable, number = turntables[chosen[2]], int(digits)
+        if not 1 <= number <= turntable.frames:
+            raise LookdevError(f"{job.file}: turntable '{chosen[2]}' has frames 1 to {turntable.frames}, not {number}")
+        scene = scenes[chosen[0], chosen[1]]
+        return cls(looks[chosen[0]], rigs[chosen[1]], turntable, number, scene)
+
+    @property
+    def name(self) -> str:
+        return f"{self.table.name}/{self.rig.name}/{self.turntable.name}.{self.number:04d}"
+
+    @property
+    def gain(self) -> float:
+        """The exposure of the light, which renders lack."""
+        return float(2.0**self.rig.exposure)
+
+
+def _searched(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Unknown, ...]]:
+    """Return the look of a scene that has all parameters, and these; raises LookdevError of the last where none has."""
+    different = list({id(look): look for look in scene.looks}.values())
+    failed: LookdevError | None = None
+    found = []
+    for look in different:
+        try:
+            found.append((look, unknowns_of(look, parameters)))
+        except ModelError as error:
+            failed = error
+    if len(found) > 1:
+        names = ", ".join(f"'{look.name}'" for look, _ in found)
+        raise LookdevError(
+            f"the parts wear several looks with {', '.join(parameters)}: {names}; a job whose frame shows one of them "
+            "would be right"
+        )
+    if not found:
+        assert failed is not None, "a scene has a look"
+        raise failed
+    return found[0]
+
+
+def _checked(wish: Wish, photo: Photo, frame: _Frame, look: Look) -> tuple[Wish, tuple[str, ...]]:
+    """Return the wish, without a look that cannot be written unless it was named, and notes.
+
+    Raises LookdevError where picture and job do not belong together, or a file cannot be written.
+    """
+    width, height = photo.size
+    if frame.scene.film.resolution != photo.size:
+        have = " x ".join(map(str, frame.scene.film.resolution))
+        raise LookdevError(
+            f"{photo.file}: is {width} x {height} pixels large, the job renders {have}: in [render], resolution = "
+            f"[{width}, {height}] would be right, with the camera of the picture"
+        )
+    notes = list[str]()
+    try:
+        _check_look(wish.look, frame, look)
+    except LookdevError as error:
+        if wish.look_named:
+            raise
+        notes.append(f"no look is written: {error}")
+        wish = replace(wish, look=None)
+    for file in (wish.look, wish.page):
+        if file is not None and file.exists() and not wish.force:
+            raise LookdevError(f"{file}: exists already; another name, or --force, would be right")
+        if file is not None and not file.absolute().parent.is_dir():
+            raise LookdevError(f"{file}: its folder does not exist")
+    return wish, tuple(notes)
+
+
+def _check_look(file: Path | None, frame: _Frame, look: Look) -> None:
+    """Raise LookdevError where a look with other parameters cannot be written."""
+    material = frame.table.material
+    if material is None or look.name != frame.table.name:
+        raise LookdevError(
+            f"look '{frame.table.name}': the parameters are of '{look.name}', which is no 'material' of the look's own"
+        )
+    if file is not None:
+        check_suffix(file)
+    check_writable(material, frame.table.prim, frame.table.variants)
+
+
+class _Renderer:
+    """A worker, and a frame whose look has live inputs by numbers of the unknowns."""
+
+    def __init__(self, worker: Worker, setup: Setup, pose: Pose, unknowns: tuple[Unknown, ...]) -> None:
+        self._worker, self._setup, self._pose = worker, setup, pose
+        self._own = {str(n): each for n, each in enumerate(unknowns) if not each.is_exposure}
+        self._live = live_inputs(setup.task)
+        self._numbers = itertools.count()
+        self.given = {each.name: each.constant.value for each in self._own.values()}
+
+    def scene_of(self, size: tuple[int, int], block: int) -> SceneTask:
+        """Return the scene with blocks of pixels as its pixels."""
+        return replace(self._setup.task, resolution=(size[0] // block, size[1] // block))
+
+    def render(
+        self,
+        scene: SceneTask,
+        values: Mapping[str, tuple[float, ...]],
+        slopes: bool,
+        samples: int,
+        seeds: tuple[int, int],
+    ) -> Floats:
+        """Return halves (2, 1 + P, H, W, 4), with zeros for numbers that no look reads."""
+        bindings = {key: self._live[key] for key in self._own if key in self._live}
+        given = {binding.parameter: values[self._own[key].name] for key, binding in bindings.items()}
+        symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if slopes else []
+        digest = f"picture {next(self._numbers)}"
+        task = SlopeTask(scene, self._pose, given, tuple(symbols), samples, seeds, digest)
+        try:
+            found = self._worker.slopes(task, lambda progress: None).astype(np.float64)
+        except WorkerError as error:
+            raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
+        if not slopes or len(bindings) == len(self._own):
+            return found
+        parts, place = [found[:, :1]], 1
+        for key, each in self._own.items():
+            read = key in bindings
+            parts.append(found[:, place : place + each.width] if read else np.zeros((2, each.width, *found.shape[2:])))
+            place += each.width * read
+        return np.concatenate(parts, axis=1)
+
+
+@contextmanager
+def _renderer(job: Job, frame: _Frame, look: Look, unknowns: tuple[Unknown, ...]) -> Iterator[_Renderer]:
+    constants = {str(n): each.constant for n, each in enumerate(unknowns) if not each.is_exposure}
+    live = live_look(look, constants)
+    wears = {path: live if each is look else each for path, each in frame.scene.wears.items()}
+    scene = replace(frame.scene, wears=wears)
+    sampling = replace(job.render.sampling, denoise="off", error=None, passes=())
+    backend = BACKENDS[_BACKEND]
+    device = job.render.device if job.render.device in backend.devices else "cpu"
+    backend.check_device(device)
+    setup = make_setup(frame.table.name, frame.rig.name, scene, sampling, _BACKEND, device)
+    setup = replace(setup, exposure=frame.rig.exposure, rotation=frame.rig.rotation)
+    pose = setup.poses(frame.turntable, job.camera.azimuth)[frame.number - 1]
+    with (
+        tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch,
+        Worker(backend.command, Path(scratch, "worker.log"), Path(scratch)) as worker,
+    ):
+        worker.start()
+        yield _Renderer(worker, setup, pose, unknowns)
+
+
+def _pictures(
+    photo: Photo,
+    shown: _Renderer,
+    target: Target,
+    result: PictureFit,
+    before: Mapping[str, tuple[float, ...]],
+    gain: float,
+) -> Pictures:
+    """Return what the page shows: renders as large as the photo, if that is not huge, or those of the search."""
+    found, block = result.found, result.block
+    if found.interrupted:
+        renders = [gain * each[..., :3] for each in found.pictures]
+        side, errors = block, [np.zeros_like(each) for each in renders]
+    else:
+        side = block_of(photo.size, _PAGE_PIXELS) if photo.size[0] * photo.size[1] > _PAGE_PIXELS else 1
+        scene = shown.scene_of(photo.size, side)
+        width, height = scene.resolution
+        samples = 1 << max(2, (_PAGE_SAMPLES // (2 * width * height)).bit_length() - 1)
+        renders, errors = [], []
+        for values in (before, found.values):
+            a, b = gain * shown.render(scene, values, False, samples, (1000, 1001))[:, 0, ..., :3]
+            exposed = 2.0 ** values["exposure"][0] if "exposure" in values else 1.0
+            renders.append(exposed * 0.5 * (a + b))
+            errors.append(exposed * 0.5 * (a - b))
+    noise = blocks(photo.noise**2, side) / side**2
+    # One difference of halves knows little of a variance: that of neighbours is like it.
+    near = [uniform_filter(noise + each**2, (5, 5, 1)) for each in errors]
+    one, other = (np.sqrt(np.maximum(each, 0.0)) for each in near)  # running sums are 0 but for their rounding
+    rows, columns = (np.arange(each // side) * side // block for each in photo.color.shape[:2])
+    used = (target.weight.max(axis=-1) > 0.0)[rows][:, columns]
+    return Pictures(blocks(photo.color, side), renders[0], renders[1], one, other, used)
+
+
+def _percent(loss: float) -> str:
+    """Return a loss as the root mean square of relative differences."""
+    return f"{100.0 * max(loss, 0.0) ** 0.5:.3g} %"
+
+
+def _plain(values: tuple[float, ...]) -> float | list[float]:
+    return values[0] if len(values) == 1 else list(values)

@@ -1,0 +1,77 @@
+"""The table of the ground, and the ground of each asset."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationInfo, field_validator
+
+from lookdev.asset import Asset
+from lookdev.errors import AssetError
+from lookdev.job.kept import kept_outline
+from lookdev.job.keys import MaterialFile, PrimPath, Table, Text, wrong
+from lookdev.material import Look
+from lookdev.render.backends import BACKENDS, job_backends
+from lookdev.scene import Camera
+from lookdev.scene.ground import GREY, Ground
+
+_UNCAUGHT = ("lobes", "direct", "lights", "cryptomatte")
+"""Passes that sum up to the beauty, or to its alpha, which a catcher takes light and coverage away from."""
+
+
+class JobGround(Table):
+    """The ground that the asset stands on."""
+
+    kind: Literal["catcher", "plane"] = Field(
+        default="catcher",
+        description="catcher: only what the asset does to its light is shown, in colour and alpha; plane: all of it.",
+    )
+    material: MaterialFile | None = Field(
+        default=None, description="A USD or MaterialX file with its look; default: Lambert's, 18 % grey."
+    )
+    prim: PrimPath | None = Field(
+        default=None, description="The material's prim; default: the file's default prim, or its only material."
+    )
+    variants: dict[Text, Text] = Field(
+        default_factory=dict, description="The variant chosen in each variant set of the material."
+    )
+    size: Annotated[float, Field(ge=1.0, le=1000.0)] = Field(
+        default=10.0, description="Its radius, in radii of the asset's bounding sphere."
+    )
+    height: Annotated[float, Field(ge=-1e9, le=1e9)] | None = Field(
+        default=None, description="Its z in metres; default: that of the asset's lowest point."
+    )
+
+    @field_validator("prim", "variants")
+    @classmethod
+    def _key_of_a_material(cls, value: object, info: ValidationInfo) -> object:
+        if info.data.get("material", ...) is None:
+            raise wrong("has no meaning without 'material'", "it chooses among what a file has")
+        return value
+
+    def check(self, backend: str, denoise: str, passes: Iterable[str]) -> None:
+        """Raise the fault of a job, by what its [render] has."""
+        if self.kind != "catcher":
+            return
+        if backend in BACKENDS and not BACKENDS[backend].catches:
+            others = " or ".join(f'"{name}"' for name, each in job_backends().items() if each.catches)
+            raise wrong(f"backend '{backend}' renders no shadow catcher", f'backend = {others}, or kind = "plane"')
+        if denoise != "off":
+            raise wrong("the alpha of a shadow catcher is not denoised", 'denoise = "off", or kind = "plane"')
+        if uncaught := [name for name in passes if name in _UNCAUGHT]:
+            raise wrong(
+                f"a shadow catcher has no {' and no '.join(uncaught)}, which sum up to a frame with all of the ground",
+                'passes without them, or kind = "plane"',
+            )
+
+    def under(self, asset: Asset, look: Look | None, camera: Camera) -> Ground:
+        """Return the ground of an asset that a camera sees; raises AssetError where the camera is not above it."""
+        height = float(kept_outline(asset)[:, 2].min()) if self.height is None else self.height
+        above = float(camera.position[2]) - height
+        if above <= 0.0:
+            raise AssetError(
+                f"the camera is {-above:g} m below the ground, and sees none of the asset; a greater elevation, or a "
+                "lower 'height' would be right"
+            )
+        return Ground(look or GREY, self.size * asset.radius, height, self.kind == "catcher")

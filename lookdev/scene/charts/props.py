@@ -1,0 +1,298 @@
+"""Where reference props are in a frame, and their scene: it is lit by the rig of the asset, which is not in it.
+
+The props stand side by side on the plane through the middle of the asset that faces the camera, where the frame shows
+them, and are seen through a long lens, so that balls are round in the corner of a wide picture. They are one convex
+asset: nothing of it shadows, or is reflected in, anything else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal, Self, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
+from lookdev.asset.builtin import make_sphere
+from lookdev.errors import AssetError
+from lookdev.light import Light
+from lookdev.material import Layer, Look, Primvar
+from lookdev.scene.camera import Camera
+from lookdev.scene.charts.colorchecker import GREY, PATCHES, patch_colors
+from lookdev.scene.linking import link_lights
+from lookdev.scene.scene import Film, Scene
+from lookdev.space import REC709, Space
+
+Floats = NDArray[np.float64]
+Place = Literal["bottom", "top", "left", "right"]
+
+PLACES: tuple[Place, ...] = ("bottom", "top", "left", "right")
+
+FOLDER = "charts"
+"""The name of the frames of props beside those of looks."""
+
+STRIP = "charts.strip"
+"""The entry of the headers of such frames that has the `Strip.label`."""
+
+_LENS = 2.0  # degrees: the view differs by 1 degree at most over the frame
+_PADDING, _GAP = 0.08, 0.2  # of the strip's thickness, at each side; between props
+_ROWS, _COLUMNS = 4, 6
+_SEAM = 0.12  # of a patch's cell, between it and the border
+_BORDER = 0.03  # reflectance
+_OF_BALL, _OF_CELL = 0.5, 0.72  # the square that is measured, of a diameter and of a cell: free of edges
+_SEGMENTS = 256  # of a ball
+_FEWEST = 2.0  # pixels along the side of a measured square, whole ones
+
+MATTE = Look("matte", (Layer("Matte", "lambert", {"reflectance": Primvar("reflectance", (GREY, GREY, GREY))}),))
+CHROME = Look("chrome", (Layer("Chrome", "mirror", {"metal": "chromium"}),))
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of a frame in pixels, the origin in its upper left corner."""
+
+    left: float
+    top: float
+    width: float
+    height: float
+
+    @property
+    def middle(self) -> tuple[float, float]:
+        """Its centre."""
+        return self.left + 0.5 * self.width, self.top + 0.5 * self.height
+
+    def inner(self, part: float) -> Box:
+        """Return the square about its centre with a part of its shorter side."""
+        side = part * min(self.width, self.height)
+        x, y = self.middle
+        return Box(x - 0.5 * side, y - 0.5 * side, side, side)
+
+
+@dataclass(frozen=True)
+class Strip:
+    """The strip of a frame that has the props: along its edge `place`, `size` of the frame's height or width thick."""
+
+    place: Place
+    size: float
+    resolution: tuple[int, int]
+
+    @property
+    def label(self) -> str:
+        """The strip as text, in frames of any resolution."""
+        return f"{self.place} {self.size!r}"
+
+    @classmethod
+    def of_label(cls, label: str, resolution: tuple[int, int]) -> Self:
+        """Return the strip of a label."""
+        place, _, size = label.partition(" ")
+        return cls(cast("Place", place), float(size), resolution)
+
+    @property
+    def upright(self) -> bool:
+        """Whether props stand above one another."""
+        return self.place in ("left", "right")
+
+    @property
+    def thickness(self) -> float:
+        """Its pixels across."""
+        return self.size * self.resolution[0 if self.upright else 1]
+
+    @property
+    def rest(self) -> tuple[float, float]:
+        """Width and height of the frame without it, in pixels."""
+        width, height = self.resolution
+        return (width - self.thickness, float(height)) if self.upright else (float(width), height - self.thickness)
+
+    @property
+    def shift(self) -> tuple[float, float]:
+        """The `Camera.shift` by which the whole frame shows, beside the strip, what the rest of it shows centred."""
+        half = 0.5 * self.thickness / self.resolution[0]
+        sides = {"bottom": (0.0, -half), "top": (0.0, half), "left": (-half, 0.0), "right": (half, 0.0)}
+        return sides[self.place]
+
+    @property
+    def box(self) -> Box:
+        """The whole strip."""
+        width, height = self.resolution
+        across = self.thickness
+        if self.upright:
+            return Box(0.0 if self.place == "left" else width - across, 0.0, across, float(height))
+        return Box(0.0, 0.0 if self.place == "top" else height - across, float(width), across)
+
+    @property
+    def props(self) -> tuple[Box, Box, Box]:
+        """The rectangles of the chrome ball, the grey ball and the chart, centred along the strip."""
+        across = (1.0 - 2.0 * _PADDING) * self.thickness
+        aspect = _COLUMNS / _ROWS
+        sizes = [(across, across)] * 2 + [(across, across / aspect) if self.upright else (across * aspect, across)]
+        gap = _GAP * self.thickness
+        box = self.box
+        x, y = box.middle
+        lengths = [size[self.upright] for size in sizes]
+        along = (y if self.upright else x) - 0.5 * (sum(lengths) + 2.0 * gap)
+        found = []
+        for width, height in sizes:
+            found.append(
+                Box(x - 0.5 * width, along, width, height)
+                if self.upright
+                else Box(along, y - 0.5 * height, width, height)
+            )
+            along += (height if self.upright else width) + gap
+        chrome, grey, chart = found
+        return chrome, grey, chart
+
+    @property
+    def measured(self) -> dict[str, Box]:
+        """The squares whose means are measured, by name: the middle of the grey ball and of each patch."""
+        _, grey, chart = self.props
+        cell = chart.width / _COLUMNS
+        cells = {
+            name: Box(chart.left + (i % _COLUMNS) * cell, chart.top + (i // _COLUMNS) * cell, cell, cell)
+            for i, name in enumerate(PATCHES)
+        }
+        return {"grey ball": grey.inner(_OF_BALL), **{name: each.inner(_OF_CELL) for name, each in cells.items()}}
+
+    def misfit(self) -> tuple[str, str]:
+        """Return why the props do not fit into the strip, and what would be right; "" where they do."""
+        chrome, _, chart = self.props
+        length = self.resolution[1 if self.upright else 0]
+        used = chart.top + chart.height - chrome.top if self.upright else chart.left + chart.width - chrome.left
+        if used > length:
+            most = math.floor(1e3 * self.size * length / used) / 1e3
+            what = f"the props need {math.ceil(used)} pixels along the {self.place} edge, the frame has {length}"
+            return what, f"size = {most:g} at most, or another place"
+        return "", ""
+
+    def too_small(self) -> str:
+        """Return why patches cannot be measured, and what would be right; "" where they can."""
+        side = self.measured["black 2"].width
+        if side >= _FEWEST + 1.0:
+            return ""
+        least = math.ceil(1e3 * self.size * (_FEWEST + 1.0) / side) / 1e3
+        return (
+            f"[charts] is not measured: {side:.1f} pixels across the middle of a patch are too few; size = {least:g} "
+            "or a higher resolution would be right"
+        )
+
+
+def props_camera(camera: Camera, center: tuple[float, float, float]) -> Camera:
+    """Return the camera that sees the props of a frame of `camera`, whose asset turns about its axis at `center`.
+
+    It looks the same way from afar. Raises AssetError where the asset's middle is not before the camera.
+    """
+    right, up, back = camera.frame
+    middle = np.array([*camera.pivot, center[2]])
+    depth = float((camera.position - middle) @ back)
+    if depth <= 0.0:
+        raise AssetError("the middle of the asset is behind the camera, so there is no place for the props of [charts]")
+    shift_x, shift_y = (2.0 * each * camera.reach for each in camera.shift)
+    target = camera.position + depth * (shift_x * right + shift_y * up - back)
+    distance = camera.reach * depth / math.tan(math.radians(0.5 * _LENS))
+    digits = 9 - math.floor(math.log10(distance))
+    x, y, z = np.round(target, digits).tolist()
+    axis = camera.pivot
+    return replace(
+        camera, fov=_LENS, target=(x, y, z), distance=round(distance, digits), shift=(0.0, 0.0), lens=None, axis=axis
+    )
+
+
+def props_scene(strip: Strip, camera: Camera, lights: Sequence[Light], space: Space = REC709) -> Scene:
+    """Return the scene of props that a `props_camera` sees, under the lights of a rig.
+
+    A light lights them whose ``lightLink`` includes the path ``/charts``.
+    """
+    asset = asset_of_props(strip, camera)
+    wears = {slot.path: CHROME if slot.path.endswith("chrome") else MATTE for slot in asset.slots}
+    seen = [
+        replace(light, emission=replace(light.emission, camera=False, shadow_link=None))  # type: ignore[type-var]
+        for light in lights
+    ]
+    linked = link_lights(asset, wears, seen)
+    return Scene(
+        linked.asset, linked.wears, linked.lights, camera, Film(strip.resolution, space), linked.lit, linked.groups
+    )
+
+
+def asset_of_props(strip: Strip, camera: Camera, names: Sequence[str] = ("chrome", "grey", "chart")) -> Asset:
+    """Return the props that a `props_camera` sees, or only some of them, as one asset."""
+    meshes: list[Mesh] = []
+    instances: list[Instance] = []
+    slots: list[Slot] = []
+    for name in names:
+        mesh, matrix = _placed(name, strip, camera)
+        slots.append(Slot(f"/{FOLDER}/{name}"))
+        instances.append(Instance(len(meshes), matrix, slots[-1].path))
+        meshes.append(replace(mesh, name=slots[-1].path, face_slots=np.full_like(mesh.face_slots, len(meshes))))
+    return make_asset(FOLDER, meshes, instances, slots, convex=True)
+
+
+def cropped(camera: Camera, resolution: tuple[int, int], box: Box) -> Camera:
+    """Return the camera whose frame is a square of another's, of a resolution."""
+    width, height = resolution
+    x, y = box.middle
+    part = box.width / width
+    shift = (x - 0.5 * width) / width, (0.5 * height - y) / width
+    fov = math.degrees(2.0 * math.atan(part * camera.reach))
+    return replace(camera, fov=fov, shift=(shift[0] / part, shift[1] / part))
+
+
+def _placed(name: str, strip: Strip, camera: Camera) -> tuple[Mesh, Floats]:
+    """Return a prop and its matrix."""
+    chrome, grey, chart = strip.props
+    box = {"chrome": chrome, "grey": grey, "chart": chart}[name]
+    width, height = strip.resolution
+    pixel = 2.0 * camera.reach * camera.distance / width
+    right, up, back = camera.frame
+    x, y = box.middle
+    place = np.array(camera.target) + pixel * ((x - 0.5 * width) * right + (0.5 * height - y) * up)
+    matrix = np.eye(4)
+    # An upright card looks along -y, its right is +x.
+    matrix[:3, :3] = pixel * np.stack([right, -back, up], axis=-1)
+    matrix[:3, 3] = place
+    if name == "chart":
+        return _chart(box.width, box.height), matrix
+    ball = make_sphere(_SEGMENTS, _SEGMENTS // 2)
+    matrix[:3, :3] *= 0.5 * box.width
+    mesh = replace(ball.meshes[0], uvs={}, default_uv="")
+    grey_color = np.full((len(mesh.corner_points), 3), GREY, np.float32)
+    return (mesh if name == "chrome" else replace(mesh, primvars={"reflectance": grey_color})), matrix
+
+
+def _chart(width: float, height: float) -> Mesh:
+    """Return a card of the patches between borders, which looks along -y, about the origin."""
+    xs, zs = (list(_edges(size, count)) for size, count in ((width, _COLUMNS), (height, _ROWS)))
+    colors = patch_colors().reshape(_ROWS, _COLUMNS, 3)
+    points, shown = [], []
+    for row, (low, high) in enumerate(pairwise(zs)):
+        for column, (left, right) in enumerate(pairwise(xs)):
+            points += [(left, 0.0, low), (right, 0.0, low), (right, 0.0, high), (left, 0.0, high)]
+            is_patch = row % 2 == 1 and column % 2 == 1
+            # Rows of patches are counted from the top, z from the bottom.
+            shown.append(colors[_ROWS - 1 - row // 2, column // 2] if is_patch else np.full(3, _BORDER))
+    count = len(points)
+    return Mesh(
+        name="chart",
+        points=np.array(points, np.float32),
+        corner_points=np.arange(count, dtype=np.int32),
+        face_sizes=np.full(count // 4, 4, np.int32),
+        face_slots=np.zeros(count // 4, np.int32),
+        normals=np.tile(np.array([0, -1, 0], np.float32), (count, 1)),
+        tangents=np.tile(np.array([1, 0, 0], np.float32), (count, 1)),
+        uvs={},
+        primvars={"reflectance": np.repeat(np.array(shown, np.float32), 4, axis=0)},
+    )
+
+
+def _edges(size: float, cells: int) -> Iterator[float]:
+    """Yield where borders and patches of a side begin and end, about 0."""
+    cell = size / cells
+    yield -0.5 * size
+    for number in range(cells):
+        start = -0.5 * size + number * cell
+        yield start + _SEAM * cell
+        yield start + (1.0 - _SEAM) * cell
+    yield 0.5 * size

@@ -1,0 +1,65 @@
+"""The ground under an asset: a round plane that it stands on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lookdev.asset import Asset, Instance, Mesh, Slot, make_asset
+from lookdev.material import Layer, Look
+
+PATH = "/lookdev/ground"
+"""The path of the ground among the parts of an asset, by which lights can be linked to it."""
+
+GREY = Look("ground", (Layer("Ground", "lambert", {"reflectance": (0.18, 0.18, 0.18)}),))
+"""What a ground wears that is given no material."""
+
+_SEGMENTS = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A horizontal disc about the axis of the turns: its look, radius and height, metres.
+
+    Of a `catcher` only what the asset does to its light is shown.
+    """
+
+    look: Look
+    radius: float
+    height: float
+    catcher: bool
+
+
+def on_ground(
+    asset: Asset, wears: Mapping[str, Look], ground: Ground, axis: tuple[float, float]
+) -> tuple[Asset, dict[str, Look]]:
+    """Return an asset with the ground as another part, and what its slots wear; `axis` is the x and y of the disc."""
+    meshes = [*asset.meshes, replace(_disc(ground.radius), face_slots=np.full(_SEGMENTS, len(asset.slots), np.int32))]
+    matrix = np.eye(4)
+    matrix[:3, 3] = (*axis, ground.height)
+    instances = [*asset.instances, Instance(len(asset.meshes), matrix, PATH)]
+    centred = bool(np.hypot(*np.subtract(axis, asset.center[:2])) <= 1e-5 * asset.radius)
+    both = make_asset(asset.name, meshes, instances, [*asset.slots, Slot(PATH)], revolved=asset.revolved and centred)
+    return replace(both, unit=asset.unit, notes=asset.notes), {**wears, PATH: ground.look}
+
+
+def _disc(radius: float) -> Mesh:
+    """Return a disc that looks up, of triangles about its centre; st is 0 to 1 over the square around it."""
+    angles = 2.0 * np.pi * np.arange(_SEGMENTS) / _SEGMENTS
+    rim = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SEGMENTS)], axis=-1)
+    points = np.concatenate([rim, np.zeros((1, 3))])
+    first = np.arange(_SEGMENTS)
+    corners = np.stack([np.full(_SEGMENTS, _SEGMENTS), first, (first + 1) % _SEGMENTS], axis=-1).ravel()
+    return Mesh(
+        name=PATH,
+        points=(radius * points).astype(np.float32),
+        corner_points=corners.astype(np.int32),
+        face_sizes=np.full(_SEGMENTS, 3, np.int32),
+        face_slots=np.zeros(_SEGMENTS, np.int32),
+        normals=np.tile(np.array([0, 0, 1], np.float32), (len(corners), 1)),
+        tangents=np.tile(np.array([1, 0, 0], np.float32), (len(corners), 1)),
+        uvs={"st": (0.5 + 0.5 * points[corners, :2]).astype(np.float32)},
+        default_uv="st",
+    )

@@ -1,0 +1,236 @@
+// Several lights in GLSL, as lookdev/shaders/rig.osl.h: lamps by rows of numbers, domes by their tables. A light is
+// chosen for each drawn direction in proportion to an estimate of its irradiance.
+
+#define RIG_FAR 1e30
+#define RIG_SIDES (TRANSMITS + 1)
+
+uniform highp sampler2D rig_numbers;
+uniform vec4 turns;
+
+float rig_number(int place) { return texelFetch(rig_numbers, ivec2(place & 2047, place >> 11), 0).r; }
+float rig_field(int light, int field) { return rig_number(3 + light * LAMP_FIELDS + field); }
+vec3 rig_vector(int light, int field) {
+    return vec3(rig_field(light, field), rig_field(light, field + 1), rig_field(light, field + 2));
+}
+
+// A vector of the world in the frame of lights that have turned about z, and back.
+vec2 rig_turn(int light) { return rig_field(light, LAMP_turns) > 0.0 ? turns.xy : turns.zw; }
+vec3 rig_back(vec3 v, vec2 turn) { return vec3(turn.y * v.x + turn.x * v.y, turn.y * v.y - turn.x * v.x, v.z); }
+vec3 rig_forth(vec3 v, vec2 turn) { return vec3(turn.y * v.x - turn.x * v.y, turn.x * v.x + turn.y * v.y, v.z); }
+
+// A vector of the lights' frame by the axes of a light; of the world, and back.
+vec3 rig_by_axes(int light, vec3 v) {
+    return vec3(dot(v, rig_vector(light, LAMP_x0)), dot(v, rig_vector(light, LAMP_y0)),
+                dot(v, rig_vector(light, LAMP_z0)));
+}
+vec3 rig_inside(int light, vec3 v) { return rig_by_axes(light, rig_back(v, rig_turn(light))); }
+vec3 rig_outside(int light, vec3 v) {
+    return rig_forth(v.x * rig_vector(light, LAMP_x0) + v.y * rig_vector(light, LAMP_y0)
+                     + v.z * rig_vector(light, LAMP_z0), rig_turn(light));
+}
+
+// A place, from the centre of the geometry, by the axes of a lamp.
+vec3 rig_seen_from(int light, vec3 place) {
+    vec3 from_axis = rig_back(place + vec3(rig_number(0), rig_number(1), rig_number(2)), rig_turn(light));
+    return rig_by_axes(light, from_axis - rig_vector(light, LAMP_x));
+}
+
+//@ lamp_functions
+#if RIG_DOMES > 0
+//@ dome_functions
+#endif
+
+// The surface: place, shading frame, slot; and of each side the lights' estimates of irradiance and their sum.
+vec3 rig_place, rig_axes[3];
+int rig_slot;
+float rig_weights[RIG_SIDES * RIG_LIGHTS + 1], rig_sums[RIG_SIDES];  // no array has length 0
+#if RIG_DOMES > 0
+vec3 rig_bin_axes[RIG_SIDES * RIG_DOMES];
+float rig_scales[RIG_SIDES * RIG_DOMES];
+int rig_bins[RIG_SIDES * RIG_DOMES];
+#endif
+
+vec3 rig_side(int side) { return side == 0 ? rig_axes[2] : -rig_axes[2]; }
+float rig_count(int side) { return float(side == 0 ? LIT - (RIG_SIDES - 1) * (LIT / 2) : LIT / 2); }
+float rig_lit(int light) { return rig_number(RIG_MARKS + rig_slot * RIG_LIGHTS + light); }
+
+void rig_meet_surface(vec3 place, vec3 tangent, vec3 bitangent, vec3 normal, int slot) {
+    rig_place = place;
+    rig_axes[0] = tangent;
+    rig_axes[1] = bitangent;
+    rig_axes[2] = normal;
+    rig_slot = slot;
+    for (int side = 0; side < RIG_SIDES; ++side) {
+        rig_sums[side] = 0.0;
+        for (int light = 0; light < RIG_LIGHTS; ++light) {
+            float weight = 0.0;
+#if RIG_LAMPS > 0
+            if (light < RIG_LAMPS)
+                lamp_weight(light, rig_seen_from(light, place), rig_inside(light, rig_side(side)), weight);
+#endif
+#if RIG_DOMES > 0
+            if (light >= RIG_LAMPS) {
+                int dome = light - RIG_LAMPS, at = side * RIG_DOMES + dome;
+                float mean = rig_field(light, LAMP_mean);
+                if (dome_constant[dome] == 1) {
+                    weight = 3.141592653589793 * mean;
+                } else {
+                    rig_bins[at] = dome_bin(rig_inside(light, rig_side(side)), rig_bin_axes[at]);
+                    rig_scales[at] = rig_number(dome_starts[dome] + 2 * rig_bins[at]);
+                    weight = rig_scales[at] > 0.0 ? mean / rig_scales[at] : 0.0;
+                }
+            }
+#endif
+            weight *= rig_lit(light);
+            rig_weights[side * RIG_LIGHTS + light] = weight;
+            rig_sums[side] += weight;
+        }
+    }
+}
+
+// The number of directions drawn of a light on a side.
+float rig_drawn(int light, int side) {
+    float sum = rig_sums[side];
+    return sum > 0.0 ? rig_count(side) * rig_weights[side * RIG_LIGHTS + light] / sum : 0.0;
+}
+
+// The density of directions drawn of a lamp, whose own pdf is given.
+float rig_lamp_density(int light, float pdf) {
+    float drawn = 0.0;
+    for (int side = 0; side < RIG_SIDES; ++side) drawn += rig_drawn(light, side);
+    return drawn * pdf;
+}
+
+#if RIG_DOMES > 0
+// The density of directions drawn of a dome: w of the world, `local` by its axes, `mean` of its map there.
+float rig_dome_density(int dome, vec3 w, vec3 local, float mean) {
+    float density = 0.0;
+    for (int side = 0; side < RIG_SIDES; ++side) {
+        int at = side * RIG_DOMES + dome;
+        float pdf = dome_constant[dome] == 1 ? max(dot(w, rig_side(side)), 0.0) / 3.141592653589793
+                                             : rig_scales[at] * dome_widened(dot(local, rig_bin_axes[at])) * mean;
+        density += rig_drawn(RIG_LAMPS + dome, side) * pdf;
+    }
+    return density;
+}
+#endif
+
+// The sum over lights of the radiance from w over the density of all that draws it: `own`, and that of directions drawn
+// of the light if `weighed` is 1.
+vec3 rig_arriving(vec3 w, float own, float weighed) {
+    vec3 total = vec3(0.0);
+    for (int light = 0; light < RIG_LIGHTS; ++light) {
+        if (rig_lit(light) == 0.0) continue;
+        vec3 local = rig_inside(light, w);
+#if RIG_LAMPS > 0
+        if (light < RIG_LAMPS) {
+            vec3 p = rig_seen_from(light, rig_place), sent;
+            float distance, pdf;
+            lamp_meet(light, p, local, distance, pdf);
+            if (distance < RIG_FAR) {
+                lamp_sent(light, p, local, sent);
+                total += sent / (own + weighed * rig_lamp_density(light, pdf));
+            }
+        }
+#endif
+#if RIG_DOMES > 0
+        if (light >= RIG_LAMPS) {
+            int dome = light - RIG_LAMPS;
+            vec3 radiance = dome_map(dome, local);
+            float mean = (radiance.r + radiance.g + radiance.b) / 3.0;
+            float density = own + weighed * rig_dome_density(dome, w, local, mean);
+            total += radiance * rig_vector(light, LAMP_red) / density;
+        }
+#endif
+    }
+    return total;
+}
+
+// Draw a direction of the lights by two numbers: returns the radiance from there, corrected where it was not drawn with
+// the density of all that draws it, and sets w and that density.
+vec3 rig_draw(int side, float u1, float u2, out vec3 w, out float density) {
+    w = rig_side(side);
+    density = 1.0;
+    float wanted = u1 * rig_sums[side], before = 0.0, weight = 0.0;
+    int light = 0;
+    for (int k = 0; k < RIG_LIGHTS; ++k) {
+        // The last light with a weight, where rounding lets `wanted` reach the sum.
+        float here = rig_weights[side * RIG_LIGHTS + k];
+        if (here > 0.0 && wanted >= before) {
+            light = k;
+            weight = here;
+            if (wanted < before + here) break;
+        }
+        before += here;
+    }
+    if (weight <= 0.0) return vec3(0.0);
+    u1 = clamp((wanted - before) / weight, 0.0, 0.99999994);
+    vec3 local = vec3(0.0, 0.0, 1.0), radiance = vec3(0.0);
+#if RIG_LAMPS > 0
+    if (light < RIG_LAMPS) {
+        vec3 p = rig_seen_from(light, rig_place);
+        float distance, pdf;
+        lamp_draw(light, p, u1, u2, local, distance, pdf);
+        if (distance >= RIG_FAR) return vec3(0.0);
+        lamp_sent(light, p, local, radiance);
+        w = rig_outside(light, local);
+        density = rig_lamp_density(light, pdf);
+    }
+#endif
+#if RIG_DOMES > 0
+    if (light >= RIG_LAMPS) {
+        int dome = light - RIG_LAMPS, at = side * RIG_DOMES + dome;
+        vec3 color = rig_vector(light, LAMP_red);
+        if (dome_constant[dome] == 1) {
+            // In proportion to the cosine.
+            vec2 turn = look_turn(6.283185307179586 * u2);
+            w = sqrt(u1) * (turn.y * rig_axes[0] + turn.x * rig_axes[1]) + sqrt(1.0 - u1) * rig_side(side);
+            radiance = color;
+            density = rig_dome_density(dome, w, w, 1.0);
+        } else {
+            float ratio, share = rig_number(dome_starts[dome] + 2 * rig_bins[at] + 1);
+            radiance = dome_drawn(dome, rig_bins[at], share, u1, u2, local, ratio);
+            float mean = (radiance.r + radiance.g + radiance.b) / 3.0;
+            w = rig_outside(light, local);
+            density = rig_dome_density(dome, w, local, mean);
+            radiance *= ratio * dome_widened(dot(local, rig_bin_axes[at])) * color;
+        }
+    }
+#endif
+    return radiance;
+}
+
+#if RIG_SEEN
+// The light of lamps that the camera sees before the surface at a distance; returns whether there is any.
+bool rig_before(vec3 eye, vec3 along, float reach, out vec3 seen) {
+    bool hides = false;
+    seen = vec3(0.0);
+    for (int light = 0; light < RIG_LAMPS; ++light) {
+        if (rig_field(light, LAMP_camera) <= 0.0) continue;
+        vec3 p = rig_seen_from(light, eye), local = rig_inside(light, along), sent;
+        float distance, pdf;
+        lamp_meet(light, p, local, distance, pdf);
+        if (distance < reach) {
+            lamp_sent(light, p, local, sent);
+            seen += sent;
+            hides = true;
+        }
+    }
+    return hides;
+}
+#endif
+
+// What is seen of the lights where there is no surface: domes, and lamps that the camera sees.
+vec3 rig_behind(vec3 eye, vec3 along) {
+    vec3 seen = vec3(0.0);
+#if RIG_SEEN
+    rig_before(eye, along, RIG_FAR, seen);
+#endif
+#if RIG_DOMES > 0
+    for (int dome = 0; dome < RIG_DOMES; ++dome) {
+        int light = RIG_LAMPS + dome;
+        seen += dome_map(dome, rig_inside(light, along)) * rig_vector(light, LAMP_red);
+    }
+#endif
+    return seen;
+}

@@ -1,0 +1,122 @@
+"""The Designer's routes: its page and scripts, the shown scene and its buffers, edits, and saving."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import anyio.to_thread
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from lookdev.errors import FaultsError, LookdevError, shortened
+from lookdev.studio.designer.document import Document, parsed
+
+log = logging.getLogger("lookdev.studio")
+
+STATIC = Path(__file__).parent / "static"
+VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
+
+_FRESH = {"cache-control": "no-store"}
+
+
+class _Scripts(StaticFiles):
+    """The page's own files, asked for again each time: they are on this machine."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        response = super().file_response(*args, **kwargs)
+        response.headers["cache-control"] = "no-cache"
+        return response
+
+
+def application(document: Document) -> Starlette:
+    """Return the page of a document."""
+    kept: list[
+        Mapping[str, bytes]
+    ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
+
+    def scene() -> Mapping[str, Any]:
+        view = document.view()
+        kept[:] = [*kept[-1:], view.buffers]
+        look, rig = document.chosen
+        background = document.job.render.background
+        return {
+            **view.data,
+            "choices": document.choices,
+            "chosen": {"look": look, "rig": rig},
+            "background": background if isinstance(background, str) else list(background),
+            "stacks": document.stacks(),
+        }
+
+    async def show(request: Request) -> Response:
+        return await _answer(scene)
+
+    async def buffer(request: Request) -> Response:
+        name = request.path_params["name"]
+        for buffers in reversed(kept):
+            if name in buffers:
+                headers = {"cache-control": "private, max-age=31536000, immutable"}
+                return Response(buffers[name], media_type="application/octet-stream", headers=headers)
+        return PlainTextResponse("no such buffer\n", 404)
+
+    async def edit(request: Request) -> Response:
+        body = await _body(request)
+        return await _answer(lambda: {"compiles": document.edit(parsed(body)), "stacks": document.stacks()})
+
+    async def choose(request: Request) -> Response:
+        body = await _body(request)
+
+        def chosen() -> Mapping[str, Any]:
+            document.choose(str(body.get("look")), str(body.get("rig")))
+            return {}
+
+        return await _answer(chosen)
+
+    async def save(request: Request) -> Response:
+        body = await _body(request)
+        look, name = body.get("look"), body.get("name")
+
+        def saved() -> Mapping[str, Any]:
+            if not isinstance(look, int) or not isinstance(name, str | None):
+                raise LookdevError("what is saved has the number of a look, and the name of a file or none")
+            return {"file": str(document.save(look, name)), "stacks": document.stacks()}
+
+        return await _answer(saved)
+
+    return Starlette(
+        routes=[
+            Route("/scene", show),
+            Route("/buffers/{name}", buffer),
+            Route("/edit", edit, methods=["POST"]),
+            Route("/choose", choose, methods=["POST"]),
+            Route("/save", save, methods=["POST"]),
+            Mount("/viewport", _Scripts(directory=VIEWPORT)),
+            Mount("/", _Scripts(directory=STATIC, html=True)),
+        ]
+    )
+
+
+async def _body(request: Request) -> Mapping[str, Any]:
+    try:
+        found = await request.json()
+    except (json.JSONDecodeError, UnicodeDecodeError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+async def _answer(made: Callable[[], Mapping[str, Any]]) -> Response:
+    """Return what a function makes in a thread of its own, or what a user must know of its failure."""
+    try:
+        return JSONResponse(await anyio.to_thread.run_sync(made), headers=_FRESH)
+    except FaultsError as error:
+        message = "; ".join(str(fault) for fault in error.faults)
+    except LookdevError as error:
+        message = str(error)
+    log.warning("refused: %s", shortened(message, 200))
+    return JSONResponse({"error": message}, 422, headers=_FRESH)

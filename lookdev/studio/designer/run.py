@@ -1,0 +1,39 @@
+"""`lookdev design`: from a job or an asset to a page that is served."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from lookdev.asset import BUILTINS
+from lookdev.errors import LookdevError, nearest_hint
+from lookdev.studio import Address
+from lookdev.studio.designer.app import application
+from lookdev.studio.designer.document import open_document
+from lookdev.studio.server import bind, open_browser, serve
+
+
+def design(what: str, material: Path | None, address: Address, *, browser: bool, say: Callable[[str], None]) -> None:
+    """Serve the Designer until the program is interrupted; `what` is a job, an asset's file or a built-in asset.
+
+    Raises LookdevError where there is no such file, it has faults, or the address cannot be listened at.
+    """
+    file = Path(what)
+    if what not in BUILTINS and not file.exists():
+        hint = nearest_hint(what, list(BUILTINS))
+        raise LookdevError(f"{what}: no such job or asset, and no built-in asset of that name ({hint})")
+    if material is not None and file.suffix == ".toml":
+        raise LookdevError("--material goes with an asset: a job names its materials itself")
+    if material is None and what in BUILTINS:
+        raise LookdevError(f"'{what}' has no materials of its own: --material LOOK.usda would be right")
+    document = open_document(None if what in BUILTINS else file, what if what in BUILTINS else None, material)
+    bound = bind(address)
+    if not bound.as_wanted:
+        say(f"port {bound.wanted} is taken by another program, so this is another one:")
+
+    def started() -> None:
+        say(f"{bound.url}  (Ctrl-C ends it)")
+        if browser:
+            open_browser(bound.url)
+
+    serve(application(document), bound, started=started)

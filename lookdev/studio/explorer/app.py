@@ -1,0 +1,109 @@
+"""The explorer's routes: its page and scripts, what it offers, its websocket, uploads, and plots as files."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import AsyncIterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import Any
+
+import anyio.to_thread
+from starlette.applications import Starlette
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+from lookdev.errors import LookdevError, shortened
+from lookdev.plot import SUFFIXES, draw
+from lookdev.studio.explorer.catalogue import catalogue
+from lookdev.studio.explorer.channel import Channel, log, options_of
+from lookdev.studio.explorer.frames import Frames
+from lookdev.studio.explorer.surfaces import Surfaces
+
+UPLOAD = "/upload"
+STATIC = Path(__file__).parent / "static"
+
+_TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf", ".csv": "text/csv; charset=utf-8"}
+
+
+class _Scripts(StaticFiles):
+    """The page's own files, asked for again each time: they are on this machine."""
+
+    def file_response(self, *args: Any, **kwargs: Any) -> Response:
+        response = super().file_response(*args, **kwargs)
+        response.headers["cache-control"] = "no-cache"
+        return response
+
+
+def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
+    """Return the explorer of some surfaces; a page without a state of its own shows the `first` ones."""
+    frames = Frames()
+    threads = ThreadPoolExecutor(4, thread_name_prefix="plot")
+    rendering = ThreadPoolExecutor(8, thread_name_prefix="frame")
+    figures = ThreadPoolExecutor(1, thread_name_prefix="figure")  # matplotlib is used by one thread at a time
+    offered = json.dumps({**catalogue(surfaces.roots, surfaces.library), "first": list(first)})
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        try:
+            yield
+        finally:
+            frames.close()
+            for pool in (threads, rendering, figures):
+                pool.shutdown(wait=False, cancel_futures=True)
+
+    async def start(request: Request) -> Response:
+        return Response(offered, media_type="application/json", headers={"cache-control": "no-store"})
+
+    async def talk(socket: WebSocket) -> None:
+        await Channel(socket, surfaces, frames, threads, rendering).run()
+
+    async def upload(request: Request) -> Response:
+        name = request.query_params.get("name", "upload")
+        try:
+            kept = await surfaces.roots.upload(name, request.stream())
+        except LookdevError as error:
+            log.warning("refused the upload %s: %s", shortened(name, 80), shortened(str(error), 160))
+            return JSONResponse({"error": f"{shortened(name, 80)}: {error}"}, 422)
+        except ClientDisconnect:
+            return PlainTextResponse("", 400)
+        return JSONResponse({"name": kept})
+
+    def written(kind: str, suffix: str, words: Sequence[str], options: str) -> bytes:
+        plot = draw(kind, [surfaces.subject(each) for each in words], options_of(json.loads(options)))
+        with tempfile.TemporaryDirectory(prefix="lookdev-plot-") as folder:
+            file = Path(folder) / f"plot{suffix}"
+            plot.write(file)
+            return file.read_bytes()
+
+    async def save(request: Request) -> Response:
+        kind, suffix = request.path_params["kind"], f".{request.path_params['suffix']}"
+        if suffix not in SUFFIXES:
+            return PlainTextResponse(f"one of {', '.join(SUFFIXES)} would be right\n", 404)
+        words, options = request.query_params.getlist("s"), request.query_params.get("options", "{}")
+
+        def made() -> bytes:
+            return figures.submit(written, kind, suffix, words, options).result()
+
+        try:
+            data = await anyio.to_thread.run_sync(made)
+        except (LookdevError, ValueError, TypeError) as error:
+            return PlainTextResponse(f"{error}\n", 422)
+        headers = {"content-disposition": f'attachment; filename="{kind}{suffix}"', "cache-control": "no-store"}
+        return Response(data, media_type=_TYPES[suffix], headers=headers)
+
+    return Starlette(
+        routes=[
+            Route("/start", start),
+            WebSocketRoute("/talk", talk),
+            Route(UPLOAD, upload, methods=["POST"]),
+            Route("/save/{kind}.{suffix}", save),
+            Mount("/", _Scripts(directory=STATIC, html=True)),
+        ],
+        lifespan=lifespan,
+    )

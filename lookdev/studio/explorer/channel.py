@@ -1,0 +1,277 @@
+"""The messages of one page: what it asks over its websocket, computed in threads, the newest of a kind first.
+
+A request is a JSON object with an ``id``, what to ``do`` and a ``slot``. A later request of the same slot replaces one
+that has not begun: while a slider moves, what it has passed is not computed. An answer has the id, and is JSON, or a
+packet of arrays (`lookdev.studio.packets`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from dataclasses import fields
+from functools import partial
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from lookdev.errors import LookdevError, shortened
+from lookdev.plot import Options, kind_named
+from lookdev.plot.sampling import sampling_note
+from lookdev.studio.explorer import shading, usd
+from lookdev.studio.explorer.frames import Cancelled, Frames, Ticket
+from lookdev.studio.explorer.surfaces import Surfaces
+from lookdev.studio.packets import packet
+from lookdev.text import TextError, parse_json
+
+log = logging.getLogger("lookdev.studio")
+
+_MOST_WAITING = 64
+_MOST_LOGGED = 20
+_AT_ONCE = 3
+"""Requests of one page that are computed at once."""
+
+Answer = bytes | dict[str, Any]
+
+
+class Refused(LookdevError):
+    """A message is no request."""
+
+
+class Channel:
+    """Reads the requests of one websocket and answers them, until the page is gone."""
+
+    def __init__(
+        self,
+        socket: WebSocket,
+        surfaces: Surfaces,
+        frames: Frames,
+        threads: ThreadPoolExecutor,
+        rendering: ThreadPoolExecutor,
+    ) -> None:
+        self._socket = socket
+        self._surfaces = surfaces
+        self._frames = frames
+        self._threads = threads
+        self._rendering = rendering  # plots do not wait for frames
+        self._waiting: dict[str, dict[str, Any]] = {}
+        self._arrived = asyncio.Event()
+        self._sending = asyncio.Lock()
+        self._ticket: Ticket | None = None
+        self._refusals = 0
+
+    async def run(self) -> None:
+        """Serve the page; a message that is no request is refused, and the next one read."""
+        await self._socket.accept()
+        workers = [asyncio.create_task(self._work()) for _ in range(_AT_ONCE)]
+        rendering: set[asyncio.Task[None]] = set()
+        try:
+            while True:
+                message = await self._socket.receive()
+                if message["type"] == "websocket.disconnect":
+                    return
+                try:
+                    request = _request(message)
+                except LookdevError as error:
+                    await self._refuse(str(error))
+                    continue
+                match request["do"]:
+                    case "cancel":
+                        self._cancel()
+                    case "render":
+                        self._cancel()
+                        task = asyncio.create_task(self._render(request))
+                        rendering.add(task)
+                        task.add_done_callback(rendering.discard)
+                    case _:
+                        self._enqueue(request)
+        except (WebSocketDisconnect, RuntimeError):
+            return
+        finally:
+            self._cancel()
+            for task in (*workers, *rendering):
+                task.cancel()
+            await asyncio.gather(*workers, *rendering, return_exceptions=True)
+
+    def _enqueue(self, request: dict[str, Any]) -> None:
+        slot = request["slot"]
+        self._waiting.pop(slot, None)
+        if len(self._waiting) >= _MOST_WAITING:
+            self._waiting.pop(next(iter(self._waiting)))
+        self._waiting[slot] = request
+        self._arrived.set()
+
+    async def _work(self) -> None:
+        while True:
+            await self._arrived.wait()
+            if not self._waiting:
+                self._arrived.clear()
+                continue
+            request = self._waiting.pop(next(iter(self._waiting)))
+            await self._answered(request, partial(_DO[request["do"]], self._surfaces, request))
+
+    async def _answered(self, request: Mapping[str, Any], compute: Callable[[], Answer]) -> None:
+        loop = asyncio.get_running_loop()
+        try:
+            answer = await loop.run_in_executor(self._threads, compute)
+        except Cancelled:
+            answer = {"id": request["id"], "cancelled": True}
+        except LookdevError as error:
+            answer = {"id": request["id"], "error": str(error)}
+        except Exception as error:
+            log.exception("failed: %s", shortened(json.dumps(request), 400))
+            answer = {"id": request["id"], "error": f"{type(error).__name__}: {shortened(str(error))}"}
+        await self._send(answer)
+
+    async def _render(self, request: Mapping[str, Any]) -> None:
+        loop, ticket = asyncio.get_running_loop(), Ticket()
+        self._ticket = ticket
+
+        def report(state: dict[str, Any]) -> None:
+            sent = self._send({"id": request["id"], "progress": state})
+            with suppress(RuntimeError):  # the loop has ended
+                asyncio.run_coroutine_threadsafe(sent, loop)
+
+        def compute() -> Answer:
+            look = self._surfaces.rendered_look(_text(request, "surface"))
+            facts, arrays = self._frames.render(look, ticket, report)
+            return packet({"id": request["id"], **facts}, arrays)
+
+        try:
+            answer: Answer = await loop.run_in_executor(self._rendering, compute)
+        except Cancelled:
+            answer = {"id": request["id"], "cancelled": True}
+        except asyncio.CancelledError:
+            self._frames.cancel(ticket)
+            raise
+        except LookdevError as error:
+            answer = {"id": request["id"], "error": str(error)}
+        except Exception as error:
+            log.exception("failed to render")
+            answer = {"id": request["id"], "error": f"{type(error).__name__}: {shortened(str(error))}"}
+        await self._send(answer)
+
+    def _cancel(self) -> None:
+        ticket, self._ticket = self._ticket, None
+        if ticket is not None:
+            self._frames.cancel(ticket)
+
+    async def _refuse(self, problem: str) -> None:
+        self._refusals += 1
+        if self._refusals <= _MOST_LOGGED:
+            more = "; further ones are not logged" if self._refusals == _MOST_LOGGED else ""
+            log.warning("refused a message: %s%s", shortened(problem, 160), more)
+        await self._send({"error": problem})
+
+    async def _send(self, answer: Answer) -> None:
+        with suppress(WebSocketDisconnect, RuntimeError):
+            async with self._sending:
+                if isinstance(answer, bytes):
+                    await self._socket.send_bytes(answer)
+                else:
+                    await self._socket.send_text(json.dumps(answer))
+
+
+def _request(message: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a request, or raise LookdevError for any other message."""
+    text = message.get("text")
+    if not isinstance(text, str):
+        raise Refused("a message of bytes; JSON would be right")
+    try:
+        request = parse_json(text, "message")
+    except TextError as error:
+        raise Refused(str(error)) from None
+    if not isinstance(request, dict):
+        raise Refused("a JSON object would be right")
+    if request.get("do") not in (*_DO, "render", "cancel"):
+        raise Refused(f"do is {shortened(repr(request.get('do')), 40)}; one of {', '.join(_DO)} would be right")
+    if isinstance(request.get("id"), bool) or not isinstance(request.get("id"), int) or request["id"] < 0:
+        raise Refused("id: a whole number would be right")
+    if not isinstance(request.setdefault("slot", ""), str) or len(request["slot"]) > 200:
+        raise Refused("slot: a short text would be right")
+    return request
+
+
+def _text(request: Mapping[str, Any], key: str, default: str | None = None) -> str:
+    value = request.get(key, default)
+    if not isinstance(value, str):
+        raise Refused(f"{key}: a text would be right")
+    return value
+
+
+def options_of(given: object) -> Options:
+    """Return options of JSON; raises LookdevError for what are none."""
+    if not isinstance(given, dict):
+        raise Refused("options: an object would be right")
+    defaults = {each.name: each.default for each in fields(Options)}
+    values: dict[str, Any] = {}
+    for name, value in given.items():
+        if name not in defaults:
+            raise Refused(f"options: no '{shortened(str(name), 40)}'")
+        usual = defaults[name]
+        if isinstance(usual, float) and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if type(value) is not type(usual) or value != value:  # NaN
+            raise Refused(f"options: {name} is {shortened(repr(value), 40)}; {usual!r} would be right")
+        values[name] = value
+    return Options(**values)
+
+
+def _values(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    kind, options = _text(request, "kind"), options_of(request.get("options", {}))
+    kind_named(kind)
+    found = surfaces.values(
+        kind, _text(request, "surface"), options, request.get("draft") is True, _text(request, "moving", "")
+    )
+    header: dict[str, Any] = {"id": request["id"]}
+    if "test" in found:
+        header["note"] = sampling_note(found)
+    return packet(header, found)
+
+
+def _described(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    return {"id": request["id"], **surfaces.describe(_text(request, "surface"))}
+
+
+def _shader(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    extra = request.get("live", [])
+    if not isinstance(extra, list) or not all(isinstance(each, str) for each in extra):
+        raise Refused("live: a list of names would be right")
+    header, tables = shading.shader(surfaces, _text(request, "surface"), extra)
+    return packet({"id": request["id"], **header}, tables)
+
+
+def _pairs(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    return packet({"id": request["id"]}, shading.pairs(surfaces, _text(request, "surface")))
+
+
+def _dome(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    return packet({"id": request["id"]}, shading.dome())
+
+
+def _usd(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    return {"id": request["id"], "text": usd.usd_text(surfaces, _text(request, "surface"))}
+
+
+def _command(surfaces: Surfaces, request: Mapping[str, Any]) -> Answer:
+    given = request.get("surfaces", [])
+    if not isinstance(given, list) or not all(isinstance(each, str) for each in given):
+        raise Refused("surfaces: a list of texts would be right")
+    text = surfaces.command(_text(request, "kind"), given, options_of(request.get("options", {})))
+    return {"id": request["id"], "text": text}
+
+
+_DO: dict[str, Callable[[Surfaces, Mapping[str, Any]], Answer]] = {
+    "values": _values,
+    "describe": _described,
+    "shader": _shader,
+    "pairs": _pairs,
+    "dome": _dome,
+    "usd": _usd,
+    "command": _command,
+}
+"""What a page can ask for, besides rendering."""

@@ -1,0 +1,125 @@
+"""The exact frame: a surface on a sphere by the renderer, in a supervised worker that stays for the next one."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from lookdev.asset import load_asset
+from lookdev.errors import LookdevError, WorkerError
+from lookdev.light import load_environment, prepare_light
+from lookdev.material import Look
+from lookdev.plot.angles import Values
+from lookdev.render.backends import BACKENDS
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Progress, Worker, last_line
+from lookdev.scene import Sampling, Scene
+from lookdev.scene.camera import Pose
+from lookdev.studio.explorer.shading import DOME
+
+BACKEND = "exact"
+SIZE = 288
+"""Pixels of a frame's side."""
+
+_SAMPLES = 256
+_ERROR = 0.004
+
+
+class Cancelled(LookdevError):
+    """The page no longer wants the frame."""
+
+
+@dataclass
+class Ticket:
+    """A frame that a page wants, until it is cancelled."""
+
+    cancelled: threading.Event = field(default_factory=threading.Event)
+
+
+class Frames:
+    """Renders one frame at a time; those of other pages wait. The worker ends with `close`."""
+
+    def __init__(self) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="lookdev-explore-")
+        self._one = threading.Lock()
+        self._worker: Worker | None = None
+        self._current: Ticket | None = None
+
+    def render(
+        self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
+    ) -> tuple[dict[str, Any], Values]:
+        """Render a look on a sphere in the studio dome, and return what is known of the frame, and its pixels.
+
+        `beauty` (h, w, 3) is premultiplied and linear, `alpha` (h, w); row 0 is at the top. Raises Cancelled, and what
+        workers raise.
+        """
+        report({"state": "waiting"})
+        while not self._one.acquire(timeout=0.1):
+            _check(ticket)
+        try:
+            _check(ticket)
+            return self._rendered(look, ticket, report)
+        except WorkerError as error:
+            _check(ticket)  # a worker that is killed for it died of no fault
+            raise WorkerError(f"{error}\n{last_line(self._log)}".rstrip()) from error
+        finally:
+            self._current = None
+            self._one.release()
+
+    def _rendered(
+        self, look: Look, ticket: Ticket, report: Callable[[dict[str, Any]], None]
+    ) -> tuple[dict[str, Any], Values]:
+        began = time.perf_counter()
+        report({"state": "starting the renderer" if self._worker is None else "preparing"})
+        worker = self._worker
+        if worker is None:
+            worker = self._worker = Worker(BACKENDS[BACKEND].command, self._log, Path(self._folder.name))
+        self._current = ticket
+        worker.launch()
+        light = prepare_light(load_environment(builtin=DOME))
+        scene = Scene.of_look(load_asset(builtin="sphere"), look, light, (SIZE, SIZE))
+        sampling = Sampling(samples=_SAMPLES, error=_ERROR)
+        task = one_frame(scene_task(scene, sampling, BACKEND, "cpu"), Pose(0.0, 0.0), "explored")
+        _check(ticket)
+        worker.start()
+
+        def progress(made: Progress) -> None:
+            _check(ticket)
+            report({"state": "rendering", "samples": made.samples, "of": made.of, "relmse": made.relmse})
+
+        done = worker.render(task, progress)
+        _check(ticket)
+        facts = {"samples": done.samples, "relmse": done.relmse, "seconds": time.perf_counter() - began}
+        return facts, {"beauty": 0.5 * (done.a + done.b), "alpha": done.alpha}
+
+    @property
+    def _log(self) -> Path:
+        return Path(self._folder.name) / "worker.log"
+
+    def cancel(self, ticket: Ticket) -> None:
+        """Have a frame end soon, and the worker where it renders it."""
+        ticket.cancelled.set()
+        worker = self._worker
+        if self._current is ticket and worker is not None:
+            self._worker = None
+            worker.kill()
+
+    def close(self) -> None:
+        """End the worker and remove its files."""
+        worker, self._worker = self._worker, None
+        if self._current is not None:
+            self._current.cancelled.set()
+        if worker is not None:
+            worker.kill()
+        self._folder.cleanup()
+
+
+def _check(ticket: Ticket) -> None:
+    if ticket.cancelled.is_set():
+        raise Cancelled("cancelled")

@@ -1,0 +1,113 @@
+// Axes on a 2D canvas: scales, ticks, curves. Lengths are CSS pixels.
+
+export const theme = () => {
+  const style = getComputedStyle(document.body);
+  const read = (name) => {
+    // light-dark() is resolved by an element's own colour.
+    probe.style.color = `var(${name})`;
+    return getComputedStyle(probe).color;
+  };
+  const probe = document.createElement("i");
+  document.body.append(probe);
+  const found = { ink: read("--ink"), quiet: read("--quiet"), line: read("--line"), edge: read("--edge"), panel: read("--panel"), font: style.fontFamily || "system-ui" };
+  probe.remove();
+  return found;
+};
+
+const near = (low, high, count) => {
+  const step = (high - low) / count, power = 10 ** Math.floor(Math.log10(step)), left = step / power;
+  const nice = (left < 1.5 ? 1 : left < 3 ? 2 : left < 7 ? 5 : 10) * power, found = [];
+  for (let k = Math.ceil(low / nice - 1e-9); k * nice <= high + 1e-9 * nice; k++) found.push(k * nice);
+  return found;
+};
+
+export const shortly = (value) => {
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  return size >= 1e5 || size < 1e-3 ? value.toExponential(Number.isInteger(Math.log10(size)) ? 0 : 1).replace("e+", "e") : String(Number(value.toPrecision(4)));
+};
+
+const ROOT = (value) => Math.sign(value) * Math.sqrt(Math.abs(value));
+
+// A scale from values to [0, 1], with its ticks: "linear", "sqrt" or "log".
+export const scaleOf = (kind, low, high, count) => {
+  if (kind === "log") {
+    const [a, b] = [Math.log10(low), Math.log10(high)], ticks = [], step = Math.max(1, Math.ceil((b - a) / count));
+    for (let k = Math.ceil(a - 1e-9); k <= b + 1e-9; k += step) ticks.push(10 ** k);
+    return { low, high, ticks: ticks.length > 1 ? ticks : near(low, high, count), at: (v) => (v > 0 ? (Math.log10(v) - a) / (b - a) : -1), back: (t) => 10 ** (a + t * (b - a)) };
+  }
+  if (kind === "sqrt") {
+    const [a, b] = [ROOT(low), ROOT(high)];
+    return { low, high, ticks: near(a, b, count).map((each) => Math.sign(each) * each * each).map((each) => Number(each.toPrecision(3))), at: (v) => (ROOT(v) - a) / (b - a), back: (t) => { const r = a + t * (b - a); return Math.sign(r) * r * r; } };
+  }
+  return { low, high, ticks: near(low, high, count), at: (v) => (v - low) / (high - low), back: (t) => low + t * (high - low) };
+};
+
+export class Axes {
+  constructor(context, box, x, y, look) {
+    Object.assign(this, { context, box, x, y, look });
+  }
+
+  px(value) { return this.box.left + this.x.at(value) * this.box.width; }
+  py(value) { return this.box.top + (1 - this.y.at(value)) * this.box.height; }
+
+  grid(xLabel, yLabel) {
+    const { context: c, box, look } = this;
+    c.font = `11px ${look.font}`;
+    c.lineWidth = 1;
+    c.strokeStyle = look.line;
+    c.fillStyle = look.quiet;
+    c.textAlign = "center";
+    c.textBaseline = "top";
+    for (const tick of this.x.ticks) {
+      const x = Math.round(this.px(tick)) + 0.5;
+      if (x < box.left - 1 || x > box.left + box.width + 1) continue;
+      c.beginPath(); c.moveTo(x, box.top); c.lineTo(x, box.top + box.height); c.stroke();
+      c.fillText(shortly(tick), x, box.top + box.height + 7);
+    }
+    c.textAlign = "right";
+    c.textBaseline = "middle";
+    let last = Infinity;
+    for (const tick of this.y.ticks) {
+      const y = Math.round(this.py(tick)) + 0.5;
+      if (y < box.top - 1 || y > box.top + box.height + 1 || last - y < 15) continue;
+      c.beginPath(); c.moveTo(box.left, y); c.lineTo(box.left + box.width, y); c.stroke();
+      c.fillText(shortly(tick), box.left - 8, y);
+      last = y;
+    }
+    c.fillStyle = look.ink;
+    c.font = `12px ${look.font}`;
+    c.textAlign = "center";
+    c.textBaseline = "alphabetic";
+    c.fillText(xLabel, box.left + box.width / 2, box.top + box.height + 38);
+    c.textAlign = "left";
+    c.fillText(yLabel, box.left, box.top - 12);
+  }
+
+  // A curve of values over places; points beyond the box are clipped.
+  curve(xs, values, color, { dash = [], width = 2, band = null } = {}) {
+    const { context: c, box } = this;
+    c.save();
+    c.beginPath();
+    c.rect(box.left, box.top - 2, box.width, box.height + 4);
+    c.clip();
+    const far = (v) => Math.min(Math.max(this.py(v), box.top - 4000), box.top + box.height + 4000);
+    if (band) {
+      c.globalAlpha = 0.22;
+      c.fillStyle = color;
+      c.beginPath();
+      for (let i = 0; i < xs.length; i++) c.lineTo(this.px(xs[i]), far(values[i] + band[i]));
+      for (let i = xs.length; i--;) c.lineTo(this.px(xs[i]), far(values[i] - band[i]));
+      c.fill();
+      c.globalAlpha = 1;
+    }
+    c.strokeStyle = color;
+    c.lineWidth = width;
+    c.lineJoin = "round";
+    c.setLineDash(dash);
+    c.beginPath();
+    for (let i = 0; i < xs.length; i++) c.lineTo(this.px(xs[i]), far(values[i]));
+    c.stroke();
+    c.restore();
+  }
+}

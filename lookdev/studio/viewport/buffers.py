@@ -1,0 +1,45 @@
+"""Arrays for the browser, by their content: what did not change is not sent again."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+_FORMATS = {("float32", 1): "R32F", ("float32", 4): "RGBA32F", ("float16", 4): "RGBA16F", ("int32", 1): "R32I"}
+
+
+@dataclass
+class Buffers:
+    """The bytes of arrays, little-endian, by the digest of their content."""
+
+    content: dict[str, bytes] = field(default_factory=dict)
+
+    def texture(self, texels: NDArray[Any]) -> Mapping[str, Any]:
+        """Keep a texture (H, W) or (H, W, 4); return its format by WebGL's name, its size, and its digest."""
+        channels = 1 if texels.ndim == 2 else texels.shape[2]
+        height, width = texels.shape[:2]
+        return {
+            "buffer": self.array(texels),
+            "format": _FORMATS[texels.dtype.name, channels],
+            "width": width,
+            "height": height,
+        }
+
+    def array(self, values: NDArray[Any]) -> str:
+        """Keep an array; return its digest."""
+        data = np.ascontiguousarray(values).tobytes()
+        name = hashlib.sha256(data).hexdigest()[:32]
+        self.content[name] = data
+        return name
+
+    def rows(self, numbers: NDArray[Any], width: int) -> Mapping[str, Any]:
+        """Keep numbers (n,), or texels (n, 4), that follow each other over rows of a texture, as `texture`."""
+        count = len(numbers)
+        padded = np.zeros((-(-count // width) * width, *numbers.shape[1:]), numbers.dtype)
+        padded[:count] = numbers
+        return self.texture(padded.reshape(-1, width, *numbers.shape[1:]))

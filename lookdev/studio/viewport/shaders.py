@@ -1,0 +1,97 @@
+"""The shaders of the viewport: hand-written GLSL about the functions of a look and of the lights."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+
+from lookdev.codegen.glsl.functions import PRELUDE
+from lookdev.codegen.glsl.look import LOOK_UPS, LookFunctions
+from lookdev.codegen.glsl.rig import RigFunctions
+from lookdev.studio.viewport.geometry import WIDTH, Corners
+
+_HEAD = """#version 300 es
+precision highp float;
+precision highp int;
+precision highp sampler2D;
+precision highp isampler2D;
+precision highp usampler2D;
+"""
+
+DRAWN, LIT = 1, 1
+"""Directions of the BSDF and of the lights of a pixel in a frame; a look that transmits has one of each side's."""
+
+
+@dataclass(frozen=True)
+class LookShaders:
+    """The fragment shaders of a look: what is seen, and what it reflects. Looks of one text share a program."""
+
+    visible: str
+    relight: str
+
+
+@cache
+def _sections(name: str) -> Mapping[str, str]:
+    text = (files("lookdev") / "shaders" / name).read_text(encoding="utf-8")
+    parts = re.split(r"^//@ section (\w+)\n", text, flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+@cache
+def _sobol() -> str:
+    text = (files("lookdev") / "shaders" / "sobol.h").read_text(encoding="utf-8")
+    return re.sub(r"\boutput\b", "out", text)
+
+
+def vertex_shader() -> str:
+    """Return the vertex shader of what is seen."""
+    visible = _sections("visible.glsl")
+    return _HEAD + visible["camera"] + visible["vertex"]
+
+
+def behind_shader(rig: RigFunctions) -> str:
+    """Return the fragment shader of what is seen of the lights behind the asset."""
+    camera, behind = _sections("visible.glsl")["camera"], _sections("display.glsl")["behind"]
+    return "".join([_HEAD, "#define TRANSMITS 0\n#define LIT 1\n", camera, PRELUDE, rig.text, behind])
+
+
+def develop_shader(view: str) -> str:
+    """Return the fragment shader from light to code values; `view` is the GLSL of OpenColorIO's function ``view``."""
+    return "".join([_HEAD, "precision highp sampler3D;\n", view, _sections("display.glsl")["develop"]])
+
+
+def look_shaders(look: LookFunctions, rig: RigFunctions, corners: Corners) -> LookShaders:
+    """Return the fragment shaders of a look under lights."""
+    visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
+    constants = {
+        "TRANSMITS": int(look.transmits),
+        "SEE_THROUGH": int(look.see_through),
+        "DRAWN": DRAWN,
+        "LIT": LIT * (1 + look.transmits),
+        "STRIDE": corners.stride,
+        "CORNERS_WIDTH": WIDTH,
+    }
+    defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
+    read = "\n".join(
+        f"    {'mesh_tangent' if each.parameter == 'shading_tangent' else each.parameter} = {corners.read(each)};"
+        for each in look.attributes
+    )
+    surface = relight["surface"].replace("//@ attributes", read)
+    deltas = "".join(
+        f"    look_delta{k}(wi_of_one, of_one);\n    w_of_one = surface_world(wi_of_one);\n"
+        "    if (max(of_one.r, max(of_one.g, of_one.b)) > 0.0 && agree(wi_of_one, w_of_one))\n"
+        "        radiance += of_one * rig_arriving(w_of_one, 1.0, 0.0);\n"
+        for k in range(look.deltas)
+    )
+    if deltas:
+        deltas = "    vec3 wi_of_one, w_of_one, of_one;\n" + deltas
+    parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), LOOK_UPS, look.text]
+    own = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
+    if look.see_through:
+        declared, _, main = visible["fragment"].partition("void main()")
+        own = "".join([*parts, declared, surface, relight["absent"], "void main()", main])
+    main = relight["main"].replace("//@ deltas\n", deltas)
+    return LookShaders(own, "".join([*parts, rig.text, surface, main]))

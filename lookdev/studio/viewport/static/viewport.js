@@ -1,0 +1,372 @@
+// The viewport: a scene of lookdev.studio.viewport under an orbiting camera. Light adds up over frames; a change shows
+// at once at a resolution that the machine draws in time, then whole.
+
+import * as cameras from "./camera.js";
+import { Film } from "./film.js";
+import { Programs, Textures, Triangles, context, finished, viewTextures } from "./gl.js";
+
+const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
+const TILE = 25; // milliseconds between changes that are looked at while light adds up
+const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixels change: finding triangles takes longer
+const TRIANGLES = 1 << 16; // between such looks
+const SCALES = [1, 2, 4, 8, 16];
+
+const OVER_ALL = `#version 300 es
+void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }`;
+const ADD = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform sampler2D sums, sampled;
+uniform float before;
+layout(location = 0) out vec4 total;
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    total = texelFetch(sampled, at, 0);
+    if (before > 0.0) total += texelFetch(sums, at, 0);
+}`;
+
+// The picture on the canvas. While a coarse film shows a change of the surface, what is behind the asset stays sharp.
+const PRESENT = `#version 300 es
+precision highp float;
+precision highp sampler2D;
+uniform sampler2D film, whole;
+uniform ivec2 canvas;
+uniform int keep;
+layout(location = 0) out vec4 shown;
+void main() {
+    ivec2 size = textureSize(film, 0);
+    vec4 here = texelFetch(film, min(ivec2(gl_FragCoord.xy / vec2(canvas) * vec2(size)), size - 1), 0);
+    if (keep == 1) {
+        vec4 before = texelFetch(whole, ivec2(gl_FragCoord.xy), 0);
+        if (before.a == 0.0) here = before;
+    }
+    shown = vec4(here.rgb, 1.0);
+}`;
+
+export class Viewport extends EventTarget {
+  /** `fetched` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
+  constructor(canvas, fetched) {
+    super();
+    this.canvas = canvas;
+    this.gl = context(canvas);
+    this.programs = new Programs(this.gl);
+    this.textures = new Textures(this.gl, fetched);
+    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096 };
+    this.scale = 3; // of SCALES
+    this.rate = null; // pixels a millisecond
+    this.version = 0;
+    this.placed = 0; // version of what is seen
+    this.shown = -1; // version of the last picture
+    this.frames = 0;
+    this.wake = null;
+    this.stopped = false;
+    this.running = this.run();
+  }
+
+  /** Show a scene once all of it is compiled and fetched; until then what was shown stays, and can be changed.
+   *
+   * The user's camera stays while that of the scene is the same. */
+  async show(data) {
+    const { gl } = this;
+    const looks = await Promise.all(data.looks.map(async (look) => ({
+      ...look,
+      visible: await this.programs.get(data.vertex, look.visible),
+      relight: await this.programs.get(OVER_ALL, look.relight),
+      textures: await this.textures.get(look.textures),
+      numbers: { ...look.numbers },
+    })));
+    const [add, behind, develop, present, rig, corners, vertices, indices] = await Promise.all([
+      this.programs.get(OVER_ALL, ADD),
+      this.programs.get(OVER_ALL, data.behind),
+      this.programs.get(OVER_ALL, data.develop),
+      this.programs.get(OVER_ALL, PRESENT),
+      this.textures.get(data.rig.textures),
+      this.textures.one(data.corners),
+      this.textures.fetched(data.vertices),
+      this.textures.fetched(data.indices),
+    ]);
+    const before = this.scene;
+    const triangles = new Triangles(gl, vertices, indices);
+    const view = before?.data.view.name === data.view.name ? before.view : viewTextures(gl, data.view);
+    this.scene = { ...data, data, looks, add, behind, develop, present, view, rig, corners, triangles };
+    before?.triangles.delete();
+    if (JSON.stringify(before?.data.camera) !== JSON.stringify(data.camera)) this.camera = data.camera;
+    const described = data.looks.flatMap((look) => Object.values(look.textures));
+    this.textures.keep([...described, ...Object.values(data.rig.textures), data.corners]);
+    this.resize(...(this.size ?? data.resolution));
+  }
+
+  resize(width, height) {
+    this.films?.forEach((film) => film?.delete());
+    [this.canvas.width, this.canvas.height] = [width, height];
+    this.films = SCALES.map(() => null);
+    this.change(true);
+  }
+
+  film(scale) {
+    const size = (pixels) => Math.max(1, Math.round(pixels / SCALES[scale]));
+    this.films[scale] ??= new Film(this.gl, size(this.canvas.width), size(this.canvas.height));
+    return this.films[scale];
+  }
+
+  /** Change numbers of a look: uniforms, by their names. */
+  setNumbers(look, numbers) {
+    Object.assign(this.scene.looks[look].numbers, numbers);
+    this.change();
+  }
+
+  /** Change settings: element and lighting are degrees, exposure is in stops. */
+  set(settings) {
+    const differs = (name) => name in settings && settings[name] !== this.settings[name];
+    const [seen, lit] = [differs("element") || differs("seed"), differs("lighting")];
+    Object.assign(this.settings, settings);
+    if (seen || lit) this.change(seen);
+    else this.redraw();
+  }
+
+  setCamera(camera) {
+    this.camera = camera;
+    this.change(true);
+  }
+
+  /** Begin anew; `seen` where other places are seen, not only another light. */
+  change(seen = false) {
+    this.version += 1;
+    if (seen || this.scene?.looks.some((look) => look.see_through)) this.placed = this.version;
+    this.wake?.();
+  }
+
+  redraw() {
+    this.dirty = true;
+    this.wake?.();
+  }
+
+  /** Return the part seen at a pixel of the canvas, y from the top, or null. */
+  pick(x, y) {
+    if (!this.last) return null;
+    const at = (value, size, whole) => Math.min(size - 1, Math.floor((value * size) / whole));
+    const { width, height } = this.last;
+    const triangle = this.last.triangle(at(x, width, this.canvas.width), at(y, height, this.canvas.height));
+    return this.scene.parts.find((each) => each.first <= triangle && triangle < each.last) ?? null;
+  }
+
+  /** Wait until a picture of the last change is shown. */
+  async changed() {
+    const version = this.version;
+    while (this.shown < version && !this.failed) await this.once("picture");
+    if (this.failed) throw this.failed;
+  }
+
+  /** Wait until `count` samples have been added up; returns their means, row 0 at the top. */
+  async accumulated(count) {
+    this.settings.most = Math.max(count, this.settings.most);
+    this.wake?.();
+    const complete = () => this.shown === this.version && this.last === this.film(0) && this.last.count >= count;
+    while (!this.failed && !complete()) await this.once("picture");
+    if (this.failed) throw this.failed;
+    return this.last.read();
+  }
+
+  once(name) {
+    return new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
+  }
+
+  stop() {
+    this.stopped = true;
+    this.wake?.();
+    return this.running;
+  }
+
+  async run() {
+    try {
+      while (!this.stopped) {
+        if (this.scene && this.shown < this.version) await this.first();
+        else if (this.scene && this.film(0).count < this.settings.most) await this.more();
+        else if (this.dirty && this.last) this.picture(this.last);
+        else await new Promise((resolve) => { this.wake = resolve; });
+      }
+    } catch (error) {
+      this.failed = error;
+      this.dispatchEvent(new CustomEvent("failed", { detail: error }));
+      this.dispatchEvent(new Event("picture"));
+    }
+  }
+
+  /** Draw one sample of all pixels after a change, at the finest scale that has been in time. */
+  async first() {
+    const { version } = this, film = this.film(this.scale), started = performance.now();
+    this.films.forEach((each) => { if (each) each.count = 0; });
+    await this.see(film);
+    if (this.version !== version) return;
+    film.clear();
+    this.relight(film, 0, film.height);
+    film.add(this.scene.add);
+    this.shown = version;
+    this.last = film;
+    this.draw(film);
+    await finished(this.gl);
+    const took = performance.now() - started;
+    this.frames += 1;
+    this.dispatchEvent(new CustomEvent("picture", { detail: { count: 1, took, scale: SCALES[this.scale] } }));
+    if (took > AT_ONCE && this.scale + 1 < SCALES.length) this.scale += 1;
+    else if (took < AT_ONCE / 5 && this.scale > 0) this.scale -= 1;
+  }
+
+  /** Add samples to the whole film: strips of one, or as many as fit in the time between looks for a change. */
+  async more() {
+    const { gl, version } = this, film = this.film(0), fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
+    const started = performance.now();
+    if (fit < 2) {
+      if (!await this.strips(film)) return;
+    } else {
+      const count = Math.min(Math.floor(fit), this.settings.most - film.count);
+      for (let k = 0; k < count; k += 1) {
+        if (!await this.see(film, true) || this.version !== version) return;
+        film.clear();
+        this.relight(film, 0, film.height);
+        film.add(this.scene.add);
+      }
+    }
+    this.picture(film);
+    await finished(gl);
+    if (fit >= 2) this.timed(Math.floor(fit) * film.width * film.height, started);
+  }
+
+  /** Add one sample to the whole film; returns whether no change has ended it. */
+  async strips(film) {
+    const { version } = this;
+    if (!await this.see(film, true) || this.version !== version) return false;
+    film.clear();
+    let top = 0;
+    while (top < film.height) {
+      const rows = this.rate ? Math.max(4, Math.floor((this.rate * TILE) / film.width)) : 16;
+      const bottom = Math.min(film.height, top + rows), started = performance.now();
+      this.relight(film, top, bottom);
+      await finished(this.gl);
+      this.timed((bottom - top) * film.width, started);
+      if (this.version !== version || this.stopped) return false;
+      top = bottom;
+    }
+    film.add(this.scene.add);
+    return true;
+  }
+
+  /** Note how many pixels took the time since; a single quick strip does not make the next one long. */
+  timed(pixels, started) {
+    const now = pixels / Math.max(performance.now() - started, 0.1);
+    this.rate = this.rate ? Math.min(now, 2 * this.rate) : now;
+  }
+
+  picture(film) {
+    this.last = film;
+    this.draw(film);
+    this.dispatchEvent(new CustomEvent("picture", { detail: { count: film.count, scale: SCALES[this.films.indexOf(film)] } }));
+  }
+
+  /** Find what each pixel of a film sees in its next sample, unless that was seen last; returns whether it has.
+   *
+   * With `patient`, triangles are drawn some at a time, and a change ends it. */
+  async see(film, patient = false) {
+    const { gl, scene, version } = this, { element, seed } = this.settings;
+    const number = Math.floor(film.count / Math.max(LEAST_PER_VIEW, film.places ** 2));
+    if (film.seen?.placed === this.placed && film.seen.number === number) return true;
+    const given = { element, center: scene.center, radius: scene.radius, number, seed };
+    const [width, height] = [film.places * film.width, film.places * film.height];
+    const seen = cameras.view(this.camera, { ...given, width, height });
+    Object.assign(seen, { placed: this.placed, number });
+    film.seen = null;
+    film.see();
+    const opaque = merged(scene.looks.filter((look) => !look.see_through));
+    const ranges = [
+      ...opaque.map((range) => ({ ...range, look: scene.looks.find((look) => !look.see_through) })),
+      ...scene.looks.filter((look) => look.see_through).map((look) => ({ first: look.first, last: look.last, look })),
+    ];
+    for (const { first, last, look } of ranges) {
+      for (let from = first; from < last; from += TRIANGLES) {
+        gl.bindFramebuffer(gl.FRAMEBUFFER, film.seeing);
+        gl.viewport(0, 0, width, height);
+        gl.enable(gl.DEPTH_TEST);
+        const numbers = { ...seen, sample_number: number, seed };
+        look.visible.use({ ...numbers, ...look.numbers }, { ...look.textures, corners: scene.corners });
+        scene.triangles.bind();
+        scene.triangles.draw(from, Math.min(from + TRIANGLES, last));
+        gl.bindVertexArray(null);
+        gl.disable(gl.DEPTH_TEST);
+        if (patient && last - from > TRIANGLES) {
+          await finished(gl);
+          if (this.version !== version || this.stopped) return false;
+        }
+      }
+    }
+    film.seen = seen;
+    return true;
+  }
+
+  /** Find the light of rows of a film, from the top one to before the bottom one. */
+  relight(film, top, bottom) {
+    const { gl, scene, settings } = this;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[2]);
+    gl.viewport(0, 0, film.width, film.height);
+    gl.enable(gl.SCISSOR_TEST);
+    gl.scissor(0, film.height - bottom, film.width, bottom - top);
+    const turns = cameras.turns(settings.element, settings.lighting);
+    for (const look of scene.looks) {
+      const numbers = { ...film.seen, size: [film.width, film.height], places: film.places, turns };
+      Object.assign(numbers, { sample_number: film.count, seed: settings.seed, triangles: [look.first, look.last] });
+      const textures = { ...look.textures, ...scene.rig, corners: scene.corners, visible: film.visible };
+      look.relight.use({ ...numbers, ...look.numbers }, textures);
+      gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+    gl.disable(gl.SCISSOR_TEST);
+  }
+
+  /** Show a film on the canvas. */
+  draw(film) {
+    const { gl, scene, settings } = this, { width, height } = this.canvas, whole = this.films[0];
+    this.dirty = false;
+    this.lights(film);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, film.developing);
+    gl.viewport(0, 0, film.width, film.height);
+    const { exposure, behind, background } = settings;
+    const numbers = { samples: film.count, exposure: 2 ** exposure, behind, lit: background ? 1 : 0 };
+    scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.lights });
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    film.shows = JSON.stringify([this.surroundings, exposure, behind, background]);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, null);
+    gl.viewport(0, 0, width, height);
+    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
+    const textures = { film: film.developed, whole: keep ? whole.developed : film.developed };
+    scene.present.use({ canvas: [width, height], keep }, textures);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** What is behind the asset, by what it depends on. */
+  get surroundings() {
+    const { element, lighting } = this.settings;
+    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer]);
+  }
+
+  /** Find what is behind the asset, unless a film has it. */
+  lights(film) {
+    const { gl, scene, settings, surroundings } = this;
+    if (film.surroundings === surroundings || !settings.background) return;
+    film.surroundings = surroundings;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, film.targets[3]);
+    gl.viewport(0, 0, film.width, film.height);
+    const given = { element: settings.element, center: scene.center, radius: scene.radius, number: 0, seed: 0 };
+    const size = { width: film.width, height: film.height, centred: true };
+    const view = cameras.view({ ...this.camera, lens: null }, { ...given, ...size });
+    scene.behind.use({ ...view, turns: cameras.turns(settings.element, settings.lighting) }, scene.rig);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+}
+
+/** Ranges of triangles, those that follow each other as one. */
+function merged(ranges) {
+  const joined = [];
+  for (const { first, last } of ranges) {
+    if (joined.length && joined[joined.length - 1].last === first) joined[joined.length - 1].last = last;
+    else joined.push({ first, last });
+  }
+  return joined;
+}

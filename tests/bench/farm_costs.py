@@ -1,0 +1,66 @@
+"""What frames, scene changes and a start cost: a job is rendered once, and processor time read between its events.
+
+    python tests/bench/farm_costs.py JOB > tests/bench/farm_costs.json
+
+Processor time hardly depends on what else the machine does. Frames are rendered by all cores, so theirs is divided by
+these; a start, and the preparation of a scene, are taken to use one.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections import defaultdict
+from pathlib import Path
+from statistics import fmean
+
+from lookdev.batch.events import Event, FrameDone, FrameStarted
+from lookdev.batch.prepare import prepare_job
+from lookdev.batch.run import render_job
+from lookdev.plan.costs import estimate
+
+_TICK = os.sysconf("SC_CLK_TCK")
+
+
+def processor_seconds() -> float:
+    """Return the processor time of this process and its children, which run."""
+    total = 0
+    for process in (os.getpid(), *map(int, Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())):
+        total += sum(map(int, Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11:13]))
+    return total / _TICK
+
+
+def measure(job: Path) -> dict[str, object]:
+    """Render a job, and return its costs in seconds: to start, and of each scene to prepare and of its frames."""
+    cores = len(os.sched_getaffinity(0))
+    start: list[float] = []
+    taken: dict[str, list[float]] = defaultdict(list)
+    last = 0.0
+
+    def report(event: Event) -> None:
+        nonlocal last
+        now = processor_seconds()
+        if isinstance(event, FrameStarted) and not start:
+            start.append(now)
+            last = now
+        elif isinstance(event, FrameDone):
+            taken[event.name.rpartition("/")[0]].append(now - last)
+            last = now
+
+    setups = prepare_job(job).setups
+    guessed = {f"{setup.look}/{setup.ibl}": estimate(setup.task) for setup in setups}
+    assert render_job(job, force=True, report=report).exit_code == 0
+    scenes = {
+        name: {
+            "estimate": guessed[name],
+            "scene": max(first - fmean(frames), 0.0),
+            "frames": [each / cores for each in frames],
+        }
+        for name, (first, *frames) in taken.items()
+    }
+    return {"cores": cores, "start": start[0], "scenes": scenes}
+
+
+if __name__ == "__main__":
+    sys.stdout.write(json.dumps(measure(Path(sys.argv[1])), indent=1) + "\n")

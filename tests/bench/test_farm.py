@@ -1,0 +1,36 @@
+"""How well a job is divided among many workers, simulated by measured costs."""
+
+from __future__ import annotations
+
+import farm
+import pytest
+
+
+@pytest.fixture(scope="module")
+def job() -> farm.SimulatedJob:
+    """Ten looks under four rigs, two turntables of 72 frames that share one, 5 s a frame."""
+    return farm.measured_job(looks=10, rigs=4, frames=143, mean=5.0)
+
+
+def test_one_worker_takes_the_time_of_all(job: farm.SimulatedJob) -> None:
+    times = [farm.chunked(job, job.means, 1, chunks, warm=True) for chunks in (1, 7)] + [farm.shared(job, 1)]
+    assert times == pytest.approx([job.alone] * 3)
+
+
+@pytest.mark.parametrize("workers", [4, 16, 64])
+def test_chunks_by_measured_times_are_efficient(job: farm.SimulatedJob, workers: int) -> None:
+    for seconds in (
+        farm.chunked(job, job.means, workers, workers, warm=False),
+        farm.chunked(job, job.means, workers, 4 * workers, warm=True),
+    ):
+        assert 0.95 <= farm.efficiency(job, workers, seconds) <= 1.0
+
+
+def test_runs_that_share_frames_are_efficient(job: farm.SimulatedJob) -> None:
+    assert 0.9 <= farm.efficiency(job, 64, farm.shared(job, 64)) <= 1.0
+
+
+def test_measured_times_divide_better_than_estimates_and_these_better_than_none(job: farm.SimulatedJob) -> None:
+    even = [5.0] * len(job.frames)
+    times = [farm.chunked(job, costs, 64, 64, warm=False) for costs in (job.means, job.estimates, even)]
+    assert times == sorted(times)

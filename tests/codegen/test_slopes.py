@@ -1,0 +1,152 @@
+"""Derivatives of programs by live inputs against differences of the models, in float64: every model and token."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from random_parameters import VARIANTS, directions, near_the_mirror_image, random_parameters
+
+from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
+from lookdev.codegen import ProgramSource
+from lookdev.codegen.program.look import generate_program, slope_name
+from lookdev.codegen.trace.graph import OPERATIONS, Graph
+from lookdev.codegen.trace.slopes import slopes
+from lookdev.errors import CodegenError, ModelError
+from lookdev.material import Layer, Look
+from lookdev.material.change import constant_of, is_live, live_look
+
+COUNT = 200
+STEP = 1e-5
+
+
+def run(source: ProgramSource, symbols: dict[str, Any], output: str) -> Any:
+    """Return an output's elements (..., n): a program's operations have NumPy's names."""
+    with np.errstate(all="ignore"):  # branches that are not taken
+        return _run(source, symbols, output)
+
+
+def _run(source: ProgramSource, symbols: dict[str, Any], output: str) -> Any:
+    tables = [np.load(each.path).astype(np.float64) for each in source.tables]
+    known: list[Any] = []
+    for each in source.operations:
+        given = [known[n] for n in each.operands]
+        match each.op:
+            case "constant" | "truth":
+                known.append(bool(each.value) if each.op == "truth" else each.value)
+            case "uniform":
+                known.append(source.constants[each.place])
+            case "symbol":
+                known.append(symbols.get(each.name, 0.5))  # others are of other outputs
+            case "look_up":
+                cell = (given[0] * int(each.value) + given[1]).astype(int)
+                known.append(tables[each.place][3 * cell + int(each.name) if each.name else cell])
+            case op:
+                known.append(getattr(np, op)(*given))
+    return np.stack([np.broadcast_to(known[n], COUNT) for n in source.outputs[output]], axis=-1).astype(float)
+
+
+def _quick(number: int) -> bool:
+    """Return whether a variant is the last of its model, whose optional parts are there, and fast."""
+    return number + 1 == len(VARIANTS) or VARIANTS[number][0] != VARIANTS[number + 1][0]
+
+
+@pytest.mark.alike
+@pytest.mark.parametrize(
+    ("model", "tokens"),
+    [pytest.param(*each, marks=[] if _quick(n) else pytest.mark.slow) for n, each in enumerate(VARIANTS)],
+    ids=str,
+)
+def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]) -> None:
+    rng = np.random.default_rng(5)
+    parameters = MODELS[model].parameters
+    drawn = {name: each if isinstance(each, str) else each[0] for name, each in
+             random_parameters(rng, model, tokens, 1, leaning=0.0).items()}  # fmt: skip
+    numbers = {}
+    for name, value in drawn.items():
+        low, high = parameters[name].hard
+        if parameters[name].kind in ("float", "color") and not _left_out(model, name, value):
+            # Away from the ends, where pictures are not differentiable.
+            numbers[name] = np.clip(value, low + 0.07 * (high - low), high - 0.07 * (high - low))
+    tokens_of = {name: each for name, each in drawn.items() if isinstance(each, str)}
+    plain = {n: float(v) if v.ndim == 0 else tuple(map(float, v)) for n, v in numbers.items()}
+    look = Look("look", (Layer("Layer", model, {**tokens_of, **plain}),))
+    live = {name: constant_of(look, name) for name in plain}
+    source = generate_program(live_look(look, live), lambda texture: pytest.fail("no texture is read"))
+    bindings = {each.attribute.rpartition(":")[2]: each for each in source.attributes if is_live(each.attribute)}
+    wo = directions(rng, COUNT)
+    wi = near_the_mirror_image(rng, wo)
+    symbols = {f"{w}_{axis}": each[:, i] for w, each in (("wo", wo), ("wi", wi)) for i, axis in enumerate("xyz")}
+    symbols |= {s: x for n, each in bindings.items() for s, x in zip(each.symbols, live[n].value, strict=True)}
+    symbols |= {"handed": 1.0}
+    assert bindings.keys() <= live.keys()
+
+    def values(name: str, channel: int, change: float) -> Any:
+        moved = {n: np.array(v, float) for n, v in numbers.items()}
+        moved[name][... if moved[name].ndim == 0 else channel] += change
+        return evaluate_cosine(stack_bsdf([StackLayer(model, complete_parameters(model, tokens_of | moved))]), wo, wi)
+
+    checked = 0
+    for name, binding in bindings.items():
+        for channel, symbol in enumerate(binding.symbols):
+            found = run(source, symbols, slope_name("value", symbol))
+            assert np.isfinite(found).all()
+            size = max(abs(float(np.atleast_1d(numbers[name])[channel])), 1.0)
+            # Richardson's extrapolation: the error of the difference is of the fourth order, 1e-20, and its rounding
+            # 1e-16 / 1e-5; tables are pieces of planes, whose edges a few pairs straddle.
+            wide, narrow = (
+                (values(name, channel, h) - values(name, channel, -h)) / (2.0 * h)
+                for h in (2 * STEP * size, STEP * size)
+            )
+            expected = (4.0 * narrow - wide) / 3.0
+            scale = np.abs(expected) + np.abs(values(name, channel, 0.0)) + 1e-6 * np.abs(expected).max() + 1e-12
+            assert np.quantile(np.abs(found - expected) / scale, 0.98) < 2e-6, name
+            checked += bool(found.any())
+    assert checked or model == "measured"
+
+
+@pytest.mark.parametrize("op", sorted(OPERATIONS))
+def test_each_operation_has_its_derivative(op: str) -> None:
+    graph = Graph()
+    a, b = graph.symbol("a"), graph.symbol("b")
+    arity = {"where": 3}.get(op, getattr(np, op).nin if hasattr(np, op) and op != "where" else 3)
+    arguments = [graph.apply("greater", a, b), a, b][3 - arity :] if arity == 3 else [a, b][:arity]
+    if op.startswith("logical"):
+        return  # of conditions
+    root = graph.apply(op, *arguments)
+    x, y, h = 0.7, 0.4, 1e-6
+    for name, (dx, dy) in {"a": (h, 0.0), "b": (0.0, h)}.items():
+        (slope,) = slopes(graph, [root], name)
+        there = _value(slope, x, y)
+        difference = (_value(root, x + dx, y + dy) - _value(root, x - dx, y - dy)) / (2.0 * h)
+        assert float(there) == pytest.approx(difference, abs=1e-8)
+
+
+def test_a_direction_that_turns_is_refused() -> None:
+    look = Look("lens", (Layer("Lens", "glass", {"eta": 1.5}),))
+    live = live_look(look, {"eta": constant_of(look, "eta")})
+    with pytest.raises(CodegenError, match="a single direction turns"):
+        generate_program(live, lambda texture: pytest.fail("no texture is read"))
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [("rougness", "did you mean"), ("normal", "is a normal"), ("variant", "is a token")],
+)
+def test_what_is_no_constant_is_refused(name: str, words: str) -> None:
+    with pytest.raises(ModelError, match=words):
+        constant_of(Look("look", (Layer("Layer", "disney", {}),)), name)
+
+
+def _value(node: Any, x: float, y: float) -> Any:
+    if not hasattr(node, "op"):
+        return float(node)
+    if node.op == "symbol":
+        return {"a": x, "b": y}[node.args[0]]
+    return getattr(np, node.op)(*(_value(each, x, y) for each in node.args)).astype(float)
+
+
+def _left_out(model: str, name: str, value: Any) -> bool:
+    parameter = MODELS[model].parameters[name]
+    return parameter.optional and bool(np.all(np.asarray(value) == parameter.default))

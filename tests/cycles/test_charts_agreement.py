@@ -1,0 +1,120 @@
+"""Reference props as Cycles renders them, beside published colours and the float64 reference."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.batch.events import Event, Noted
+from lookdev.batch.run import render_job
+from lookdev.checks.charts import charts_doubts, check_charts
+from lookdev.light import Dome
+from lookdev.light.builtin_rigs import rig_file
+from lookdev.light.fit import fitted
+from lookdev.light.rig import load_rig
+from lookdev.output.exr import read_frame, read_header
+from lookdev.plan import make_setup
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Pose, Sampling, frame_camera
+from lookdev.scene.charts import GREY, PATCHES, Strip, patch_colors, props_camera, props_scene
+
+pytestmark = pytest.mark.cycles
+
+SIZE = (192, 144)
+STRIP = Strip("bottom", 0.3, SIZE)
+
+
+def rendered(worker: Worker, lights: list[object], samples: int) -> tuple[FrameTask, Rendered]:
+    seen = props_camera(frame_camera((0.0, 0.0, 0.0), 1.0, SIZE), (0.0, 0.0, 0.0))
+    scene = props_scene(STRIP, seen, lights)  # type: ignore[arg-type]
+    task = make_setup("charts", "light", scene, Sampling(samples=samples, bounces=3)).task
+    worker.start()
+    frame = replace(one_frame(task, Pose(0.0, 200.0), "charts"), exposure=0.5)
+    return frame, worker.render(frame, lambda progress: None)
+
+
+def test_patches_under_a_uniform_dome_are_as_published(worker: Worker, light_of: Callable[[str], Dome]) -> None:
+    task, frame = rendered(worker, [light_of("white")], 8)
+    readings = check_charts(task, STRIP, frame)
+    colors = np.concatenate([np.full((1, 3), GREY), patch_colors()]) * 2.0**0.5
+    for each, expected in zip(readings, colors, strict=True):
+        assert each.measured == pytest.approx(expected, rel=2e-3, abs=1e-12), each.name
+        # What is measured has no noise here: float32 is left, and the noise of the prediction. A ball has facets, which
+        # cut off what arrives between them and the horizon of its normal.
+        exact = 5e-4 if each.name == "grey ball" else 1e-5
+        assert each.measured == pytest.approx(expected, rel=exact, abs=1e-12), each.name
+        assert (np.abs(each.measured - each.predicted) <= 2e-3 * each.predicted).all(), each.name
+        assert (np.abs(each.predicted - expected) <= 5.0 * each.error + exact * expected).all(), each.name
+
+
+@pytest.mark.parametrize("light", ["slopes", "softbox_product"])
+def test_props_agree_with_the_reference(worker: Worker, light_of: Callable[[str], Dome], light: str) -> None:
+    if light == "slopes":
+        lights: list[object] = [light_of(light)]
+    else:
+        lights = [fitted(each, 1.0, (0.0, 0.0, 0.0)) for each in load_rig(rig_file(light)).lights]
+    task, frame = rendered(worker, lights, 32)
+    readings = check_charts(task, STRIP, frame)
+    assert list(charts_doubts(readings)) == []
+    z = np.array([(each.measured - each.predicted) / each.error for each in readings if each.name != "cyan"])
+    assert np.abs(z).max() < 6.0
+    # Some neighbours share what is predicted, so that their z are alike.
+    assert np.sqrt((z**2).mean()) < 2.0
+    # Sensitive enough that a hundredth is no noise.
+    assert max(each.error.max() / each.predicted.max() for each in readings) < 0.01
+
+
+JOB = """
+output = "{out}"
+asset = {{ builtin = "sphere" }}
+look = [{{ name = "paint", material = "{material}" }}]
+ibl = [{{ name = "white", builtin = "white" }}]
+turntable = [{{ kind = "element", frames = 3 }}]
+render = {{ resolution = [112, 72], samples = 4 }}
+outputs = {{ view = "Raw" }}
+"""
+
+
+def run(folder: Path, more: str = "") -> list[str]:
+    material = Path(__file__).parents[2] / "materials/classic/lambert.usda"
+    job = folder / "job.toml"
+    job.write_text(JOB.format(out=folder / "out", material=material) + more)
+    notes: list[str] = []
+
+    def report(event: Event) -> None:
+        if isinstance(event, Noted):
+            notes.append(event.text)
+
+    assert render_job(job, report=report).exit_code == 0
+    return notes
+
+
+def test_a_job_with_charts_has_the_frames_of_one_without(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(tmp_path) == []
+    frame = tmp_path / "out/paint/white/element.0001.exr"
+    picture = frame.with_suffix(".png")
+    before, without = frame.read_bytes(), picture.read_bytes()
+    charts = '\n[charts]\nplace = "top"\nsize = 0.4\n'
+    # The strip is thicker than the margin: the camera leaves room, and frames are rendered again.
+    assert run(tmp_path, charts) == []
+    assert frame.read_bytes() != before
+    props = tmp_path / "out/charts/white/element.0001.exr"
+    _, alpha = read_frame(frame)
+    _, over = read_frame(props)
+    assert not (alpha[: int(0.4 * 72)] > 0.0).any()
+    assert not (over[int(0.4 * 72) + 1 :] > 0.0).any()
+    assert float(read_header(props)["charts.excess"]) < 1.0
+    assert picture.read_bytes() != without
+
+    # A planted colour space: the props are made with encoded colours, and the published ones are expected.
+    encoded = np.sqrt(patch_colors())
+    monkeypatch.setattr("lookdev.scene.charts.props.patch_colors", lambda: encoded)
+    (note,) = run(tmp_path, charts)
+    assert note.startswith("charts/white/element.0001: the reference props do not show what their light predicts: ")
+    assert read_header(props)["charts.doubt"] in note
+    assert len(PATCHES) == 24

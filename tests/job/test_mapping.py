@@ -1,0 +1,73 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from lookdev.errors import JobError
+from lookdev.job import parse_job
+from lookdev.job.mapping import mapped, read_rules
+
+
+def write(file: Path, *rules: tuple[str, str, str]) -> Path:
+    keys = ("source_path_format", "source_path", "destination_path")
+    data = {"version": "pathmapping-1.0", "path_mapping_rules": [dict(zip(keys, each, strict=True)) for each in rules]}
+    file.write_text(json.dumps(data))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [
+        ("/show/looks/a.usda", "/mnt/looks/a.usda"),
+        ("/show/plates/sky.exr", "/plates/sky.exr"),  # the longer source
+        ("/showroom/a.usda", "/showroom/a.usda"),
+        (r"P:\show\a.usda", "/mnt/p/a.usda"),
+        ("p:/Show/sub/a.usda", "/mnt/p/sub/a.usda"),
+        ("looks/a.usda", "looks/a.usda"),
+    ],
+)
+def test_paths_are_where_the_longest_rule_says(tmp_path: Path, given: str, found: str) -> None:
+    rules = read_rules(
+        write(
+            tmp_path / "rules.json",
+            ("POSIX", "/show", "/mnt"),
+            ("POSIX", "/show/plates", "/plates"),
+            ("WINDOWS", r"P:\show", "/mnt/p"),
+        )
+    )
+    assert mapped(given, rules) == found
+
+
+def test_a_job_finds_its_files_by_rules(tmp_path: Path) -> None:
+    (tmp_path / "gold.usda").touch()
+    rules = read_rules(write(tmp_path / "rules.json", ("POSIX", "/elsewhere", str(tmp_path))))
+    text = (
+        'output = "/elsewhere/out"\nasset = { builtin = "sphere" }\nibl = [{ name = "city", builtin = "city" }]\n'
+        'look = [{ name = "gold", material = "/elsewhere/gold.usda" }]\n'
+        'turntable = [{ kind = "element", frames = 2 }]\n'
+    )
+    job = parse_job(text, tmp_path / "job.toml", rules)
+    assert (job.output, job.look[0].material) == (tmp_path / "out", tmp_path / "gold.usda")
+    with pytest.raises(JobError, match=r"no readable file /elsewhere/gold\.usda"):
+        parse_job(text, tmp_path / "job.toml")
+
+
+def test_a_session_without_rules_has_an_empty_document(tmp_path: Path) -> None:
+    (tmp_path / "rules.json").write_text("{}")
+    assert read_rules(tmp_path / "rules.json") == ()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('{"version": "2"}', "pathmapping-1.0"),
+        ('{"version": "pathmapping-1.0", "path_mapping_rules": [{"source_path": "/a"}]}', r"rules\[0\]: needs"),
+        ("{", "rules.json"),
+    ],
+)
+def test_other_files_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    (tmp_path / "rules.json").write_text(text)
+    with pytest.raises(JobError, match=message):
+        read_rules(tmp_path / "rules.json")

@@ -1,0 +1,226 @@
+"""Parameters of looks found in pictures of them: those of Cycles come back, and what is wrong is said first."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.batch.fit_picture import PictureFit, Wish, fit_picture
+from lookdev.batch.run import render_job
+from lookdev.errors import LookdevError
+from lookdev.fit.picture import Settings
+from lookdev.fit.picture.search import Point
+from lookdev.material.change import constant_of
+from lookdev.material.library.constants import write_changed
+from lookdev.material.usd import read_look
+
+pytestmark = pytest.mark.mitsuba
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+DISNEY = """#usda 1.0
+(
+    defaultPrim = "Paint"
+)
+def Material "Paint"
+{
+    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
+    def Shader "Base"
+    {
+        uniform token info:id = "Lookdev@MODEL@"
+        @INPUTS@
+        token outputs:layer
+    }
+}
+"""
+JOB = """
+output = "{look}_out"
+asset = {{ builtin = "{asset}" }}
+[[look]]
+name = "paint"
+material = "{look}.usda"
+[[{kind}]]
+name = "light"
+builtin = "{light}"
+exposure = 0.3
+rotation = 20.0
+[[turntable]]
+kind = "element"
+frames = 2
+start = 15.0
+[camera]
+elevation = 15.0
+[render]
+resolution = [{size}, {size}]
+samples = {samples}
+bounces = 2
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, its look before, and the values of the picture, which are to come back."""
+
+    asset: str
+    light: str
+    look: str
+    truth: dict[str, tuple[float, ...]]
+    kind: str = "ibl"
+
+
+def shader(model: str, **inputs: float | tuple[float, float, float]) -> str:
+    lines = [
+        f"color3f inputs:{name} = {value}" if isinstance(value, tuple) else f"float inputs:{name} = {value}"
+        for name, value in inputs.items()
+    ]
+    return DISNEY.replace("@MODEL@", model).replace("@INPUTS@", "\n        ".join(lines))
+
+
+CASES = {
+    "disney": Case(
+        "shaderball", "city", shader("Disney", baseColor=(0.4, 0.4, 0.4), metallic=0.6, roughness=0.6),
+        {"baseColor": (0.7, 0.35, 0.12), "metallic": (0.3,), "roughness": (0.35,)},
+    ),
+    "pixar": Case(
+        "suzanne", "three_point", shader("Pixar", surfaceColor=(0.5, 0.5, 0.5), metallic=0.2, roughness=0.3),
+        {"surfaceColor": (0.3, 0.5, 0.65), "metallic": (0.7,), "roughness": (0.45,)}, "rig",
+    ),
+    "ward": Case(
+        "sphere", "studio", shader("Ward", diffuse=(0.2, 0.2, 0.2), alphaX=0.3, alphaY=0.3),
+        {"diffuse": (0.45, 0.2, 0.3), "alphaX": (0.12,), "alphaY": (0.22,)},
+    ),
+    "robot_paint": Case(
+        "shaderball", "forest", "robot_paint",
+        {"Paint.surfaceColor": (0.1, 0.35, 0.5), "Paint.roughness": (0.5,), "Metal.roughness": (0.4,)},
+    ),
+    "coat": Case(
+        "suzanne", "courtyard", shader("Disney", baseColor=(0.3, 0.3, 0.3), roughness=0.8, clearcoat=0.3, sheen=0.2),
+        {"baseColor": (0.55, 0.08, 0.06), "roughness": (0.5,), "clearcoat": (0.85,)},
+    ),
+}  # fmt: skip
+
+
+def scene(folder: Path, case: Case, size: int, samples: int) -> tuple[Path, Path]:
+    """Write the job, and render its second frame with the true values by Cycles; return the job and the picture."""
+    before = folder / "before.usda"
+    if case.look in ("robot_paint",):
+        before = MATERIALS / f"{case.look}.usda"
+        write_changed(before, folder / "before.usda", [])
+    else:
+        before.write_text(case.look)
+    look = read_look(before)
+    changed = [replace(constant_of(look, name), value=value) for name, value in case.truth.items()]
+    write_changed(before, folder / "truth.usda", changed)
+    for name in ("before", "truth"):
+        text = JOB.format(look=name, asset=case.asset, kind=case.kind, light=case.light, size=size, samples=samples)
+        (folder / f"{name}.toml").write_text(text)
+    assert render_job(folder / "truth.toml", only=["paint/light/element.0002"]).exit_code == 0
+    return folder / "before.toml", folder / "truth_out" / "paint" / "light" / "element.0002.exr"
+
+
+def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> list[float]:
+    """Return the largest relative error of each parameter, in their order."""
+    pairs = zip(made.found.values.values(), truth.values(), strict=True)
+    return [float(np.abs(np.array(found) / np.array(value) - 1.0).max()) for found, value in pairs]
+
+
+FRAME = "paint/light/element.0002"
+
+
+@pytest.mark.slow
+@pytest.mark.cycles
+@pytest.mark.parametrize("name", CASES)
+def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_path: Path) -> None:
+    case = CASES[name]
+    job, picture = scene(tmp_path, case, 128, 64)
+    look, page = tmp_path / "found.usda", tmp_path / "page.html"
+    made = fit_picture(Wish(picture, job, tuple(case.truth), FRAME, look, page))
+    assert max(errors_of(made, case.truth)) < 0.02, made.text()
+    assert not made.found.undetermined
+    again = read_look(look)
+    for each, value in made.found.values.items():
+        assert constant_of(again, each).value == pytest.approx(value, rel=1e-6)
+
+
+TINY = Case("sphere", "city", shader("Disney", roughness=0.6, metallic=1.0), {"roughness": (0.35,)})
+LITTLE = Settings(tried=2, followed=1, coarse=4, samples=8, finest=16, slopes=4, rounds=2)
+
+
+@pytest.fixture(scope="module")
+def tiny(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    return scene(tmp_path_factory.mktemp("tiny"), TINY, 32, 16)
+
+
+@pytest.mark.cycles
+def test_a_parameter_comes_back_within_its_error(llvm: str, tiny: tuple[Path, Path], tmp_path: Path) -> None:
+    job, picture = tiny
+    wish = Wish(picture, job, ("roughness",), FRAME, tmp_path / "found.usda", tmp_path / "page.html", settings=LITTLE)
+    made = fit_picture(wish)
+    (value,), (error,) = made.found.values["Base.roughness"], made.found.errors["Base.roughness"]
+    assert error < 0.02
+    assert abs(value - 0.35) < 5.0 * error
+    (layer,) = read_look(tmp_path / "found.usda").layers
+    assert layer.inputs["roughness"] == pytest.approx(value)
+    assert layer.inputs["metallic"] == 1.0
+    text = (tmp_path / "page.html").read_text()
+    assert text.count("data:image/png;base64,") == 5
+    assert "<script" not in text
+    assert "http" not in text
+    plain = json.loads(json.dumps(made.data()))
+    assert plain["parameters"]["Base.roughness"]["after"] == value
+    assert plain["frame"] == FRAME
+
+    # A second run writes over nothing; an interrupted one keeps the best so far.
+    with pytest.raises(LookdevError, match="exists already"):
+        fit_picture(wish)
+
+    def interrupt(point: Point) -> None:
+        if point.stage == "follow" and point.loss < 0.5 * made.found.before:
+            raise KeyboardInterrupt
+
+    cut = fit_picture(replace(wish, force=True), interrupt)
+    assert cut.found.interrupted
+    assert cut.found.after < cut.found.before
+    (layer,) = read_look(tmp_path / "found.usda").layers
+    assert layer.inputs["roughness"] == pytest.approx(cut.found.values["Base.roughness"][0])
+    assert "interrupted" in (tmp_path / "page.html").read_text()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"parameters": ("rougness",)}, "did you mean 'roughness'"),
+        ({"parameters": ("roughness", "Base.roughness")}, "named twice"),
+        ({"parameters": ("roughness=0.7..0.9",)}, "the look has 0.6"),
+        ({"parameters": ()}, "no parameter is to be found"),
+        ({"frame": "paint/light/element.0003"}, "has frames 1 to 2, not 3"),
+        ({"frame": "gold"}, "has no look 'gold'"),
+        ({"picture": "small.exr"}, r"is 16 x 8 pixels large, the job renders 32 x 32: .* \[16, 8\] would be right"),
+        ({"picture": "shown.png"}, "is png, whose values are encoded for a display"),
+        ({"picture": "none.exr"}, "no such image file"),
+        ({"mask": "small.exr"}, "the picture's 32 x 32 would be right"),
+        ({"look": Path("nowhere/found.usda")}, "its folder does not exist"),
+        ({"look": Path("found.txt")}, "is not a file to write a look in"),
+    ],
+)
+def test_what_is_wrong_is_said_before_rendering(
+    change: dict[str, Any], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("lookdev.batch.fit_picture.Worker", lambda *args: pytest.fail("a worker is started"))
+    Path("before.usda").write_text(TINY.look)
+    Path("job.toml").write_text(
+        JOB.format(look="before", asset="sphere", kind="ibl", light="city", size=32, samples=16)
+    )
+    for name, size in (("photo.exr", (32, 32)), ("small.exr", (8, 16)), ("shown.png", (32, 32))):
+        assert oiio.ImageBuf(np.full((*size, 3), 0.5, np.float32)).write(name)
+    given = {"picture": "photo.exr", "parameters": ("roughness",), "look": Path("found.usda"), **change}
+    given = {name: Path(each) if name in ("picture", "mask") else each for name, each in given.items()}
+    with pytest.raises(LookdevError, match=words):
+        fit_picture(Wish(job=Path("job.toml"), **given))
+    assert not Path("found.usda").exists()

@@ -1,0 +1,140 @@
+"""Reference props: published colours, their place in the frame, and cameras that leave room for them."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from lookdev.asset import load_asset
+from lookdev.errors import AssetError
+from lookdev.job import parse_job
+from lookdev.job.cameras import job_cameras
+from lookdev.scene import Camera, Lens, Pose, camera_rays, frame_camera
+from lookdev.scene.charts import PATCHES, PLACES, Strip, asset_of_props, patch_colors, props_camera
+from lookdev.scene.charts.props import cropped
+
+# colour-science 0.4.7, "ColorChecker24 - After November 2014", by its own xyY, Bradford and matrix of sRGB, whose
+# rounded primaries leave 2e-4.
+ORACLE = {
+    "dark skin": (0.173683, 0.078793, 0.052856),
+    "foliage": (0.105744, 0.150754, 0.050837),
+    "orange": (0.745903, 0.202143, 0.029868),
+    "blue": (0.020956, 0.047534, 0.284129),
+    "cyan": (0.0, 0.233662, 0.377190),
+    "white 9.5": (0.879529, 0.885028, 0.834247),
+    "neutral 5": (0.190094, 0.190866, 0.189814),
+    "black 2": (0.031354, 0.031496, 0.032323),
+}
+
+
+def test_patches_are_those_of_another_implementation() -> None:
+    ours = dict(zip(PATCHES, patch_colors(), strict=True))
+    for name, expected in ORACLE.items():
+        np.testing.assert_allclose(ours[name], expected, atol=2e-4, err_msg=name)
+    assert patch_colors().shape == (24, 3)
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("resolution", [(512, 512), (640, 360), (300, 500)])
+def test_props_are_in_their_strip_and_apart(place: str, resolution: tuple[int, int]) -> None:
+    strip = Strip(place, 0.12, resolution)
+    outer = strip.box
+    boxes = strip.props
+    for box in boxes:
+        assert box.left >= outer.left
+        assert box.top >= outer.top
+        assert box.left + box.width <= outer.left + outer.width + 1e-9
+        assert box.top + box.height <= outer.top + outer.height + 1e-9
+    for a, b in pairwise(boxes):
+        apart = (b.left - a.left - a.width, b.top - a.top - a.height)[strip.upright]
+        assert apart > 0.0
+    assert len(strip.measured) == 25
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        frame_camera((0.3, -0.2, 0.5), 1.4, (320, 240)),
+        Camera(60.0, -15.0, (1.0, 2.0, 3.0), 4.0, azimuth=70.0, roll=25.0, axis=(0.8, 2.3), shift=(0.1, -0.2)),
+        Camera(30.0, 10.0, (0.0, 0.0, 0.0), 4.0, lens=Lens(0.1, 4.0)),
+    ],
+)
+def test_rays_through_a_prop_meet_it(camera: Camera) -> None:
+    from lookdev.material import Layer, Look
+    from lookdev.reference.mesh import MeshScene
+
+    strip, pose = Strip("right", 0.3, (320, 240)), Pose(0.0, 40.0)
+    seen = props_camera(camera, (*camera.pivot, 0.7))
+    assert seen.pivot == camera.pivot  # lights turn about it
+    assert seen.lens is None
+    np.testing.assert_allclose(seen.frame, camera.frame, atol=1e-12)
+    grey = Look("grey", (Layer("a", "lambert"),))
+    for name, box in zip(("chrome", "grey", "chart"), strip.props, strict=True):
+        scene = MeshScene(asset_of_props(strip, seen, [name]), [grey])
+        u = (np.arange(64) + 0.5) / 64
+        x, y = np.meshgrid(box.left + u * box.width, box.top + u * box.height)
+        origin, ray = camera_rays(seen, pose, strip.resolution, x.ravel(), y.ravel())
+        hit, _ = scene.hit(origin, ray)
+        # A ball fills pi / 4 of its box; the long lens brings its silhouette nearer by 1e-4.
+        assert hit.mean() == pytest.approx(1.0 if name == "chart" else math.pi / 4, abs=0.01)
+        x, y = np.meshgrid(box.left - 2 + u * 1.5, box.top + u * box.height)
+        origin, ray = camera_rays(seen, pose, strip.resolution, x.ravel(), y.ravel())
+        assert not scene.hit(origin, ray)[0].any()
+
+
+def test_a_crop_has_the_rays_of_its_part_of_the_frame() -> None:
+    camera = Camera(40.0, 12.0, (0.0, 1.0, 0.0), 5.0, azimuth=20.0, roll=5.0)
+    box = Strip("bottom", 0.3, (300, 200)).measured["orange"]
+    crop = cropped(camera, (300, 200), box)
+    u, v = np.array([0.1, 0.5, 0.9]), np.array([0.2, 0.6, 0.7])
+    pose = Pose(33.0, 0.0)
+    _, inner = camera_rays(crop, pose, (1, 1), u, v)
+    _, outer = camera_rays(camera, pose, (300, 200), box.left + u * box.width, box.top + v * box.height)
+    np.testing.assert_allclose(inner, outer, atol=1e-12)
+
+
+def test_an_asset_behind_the_camera_leaves_no_place() -> None:
+    with pytest.raises(AssetError, match="behind the camera"):
+        props_camera(Camera(40.0, 0.0, (0.0, 10.0, 0.0), 1.0, axis=(0.0, 0.0)), (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("framed", ["fill = 0.7", "fill = 1.0", "margin = 1.05", ""])
+@pytest.mark.parametrize("builtin", ["suzanne", "plane"])
+def test_no_asset_reaches_into_the_strip(tmp_path, place: str, framed: str, builtin: str) -> None:  # type: ignore[no-untyped-def]
+    (tmp_path / "gold.usda").touch()
+    text = f"""
+    output = "out"
+    asset = {{ builtin = "{builtin}" }}
+    look = [{{ name = "gold", material = "gold.usda" }}]
+    ibl = [{{ name = "white", builtin = "white" }}]
+    turntable = [{{ kind = "element", frames = 8 }}]
+    camera = {{ {framed} }}
+    render = {{ resolution = [320, 240] }}
+    """
+    plain = parse_job(text, tmp_path / "job.toml")
+    job = parse_job(f'{text}\ncharts = {{ place = "{place}", size = 0.13 }}', tmp_path / "job.toml")
+    asset = load_asset(builtin=builtin)
+    camera = job_cameras(job, {"gold": asset})[0]["gold"]
+    points = asset.meshes[0].points.astype(np.float64)
+    box = job.charts.strip((320, 240)).box
+    for angle in range(0, 360, 15):
+        seen = camera.orbited(-angle)
+        right, up, back = ((points - seen.position) @ seen.frame.T).T
+        shift_x, shift_y = camera.shift
+        x = 160 * ((right / -back) / camera.reach + 1 - 2 * shift_x)
+        y = 120 - 160 * ((up / -back) / camera.reach - 2 * shift_y)
+        reach = 1e-4  # pixels: places of cameras are rounded
+        inside = (x > box.left + reach) & (x < box.left + box.width - reach)
+        inside &= (y > box.top + reach) & (y < box.top + box.height - reach)
+        assert not inside.any()
+        assert (x > -reach).all()
+        assert (x < 320 + reach).all()
+        assert (y > -reach).all()
+        assert (y < 240 + reach).all()
+    if framed in ("fill = 0.7", ""):
+        # Where there is room, the frames are those of a job without charts.
+        assert camera == job_cameras(plain, {"gold": asset})[0]["gold"]

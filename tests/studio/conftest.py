@@ -1,0 +1,34 @@
+"""Served explorers, and measured data to open."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.brdf.measured.files import write_anisotropic
+
+pytest.importorskip("starlette", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
+
+from served import Served, served
+
+
+@pytest.fixture(scope="session")
+def roots(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a small measurement and a look, and beside it a secret."""
+    folder = tmp_path_factory.mktemp("studio")
+    (folder / "secret.dat").write_text("secret")
+    root = folder / "scans"
+    root.mkdir()
+    rng = np.random.default_rng(3)
+    write_anisotropic(root / "satin.dat", rng.uniform(0.1, 0.4, (6, 6, 8, 8, 3)))
+    (root / "out.dat").symlink_to(folder / "secret.dat")
+    return root
+
+
+@pytest.fixture(scope="module")
+def server(roots: Path) -> Iterator[Served]:
+    with served("--root", str(roots), "disney:roughness=.3") as started:
+        yield started

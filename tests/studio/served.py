@@ -1,0 +1,98 @@
+"""An explorer that is served by a process of its own, as a user starts it."""
+
+from __future__ import annotations
+
+import http.client
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+STARTED = re.compile(r"(http://\S+)/  \(Ctrl-C")
+
+
+@dataclass
+class Served:
+    """The process, its URL without the last slash, and what it wrote."""
+
+    process: subprocess.Popen[str]
+    lines: list[str] = field(default_factory=list)
+    url: str = ""
+
+    @property
+    def port(self) -> int:
+        return int(self.url.rsplit(":", 1)[1])
+
+    @property
+    def log(self) -> str:
+        return "\n".join(self.lines)
+
+    def ask(
+        self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
+    ) -> tuple[int, bytes, dict[str, str]]:
+        """Send a request with exactly these headers, beside `Host`, and return status, body and headers."""
+        connection = http.client.HTTPConnection("127.0.0.1", self.port, timeout=30)
+        named = {"Host": f"127.0.0.1:{self.port}", **headers}
+        connection.putrequest(method, path, skip_host=True, skip_accept_encoding=True)
+        for name, value in named.items():
+            connection.putheader(name, value)
+        if body is not None:
+            connection.putheader("Content-Length", str(len(body)))
+        connection.endheaders(body)
+        answer = connection.getresponse()
+        found = answer.status, answer.read(), {name.lower(): value for name, value in answer.getheaders()}
+        connection.close()
+        return found
+
+    def end(self, number: int = signal.SIGINT) -> int:
+        """Send a signal, and return the exit code."""
+        self.process.send_signal(number)
+        return self.process.wait(timeout=30)
+
+
+@contextmanager
+def served(
+    *arguments: str, verb: str = "explore", cwd: Path | None = None, temporary: Path | None = None
+) -> Iterator[Served]:
+    """Start a room of the page at a free port and wait until it answers."""
+    command = [sys.executable, "-u", "-m", "lookdev", verb, "--no-browser", "--port", "0", *arguments]
+    environment = os.environ | ({"TMPDIR": str(temporary)} if temporary else {})
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=cwd, env=environment
+    )
+    found = Served(process)
+
+    def read() -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            found.lines.append(line.rstrip("\n"))
+
+    reader = threading.Thread(target=read, daemon=True)
+    reader.start()
+    try:
+        until = time.monotonic() + 120
+        while not (started := STARTED.search(found.log)):
+            assert process.poll() is None, found.log
+            assert time.monotonic() < until, found.log
+            time.sleep(0.05)
+        found.url = started[1]
+        yield found
+    finally:
+        if process.poll() is None:
+            process.kill()
+            process.wait()
+        reader.join(timeout=10)
+        process.stdout.close()  # type: ignore[union-attr]
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    """Run an explorer that does not start."""
+    command: Sequence[str] = [sys.executable, "-m", "lookdev", "explore", "--no-browser", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)

@@ -1,0 +1,116 @@
+"""What the Designer edits and saves, without a page."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.errors import LookdevError, ModelError
+from lookdev.material.usd import read_look
+from lookdev.studio.designer.document import Document, Edit, open_document, parsed
+
+pytestmark = pytest.mark.alike
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def look(tmp_path: Path) -> Path:
+    """Return a copy of car paint: a base, and flakes over it by a mask with a texture."""
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    return Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path))
+
+
+@pytest.fixture
+def document(look: Path) -> Document:
+    return open_document(None, "plane", look)
+
+
+def test_a_stated_constant_is_a_uniform(document: Document) -> None:
+    """So a slider of it changes no shader; stating what the look does not state does."""
+    before = document.view().data["looks"][0]
+    assert not document.edit(Edit(0, 0, "roughness", 0.9))
+    after = document.view().data["looks"][0]
+    assert {key: after[key] for key in ("visible", "relight")} == {key: before[key] for key in ("visible", "relight")}
+    assert after["numbers"]["layer0_roughness"] == [0.9]
+    assert document.edit(Edit(0, 0, "sheen", 0.5))
+    assert document.view().data["looks"][0]["numbers"]["layer0_sheen"] == [0.5]
+    assert not document.edit(Edit(0, 0, "sheen", 0.7))
+    assert document.edit(Edit(0, 0, "sheen", None))
+    assert document.view().data["looks"][0]["relight"] == before["relight"]
+    assert document.edit(Edit(0, 0, "sheenTint", 0.5))
+
+
+def test_rows_have_the_names_ranges_and_help_of_the_models(document: Document) -> None:
+    base, flakes = document.stacks()[0]["layers"]
+    rows = {row["name"]: row for row in base["parameters"]}
+    assert (rows["roughness"]["soft"], rows["roughness"]["uniform"]) == ((0.0, 1.0), "layer0_roughness")
+    assert rows["roughness"]["help"]
+    assert (rows["sheen"]["value"], rows["sheen"]["uniform"]) == (None, "")
+    assert "mask" not in rows
+    mask = flakes["parameters"][0]
+    assert (mask["name"], mask["varies"]) == ("mask", "texture flakes.png, r")
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (Edit(3, 0, "roughness", 0.5), "there are 1 looks"),
+        (Edit(0, 9, "roughness", 0.5), "none of number 9"),
+        (Edit(0, 0, "rougness", 0.5), "did you mean 'roughness'"),
+        (Edit(0, 0, "roughness", 7.0), "roughness"),
+        (Edit(0, 0, "roughness", (0.1, 0.2, 0.3)), "roughness"),
+        (Edit(0, 0, "roughness", None), "stated by the look's file"),
+        (Edit(0, 0, "variant", "2012"), "variant"),
+        (Edit(0, 0, "mask", 0.5), "the base has no mask"),
+        (Edit(0, 1, "mask", 0.5), "texture or an expression"),
+    ],
+)
+def test_an_edit_that_cannot_be_is_refused(edit: Edit, message: str, document: Document) -> None:
+    looks = document.looks
+    with pytest.raises(ModelError, match=message):
+        document.edit(edit)
+    assert document.looks == looks
+
+
+@pytest.mark.parametrize("body", [{}, {"look": 0}, {"look": 0, "layer": 0, "parameter": "roughness", "value": [1, 2]}])
+def test_a_request_that_is_no_edit_is_refused(body: dict[str, Any]) -> None:
+    with pytest.raises(ModelError, match="an edit has"):
+        parsed(body)
+
+
+def test_what_is_saved_is_what_was_shown(document: Document, look: Path) -> None:
+    text = look.read_text()
+    document.edit(Edit(0, 0, "roughness", 0.25))
+    document.edit(Edit(0, 1, "baseColor", (0.5, 0.25, 0.125)))
+    copy = document.save(0, "other.usda")
+    assert look.read_text() == text
+    assert document.stacks()[0]["unsaved"]
+    assert document.save(0) == look
+    assert not document.stacks()[0]["unsaved"]
+    for file in (copy, look):
+        assert read_look(file).layers == document.looks[0].layers
+    assert [line for line in look.read_text().splitlines() if line.startswith("#")] == ["#usda 1.0"]
+
+
+@pytest.mark.parametrize("name", ["../other.usda", "car_paint.usda", "other.txt", "", "/tmp/other.usda"])
+def test_a_copy_is_a_new_file_beside_the_look(name: str, document: Document, look: Path) -> None:
+    before = sorted(look.parent.parent.rglob("*"))
+    with pytest.raises(LookdevError):
+        document.save(0, name)
+    assert sorted(look.parent.parent.rglob("*")) == before
+
+
+def test_each_look_and_rig_of_a_job_can_be_shown() -> None:
+    document = open_document(ROOT / "jobs" / "parts.toml")
+    assert document.choices["looks"] == ["own_blue", "own_red", "racing", "workshop"]
+    document.choose("workshop", "courtyard")
+    files = [Path(stack["file"]).name for stack in document.stacks()]
+    assert {"car_paint.usda", "brushed_metal.usda"} <= set(files)
+    number = files.index("brushed_metal.usda")
+    place = document.place(number)
+    assert place is not None
+    assert place[2] == {"metal": "copper"}

@@ -1,0 +1,112 @@
+"""What the explorer reads, computes and copies of a surface, without a server."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lookdev.brdf import CONTINUOUS, evaluate
+from lookdev.errors import LookdevError
+from lookdev.material.usd import read_look
+from lookdev.plot import KINDS, Options, read_subject
+from lookdev.plot.angles import towards
+from lookdev.studio.explorer.run import named_words
+from lookdev.studio.explorer.surfaces import Surfaces, faster, look_of
+from lookdev.studio.explorer.usd import usd_text
+from lookdev.studio.packets import packet
+from lookdev.studio.roots import Roots
+
+MATERIALS = Path(__file__).parents[2] / "materials"
+WO, WI = towards(np.array([0.3, 0.9])), towards(np.array([0.5, 0.2]), np.array([1.0, 2.5]))
+
+
+@pytest.fixture
+def surfaces(tmp_path: Path, roots: Path) -> Surfaces:
+    uploads = tmp_path / "uploads"
+    uploads.mkdir()
+    known = Roots(uploads)
+    known.add(roots)
+    known.add(MATERIALS)
+    return Surfaces(known, MATERIALS / "presets")
+
+
+@pytest.mark.parametrize(
+    ("words", "base", "given"),
+    [
+        ("disney:roughness=.3,baseColor=.8/.2/.1", "disney", {"roughness": 0.3, "baseColor": [0.8, 0.2, 0.1]}),
+        ("mine=red_plastic:roughness=.1", "red_plastic", {"roughness": 0.1}),
+        ("scans/satin.dat", "measured", {"file": "scans/satin.dat"}),
+        ("materials/car_paint.usda@.2,.3", "materials/car_paint.usda@.2,.3", {}),
+    ],
+)
+def test_words_are_described(words: str, base: str, given: dict[str, object], surfaces: Surfaces) -> None:
+    found = surfaces.describe(words)
+    assert (found["base"], found["given"]) == (base, given)
+    assert found["label"] == ("mine" if "mine=" in words else "")
+    assert found["editable"] == (not found["look"])
+    for name in set(given) - {"file"}:
+        assert found["values"][name] == given[name]
+        assert found["usual"][name] != given[name]
+
+
+@pytest.mark.parametrize("moving", ["roughness", "baseColor", "", "nothing", "variant"])
+def test_a_faster_surface_has_the_same_f(moving: str) -> None:
+    subject = read_subject("disney:roughness=.3,clearcoat=.5")
+    made = faster(subject, moving)
+    assert made.faster is not None
+    assert made.faster(WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-12)
+
+
+@pytest.mark.parametrize("kind", [name for name, each in KINDS.items() if each.draft])
+def test_a_draft_is_near_what_it_is_a_draft_of(kind: str, surfaces: Surfaces) -> None:
+    draft, fine = (surfaces.values(kind, "lambert", Options(), draft) for draft in (True, False))
+    assert set(draft) == set(fine)
+    name, scale = ("f", 1.0) if kind == "albedo" else ("value", 1.0 / np.pi)
+    assert abs(draft[name].max() - fine[name].max()) < 0.05 * scale
+
+
+@pytest.mark.parametrize(
+    "words", ["disney:roughness=.3,baseColor=.8/.2/.1", "ward:alphaX=.3", "measured:file=scans/satin.dat"]
+)
+def test_a_look_as_usd_is_the_surface(words: str, surfaces: Surfaces, tmp_path: Path) -> None:
+    file = tmp_path / "copied.usda"
+    file.write_text(usd_text(surfaces, words))
+    subject = surfaces.subject(words)
+    (copied,) = read_look(file).layers
+    assert copied.inputs.keys() == look_of(subject.layers, "a").layers[0].inputs.keys()
+    # USD has floats in float32.
+    found = read_subject(str(file))
+    assert evaluate(found.bsdf, WO, WI) == pytest.approx(evaluate(subject.bsdf, WO, WI), rel=1e-5)
+
+
+def test_a_command_has_paths_and_the_options_that_are_used(surfaces: Surfaces, roots: Path) -> None:
+    text = surfaces.command("retro", ["a b=scans/satin.dat", "disney"], Options(scale="log", exposure=2.0))
+    parts = shlex.split(text)
+    assert parts == [
+        "lookdev", "plot", "retro", f"a b={roots / 'satin.dat'}", "disney", "-o", "retro.png", "--scale", "log",
+    ]  # fmt: skip
+
+
+def test_files_of_the_command_line_get_names(surfaces: Surfaces, roots: Path, tmp_path: Path) -> None:
+    file = tmp_path / "my scan.dat"
+    file.write_bytes((roots / "satin.dat").read_bytes())
+    assert named_words(f"a={file}", surfaces.roots) == "a=my_scan.dat"
+    assert named_words(f"measured:file={file},scale=2", surfaces.roots) == "measured:file=my_scan.dat,scale=2"
+    assert named_words("disney:roughness=.1", surfaces.roots) == "disney:roughness=.1"
+    assert surfaces.roots.locate("my_scan.dat") == file
+    with pytest.raises(LookdevError, match="--root"):
+        surfaces.roots.locate("my_scan.dat/../../x")
+
+
+def test_numbers_beyond_float32_are_its_largest() -> None:
+    made = packet({"id": 1}, {"f": np.array([1e300, -1e300, 2.0])})
+    assert np.frombuffer(made[-12:], "<f4").tolist() == [np.finfo(np.float32).max, np.finfo(np.float32).min, 2.0]
+
+
+def test_every_continuous_model_is_described(surfaces: Surfaces) -> None:
+    for name in CONTINUOUS:
+        words = "measured:file=builtin:plastic" if name == "measured" else name
+        assert surfaces.describe(words)["editable"]

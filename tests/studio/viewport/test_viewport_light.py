@@ -1,0 +1,175 @@
+"""What the viewport shows, against direct light without shadows in float64."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from looks import LOOKS
+from numpy.typing import NDArray
+from viewport_page import NEEDS_CHROMIUM, Page, served, start_browser
+
+from lookdev.asset import load_asset
+from lookdev.asset.builtin import make_plane, make_sphere
+from lookdev.job import load_job
+from lookdev.job.scenes import job_scenes
+from lookdev.light import LIGHT_KINDS, Emission, Light
+from lookdev.light.dome.maps import load_dome
+from lookdev.material import Layer, Look
+from lookdev.material.usd import read_look
+from lookdev.reference.mesh import MeshScene
+from lookdev.reference.render import Estimate, frame_pixels
+from lookdev.scene import Camera, Film, Pose, Scene, camera_rays
+from lookdev.studio.viewport import view_scene
+
+pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+
+ROOT = Path(__file__).parents[3]
+log = logging.getLogger(__name__)
+POSE = Pose(30.0, 75.0)
+LAMPS = ("cylinder", "disk", "distant", "rect", "sphere")
+CELLS = [
+    (asset, look) for asset in ("sphere", "shaderball") for look in ("car_paint", "brushed_metal", "frosted_plastic")
+]
+CELLS += [("parts", look) for look in ("own_red", "racing", "workshop")]
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
+    for browser in start_browser():
+        with served(browser, tmp_path_factory.mktemp("viewport")) as page:
+            yield page
+
+
+@dataclass(frozen=True)
+class Compared:
+    """What seeds of the viewport show at pixels, (S, P, 3), and the reference there."""
+
+    found: Floats
+    expected: Estimate
+
+    @property
+    def mean(self) -> Floats:
+        return np.asarray(self.found.mean(axis=0))
+
+    @property
+    def variance(self) -> Floats:
+        """Of the difference: of the mean of independent seeds, and of the reference."""
+        return np.asarray(self.expected.error**2 + self.found.var(axis=0, ddof=1) / len(self.found))
+
+    @property
+    def error(self) -> float:
+        """Of the sum over pixels and channels, which are as noisy together."""
+        return float(np.sqrt((np.sqrt(self.variance).sum(axis=-1) ** 2).sum()))
+
+    def assert_agrees(self) -> None:
+        """As a whole within four standard errors, and pixel by pixel as far apart as the noise: twice its square.
+
+        Both with 0.1 % of rounding to float32, and of images to half floats.
+        """
+        apart, value, noise = self.mean - self.expected.value, self.expected.value, self.variance.sum()
+        assert np.isfinite(self.mean).all()
+        assert abs(float(apart.sum())) < 4.0 * self.error + 1e-3 * value.sum(), apart.sum() / value.sum()
+        ratio = float((apart**2).sum() / (noise + (1e-3 * value**2).sum() * 1e-3))
+        assert ratio < 2.0, ratio
+
+
+def compare(page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4) -> Compared:
+    """Compare pixels that the asset covers in part or whole."""
+    page.js("viewport.set({element: given[0], lighting: given[1]}); done();", POSE.element, POSE.lighting)
+    page.show(view_scene(scene))
+    found = []
+    for seed in range(seeds):
+        page.js("viewport.set({seed: given[0]}); done();", seed)
+        found.append(page.accumulated(count).astype(np.float64))
+    covered = np.argwhere(found[0][..., 3] > 0.0)
+    rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
+    reference = MeshScene(scene.asset, scene.looks, scene.lit_by, shadows=False)
+    expected = frame_pixels(
+        reference,
+        scene.lights,
+        scene.camera,
+        POSE,
+        scene.film.resolution,
+        rows[:, ::-1].copy(),
+        samples=samples,
+    )
+    return Compared(np.stack([each[rows[:, 0], rows[:, 1], :3] for each in found]), expected)
+
+
+def dome(**changes: Any) -> Light:
+    light = LIGHT_KINDS["dome"].example()
+    return replace(light, **changes)  # type: ignore[type-var]
+
+
+def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = False) -> Scene:
+    asset = make_plane() if sheet else make_sphere(64, 32)
+    camera = Camera(30.0, 35.0, (0.1, 0.0, 0.05), 5.9, azimuth=20.0, roll=10.0, axis=(0.3, -0.2), shift=(0.02, -0.03))
+    look = Look("look", tuple(layers))
+    return Scene(asset, {slot.path: look for slot in asset.slots}, tuple(lights), camera, Film((20, 14)))
+
+
+@pytest.mark.parametrize("name", ["coated", "brushed", "chrome", "frosted"])
+def test_a_dome_lights_every_kind_of_lobe(name: str, page: Page) -> None:
+    compare(page, dressed(LOOKS[name], [dome()]), 64, 60, samples=64).assert_agrees()
+
+
+def test_a_surface_is_seen_as_often_as_it_is_present(page: Page) -> None:
+    compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
+
+
+@pytest.mark.parametrize("name", ["painted", "leaf"])
+def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: Page) -> None:
+    """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same."""
+    lamps = [LIGHT_KINDS[kind].example() for kind in LAMPS]
+    still = replace(lamps[0], emission=replace(lamps[0].emission, turns=False))  # type: ignore[type-var]
+    leaning = dome(axes=((1.0, 0.0, 0.0), (0.0, 0.8, 0.6), (0.0, -0.6, 0.8)), emission=Emission((0.3, 0.2, 0.1)))
+    white = load_dome(builtin="white").dome
+    same = replace(white, emission=Emission((0.1, 0.1, 0.2)))
+    lights = [leaning, still, *lamps[1:], same]
+    compare(page, dressed(LOOKS[name], lights), 128, 40, samples=64).assert_agrees()
+
+
+def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
+    """Yield squares of `side` pixels of a frame `width` pixels wide, about places of the asset, as scenes."""
+    camera, (across, along) = scene.camera, scene.film.resolution
+    x, y = np.random.default_rng(8).uniform((0, 0), (across, along), (400, 2)).T
+    origin, ray = camera_rays(camera, POSE, (across, along), x, y)
+    hit, _ = MeshScene(scene.asset, scene.looks).hit(origin, ray)
+    share = side / width
+    fov = math.degrees(2.0 * math.atan(share * camera.reach))
+    for k in np.flatnonzero(hit)[:count]:
+        shift = (x[k] / across - 0.5) / share, (0.5 - y[k] / along) * along / across / share
+        yield replace(scene, camera=replace(camera, fov=fov, shift=shift), film=Film((side, side)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("asset", "look"), CELLS)
+def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Page) -> None:
+    """Of each pixel and channel of windows of a frame, relative to its value, or to 1 % of the mean where it is darker.
+
+    docs/designer.md has the table, by ``pytest -m slow tests/studio/viewport --log-cli-level=INFO``.
+    """
+    if asset == "parts":
+        scenes = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes
+        scene = scenes[look, "courtyard"]
+    else:
+        made = read_look(ROOT / "materials" / f"{look}.usda")
+        scene = Scene.of_look(load_asset(builtin=asset), made, load_dome(builtin="courtyard").dome, (512, 512))
+    compared = [compare(page, each, 8192, 16, samples=4096, seeds=2) for each in windows(scene, 3, 64, 8)]
+    value = np.concatenate([each.expected.value for each in compared])
+    apart = np.concatenate([each.mean for each in compared]) - value
+    variance = np.concatenate([each.variance for each in compared])
+    floor = np.maximum(value, 0.01 * value.mean())
+    difference, noise = (np.abs(apart) / floor).mean(), (np.sqrt(variance) / floor).mean()
+    signed = apart.sum() / value.sum()
+    error = math.hypot(*(each.error for each in compared)) / value.sum()
+    log.info("%s %s: %.4f, noise %.4f, signed %+.4f +- %.4f", asset, look, difference, noise, signed, error)
+    assert difference < 0.01
