@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,9 +20,12 @@ from lookdev.errors import CodegenError
 from lookdev.light import Emission, Light, RectLight, Shadow
 from lookdev.light.link import Link
 from lookdev.material import Look
+from lookdev.material.change import constant_of, live_look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
+from lookdev.render.adaptive import Region
 from lookdev.render.scene import scene_task
+from lookdev.render.slopes import SlopeTask, live_inputs
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
@@ -110,7 +114,7 @@ def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
     assert not found(tuple(reversed(scene.lit_by))).passed
 
 
-def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
+def row_of_three() -> Scene:
     """Of three heads, one is mirrored and stretched; each light spares another, and a light in their row spares two."""
     casting = [
         Link((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
@@ -128,10 +132,59 @@ def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
         grey(),
     )
     placed = {"/Left": np.eye(4), "/Middle": np.diag([-0.8, 1.4, 1.1, 1.0]), "/Right": np.eye(4)}
-    scene = row_of(placed, lights)
+    return row_of(placed, lights)
+
+
+def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
+    scene = row_of_three()
     agreed, found = compared(worker, scene, scene.lit_by, scene.grouped)
     assert_passed(agreed)
     assert not found(scene.lit_by, (*scene.grouped[1:], scene.grouped[0])).passed
+
+
+def split_row(folder: Path) -> Scene:
+    """Return linked heads under lights of controls of all kinds."""
+    left = Link((("/Left", "expandPrims"),))
+    controlled = [light for rig in QUICK["controls"] for light in RIGS[rig](folder)]
+    lights = (*controlled, replace(near("disk"), emission=Emission((60.0, 40.0, 20.0), light_link=left)))
+    return row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights)
+
+
+def images(folder: Path) -> Scene:
+    ball = load_asset(builtin="suzanne")
+    lights = tuple(light for rig in QUICK["images"] for light in RIGS[rig](folder))
+    looks = {slot.path: Look("look", (RIG_LOOKS["leaf"],)) for slot in ball.slots}
+    return Scene(ball, looks, lights, orbit_camera(ball.center, ball.radius), Film((SIZE, SIZE)))
+
+
+@pytest.mark.parametrize("made", [images, split_row, lambda folder: row_of_three()], ids=["images", "split", "linked"])
+def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path, made: Callable[[Path], Scene]) -> None:
+    """Both follow the same paths, but for the rounding by which few of them part."""
+    from lookdev.mitsuba.integrator import Rectangle, View
+    from lookdev.mitsuba.load import load_mitsuba
+    from lookdev.mitsuba.render import MitsubaScene
+    from lookdev.mitsuba.slopes import SlopeScene
+
+    mi, scene, samples = load_mitsuba("cpu"), made(tmp_path), 16
+    (plain,) = {id(look): look for look in scene.looks}.values()
+    live = live_look(plain, {"0": constant_of(plain, "roughness")})
+    task = scene_task(replace(scene, wears=dict.fromkeys(scene.wears, live)), Sampling(bounces=1), "mitsuba")
+    binding = live_inputs(task)["0"]
+    values = {binding.parameter: constant_of(plain, "roughness").value}
+    asked = SlopeTask(task, POSE, values, binding.symbols, samples, (7, 8), "")
+    found = SlopeScene(mi, task).render(asked, lambda done, of: None)[0]
+    frames = MitsubaScene(mi, task)
+    view = View.of(mi, task.camera, POSE, task.resolution, frames._geometry.center)
+    place = Rectangle.of(mi, Region(slice(0, SIZE), slice(0, SIZE), samples))
+    numbers = (mi.UInt32(each) for each in (7, 0, samples.bit_length() - 1))
+    channels = frames._estimator.pixels(view, place, drjit.arange(mi.UInt32, SIZE * SIZE * samples), *numbers)
+    expected = np.stack([np.array(each).reshape(SIZE, SIZE, samples).mean(axis=-1) for each in channels], axis=-1)
+    np.testing.assert_array_equal(found[0, ..., 3], expected[..., 3])
+    near = np.isclose(found[0], expected, rtol=1e-3, atol=1e-5).all(axis=-1)
+    assert (expected[..., :3] > 0.01).any(axis=-1).mean() > 0.1
+    assert near.mean() > 0.98
+    np.testing.assert_allclose(found[0].mean(axis=(0, 1)), expected.mean(axis=(0, 1)), rtol=5e-3)
+    assert np.abs(found[1]).max() > 0.01
 
 
 def test_rigs_light_what_they_are_to_show(tmp_path: Path) -> None:
