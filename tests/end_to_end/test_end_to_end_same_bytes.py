@@ -23,8 +23,8 @@ TARGETS = {"off": 2e-3, "measured": 2e-4, "nodes-exact": 2e-2}
 def write_job(folder: Path, backend: str, denoise: str) -> Path:
     job = batches.write_job(folder, light="studio")
     lines = [line for line in job.read_text().splitlines() if not line.startswith("render")]
-    error = TARGETS.get(backend, TARGETS[denoise])
-    lines.append(f'render = {{ backend = "{backend}", denoise = "{denoise}", error = {error}, {SETTINGS} }}')
+    target = TARGETS.get(backend, TARGETS[denoise])
+    lines.append(f'render = {{ backend = "{backend}", denoise = "{denoise}", error = {target}, {SETTINGS} }}')
     job.write_text("\n".join(lines) + "\n")
     return job
 
