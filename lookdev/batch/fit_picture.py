@@ -347,13 +347,15 @@ def _renderer(job: Job, frame: _Frame, look: Look, unknowns: tuple[Unknown, ...]
     wears = {path: live if each is look else each for path, each in frame.scene.wears.items()}
     scene = replace(frame.scene, wears=wears)
     sampling = replace(job.render.sampling, denoise="off", error=None, passes=())
-    device = job.render.device if job.render.device in BACKENDS[_BACKEND].devices else "cpu"
+    backend = BACKENDS[_BACKEND]
+    device = job.render.device if job.render.device in backend.devices else "cpu"
+    backend.check_device(device)
     setup = make_setup(frame.table.name, frame.rig.name, scene, sampling, _BACKEND, device)
     setup = replace(setup, exposure=frame.rig.exposure, rotation=frame.rig.rotation)
     pose = setup.poses(frame.turntable, job.camera.azimuth)[frame.number - 1]
     with (
         tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch,
-        Worker(BACKENDS[_BACKEND].command, Path(scratch, "worker.log"), Path(scratch)) as worker,
+        Worker(backend.command, Path(scratch, "worker.log"), Path(scratch)) as worker,
     ):
         worker.start()
         yield _Renderer(worker, setup, pose, unknowns)

@@ -71,6 +71,8 @@ def render_job(
     backend = BACKENDS[job.render.backend]
     with Run(job.output, str(chunk or "")) as run, _opened(choice, run, backend.command) as executor:
         if not outputs_only and (force or _lacks_frames(job)):
+            if choice.here:
+                backend.check_device(job.render.device)
             # Blender starts while files are read.
             executor.launch()
         prepared = prepare(job, executor.prepare if backend.ahead else None)
@@ -214,6 +216,8 @@ def run_plan(
         The plan has no frame of a name in `only`.
     OutputError
         A file cannot be written.
+    RenderError
+        The device of the frames cannot be had here.
     WorkerError
         The worker does not start.
     """
@@ -228,7 +232,11 @@ def run_plan(
             tasks = frames.bring_up_to_date(only)
             if tasks and not outputs_only:
                 if executor is None:
-                    command = worker_command or BACKENDS[tasks[0].scene.backend].command
+                    scene = tasks[0].scene
+                    backend = BACKENDS[scene.backend]
+                    if worker_command is None:
+                        backend.check_device(scene.device)
+                    command = worker_command or backend.command
                     executor = stack.enter_context(_opened(Choice(workers=1), run, command, patience))
                 frames.render(tasks, executor)
             frames.wait_for_sheets()

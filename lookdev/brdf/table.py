@@ -29,7 +29,7 @@ class Table:
         return self.digest
 
 
-def look_up(table: Table, row: Array, column: Array) -> Array:
+def look_up(table: Table, row: Array | float, column: Array | float) -> Array:
     """Return a table's numbers (...), or colours (..., 3), in the cells of whole numbers `row` and `column` (...)."""
     for index in (row, column):
         if not isinstance(index, np.ndarray | np.generic | float):

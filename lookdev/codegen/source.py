@@ -200,11 +200,13 @@ class ProgramSource:
 
     `outputs` are the results by name. ``tangent bitangent normal facet`` are vectors of the world and depend on the
     symbols of the mesh; ``value`` (3) is the BSDF times the cosine of each lobe and ``pdf`` its density, of the symbols
-    ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``delta0 ..`` (6) are a single direction each, and what
-    light from there is multiplied by; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is
-    there if the look is `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser; ``value/roughness`` is the
-    derivative of an output by a symbol of a live input. With `shadows`, rays are traced. A look is `glossy` if no lobe
-    is broad or lets light pass. `folded` as in `ShaderSource`.
+    ``wo_x .. wi_z``; ``wi`` (3) a direction drawn by ``u1 u2``. ``diffuse`` (3) is what of the value is of diffuse
+    lobes, ``of_<group>`` (6) the value of each of the groups `recorded` that has lobes, and what of that is of diffuse
+    ones. ``delta0 ..`` (7) are a single direction each, what light from there is multiplied by, and the number of its
+    group; where the viewer is in the solid, the symbol ``inside`` is 1. ``presence`` is there if the look is
+    `see_through`; ``albedo`` and ``bent`` (3) guide a denoiser; ``value/roughness`` is the derivative of an output by a
+    symbol of a live input. With `shadows`, rays are traced. A look is `glossy` if no lobe is broad or lets light pass.
+    `folded` as in `ShaderSource`.
     """
 
     name: str
@@ -220,6 +222,7 @@ class ProgramSource:
     shadows: bool = True
     deltas: int = 0
     glossy: bool = False
+    recorded: tuple[str, ...] = ()
     folded: int = 0
 
     @property

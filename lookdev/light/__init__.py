@@ -80,15 +80,6 @@ def native_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
     return tuple(gaps)
 
 
-def mitsuba_gaps(lights: Sequence[Light]) -> tuple[str, ...]:
-    """Return what of a scene's lights the backend `mitsuba` does not show, a sentence for each light."""
-    return tuple(
-        f"{called(light, number)}: it has {gap}, which it does not show yet"
-        for number, light in enumerate(lights, start=1)
-        if (gap := native.gap_of_mitsuba(light))
-    )
-
-
 def native_images(lights: Sequence[Light]) -> tuple[Content, ...]:
     """Return the images that Cycles' own lights read to show lights."""
     return tuple(image for light in lights for image in LIGHT_KINDS[light.kind].native_images(light))
@@ -143,7 +134,6 @@ __all__ = [
     "load_environment",
     "load_profile",
     "make_environment",
-    "mitsuba_gaps",
     "native_gaps",
     "native_images",
     "placement",

@@ -24,6 +24,8 @@ Floats: TypeAlias = Any
 """An array, or a symbolic one in its place."""
 Color = tuple[float, float, float]
 
+DEGREES = 180.0 / math.pi
+
 _NEAREST = 1e-6  # metres: a falloff computes with at least this distance, so that no exponent divides by 0
 
 
@@ -32,7 +34,7 @@ def slope(start: float, end: float) -> float:
     return 1.0 / (end - start) if end > start else 0.0
 
 
-def smooth_step(value: Floats, start: float, rise: float) -> Floats:
+def smooth_step(value: Floats, start: Any, rise: Any) -> Floats:
     """Return 0 up to `start`, 1 from ``start + 1 / rise`` on, and a cubic polynomial without kinks between."""
     t = np.clip((value - start) * rise, 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
@@ -42,6 +44,13 @@ def off_axis(direction: Floats) -> Floats:
     """Return the angle (...) in radians off a light's axis, -z, under which it sends to where directions lead to it."""
     x, y, z = np.moveaxis(direction, -1, 0)
     return np.arctan2(np.sqrt(x * x + y * y), z)
+
+
+def azimuth(direction: Floats) -> Floats:
+    """Return the angle (...) about a light's axis, from its x to its y, in degrees from 0 to 360, as `off_axis`."""
+    x, y = direction[..., 0], direction[..., 1]
+    turns = np.arctan2(-y, -x) / (2.0 * math.pi)
+    return 360.0 * (turns - np.floor(turns))
 
 
 # UsdLuxShapingAPI: inputs:shaping:cone:angle and inputs:shaping:cone:softness.
@@ -110,12 +119,11 @@ class Shaping:
 
         The emission direction is the opposite one, the light's axis is -z.
         """
-        x, y, z = np.moveaxis(direction, -1, 0)
         angle = off_axis(direction)
         factor = cone_factor(angle, *self.cone)
         if self.profile:
-            factor = factor * self.profile.factor(np.degrees(angle), np.degrees(np.arctan2(-y, -x)) % 360.0)
-        return factor[..., None] * focus_factor(z, max(self.focus, 0.0), np.array(self.focus_tint))
+            factor = factor * self.profile.factor(DEGREES * angle, azimuth(direction))
+        return factor[..., None] * focus_factor(direction[..., 2], max(self.focus, 0.0), np.array(self.focus_tint))
 
     @property
     def cone(self) -> tuple[float, float, float]:

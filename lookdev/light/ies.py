@@ -11,10 +11,12 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.brdf.table import Table, look_up
 from lookdev.cache import Content
 from lookdev.errors import EnvironmentMapError
 from lookdev.text import read_bytes
@@ -50,31 +52,72 @@ class Profile:
             )
 
     @cached_property
-    def _table(self) -> Floats:
+    def values(self) -> Floats:
+        """The table, (1 + H, 1 + V)."""
         return np.asarray(np.load(self.table.path), np.float64)
 
     @property
     def largest(self) -> float:
         """The largest factor."""
-        return self.scale * float(self._table[1:, 1:].max())
+        return self.scale * float(self.values[1:, 1:].max())
+
+    @cached_property
+    def numbers(self) -> Floats:
+        """What `profile_factor` reads: the counts of rows and columns, then the table, (n,)."""
+        return np.concatenate([np.array(self.values.shape, np.float64), self.values.ravel()])
+
+    @property
+    def steps(self) -> int:
+        """The steps in which `profile_factor` finds an angle."""
+        return max(self.values.shape).bit_length()
 
     def factor(self, vertical: Floats, horizontal: Floats) -> Floats:
         """Return what radiance is multiplied by in directions of two angles in degrees; horizontal from 0 to 360."""
-        # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
-        if self.angle_scale > 0.0:
-            vertical = vertical / self.angle_scale
-        elif self.angle_scale < 0.0:
-            vertical = (vertical - 180.0) / -self.angle_scale + 180.0
-        down, around, candela = self._table[0, 1:], self._table[1:, 0], self._table[1:, 1:]
-        v, h = (
-            np.clip(np.searchsorted(a, x, "right") - 1, 0, len(a) - 2)
-            for a, x in ((down, vertical), (around, horizontal))
+        table = Table(self.numbers[:, None])
+        return np.asarray(
+            profile_factor(table, 0.0, self.steps, vertical, horizontal, self.scale, self.angle_scale), np.float64
         )
-        s, t = (vertical - down[v]) / (down[v + 1] - down[v]), (horizontal - around[h]) / (around[h + 1] - around[h])
-        here = (1.0 - s) * candela[h, v] + s * candela[h, v + 1]
-        there = (1.0 - s) * candela[h + 1, v] + s * candela[h + 1, v + 1]
-        lit = (down[0] <= vertical) & (vertical <= down[-1])
-        return np.asarray(np.where(lit, self.scale * ((1.0 - t) * here + t * there), 0.0))
+
+
+def profile_factor(
+    table: Table, place: Any, steps: int, vertical: Any, horizontal: Any, scale: Any, angle_scale: Any
+) -> Any:
+    """Return `Profile.factor` by `Profile.numbers` in a column of numbers from row `place` on.
+
+    An angle is found in `steps` halvings. Arrays may be symbolic.
+    """
+
+    def number(index: Any) -> Any:
+        return look_up(table, place + index, 0.0)
+
+    # UsdLuxShapingAPI, inputs:shaping:ies:angleScale.
+    divisor = np.where(angle_scale == 0.0, 1.0, angle_scale)
+    back = (vertical - 180.0) / -divisor + 180.0
+    vertical = np.where(angle_scale < 0.0, back, vertical / divisor)
+    rows, columns = number(np.zeros_like(vertical)), number(np.ones_like(vertical))
+
+    def interval(count: Any, angle_at: Any, angle: Any) -> Any:
+        """Return the first of two neighbouring angles that an angle is between; the table's first is at 1."""
+        found = np.ones_like(angle)
+        for step in reversed(range(steps)):
+            ahead = np.minimum(found + 2.0**step, count - 2.0)
+            found = np.where(angle_at(ahead) <= angle, np.maximum(ahead, found), found)
+        return found
+
+    def down(v: Any) -> Any:
+        return number(2.0 + v)
+
+    def around(h: Any) -> Any:
+        return number(2.0 + h * columns)
+
+    v, h = interval(columns, down, vertical), interval(rows, around, horizontal)
+    s, t = (vertical - down(v)) / (down(v + 1) - down(v)), (horizontal - around(h)) / (around(h + 1) - around(h))
+
+    def along(h: Any) -> Any:
+        return (1.0 - s) * number(2.0 + h * columns + v) + s * number(2.0 + h * columns + (v + 1))
+
+    lit = (down(np.ones_like(v)) <= vertical) & (vertical <= down(columns - 1.0))
+    return np.where(lit, scale * ((1.0 - t) * along(h) + t * along(h + 1)), 0.0)
 
 
 def load_profile(file: Path, *, angle_scale: float = 0.0, normalize: bool = False) -> Profile:

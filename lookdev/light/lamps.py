@@ -58,7 +58,7 @@ FIELDS = (
     *("virtual", "power", "fade", "fade_rise"),
     *("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2"),
     *("diffuse", "specular"),
-    *("picture", "tree"),  # number of its texture, and place of its `luminance_tree` in the array of tables
+    *("picture", "tree"),  # number of its texture, and place of its `flat_tree` in the array of tables
     "spares",  # number of what it spares among `CodedRig.spared`
 )
 """The numbers of a lamp, in the order of a row."""
@@ -173,11 +173,10 @@ class CodedRig:
         tables = {}
         for each in self.emissions:
             if each.shaping and (profile := each.shaping.profile):
-                table = np.load(profile.table.path).astype(np.float64)
-                tables[profile.table.digest] = np.concatenate([np.array(table.shape), table.ravel()])
+                tables[profile.table.digest] = profile.numbers
         for light in self.pictures:
-            assert light.texture and light.tree, "it has a texture"  # noqa: PT018
-            tables[light.texture.digest] = np.concatenate([level.ravel() for level in light.tree[1:]])
+            assert light.texture and light.means, "it has a texture"  # noqa: PT018
+            tables[light.texture.digest] = light.means.values.ravel()
         return tables
 
     def _row(self, light: Lamp | AnyDome, places: dict[str, int], stand: Stand) -> list[float]:
@@ -189,7 +188,7 @@ class CodedRig:
         if light.constant:
             color = tuple(light.radiance(np.zeros(3), np.array((0.0, 0.0, 1.0))).tolist())
         if isinstance(light, LocalDome):
-            numbers, reach = [light.radius * (1.0 - light.edge), light.radius], light.radius
+            numbers, reach = [light.start, light.radius], light.radius
         elif not isinstance(light, Dome):
             kind = list(SHAPES).index(_kind(light))
             sizes = [getattr(light.shape, each.name) for each in fields(light.shape)]

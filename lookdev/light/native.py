@@ -50,15 +50,6 @@ def gap_of_placed(light: PlacedLight) -> str | None:
     return _all((*profile, *_shadow(emission), *_beyond(emission, known)))
 
 
-def gap_of_mitsuba(light: Any) -> str | None:
-    """Return what of a light the backend `mitsuba` does not show yet; None: it shows the light."""
-    emission = light.emission
-    gaps = ["a place and a radius of its image"] if light.kind == "local_dome" else []
-    gaps += ["a texture"] if getattr(light, "texture", None) else []
-    gaps += ["an IES profile"] if emission.shaping and emission.shaping.profile else []
-    return _all((*gaps, *_beyond(emission, (*_ANYWHERE, "shaping", "falloff"))))
-
-
 def gap_of_viewport(light: Any) -> str | None:
     """Return what of a light the page's viewport does not show, which leaves the light out; None: it shows the light.
 

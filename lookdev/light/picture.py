@@ -3,22 +3,26 @@
 A rectangle is divided into quadrants, `LEVELS` times. At each level a quadrant is chosen in proportion to the mean of
 the texture times the quadrant's solid angle; within the last one directions are those of `spherical_rectangle`. The
 mean is over bilinear look-ups: where it is 0, no light is sent from anywhere in the quadrant.
+
+Generated code follows `draw_cell` and `cell_density`, whose arrays may be symbolic.
 """
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.brdf.table import Table
+from lookdev.brdf.table import look_up as table_number
 from lookdev.cache import Content
 from lookdev.light.dome.environment import EnvironmentMap
 from lookdev.light.dome.files import write_exr
 from lookdev.light.plane import seen_part
 from lookdev.light.spherical_rectangle import Point, density, draw
 
-Floats = NDArray[Any]
+Floats: TypeAlias = Any
+"""An array, or a symbolic one in its place."""
 
 LEVELS = 5
 """Times that a texture is divided, to 32 x 32 cells."""
@@ -63,6 +67,11 @@ def luminance_tree(picture: Floats, levels: int = LEVELS) -> tuple[Floats, ...]:
     return tuple(tree)
 
 
+def flat_tree(tree: tuple[Floats, ...]) -> Floats:
+    """Return the means of a tree from its level 1 on, (n,), as `draw_cell` reads them."""
+    return np.concatenate([level.ravel() for level in tree[1:]])
+
+
 def _coverage(texels: int, cells: int) -> Floats:
     """Return the weights (cells, texels) of texels in the means of linear interpolation over cells."""
     edges = np.linspace(0.0, texels, cells + 1)
@@ -74,58 +83,63 @@ def _coverage(texels: int, cells: int) -> Floats:
     return np.asarray(np.diff(tent, axis=0) * cells / texels)
 
 
-def draw_cell(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, u: Floats) -> Point:
-    """Map points u (N, 2) of the unit square to points of the rectangle, for places (N, 3)."""
-    row, column = (np.zeros(len(place), np.int64) for _ in range(2))
+def draw_cell(means: Table, start: Any, place: Floats, width: Any, height: Any, u: Floats) -> Point:
+    """Map points u (..., 2) of the unit square to points of the rectangle, for places (..., 3).
+
+    The means are those of `luminance_tree` from its level 1 on, in a column of numbers from row `start` on.
+    """
     u1, u2 = u[..., 0], u[..., 1]
-    for level in range(1, len(tree)):
-        weight = _weights(tree[level], place, width, height, row, column)
-        right = weight[:, :, 1].sum(axis=1) / np.maximum(weight.sum(axis=(1, 2)), _TINY)
-        chosen, u1 = _choose(u1, right)
+    row, column = np.zeros_like(u1), np.zeros_like(u1)
+    for level in range(1, LEVELS + 1):
+        (low, low_right), (high, high_right) = _weights(means, start, level, place, width, height, row, column)
+        right = low_right + high_right
+        chosen, u1 = _choose(u1, right / np.maximum(low + high + right, _TINY))
         column = 2 * column + chosen
-        above = weight[np.arange(len(place)), :, chosen]
-        chosen, u2 = _choose(u2, above[:, 1] / np.maximum(above.sum(axis=1), _TINY))
+        above, both = np.where(chosen > 0, high_right, high), np.where(chosen > 0, right, low + high)
+        chosen, u2 = _choose(u2, above / np.maximum(both, _TINY))
         row = 2 * row + chosen
-    size = 1.0 / len(tree[-1])
-    seen = seen_part(place, width, height, column * size, row * size, size)
-    point = draw(seen, np.stack([u1, u2], axis=-1))
+    size = 1.0 / 2**LEVELS
+    point = draw(seen_part(place, width, height, column * size, row * size, size), np.stack([u1, u2], axis=-1))
     return point._replace(s=(column + point.s) * size, t=(row + point.t) * size)
 
 
-def cell_density(tree: tuple[Floats, ...], place: Floats, width: Any, height: Any, point: Point) -> Floats:
+def cell_density(means: Table, start: Any, place: Floats, width: Any, height: Any, point: Point) -> Floats:
     """Return the pdf (...) per steradian with which `draw_cell` gives points."""
-    shape = point.s.shape
-    place = np.broadcast_to(place, (*shape, 3)).reshape(-1, 3)
-    s, t, x, y = (values.ravel() for values in point)
-    cells = len(tree[-1])
-    column, row = (np.clip((f * cells).astype(np.int64), 0, cells - 1) for f in (s, t))
-    share, every = np.ones_like(s), np.arange(len(s))
-    for level in range(1, len(tree)):
-        down = len(tree) - 1 - level
-        i, j = row >> down, column >> down
-        weight = _weights(tree[level], place, width, height, i >> 1, j >> 1)
-        share = share * weight[every, i & 1, j & 1] / np.maximum(weight.sum(axis=(1, 2)), _TINY)
+    cells = 2**LEVELS
+    column, row = (np.floor(np.clip(f * cells, 0, cells - 1)) for f in (point.s, point.t))
+    share = np.ones_like(point.s)
+    for level in range(1, LEVELS + 1):
+        down = 2 ** (LEVELS - level)
+        i, j = np.floor(row / down), np.floor(column / down)
+        upper, left = np.floor(i / 2), np.floor(j / 2)
+        (low, low_right), (high, high_right) = _weights(means, start, level, place, width, height, upper, left)
+        on_right = j > 2 * left
+        chosen = np.where(i > 2 * upper, np.where(on_right, high_right, high), np.where(on_right, low_right, low))
+        share = share * chosen / np.maximum(low + low_right + high + high_right, _TINY)
     size = 1.0 / cells
     seen = seen_part(place, width, height, column * size, row * size, size)
-    part = Point(np.clip(s * cells - column, 0, 1), np.clip(t * cells - row, 0, 1), x, y)
-    return np.asarray((share * density(seen, part)).reshape(shape))
+    s, t = np.clip(point.s * cells - column, 0, 1), np.clip(point.t * cells - row, 0, 1)
+    return share * density(seen, Point(s, t, point.x, point.y))
 
 
-def _weights(means: Floats, place: Floats, width: Any, height: Any, row: Any, column: Any) -> Floats:
-    """Return the weights (N, 2, 2) of the quadrants of cells."""
-    size = 1.0 / len(means)
-    weight = np.empty((len(place), 2, 2), place.dtype)
-    for i in (0, 1):
-        for j in (0, 1):
-            r, c = 2 * row + i, 2 * column + j
-            seen = seen_part(place, width, height, c * size, r * size, size, CELL_SEGMENTS)
-            weight[:, i, j] = means[r, c] * seen.solid_angle
-    return weight
+def _weights(
+    means: Table, start: Any, level: int, place: Floats, width: Any, height: Any, row: Floats, column: Floats
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Return the weights (...) of the quadrants of cells, of two rows."""
+    side = 2**level
+    before = (side * side - 4) // 3  # the levels before have 4 + 16 + ... cells
+
+    def weight(i: int, j: int) -> Floats:
+        r, c = 2 * row + i, 2 * column + j
+        angle = seen_part(place, width, height, c / side, r / side, 1.0 / side, CELL_SEGMENTS).solid_angle
+        return table_number(means, start + (before + r * side + c), 0.0) * angle
+
+    return (weight(0, 0), weight(0, 1)), (weight(1, 0), weight(1, 1))
 
 
-def _choose(u: Floats, second: Floats) -> tuple[NDArray[np.int64], Floats]:
+def _choose(u: Floats, second: Floats) -> tuple[Floats, Floats]:
     """Choose 1 with probability `second`, else 0, and return what is left of u, again uniform."""
     first = 1 - second
     chosen = u >= first
     left = np.where(chosen, (u - first) / np.maximum(second, _TINY), u / np.maximum(first, _TINY))
-    return chosen.astype(np.int64), np.clip(left, 0, 1)
+    return np.where(chosen, 1.0, 0.0), np.clip(left, 0, 1)

@@ -10,10 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.brdf.table import Table
 from lookdev.cache import Content
 from lookdev.light.dome.files import read_exr
 from lookdev.light.emission import check_number
-from lookdev.light.picture import cell_density, draw_cell, look_up, luminance_tree
+from lookdev.light.picture import cell_density, draw_cell, flat_tree, look_up, luminance_tree
 from lookdev.light.placed import EXAMPLE_AXES, EXAMPLE_EMISSION, PlacedLight
 from lookdev.light.plane import meet_plane, plane_angle, seen_part, towards_plane
 from lookdev.light.shape import FAR, cone_about
@@ -44,6 +45,22 @@ class Rectangle:
 
     def cone(self, place: Any) -> tuple[Any, Any]:
         return cone_about(place, np.sqrt(self.width * self.width + self.height * self.height) / 2)
+
+
+@dataclass(frozen=True)
+class Picture(Rectangle):
+    """The `Shape` of a rectangle with a texture, which is sampled by its `means` (`flat_tree`) from `start` on."""
+
+    means: Table
+    start: Any = 0.0
+
+    def pdf(self, place: Any, direction: Any) -> Any:
+        distance, point = meet_plane(place, direction, self.width, self.height)
+        drawn = cell_density(self.means, self.start, place, self.width, self.height, point)
+        return np.where(distance < FAR, drawn, 0)
+
+    def sample(self, place: Any, u: Any) -> Any:
+        return towards_plane(place, draw_cell(self.means, self.start, place, self.width, self.height, u))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,23 +105,22 @@ class RectLight(PlacedLight):
         return None if self.texture is None else read_exr(self.texture.path, "RGB").astype(np.float64)
 
     @cached_property
-    def tree(self) -> tuple[Floats, ...] | None:
-        """Means over quadrants of quadrants of the texture, by which directions are drawn: `luminance_tree`."""
-        return None if self.picture is None else luminance_tree(self.picture)
+    def means(self) -> Table | None:
+        """Means over quadrants of quadrants of the texture, by which directions are drawn: `flat_tree`, a column."""
+        return None if self.picture is None else Table(flat_tree(luminance_tree(self.picture))[:, None])
 
     def _sent(self, place: Floats, direction: Floats) -> Floats | float:
         if self.picture is None:
             return 1.0
         _, point = meet_plane(place, direction, self.width, self.height)
-        return look_up(self.picture, 1.0 - point.s, 1.0 - point.t)
+        return np.asarray(look_up(self.picture, 1.0 - point.s, 1.0 - point.t))
 
     def _pdf(self, place: Floats, direction: Floats) -> Floats:
-        if self.tree is None:
+        if self.means is None:
             return super()._pdf(place, direction)
-        distance, point = meet_plane(place, direction, self.width, self.height)
-        return np.where(distance < FAR, cell_density(self.tree, place, self.width, self.height, point), 0.0)
+        return np.asarray(Picture(self.width, self.height, self.means).pdf(place, direction))
 
     def _sample(self, place: Floats, u: Floats) -> Floats:
-        if self.tree is None:
+        if self.means is None:
             return super()._sample(place, u)
-        return np.asarray(towards_plane(place, draw_cell(self.tree, place, self.width, self.height, u)))
+        return np.asarray(Picture(self.width, self.height, self.means).sample(place, u))

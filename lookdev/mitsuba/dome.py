@@ -16,13 +16,14 @@ from lookdev.mitsuba import sobol
 class DomeLight:
     """The map of a dome light in a variant's arrays, multiplied by the light's colour if `colored`.
 
-    Directions are by its own axes. A map that is the same all around needs no tables: then `sampled` is false.
+    Directions are by its own axes. A map that is the same all around needs no tables, unless it is `local`: then
+    `sampled` is false.
     """
 
-    def __init__(self, mi: Any, dome: Dome, *, colored: bool = True) -> None:
+    def __init__(self, mi: Any, dome: Dome, *, colored: bool = True, local: bool = False) -> None:
         self._mi = mi
         self.number = mi.Float
-        self.sampled = dome.slots_file is not None and not dome.constant
+        self.sampled = dome.slots_file is not None and not (dome.constant and not local)
         texels = np.zeros((dome.height, dome.width, 4), np.float32)
         color = dome.emission.color if colored else (1.0, 1.0, 1.0)
         texels[..., :3] = read_exr(dome.radiance_file.path, "RGB") * np.asarray(color, np.float32)
@@ -69,11 +70,21 @@ class DomeLight:
         numbers = dr.gather(mi.Vector2f, self._bins, number)
         return NormalBin(self, number, mi.Vector3f(sine * c, sine * s, cosine), numbers.x, numbers.y)
 
+    @property
+    def all_around(self) -> NormalBin:
+        """The bin of directions from everywhere, for places that have no normal."""
+        mi = self._mi
+        numbers = dr.gather(mi.Vector2f, self._bins, mi.UInt32(bins.COUNT))
+        return NormalBin(self, mi.UInt32(bins.COUNT), None, numbers.x, numbers.y)
+
 
 class NormalBin:
-    """A bin of normals: its number and axis, 1 / integral, and M / sum(g) (`lookdev.light.dome.slots`)."""
+    """A bin of normals: its number and axis, 1 / integral, and M / sum(g) (`lookdev.light.dome.slots`).
 
-    def __init__(self, light: DomeLight, number: Any, axis: Any, scale: Any, share: Any) -> None:
+    That of directions from everywhere has no axis.
+    """
+
+    def __init__(self, light: DomeLight, number: Any, axis: Any | None, scale: Any, share: Any) -> None:
         self._light = light
         self._number = number
         self._axis = axis
@@ -118,6 +129,8 @@ class NormalBin:
         return w, color, dr.select(code > 0, ratio, 0.0)
 
     def _widened(self, w: Any) -> Any:
+        if self._axis is None:
+            return 1.0
         cosine = dr.dot(w, self._axis)
         near, far = math.cos(bins.RADIUS), math.sin(bins.RADIUS)
         turned = near * cosine + far * dr.safe_sqrt(1.0 - cosine * cosine)

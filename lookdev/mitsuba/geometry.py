@@ -23,14 +23,14 @@ MOST_TRIANGLES = 40_000_000
 
 
 class Geometry:
-    """Triangles in metres about the asset's centre, in a variant's arrays; `looks` are the numbers of the slots' looks.
+    """Triangles in metres about the asset's centre, in a variant's arrays, which wear nothing yet (`dress`).
 
     `scene` is Mitsuba's, of one mesh: the index of a primitive is that of a triangle.
     """
 
-    def __init__(self, mi: Any, asset: Asset, looks: Sequence[int]) -> None:
+    def __init__(self, mi: Any, asset: Asset) -> None:
         self._mi = mi
-        self._asset = asset
+        self.asset = asset
         self.center = np.array(asset.center)
         split = [corner_triangles(mesh) for mesh in asset.meshes]
         count = sum(len(split[each.mesh][1]) for each in asset.instances)
@@ -42,12 +42,12 @@ class Geometry:
         starts = np.cumsum([0, *(len(asset.meshes[each.mesh].corner_points) for each in asset.instances)])
         points = [_placed(asset.meshes[each.mesh].points, each.matrix) - self.center for each in asset.instances]
         first = np.cumsum([0, *map(len, points)])
-        vertices, corners, worn, hands = [], [], [], []
+        vertices, corners, slots, hands = [], [], [], []
         for number, instance in enumerate(asset.instances):
             mesh, (triangles, faces) = asset.meshes[instance.mesh], split[instance.mesh]
             vertices.append(mesh.corner_points[triangles] + first[number])
             corners.append(triangles + starts[number])
-            worn.append(np.asarray(looks)[mesh.face_slots[faces]])
+            slots.append(mesh.face_slots[faces])
             hands.append(np.full(len(faces), np.sign(np.linalg.det(instance.matrix[:3, :3]))))
         position = np.concatenate(points).astype(np.float32)
         index = np.concatenate(vertices)
@@ -57,8 +57,10 @@ class Geometry:
         index, sides, facets = index[kept], sides[kept], facets[kept]
         self._facets = mi.Float((facets / np.linalg.norm(facets, axis=-1, keepdims=True)).astype(np.float32).ravel())
         self._corners = mi.UInt32(np.concatenate(corners)[kept].astype(np.uint32).ravel())
-        self._worn = mi.UInt32(np.concatenate(worn)[kept].astype(np.uint32))
+        self._slots = np.concatenate(slots)[kept]
         self._hands = mi.Float(np.concatenate(hands)[kept].astype(np.float32))
+        sizes = [len(split[each.mesh][1]) for each in asset.instances]
+        self._instances = mi.UInt32(np.repeat(np.arange(len(sizes), dtype=np.uint32), sizes)[kept])
         self._lifts = mi.Float((LIFT * np.linalg.norm(sides, axis=-1).max(axis=-1)).astype(np.float32))
         self._position = mi.Float(position.ravel())
         self._index = mi.UInt32(index.astype(np.uint32).ravel())
@@ -66,12 +68,32 @@ class Geometry:
             lambda i, mesh: _unit(mesh.normals.astype(np.float64) @ np.linalg.inv(asset.instances[i].matrix[:3, :3])), 3
         )
         self._carried: dict[AttributeBinding, Any] = {}
-        mesh = mi.Mesh("asset", len(position), len(index))
+        self._vertices = index
+        self.scene = self._scene(index)
+        self._casting: dict[tuple[int, ...], Any] = {}
+
+    def dress(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
+        """Set the numbers of the slots' looks, and those of their groups, of which a light may spare some."""
+        self._worn = self._mi.UInt32(np.asarray(looks)[self._slots].astype(np.uint32))
+        self._groups = np.asarray(groups)[self._slots] if groups else self._slots
+        self._casting = {(): self.scene}
+
+    def _scene(self, index: NDArray[Any]) -> Any:
+        mi = self._mi
+        if not len(index):
+            return mi.load_dict({"type": "scene"})
+        mesh = mi.Mesh("asset", len(self._position) // 3, len(index))
         parameters = mi.traverse(mesh)
         parameters["vertex_positions"] = self._position
-        parameters["faces"] = self._index
+        parameters["faces"] = mi.UInt32(index.astype(np.uint32).ravel())
         parameters.update()
-        self.scene = mi.load_dict({"type": "scene", "asset": mesh})
+        return mi.load_dict({"type": "scene", "asset": mesh})
+
+    def casting(self, spared: tuple[int, ...]) -> Any:
+        """Return the scene of the parts that cast shadows of lights that spare some groups."""
+        if spared not in self._casting:
+            self._casting[spared] = self._scene(self._vertices[~np.isin(self._groups, spared)])
+        return self._casting[spared]
 
     def attribute(self, binding: AttributeBinding) -> Any:
         """Return an attribute of all corners, with 1, 2 or 3 numbers each; raises AssetError where a mesh lacks it."""
@@ -83,7 +105,7 @@ class Geometry:
     def _read(self, binding: AttributeBinding, number: int, mesh: Mesh) -> NDArray[Any]:
         if binding.attribute == TANGENT:
             (tangents,) = tangents_of([mesh])
-            return tangents @ self._asset.instances[number].matrix[:3, :3].T
+            return tangents @ self.asset.instances[number].matrix[:3, :3].T
         if binding.attribute == HANDEDNESS:
             return handedness(mesh)
         found = (mesh.uvs if binding.kind == "uv" else mesh.primvars).get(binding.attribute)
@@ -94,12 +116,30 @@ class Geometry:
         return np.broadcast_to(np.array(binding.fallback), (len(mesh.corner_points), len(binding.fallback)))
 
     def _over_corners(self, read: Callable[[int, Mesh], NDArray[Any]], width: int) -> Any:
-        rows = [read(i, self._asset.meshes[each.mesh]) for i, each in enumerate(self._asset.instances)]
+        rows = [read(i, self.asset.meshes[each.mesh]) for i, each in enumerate(self.asset.instances)]
         return self._mi.Float(np.concatenate([row.reshape(-1, width) for row in rows]).astype(np.float32).ravel())
 
     def worn(self, triangle: Any) -> Any:
         """Return the number of the look of a triangle."""
         return dr.gather(self._mi.UInt32, self._worn, triangle)
+
+    def first_hit(self, ray: Any, active: Any = True) -> tuple[Any, Any, Any, Any]:
+        """Return triangles, 0 where none is hit, barycentric coordinates, which rays hit any, and how far."""
+        found = self.scene.ray_intersect_preliminary(ray, coherent=True, active=active)
+        hit = found.is_valid()
+        return dr.select(hit, found.prim_index, 0), found.prim_uv, hit, found.t
+
+    def instance(self, triangle: Any) -> Any:
+        """Return the number of the instance that has a triangle."""
+        return dr.gather(self._mi.UInt32, self._instances, triangle)
+
+    def first_uv(self) -> Any:
+        """Return the first UV set of each mesh, of all corners; 0 where there is none."""
+
+        def read(number: int, mesh: Mesh) -> NDArray[Any]:
+            return next(iter(mesh.uvs.values()), np.zeros((len(mesh.corner_points), 2), np.float32))
+
+        return self._over_corners(read, 2)
 
     def at(self, triangle: Any, uv: Any, active: Any) -> Hit:
         """Return what is interpolated at barycentric coordinates of triangles."""
@@ -136,6 +176,10 @@ class Hit:
     def lift(self) -> Any:
         """How far above its facet a ray leaves, as `lookdev.scene.shading.LIFT`."""
         return dr.gather(self._geometry._mi.Float, self._geometry._lifts, self._triangle, self._active)
+
+    @property
+    def first_uv(self) -> Any:
+        return self._mean(self._geometry.first_uv(), self._geometry._corners, 2)
 
     def attribute(self, binding: AttributeBinding) -> Any:
         width = {"uv": 2, "float": 1}.get(binding.kind, 3)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import drjit as dr
 import numpy as np
 
 from lookdev.codegen import ImageBinding
 from lookdev.errors import RenderError
+
+Image: TypeAlias = tuple[Any, int, int]
+"""Texels of four channels in a variant's array, width and height."""
 
 
 class Images:
@@ -18,7 +21,7 @@ class Images:
     def __init__(self, mi: Any, binding: ImageBinding) -> None:
         self._mi = mi
         self._binding = binding
-        self._tiles = {number: _read(mi, file.path) for number, file in binding.files.items()}
+        self._tiles = {number: read_image(mi, file.path) for number, file in binding.files.items()}
 
     def texels(self, uv: Any, active: Any) -> tuple[Any, Any, Any, Any]:
         """Return the four channels at coordinates of the UV set; without a tile there, all are 0."""
@@ -26,7 +29,7 @@ class Images:
         m = binding.transform
         s, t = (m[k] * uv.x + m[k + 1] * uv.y + m[k + 2] for k in (0, 3))
         if 0 in self._tiles:
-            texels = self._bilinear(self._tiles[0], s, t, binding.wrap_s, binding.wrap_t, active)
+            texels = bilinear(self._mi, self._tiles[0], s, t, binding.wrap_s, binding.wrap_t, active)
             signs = _slope(s, binding.wrap_s), _slope(t, binding.wrap_t)
         else:
             # Tile 1001 + i + 10 j has s in [i, i + 1) and t in [j, j + 1).
@@ -34,25 +37,26 @@ class Images:
             texels, signs = self._mi.Vector4f(0.0), (1.0, 1.0)
             for number, tile in self._tiles.items():
                 here = (i == (number - 1001) % 10) & (j == (number - 1001) // 10)
-                found = self._bilinear(tile, s - i, t - j, "clamp", "clamp", active & here)
+                found = bilinear(self._mi, tile, s - i, t - j, "clamp", "clamp", active & here)
                 texels = dr.select(here, found, texels)
         if binding.slopes:
             return texels.x * signs[0], texels.y * signs[1], texels.z, texels.w
         return texels.x, texels.y, texels.z, texels.w
 
-    def _bilinear(self, tile: tuple[Any, int, int], s: Any, t: Any, wrap_s: str, wrap_t: str, active: Any) -> Any:
-        mi = self._mi
-        texels, width, height = tile
-        x, y = s * width - 0.5, (1.0 - t) * height - 0.5
-        i, j = dr.floor(x), dr.floor(y)
-        total = mi.Vector4f(0.0)
-        for dy, weight_y in ((0, 1.0 - (y - j)), (1, y - j)):
-            row, inside_y = _wrapped(mi, j + dy, height, wrap_t)
-            for dx, weight_x in ((0, 1.0 - (x - i)), (1, x - i)):
-                column, inside_x = _wrapped(mi, i + dx, width, wrap_s)
-                inside = active & inside_x & inside_y
-                total += weight_x * weight_y * dr.gather(mi.Vector4f, texels, row * width + column, inside)
-        return total
+
+def bilinear(mi: Any, image: Image, s: Any, t: Any, wrap_s: str, wrap_t: str, active: Any) -> Any:
+    """Return the four channels of an image at coordinates, (0, 0) lower left."""
+    texels, width, height = image
+    x, y = s * width - 0.5, (1.0 - t) * height - 0.5
+    i, j = dr.floor(x), dr.floor(y)
+    total = mi.Vector4f(0.0)
+    for dy, weight_y in ((0, 1.0 - (y - j)), (1, y - j)):
+        row, inside_y = _wrapped(mi, j + dy, height, wrap_t)
+        for dx, weight_x in ((0, 1.0 - (x - i)), (1, x - i)):
+            column, inside_x = _wrapped(mi, i + dx, width, wrap_s)
+            inside = active & inside_x & inside_y
+            total += weight_x * weight_y * dr.gather(mi.Vector4f, texels, row * width + column, inside)
+    return total
 
 
 def _wrapped(mi: Any, place: Any, size: int, wrap: str) -> tuple[Any, Any]:
@@ -78,8 +82,8 @@ def _slope(place: Any, wrap: str) -> Any:
     return dr.select((place < 0.0) | (place > 1.0), 0.0, 1.0) if wrap == "clamp" else 1.0
 
 
-def _read(mi: Any, path: Path) -> tuple[Any, int, int]:
-    """Read the linear RGBA of `lookdev.material.textures`, row 0 at the top."""
+def read_image(mi: Any, path: Path) -> Image:
+    """Read the linear RGBA of `lookdev.material.textures`, or the RGB of a light's texture, row 0 at the top."""
     import OpenImageIO as oiio  # not at the top: looks without textures start sooner
 
     image = oiio.ImageInput.open(str(path))
@@ -90,4 +94,6 @@ def _read(mi: Any, path: Path) -> tuple[Any, int, int]:
     finally:
         image.close()
     height, width = pixels.shape[:2]
+    if pixels.shape[2] == 3:
+        pixels = np.concatenate([pixels, np.ones((height, width, 1), np.float32)], axis=-1)
     return mi.Float(pixels.ravel()), width, height

@@ -8,18 +8,18 @@ in `lookdev/shaders/surface.osl`. Directions of all samples of a pixel are one s
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import drjit as dr
-import numpy as np
-from numpy.typing import NDArray
 
+from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.lights import Lighting, Lights
-from lookdev.mitsuba.surface import Looks, Surface
+from lookdev.mitsuba.lights import Arriving, Lighting, Lights
+from lookdev.mitsuba.surface import Looks, Response, Surface
 from lookdev.render.adaptive import Region
 from lookdev.scene import Camera, Pose
 
@@ -87,6 +87,18 @@ class View:
             origin, direction = origin + within, direction - within / self.focus
         return mi.Ray3f(origin + self.near * direction, dr.normalize(direction))
 
+    def seen(self, mi: Any, geometry: Geometry, pixel: Any, index: Any, place: Any) -> tuple[Any, Any, Any, Any, Any]:
+        """Return triangles, barycentric coordinates and rays of samples of pixels, which hit any, and how far.
+
+        `index` is the number of a sample, `place` scrambles those of a pixel.
+        """
+        u, v = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x9E3779B9))
+        on_lens = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x7F4A7C15)) if self.aperture > 0.0 else (0.0, 0.0)
+        row = pixel // self.width
+        ray = self.rays(mi, mi.Float(pixel - row * self.width) + u, mi.Float(row) + v, *on_lens)
+        triangle, uv, hit, distance = geometry.first_hit(ray)
+        return triangle, uv, ray, hit, distance
+
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
@@ -103,10 +115,23 @@ class Rectangle:
 
 
 class Estimator:
-    """A scene: geometry, looks and lights."""
+    """A scene: geometry, looks and lights.
+
+    Besides the beauty it records parts of it: what the first hit reflects by each of some `groups` of lobes, and, if
+    `direct`, of lights.
+    """
 
     def __init__(
-        self, mi: Any, geometry: Geometry, looks: Looks, light: Lights, counts: Counts, bounces: int, shadows: bool
+        self,
+        mi: Any,
+        geometry: Geometry,
+        looks: Looks,
+        light: Lights,
+        counts: Counts,
+        bounces: int,
+        shadows: bool,
+        groups: Sequence[str] = (),
+        direct: bool = False,
     ) -> None:
         self._mi = mi
         self._geometry = geometry
@@ -115,53 +140,38 @@ class Estimator:
         self._counts = counts
         self._bounces = bounces
         self._shadows = shadows
+        self._groups, self._direct = groups, direct
 
-    def pixels(self, view: View, rectangle: Rectangle, count: int, seed: Any, first: Any, shift: Any) -> Any:
-        """Return the three channels of radiance, and the coverage, of `count` samples of pixels, not yet evaluated.
+    def pixels(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> list[Any]:
+        """Return the channels of radiance, coverage, and the channels of each part, of samples of pixels.
+
+        `lane` are the numbers of the samples, from 0 on. Results are not yet evaluated.
 
         `first` is the number of the first of the pixels in a rectangle, whose samples follow each other, and `shift`
         the logarithm of the samples of each: inputs of the kernel.
         """
         mi = self._mi
-        lane = dr.arange(mi.UInt32, count)
         number = first + (lane >> shift)
         row = number // rectangle.width
         pixel = (rectangle.top + row) * view.width + rectangle.left + number - row * rectangle.width
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
-        triangle, uv, ray, hit = self._seen(view, pixel, index, place)
-        radiance, cover = self._reflected(triangle, uv, -ray.d, hit, view.turns, index, place)
-        return radiance.x, radiance.y, radiance.z, cover
-
-    def guides(self, view: View, samples: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """Return the mean albedos and normals (P, 3) of all pixels, by a power of two of samples of each."""
-        mi = self._mi
-        lane = dr.arange(mi.UInt32, view.width * view.height * samples)
-        pixel = lane // samples
-        place = sobol.hashed(pixel)
-        triangle, uv, ray, hit = self._seen(view, pixel, lane & (samples - 1), place)
-        surface = Surface(self._looks, triangle, uv, -ray.d, hit)
-        guides = [dr.select(hit, each, 0.0) for each in surface.guide()]
-        dr.eval(guides)
-        albedo, normal = (
-            np.stack([np.array(dr.block_sum(component, samples)) for component in each], axis=-1) / samples
-            for each in guides
-        )
-        return albedo.astype(np.float32), normal.astype(np.float32)
-
-    def _seen(self, view: View, pixel: Any, index: Any, place: Any) -> tuple[Any, Any, Any, Any]:
-        """Return triangles, barycentric coordinates and rays of samples of pixels, and which hit any."""
-        mi = self._mi
-        u, v = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x9E3779B9))
-        on_lens = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x7F4A7C15)) if view.aperture > 0.0 else (0.0, 0.0)
-        row = pixel // view.width
-        ray = view.rays(mi, mi.Float(pixel - row * view.width) + u, mi.Float(row) + v, *on_lens)
-        found = self._geometry.scene.ray_intersect_preliminary(ray, coherent=True)
-        return found.prim_index, found.prim_uv, ray, found.is_valid()
+        triangle, uv, ray, hit, distance = view.seen(mi, self._geometry, pixel, index, place)
+        before, hidden = mi.Color3f(0.0), mi.Bool(False)
+        if self._light.shown:
+            before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
+        shown = hit & ~hidden
+        radiance, cover, parts = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
+        radiance += before
+        if self._light.shown:
+            cover = dr.select(hit & hidden, 1.0, cover)
+            # What the camera sees of lights came from there, by no lobe: the last part has it.
+            parts = [*parts[:-1], parts[-1] + before] if self._direct else parts
+        return [*radiance, cover, *(channel for part in parts for channel in part)]
 
     @dr.syntax
     def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, place: Any) -> Any:
-        """Return the radiance that comes back from triangles along directions, and how much of them is covered."""
+        """Return the radiance that comes back from triangles along directions, how much is covered, and the parts."""
         mi = self._mi
         radiance = mi.Color3f(0.0)
         throughput = mi.Color3f(1.0)
@@ -169,6 +179,9 @@ class Estimator:
         active = mi.Bool(active)
         cover = dr.select(active, mi.Float(1.0), 0.0)
         straight = mi.Bool(active)
+        parts = [mi.Color3f(0.0) for _ in range(len(self._groups) + self._direct)]
+        # Of a path after its first reflection: what of its throughput is of each group, by channels.
+        shares = [mi.Color3f(0.0) for _ in self._groups]
         while active:
             surface = Surface(self._looks, triangle, uv, viewer, active)
             seed = sobol.hashed(place + depth)
@@ -177,12 +190,13 @@ class Estimator:
             lit = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
             lighting = self._light.at(surface, turns, lit, self._looks.transmits)
             onward = depth < self._bounces
+            record = _Record(throughput, straight, shares)
 
-            direct, passed, share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_straight = self._follow(
-                surface, lighting, active, straight, onward, seed ^ index
-            )
-            radiance += throughput * direct
+            path, found, passed = self._follow(surface, lighting, record, active, onward, seed ^ index)
+            radiance += found[0]
+            parts = _sums(parts, found[1:])
             cover -= dr.mean(throughput) * passed
+            share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_straight, chosen_shares = path
 
             # Directions of the BSDF.
             k = mi.UInt32(0)
@@ -190,15 +204,18 @@ class Estimator:
                 number = index * drawn + k
                 u1, u2 = sobol.points(mi.Float, number, seed)
                 wi = surface.draw(u1, u2, active)
-                value, pdf = surface.respond(wi, active)
+                response, pdf = surface.respond(wi, active, self._light.split, self._groups)
                 w = surface.to_world(wi)
-                met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (pdf > 0.0)
+                met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE) & (pdf > 0.0)
                 density = mi.Float(drawn) * pdf
                 blocked, occluder, other, other_uv = self._trace(surface, w, met)
-                arriving = lighting.arriving(w, density, 1.0, occluder, met)
-                radiance += dr.select(met, throughput * value * arriving, 0.0)
+                occluders = self._occluders(surface, w, occluder, blocked)
+                arriving = lighting.arriving(w, density, 1.0, occluders, met, straight=False)
+                found = self._recorded(record, response, arriving, met)
+                radiance += found[0]
+                parts = _sums(parts, found[1:])
                 # Weighted reservoir: each hit is kept with probability proportional to its luminance.
-                weight = dr.select(met & blocked & onward, value / density, 0.0)
+                weight = dr.select(met & blocked & onward, response.value / density, 0.0)
                 size = dr.mean(weight)
                 share += size
                 kept = (size > 0.0) & (
@@ -209,9 +226,12 @@ class Estimator:
                 chosen_uv = dr.select(kept, other_uv, chosen_uv)
                 chosen_ray = dr.select(kept, -w, chosen_ray)
                 chosen_straight &= ~kept
+                chosen_shares = dr.select(kept & straight, response.shares(), chosen_shares)
                 k += 1
 
-            radiance += throughput * self._from_light(surface, lighting, index, drawn, lit, seed, active)
+            found = self._from_light(surface, lighting, record, index, drawn, lit, seed, active)
+            radiance += found[0]
+            parts = _sums(parts, found[1:])
 
             throughput *= chosen * share
             # Russian roulette: paths of little throughput end, and others stand for them.
@@ -220,45 +240,80 @@ class Estimator:
             throughput = dr.select(lucky, throughput / survival, 0.0)
             active &= onward & lucky & (share > 0.0)
             triangle, uv, viewer, straight = chosen_triangle, chosen_uv, chosen_ray, chosen_straight
+            shares = chosen_shares
             depth += 1
-        return radiance, cover
+        return radiance, cover, parts
 
     @dr.syntax
     def _from_light(
-        self, surface: Surface, lighting: Lighting, index: Any, drawn: Any, lit: Any, seed: Any, active: Any
+        self,
+        surface: Surface,
+        lighting: Lighting,
+        record: _Record,
+        index: Any,
+        drawn: Any,
+        lit: Any,
+        seed: Any,
+        active: Any,
     ) -> Any:
-        """Return the part of reflected light that directions drawn from the light find."""
+        """Return what directions drawn from the light find, as `_recorded`."""
         mi = self._mi
-        radiance = mi.Color3f(0.0)
+        total = [mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct)]
         if self._light.sampled:
             j = mi.UInt32(0)
             while active & (j < lit):
-                w, arriving, distance, density = lighting.draw(index, j, seed, active)
+                w, arriving, distance, density, controls = lighting.draw(index, j, seed, active)
                 wi = surface.to_local(w)
-                value, pdf = surface.respond(wi, active)
-                met = active & self._agree(surface, wi, w) & (dr.max(value) > _NEGLIGIBLE) & (dr.max(arriving) > 0.0)
-                met &= ~self._occluded(surface, w, distance, met)
-                radiance += dr.select(met, value * arriving / (mi.Float(drawn) * pdf + density), 0.0)
+                response, pdf = surface.respond(wi, active, self._light.split, self._groups)
+                met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
+                met &= dr.max(arriving) > 0.0
+                specular, diffuse = self._passed(surface, w, distance, controls, met)
+                weight = arriving / (mi.Float(drawn) * pdf + density)
+                total = _sums(total, self._recorded(record, response, (weight * specular, weight * diffuse), met))
                 j += 1
-        return radiance
+        return total
 
-    def _follow(self, surface: Surface, lighting: Lighting, active: Any, straight: Any, onward: Any, seed: Any) -> Any:
+    def _recorded(self, record: _Record, response: Response, arriving: Arriving, active: Any) -> list[Any]:
+        """Return what is reflected of light, and each part of that: as lobes of groups do, and of lights directly."""
+        whole = dr.select(active, record.throughput * response.to(arriving), 0.0)
+        return [
+            whole,
+            *self._parts(record, whole, [record.throughput * e for e in response.parts_to(arriving)], active),
+        ]
+
+    def _parts(self, record: _Record, whole: Any, of_first: list[Any], active: Any) -> list[Any]:
+        found = [
+            dr.select(active, dr.select(record.straight, here, share * whole), 0.0)
+            for here, share in zip(of_first, record.shares, strict=True)
+        ]
+        return [*found, dr.select(record.straight, whole, 0.0)] if self._direct else found
+
+    def _follow(
+        self, surface: Surface, lighting: Lighting, record: _Record, active: Any, onward: Any, seed: Any
+    ) -> tuple[Any, Any, Any]:
         """Follow single directions: no direction of the light is ever one of them.
 
-        Where the surface is absent, a path goes straight on, from the camera to a black background. Returns the light
-        that comes back and how much of the background is seen; and of a path onward the sum of weights, its own weight
-        over that, triangle, coordinates, direction back, and whether it is still straight from the camera.
+        Where the surface is absent, a path goes straight on, from the camera to a black background. Returns a path
+        onward: the sum of weights, its own weight over that, triangle, coordinates, direction back, whether it is still
+        straight from the camera, and the shares of groups. Then the light that comes back, as `_recorded`, and how much
+        of the background is seen.
         """
         mi = self._mi
-        direct, passed, share = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
+        passed, share = mi.Float(0.0), mi.Float(0.0)
+        found = [mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct)]
         chosen = (mi.Color3f(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer))
         chosen_straight = mi.Bool(False)
-        for number, (w, weight, passes) in enumerate(self._singles(surface)):
+        chosen_shares = [mi.Color3f(each) for each in record.shares]
+        for number, (w, weight, group, passes) in enumerate(self._singles(surface)):
             met = active & (dr.max(weight) > 0.0)
             blocked, occluder, triangle, uv = self._trace(surface, w, met)
-            unseen = straight & passes
+            occluders = self._occluders(surface, w, occluder, blocked)
+            unseen = record.straight & passes
             lit = met & ~unseen
-            direct += dr.select(lit, weight * lighting.arriving(w, self._mi.Float(1.0), 0.0, occluder, lit), 0.0)
+            specular, _ = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
+            whole = dr.select(lit, record.throughput * weight * specular, 0.0)
+            ones = [dr.select(group == LOBE_GROUPS.index(name), mi.Color3f(1.0), 0.0) for name in self._groups]
+            found = _sums(found, [whole, *self._parts(record, whole, [one * whole for one in ones], lit)])
             passed += dr.select(met & ~blocked & unseen, weight.x, 0.0)
             size = dr.select(met & blocked & onward, dr.mean(weight), 0.0)
             share += size
@@ -266,17 +321,19 @@ class Estimator:
             kept = (size > 0.0) & (lot * share < size)
             chosen = dr.select(kept, (weight / size, triangle, uv, -w), chosen)
             chosen_straight = dr.select(kept, unseen, chosen_straight)
-        return direct, passed, share, *chosen, chosen_straight
+            chosen_shares = dr.select(kept & record.straight & ~unseen, ones, chosen_shares)
+        return (share, *chosen, chosen_straight, chosen_shares), found, passed
 
-    def _singles(self, surface: Surface) -> list[tuple[Any, Any, bool]]:
-        """Return directions of the world, what light from there is multiplied by, and whether they pass unchanged."""
-        found = []
+    def _singles(self, surface: Surface) -> list[tuple[Any, Any, Any, bool]]:
+        """Return directions of the world, what light from there is multiplied by, groups, and whether they pass."""
+        found: list[tuple[Any, Any, Any, bool]] = []
         for number in range(self._looks.deltas):
-            wi, value = surface.delta(number)
+            wi, value, group = surface.delta(number)
             w = surface.to_world(wi)
-            found.append((w, dr.select(self._agree(surface, wi, w), value, 0.0), False))
+            found.append((w, dr.select(self._agree(surface, wi, w), value, 0.0), group, False))
         if self._looks.see_through:
-            found.append((-surface.viewer, self._mi.Color3f(1.0 - surface.presence()), True))
+            absent = self._mi.Color3f(1.0 - surface.presence())
+            found.append((-surface.viewer, absent, self._mi.Float(-1.0), True))
         return found
 
     def _agree(self, surface: Surface, wi: Any, w: Any) -> Any:
@@ -298,9 +355,45 @@ class Estimator:
         hit = found.is_valid()
         return hit, dr.select(hit, found.t, FAR), found.prim_index, found.prim_uv
 
-    def _occluded(self, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
+    def _occluders(self, surface: Surface, w: Any, occluder: Any, blocked: Any) -> list[Any]:
+        """Return how far occluders are, by what lights spare, where the first hit of any is known."""
+        found = []
+        for which, spared in enumerate(self._light.spared):
+            far = self._mi.Float(FAR)
+            found.append(self._occluder(which, surface, w, far, blocked) if spared else occluder)
+        return found
+
+    def _passed(self, surface: Surface, w: Any, distance: Any, controls: tuple[Any, ...], active: Any) -> Arriving:
+        """Return the shares of lights at a distance that pass what occludes them."""
+        occluders = [
+            self._occluder(which, surface, w, distance, active & self._light.spares(controls, which))
+            for which in range(len(self._light.spared))
+        ]
+        return self._light.let(controls, distance, occluders)
+
+    def _occluder(self, which: int, surface: Surface, w: Any, distance: Any, active: Any) -> Any:
+        """Return how far the first occluder of the lights is that spare a set of parts; `FAR` if beyond a distance."""
+        mi = self._mi
         if not self._shadows:
-            return self._mi.Bool(False)
+            return mi.Float(FAR)
         ray = self._ray(surface, w)
         ray.maxt = distance
-        return self._geometry.scene.ray_test(ray, coherent=False, active=active)
+        scene = self._geometry.casting(self._light.spared[which])
+        if not self._light.shadowed and len(self._light.spared) == 1:
+            return dr.select(scene.ray_test(ray, coherent=False, active=active), mi.Float(0.0), FAR)
+        found = scene.ray_intersect_preliminary(ray, coherent=False, active=active)
+        return dr.select(found.is_valid(), found.t, FAR)
+
+
+class _Record:
+    """A path where it has come to: throughput, whether straight from the camera, else what of it is of each group.
+
+    It is no dataclass: those are state of Dr.Jit's loops, which a record does not change in.
+    """
+
+    def __init__(self, throughput: Any, straight: Any, shares: list[Any]) -> None:
+        self.throughput, self.straight, self.shares = throughput, straight, shares
+
+
+def _sums(one: list[Any], other: list[Any]) -> list[Any]:
+    return [a + b for a, b in zip(one, other, strict=True)]

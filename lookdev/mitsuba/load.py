@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any
 
 from lookdev.errors import RenderError
-from lookdev.render.llvm import VARIABLE, find_llvm
+from lookdev.render.llvm import VARIABLE, check_device, find_llvm
 from lookdev.render.threads import given_threads
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
@@ -18,6 +18,7 @@ VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 @cache
 def load_mitsuba(device: str) -> Any:
     """Return Mitsuba, in the variant of a device; raises RenderError where that cannot be."""
+    check_device(device)
     if device == "cpu":
         os.environ[VARIABLE] = find_llvm()
     mi: Any = importlib.import_module("mitsuba")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,12 +15,16 @@ from numpy.typing import NDArray
 
 from lookdev.asset import read_asset
 from lookdev.codegen import ProgramSource
+from lookdev.codegen.source import LOBE_GROUPS
+from lookdev.errors import RenderError
+from lookdev.mitsuba.frozen import held_arrays, nothing_freed
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
-from lookdev.mitsuba.lights import lights_of
+from lookdev.mitsuba.passes import CENTRAL, Features
+from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
 from lookdev.render.adaptive import Region
-from lookdev.render.frame import FEATURE_SAMPLES, Denoiser, Image, Progress, RenderedFrame, render_halves
+from lookdev.render.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
@@ -35,20 +39,36 @@ _MOST_SAMPLES = 1 << 24  # of a launch: four numbers of each are stored
 
 
 class MitsubaScene:
-    """A scene task in a variant's arrays."""
+    """A scene task in a variant's arrays; of the scene `before`, which is not rendered any more, it keeps the asset."""
 
-    def __init__(self, mi: Any, task: SceneTask) -> None:
+    def __init__(self, mi: Any, task: SceneTask, before: MitsubaScene | None = None) -> None:
         self._mi = mi
         self._task = task
         self._per_second = _FIRST_LAUNCH / LONGEST_LAUNCH
+        self._most_samples = _MOST_SAMPLES
         sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
-        self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn)
+        if before is not None and (before._task.asset, before._task.device) == (task.asset, task.device):
+            self._geometry: Geometry = before._geometry
+        else:
+            self._geometry = Geometry(mi, read_asset(task.asset.path))
+        self._geometry.dress(task.worn, task.groups)
         looks = Looks(mi, sources, self._geometry)
-        light = lights_of(mi, task.lights, self._geometry.center, task.camera.pivot)
+        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
+        for spared in light.spared:
+            self._geometry.casting(spared)  # made before it is used in a kernel
         shadows = any(source.shadows for source in sources)
         glossy = all(source.glossy for source in sources)
         counts = counts_of(task.sampling, light.sampled, glossy)
-        self._estimator = Estimator(mi, self._geometry, looks, light, counts, task.sampling.bounces, shadows)
+        self._groups = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
+        wanted, bounces = task.sampling.passes, task.sampling.bounces
+        # The last of a set of parts is what the others leave.
+        recorded, direct = self._groups[:-1] if "lobes" in wanted else [], "direct" in wanted
+        self._recorded = (*recorded, *(["direct"] * direct))
+        self._features = Features(mi, self._geometry, looks, bounces)
+        self._estimator = Estimator(mi, self._geometry, looks, light, counts, bounces, shadows, recorded, direct)
+        # Traced once: for many looks and lights this takes longer than the kernel.
+        arrays = held_arrays(self._estimator)
+        self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
 
     def fits(self, task: SceneTask) -> bool:
         """Return whether frames of a task are frames of this scene, which differ in samples and seed at most."""
@@ -69,16 +89,55 @@ class MitsubaScene:
             last = done, of, relmse
             progress(*last)
 
-        def render(seed: int, region: Region) -> tuple[Image, Image]:
+        def render(seed: int, region: Region) -> tuple[Image, Image, Mapping[str, Image]]:
             height, width = region.rows.stop - region.rows.start, region.columns.stop - region.columns.start
-            sums = np.zeros((height * width, 4))
+            sums = np.zeros((height * width, 4 + 3 * len(self._recorded)))
             for part, pixels in self._launches(view, seed, region, height * width):
                 sums[pixels] = part
                 progress(*last)
-            means = (sums / region.samples).astype(np.float32).reshape(height, width, 4)
-            return means[..., :3], means[..., 3]
+            means = (sums / region.samples).reshape(height, width, -1)
+            parts = self._parts(task.scene.sampling.passes, means)
+            return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
-        return render_halves(task, render, partial(self._denoiser, view), report)
+        with nothing_freed():
+            frame = render_halves(task, render, partial(self._denoiser, view), report)
+        started = time.perf_counter()
+        passes, names = self._passes(task, view, frame)
+        seconds = time.perf_counter() - started
+        return replace(
+            frame,
+            passes={**frame.passes, **passes},
+            names=names,
+            seconds=frame.seconds + seconds,
+            raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
+        )
+
+    def _parts(self, wanted: Sequence[str], means: Floats) -> dict[str, Image]:
+        """Return the parts of the light of means (H, W, 4 + 3 n): colour, coverage, and what was recorded."""
+        beauty, parts = means[..., :3], {}
+        for number, name in enumerate(self._recorded):
+            parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
+        if "lobes" in wanted:
+            if self._groups:
+                parts[self._groups[-1]] = beauty - sum(parts[group] for group in self._groups[:-1])
+            parts |= {group: np.zeros_like(beauty) for group in LOBE_GROUPS if group not in self._groups}
+        if "direct" in wanted:
+            parts["indirect"] = beauty - parts["direct"]
+        return {name: part.astype(np.float32) for name, part in parts.items()}
+
+    def _passes(self, task: FrameTask, view: View, frame: RenderedFrame) -> tuple[dict[str, Image], Mapping[str, Any]]:
+        """Return the passes that are no parts of the light, and the names in mattes."""
+        wanted = {*task.scene.sampling.passes}
+        passes: dict[str, Image] = {}
+        names: Mapping[str, Any] = {}
+        if wanted & CENTRAL:
+            passes |= self._features.central(view, task)
+        if "albedo" in wanted:
+            passes["albedo"], _ = self._features.guides(view)
+        if "cryptomatte" in wanted:
+            mattes, names = self._features.mattes(view, task, frame.alpha, frame.samples)
+            passes |= mattes
+        return passes, names
 
     def _launches(self, view: View, seed: int, region: Region, total: int) -> Iterator[tuple[Floats, slice]]:
         """Yield sums (n, 4) of radiance and coverage over the samples of n pixels of a region, and which these are."""
@@ -86,25 +145,43 @@ class MitsubaScene:
         place = Rectangle.of(mi, region)
         first = 0
         while first < total:
-            started = time.perf_counter()
-            most = min(self._per_second * LONGEST_LAUNCH, _MOST_SAMPLES) / size
+            most = min(self._per_second * LONGEST_LAUNCH, self._most_samples) / size
             # Of a power of two: rays of other launches are in other packets of Embree, and differ in their last digit.
             # So frames do not depend on how long launches take, nor on the number of threads.
             count = 1 << int(math.log2(max(1.0, min(most, total - first))))
             numbers = [dr.opaque(mi.UInt32, each) for each in (seed, first, size.bit_length() - 1)]
-            parts = self._estimator.pixels(view, place, count * size, *numbers)
-            dr.eval(*parts)
-            # By NumPy, whose order of summation does not depend on the size of a launch.
-            sums = np.stack([np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts], -1)
+            try:
+                lane = dr.arange(mi.UInt32, count * size)
+                dr.eval(lane)
+                parts = self._pixels(view, place, lane, *numbers)
+                started = time.perf_counter()
+                dr.eval(*parts)
+                # By NumPy, whose order of summation does not depend on the size of a launch.
+                found = [np.asarray(each).reshape(count, size).sum(axis=1, dtype=np.float64) for each in parts]
+            except (MemoryError, RuntimeError) as error:
+                if not _out_of_memory(error):
+                    raise
+                if count == 1:
+                    raise RenderError(
+                        f"out of memory, even with the {size} samples of a single pixel in a launch: fewer samples, "
+                        "smaller geometry or textures, or more memory would be right"
+                    ) from error
+                self._most_samples = count * size // 2
+                dr.flush_malloc_cache()
+                continue
             self._per_second = count * size / max(time.perf_counter() - started, 1e-6)
-            yield sums, slice(first, first + count)
+            yield np.stack(found, axis=-1), slice(first, first + count)
             first += count
 
     def _denoiser(self, view: View) -> Denoiser:
-        albedo, normal = (
-            each.reshape(view.height, view.width, 3) for each in self._estimator.guides(view, FEATURE_SAMPLES)
-        )
-        return denoiser(albedo, normal)
+        return denoiser(*self._features.guides(view))
+
+
+def _out_of_memory(error: BaseException | None) -> bool:
+    """Return whether an error, or one that it came from, is that of an allocation."""
+    if error is None:
+        return False
+    return isinstance(error, MemoryError) or "out of memory" in str(error) or _out_of_memory(error.__cause__)
 
 
 # In recesses a path that goes on adds one sample of what other parts reflect, however many directions were drawn where

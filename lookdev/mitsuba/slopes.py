@@ -4,9 +4,9 @@ Directions are drawn, and paths chosen and ended, by densities that are not diff
 
     f(wi, x) L(wi) / pdf(wi)    has the derivative    df/dx L / pdf + f dL/dx / pdf,
 
-whose mean is that of the integral: no edge of the picture moves with an input. Derivatives of f are outputs of the
-look's program (`lookdev.codegen.trace.slopes`). Loops are those of `lookdev.mitsuba.integrator`; what they carry from
-hit to hit are lists: a colour and its derivatives.
+whose mean is that of the integral: no edge of the picture moves with an input. Derivatives of f, and of its diffuse
+part where that is lit by other light, are outputs of the look's program (`lookdev.codegen.trace.slopes`). Loops are
+those of `lookdev.mitsuba.integrator`; what they carry from hit to hit are lists: a colour and its derivatives.
 """
 
 from __future__ import annotations
@@ -24,10 +24,11 @@ from lookdev.codegen.program.look import slope_name
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.integrator import LITTLE, Counts, Estimator, Rectangle, View
-from lookdev.mitsuba.lights import Lighting, lights_of
+from lookdev.mitsuba.lights import Arriving, Lighting
 from lookdev.mitsuba.programs import Place
 from lookdev.mitsuba.render import counts_of
-from lookdev.mitsuba.surface import Looks, Surface
+from lookdev.mitsuba.rig import lights_of
+from lookdev.mitsuba.surface import Looks, Response, Surface
 from lookdev.render.adaptive import Region
 from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import SceneTask
@@ -45,8 +46,11 @@ class SlopeScene:
         self.task = task
         self._mi = mi
         self._sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
-        self._geometry = Geometry(mi, read_asset(task.asset.path), task.worn)
-        self._light = lights_of(mi, task.lights, self._geometry.center, task.camera.pivot)
+        self._geometry = Geometry(mi, read_asset(task.asset.path))
+        self._geometry.dress(task.worn, task.groups)
+        self._light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
+        for spared in self._light.spared:
+            self._geometry.casting(spared)  # made before it is used in a kernel
         glossy = all(source.glossy for source in self._sources)
         self._counts = counts_of(task.sampling, self._light.sampled, glossy)
 
@@ -80,21 +84,28 @@ class SlopeScene:
 class LiveSurface(Surface):
     """A surface whose looks have derivatives by some symbols."""
 
-    def __init__(self, looks: Looks, symbols: Sequence[str], *where: Any) -> None:
+    def __init__(self, looks: Looks, symbols: Sequence[str], split: bool, *where: Any) -> None:
         super().__init__(looks, *where)
-        self._symbols = symbols
-        if self._alone is not None:
-            self._alone.prepare(*(slope_name("value", each) for each in symbols))
+        self._symbols, self._split = symbols, split
+        if (place := self._alone) is not None:
+            outputs = [*(["diffuse"] * split), *(slope_name("diffuse", each) for each in symbols if split)]
+            outputs += [slope_name("value", each) for each in symbols]
+            place.prepare(*filter(place.has, outputs))
 
-    def respond_dual(self, wi: Any, active: Any) -> tuple[Dual, Any]:
-        """Return the BSDF times the cosine of each lobe, and the pdf of `draw`, for light from local directions."""
+    def respond_dual(self, wi: Any, active: Any) -> tuple[list[Response], Any]:
+        """Return the response to light from local directions and its derivatives, and the pdf of `draw` there."""
         mi = self.looks.mi
 
-        def respond(place: Place, wi: Any) -> tuple[Dual, Any]:
+        def respond(place: Place, wi: Any) -> tuple[Dual, Dual, Any]:
             given = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
-            return self._dual(place, "value", mi.Color3f, **given), mi.Float(place.values("pdf", **given)[0])
+            value = self._dual(place, "value", mi.Color3f, **given)
+            diffuse = (
+                self._dual(place, "diffuse", mi.Color3f, **given) if self._split else [mi.Color3f(0.0)] * len(value)
+            )
+            return value, diffuse, mi.Float(place.values("pdf", **given)[0])
 
-        return self._called(respond, wi, active=active)  # type: ignore[no-any-return]
+        value, diffuse, pdf = self._called(respond, wi, active=active)
+        return [Response(each, [], self._split) for each in zip(value, diffuse, strict=True)], pdf
 
     def presence_dual(self) -> Dual:
         mi = self.looks.mi
@@ -113,7 +124,7 @@ class LiveSurface(Surface):
         def delta(place: Place) -> Dual:
             if not place.has(f"delta{number}"):
                 return [mi.Color3f(0.0) for _ in range(1 + len(self._symbols))]
-            return self._dual(place, f"delta{number}", lambda *elements: mi.Color3f(*elements[3:]))
+            return self._dual(place, f"delta{number}", lambda *elements: mi.Color3f(*elements[3:6]))
 
         return self._called(delta, active=self.active)  # type: ignore[no-any-return]
 
@@ -150,8 +161,15 @@ class SlopeEstimator(Estimator):
         pixel = (rectangle.top + row) * view.width + rectangle.left + number - row * rectangle.width
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
-        triangle, uv, ray, hit = self._seen(view, pixel, index, place)
-        radiance, cover = self._reflected_dual(triangle, uv, -ray.d, hit, view.turns, index, place)
+        triangle, uv, ray, hit, distance = view.seen(mi, self._geometry, pixel, index, place)
+        before, hidden = mi.Color3f(0.0), mi.Bool(False)
+        if self._light.shown:
+            before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
+        shown = hit & ~hidden
+        radiance, cover = self._reflected_dual(triangle, uv, -ray.d, shown, view.turns, index, place)
+        # Lamps that the camera sees have no derivative.
+        radiance[0] += before
+        cover[0] = dr.select(hit & hidden, 1.0, cover[0])
         whole = dr.zeros(mi.Float, count)  # what is 0 everywhere is one number
         return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
 
@@ -166,7 +184,7 @@ class SlopeEstimator(Estimator):
         cover = [dr.select(active, mi.Float(1.0), 0.0), *(mi.Float(0.0) for _ in self._symbols)]
         straight = mi.Bool(active)
         while active:
-            surface = LiveSurface(self._looks, self._symbols, triangle, uv, viewer, active)
+            surface = LiveSurface(self._looks, self._symbols, self._light.split, triangle, uv, viewer, active)
             seed = sobol.hashed(place + depth)
             first = depth == 0
             drawn = dr.select(first, mi.UInt32(self._counts.brdf), mi.UInt32(self._counts.brdf_onward))
@@ -185,14 +203,15 @@ class SlopeEstimator(Estimator):
                 number = index * drawn + k
                 u1, u2 = sobol.points(mi.Float, number, seed)
                 wi = surface.draw(u1, u2, active)
-                value, pdf = surface.respond_dual(wi, active)
+                response, pdf = surface.respond_dual(wi, active)
                 w = surface.to_world(wi)
                 met = active & self._agree(surface, wi, w) & (pdf > 0.0)
                 density = mi.Float(drawn) * pdf
                 blocked, occluder, other, other_uv = self._trace(surface, w, met)
-                arriving = lighting.arriving(w, density, 1.0, occluder, met)
-                radiance = _sum(radiance, _where(met, _scaled(_product(throughput, value), arriving)))
-                weight = _where(met & blocked & onward, _scaled(value, 1.0 / density))
+                occluders = self._occluders(surface, w, occluder, blocked)
+                arriving = lighting.arriving(w, density, 1.0, occluders, met, straight=False)
+                radiance = _sum(radiance, _where(met, _product(throughput, _reflected(response, arriving))))
+                weight = _where(met & blocked & onward, [each.value / density for each in response])
                 size = _size(weight)
                 share += size
                 kept = (size > 0.0) & (
@@ -226,12 +245,13 @@ class SlopeEstimator(Estimator):
         if self._light.sampled:
             j = mi.UInt32(0)
             while active & (j < lit):
-                w, arriving, distance, density = lighting.draw(index, j, seed, active)
+                w, arriving, distance, density, controls = lighting.draw(index, j, seed, active)
                 wi = surface.to_local(w)
-                value, pdf = surface.respond_dual(wi, active)
+                response, pdf = surface.respond_dual(wi, active)
                 met = active & self._agree(surface, wi, w) & (dr.max(arriving) > 0.0)
-                met &= ~self._occluded(surface, w, distance, met)
-                radiance = _sum(radiance, _where(met, _scaled(value, arriving / (mi.Float(drawn) * pdf + density))))
+                specular, diffuse = self._passed(surface, w, distance, controls, met)
+                weight = arriving / (mi.Float(drawn) * pdf + density)
+                radiance = _sum(radiance, _where(met, _reflected(response, (weight * specular, weight * diffuse))))
                 j += 1
         return radiance
 
@@ -249,8 +269,9 @@ class SlopeEstimator(Estimator):
             blocked, occluder, triangle, uv = self._trace(surface, w, met)
             unseen = straight & passes
             lit = met & ~unseen
-            arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluder, lit)
-            direct = _sum(direct, _where(lit, _scaled(weight, arriving)))
+            occluders = self._occluders(surface, w, occluder, blocked)
+            specular, _ = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
+            direct = _sum(direct, _where(lit, _scaled(weight, specular)))
             passed = _sum(passed, _where(met & ~blocked & unseen, weight))
             size = dr.select(met & blocked & onward, _size(weight), 0.0)
             share += size
@@ -263,7 +284,7 @@ class SlopeEstimator(Estimator):
     def _single_duals(self, surface: LiveSurface) -> list[tuple[Any, Dual, bool]]:
         found: list[tuple[Any, Dual, bool]] = []
         for number in range(self._looks.deltas):
-            wi, _ = surface.delta(number)
+            wi, _, _ = surface.delta(number)
             w = surface.to_world(wi)
             found.append((w, _where(self._agree(surface, wi, w), surface.delta_dual(number)), False))
         if self._looks.see_through:
@@ -273,6 +294,11 @@ class SlopeEstimator(Estimator):
 
     def _constant(self, value: float) -> Dual:
         return [self._mi.Color3f(value), *(self._mi.Color3f(0.0) for _ in self._symbols)]
+
+
+def _reflected(response: Sequence[Response], arriving: Arriving) -> Dual:
+    """Return what is reflected of light, which does not depend on the inputs."""
+    return [each.to(arriving) for each in response]
 
 
 def _product(a: Dual, b: Dual) -> Dual:

@@ -26,7 +26,10 @@ class Looks:
         self.mi = mi
         self.inputs = inputs or {}
         self.geometry = geometry
-        self.sources = sources
+        # Looks that are lit by different lights may have one program.
+        alike = {source.digest: source for source in sources}
+        self._numbers = mi.UInt32([list(alike).index(source.digest) for source in sources])
+        sources = self.sources = list(alike.values())
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
         self.transmits = any(source.transmits for source in sources)
@@ -37,15 +40,46 @@ class Looks:
                 if binding.parameter not in self.inputs:
                     geometry.attribute(binding)
 
-    def seen(self, triangle: Any, uv: Any, viewer: Any, active: Any) -> Surface:
-        """Return the surface at places of triangles, seen along directions of the world."""
-        return Surface(self, triangle, uv, viewer, active)
+    def program_of(self, triangle: Any) -> Any:
+        """Return the number of the program of triangles."""
+        return dr.gather(self.mi.UInt32, self._numbers, self.geometry.worn(triangle))
 
 
 def _program(mi: Any, source: ProgramSource) -> Program:
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
     tables = [mi.Float(np.load(each.path).ravel()) for each in source.tables]
     return Program(source.operations, source.outputs, mi.Float, constants, tables)
+
+
+class Response:
+    """What a surface makes of light from a direction: BSDF times cosine, and the diffuse part of that, if `split`.
+
+    `parts` are the same of groups of lobes.
+    """
+
+    def __init__(self, whole: tuple[Any, Any], parts: list[tuple[Any, Any]], split: bool) -> None:
+        self.value, self.diffuse = whole
+        self._parts, self._split = parts, split
+
+    def to(self, arriving: tuple[Any, Any]) -> Any:
+        """Return what is reflected of light for specular and for diffuse lobes."""
+        return self._reflected((self.value, self.diffuse), arriving)
+
+    def parts_to(self, arriving: tuple[Any, Any]) -> list[Any]:
+        """Return what each group of lobes reflects."""
+        return [self._reflected(part, arriving) for part in self._parts]
+
+    def shares(self) -> list[Any]:
+        """Return the parts of the groups in the value, by channels."""
+        safe = dr.select(self.value > 0.0, self.value, 1.0)
+        return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
+
+    def _reflected(self, part: tuple[Any, Any], arriving: tuple[Any, Any]) -> Any:
+        value, diffuse = part
+        specular_light, diffuse_light = arriving
+        if not self._split:
+            return value * specular_light
+        return value * specular_light + diffuse * (diffuse_light - specular_light)
 
 
 class Surface:
@@ -76,7 +110,7 @@ class Surface:
                 return axes
 
             calls = [axes_of(number) for number in range(len(looks.programs))]
-            axes = dr.switch(looks.geometry.worn(triangle), calls, triangle, uv, viewer, active=active)
+            axes = dr.switch(looks.program_of(triangle), calls, triangle, uv, viewer, active=active)
             self.wo = _local(axes, viewer)
         self.tangent, self.bitangent, self.normal, self.facet = axes
 
@@ -86,15 +120,30 @@ class Surface:
     def to_local(self, w: Any) -> Any:
         return _local((self.tangent, self.bitangent, self.normal), w)
 
-    def respond(self, wi: Any, active: Any) -> tuple[Any, Any]:
-        """Return the BSDF times the cosine of each lobe, and the pdf of `draw`, for light from local directions."""
+    @property
+    def source(self) -> Any:
+        """The number of what is worn: of the source, which is lit by lights of its own."""
+        return self.looks.geometry.worn(self.triangle)
+
+    def respond(self, wi: Any, active: Any, split: bool, groups: Sequence[str]) -> tuple[Response, Any]:
+        """Return the response to light from local directions, and the pdf of `draw` there.
+
+        The diffuse parts are wanted if light is `split`, and what lobes of some `groups` reflect.
+        """
         mi = self.looks.mi
 
-        def respond(place: Place, wi: Any) -> tuple[Any, Any]:
+        def respond(place: Place, wi: Any) -> tuple[Any, ...]:
             given = {"wi_x": wi.x, "wi_y": wi.y, "wi_z": wi.z}
-            return mi.Color3f(*place.values("value", **given)), mi.Float(place.values("pdf", **given)[0])
+            value, pdf = mi.Color3f(*place.values("value", **given)), mi.Float(place.values("pdf", **given)[0])
+            diffuse = mi.Color3f(*place.values("diffuse", **given)) if split else mi.Color3f(0.0)
+            found = [value, diffuse]
+            for group in groups:
+                part = place.values(f"of_{group}", **given) if place.has(f"of_{group}") else (0.0,) * 6
+                found += [mi.Color3f(*part[:3]), mi.Color3f(*part[3:])]
+            return pdf, *found
 
-        return self._called(respond, wi, active=active)  # type: ignore[no-any-return]
+        pdf, value, diffuse, *parts = self._called(respond, wi, active=active)
+        return Response((value, diffuse), list(zip(parts[::2], parts[1::2], strict=True)), split), pdf
 
     def draw(self, u1: Any, u2: Any, active: Any) -> Any:
         """Draw local directions."""
@@ -109,15 +158,15 @@ class Surface:
 
         return self._called(presence, active=self.active)
 
-    def delta(self, number: int) -> tuple[Any, Any]:
-        """Return a single direction, local, and what light from there is multiplied by, 0 where there is none."""
+    def delta(self, number: int) -> tuple[Any, Any, Any]:
+        """Return a single direction, local, what light from there is multiplied by, 0 for none, and its group."""
         mi = self.looks.mi
 
-        def delta(place: Place) -> tuple[Any, Any]:
+        def delta(place: Place) -> tuple[Any, Any, Any]:
             if not place.has(f"delta{number}"):
-                return mi.Vector3f(0.0), mi.Color3f(0.0)
+                return mi.Vector3f(0.0), mi.Color3f(0.0), mi.Float(0.0)
             found = place.values(f"delta{number}")
-            return mi.Vector3f(*found[:3]), mi.Color3f(*found[3:])
+            return mi.Vector3f(*found[:3]), mi.Color3f(*found[3:6]), mi.Float(found[6])
 
         return self._called(delta, active=self.active)  # type: ignore[no-any-return]
 
@@ -148,7 +197,7 @@ class Surface:
             return call
 
         calls = [of(number) for number in range(len(looks.programs))]
-        worn = looks.geometry.worn(self.triangle)
+        worn = looks.program_of(self.triangle)
         return dr.switch(worn, calls, self.triangle, self.uv, self.viewer, self.wo, *arguments, active=active)
 
 

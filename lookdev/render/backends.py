@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 
 from lookdev.codegen import Catching, NodeSource, PrincipledSource, ProgramSource, ShaderSource, Source
 from lookdev.errors import CodegenError, RenderError
-from lookdev.light import Light, called, mitsuba_gaps, native_gaps
+from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
-from lookdev.render.passes import PASSES
+from lookdev.render.llvm import check_device
+from lookdev.render.passes import LIGHTS, PASSES
 from lookdev.scene import Sampling
 from lookdev.space import OCIO_NAMES, REC709, Space
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
-MITSUBA_VERSION = 2
+MITSUBA_VERSION = 3
 """Raised when `lookdev.mitsuba` does."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
@@ -96,6 +97,7 @@ class Backend:
     catches: bool = False  # renders shadow catchers
     apart: bool = False  # parts of a convex asset neither shadow nor reflect one another
     ahead: bool = False  # its worker takes scenes ahead of their frames, whose compilation takes long
+    check_device: Callable[[str], None] = lambda device: None  # raises RenderError if it cannot be had here
     version: Callable[[], str] = _of_cycles  # changes when the same task is rendered to other pixels
 
 
@@ -135,8 +137,13 @@ def _nodes_exact(look: Look, setting: Setting) -> Source:
 def _program(look: Look, setting: Setting) -> Source:
     from lookdev.codegen.program.look import generate_program
 
-    features = setting.sampling.denoise != "off"
-    return generate_program(look, setting.image_file, shadows=setting.shadows, features=features, space=setting.space)
+    return generate_program(
+        look,
+        setting.image_file,
+        shadows=setting.shadows,
+        features=setting.sampling.features,
+        space=setting.space,
+    )
 
 
 def _principled(look: Look, setting: Setting) -> Source:
@@ -225,9 +232,11 @@ BACKENDS: dict[str, Backend] = {
             devices=("cpu", "cuda"),
             exact=True,
             in_jobs=True,
-            cannot_light=mitsuba_gaps,
+            cannot_light=lambda lights: (),
             directions=True,
             features=True,
+            passes=tuple(name for name in PASSES if name != LIGHTS),
+            check_device=check_device,
             apart=True,
             spaces=tuple(OCIO_NAMES),
             version=_of_mitsuba,

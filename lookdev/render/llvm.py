@@ -1,7 +1,8 @@
-"""LLVM's library, by which Dr.Jit compiles Mitsuba's kernels for the CPU: where it is, and whether it serves."""
+"""What Dr.Jit compiles Mitsuba's kernels by: LLVM's library for the CPU, the driver of an NVIDIA GPU."""
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import os
 import re
@@ -20,6 +21,26 @@ NEWEST_DEBIAN = 19
 
 _FILES = ("usr/lib/*/libLLVM*.so*", "usr/lib/llvm-*/lib/libLLVM*.so*", "usr/lib64/libLLVM*.so*")
 _VERSION = re.compile(r"(?:libLLVM-|\.so\.)(\d+)")
+
+
+def check_device(device: str) -> None:
+    """Raise RenderError unless Mitsuba is installed and kernels for a device, ``"cpu"`` or ``"cuda"``, run here."""
+    if device == "cpu":
+        find_llvm()
+    elif (fault := _lacking_gpu()) is not None:
+        raise RenderError(f'device = "{device}": {fault}; device = "cpu" would be right')
+
+
+def _lacking_gpu() -> str | None:
+    """Return why there is no GPU of NVIDIA, by its driver's own functions."""
+    count = ctypes.c_int(0)
+    try:
+        driver = ctypes.CDLL("libcuda.so.1")
+    except OSError:
+        return "no driver of an NVIDIA GPU is installed here (libcuda.so.1)"
+    if driver.cuInit(0) or driver.cuDeviceGetCount(ctypes.byref(count)) or not count.value:
+        return "the driver finds no NVIDIA GPU here"
+    return None
 
 
 def find_llvm(root: Path = Path("/")) -> str:

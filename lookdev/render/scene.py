@@ -12,6 +12,7 @@ from lookdev.cache import Content
 from lookdev.codegen import TANGENT, Catching, Source
 from lookdev.errors import CodegenError, EnvironmentMapError
 from lookdev.light import Light, lights_code
+from lookdev.light.lamps import CodedRig
 from lookdev.light.link import MOST_GROUPS
 from lookdev.render.backends import BACKENDS, Setting
 from lookdev.render.kept import kept_source
@@ -89,6 +90,13 @@ def scene_task(
     if asset.convex and not asset.sheet and any(each.transmits or each.see_through for each in sources):
         chosen = sampling
         sources = generate(sampling, shadows=True)
+    for source, (_, lit) in zip(sources, different, strict=True):
+        rig = CodedRig.of(lit_by[lit])
+        if source.see_through and (rig.shadowed or rig.spared):
+            raise CodegenError(
+                f"look '{source.name}': can be seen through, so lights whose shadows have a colour or an end, or that "
+                "cast none or only those of some parts, cannot light it; black shadows of all lights would be right"
+            )
     # Equal looks of two materials have one source, unless messages name them differently.
     kept = {(source.name, source.digest, lit): source for (_, lit), source in zip(different, sources, strict=True)}
     numbers = {key: number for number, key in enumerate(kept)}

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frames import orbit_camera
+from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, sent
 from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
@@ -17,27 +18,9 @@ from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.codegen import ShaderSource
-from lookdev.light import (
-    LIGHT_KINDS,
-    CylinderLight,
-    DiskLight,
-    DistantLight,
-    Dome,
-    Emission,
-    Falloff,
-    Light,
-    LocalDome,
-    RectLight,
-    Shadow,
-    Shaping,
-    SphereLight,
-    load_profile,
-    make_environment,
-    prepare_light,
-    prepare_texture,
-)
+from lookdev.light import Emission, Light, RectLight
 from lookdev.light.link import Link
-from lookdev.material import Layer, Look
+from lookdev.material import Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
 from lookdev.render.scene import scene_task
@@ -50,106 +33,6 @@ pytestmark = pytest.mark.cycles
 
 SIZE, SAMPLES, SEEDS = 32, 64, 4
 POSE = Pose(20.0, 70.0)
-FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-"""Axes of a light that shines along +y."""
-
-LOOKS = {
-    "diffuse": Layer("l", "disney", {"baseColor": (0.8, 0.5, 0.3), "roughness": 0.6, "specular": 0.0}),
-    "plastic": Layer("l", "disney", {"baseColor": (0.2, 0.5, 0.9), "roughness": 0.35, "clearcoat": 0.5}),
-    "metal": Layer("l", "disney", {"baseColor": (0.9, 0.7, 0.4), "metallic": 1.0, "roughness": 0.25}),
-    "wall-e": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4}),
-    "leaf": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4, "back": 0.5}),
-}
-PROFILE = """IESNA:LM-63-2002
-TILT=NONE
-1 1000 1 5 4 1 2 0 0 0
-1 1 100
-0 22.5 45 67.5 90
-0 30 90 180
-1 .9 .5 .2 0
-1 .5 .8 .1 0
-1 .2 .2 .9 0
-1 .9 .1 .1 .4
-"""
-
-
-def sent(**given: object) -> Emission:
-    return Emission((6.0, 4.0, 2.0), **given)  # type: ignore[arg-type]
-
-
-def textured() -> RectLight:
-    """Return a rectangle of a few bright spots, seen by the front of the asset."""
-    radiance = np.zeros((24, 40, 3), np.float32)
-    radiance[3:8, 5:9], radiance[12:20, 20:38], radiance[20:, :3] = (9.0, 3.0, 1.0), (0.2, 0.6, 2.0), (4.0, 8.0, 4.0)
-    texture = prepare_texture(make_environment("spots", radiance))
-    return RectLight(width=2.0, height=1.5, position=(0.0, -2.0, 0.5), axes=FACING, texture=texture)
-
-
-def profiled(folder: Path) -> tuple[Light, ...]:
-    file = folder / "lamp.ies"
-    file.write_text(PROFILE)
-    plain, squeezed = load_profile(file), load_profile(file, angle_scale=0.5)
-    return (
-        SphereLight(radius=0.3, position=(-1.0, -1.6, 0.5), axes=FACING, emission=sent(shaping=Shaping(profile=plain))),
-        replace(near("rect"), emission=sent(shaping=Shaping(profile=squeezed))),
-    )
-
-
-def near(kind: str) -> Light:
-    """Return a light of a kind in front of the asset."""
-    at = (0.6, -1.8, 0.8)
-    match kind:
-        case "rect":
-            return RectLight(width=1.2, height=0.8, position=at, axes=FACING, emission=sent())
-        case "disk":
-            return DiskLight(radii=(0.7, 0.4), position=at, axes=FACING, emission=sent())
-        case "sphere":
-            return SphereLight(radius=0.4, position=at, emission=sent())
-        case "cylinder":
-            return CylinderLight(length=1.5, radius=0.2, position=at, emission=sent())
-        case "distant":
-            return DistantLight(angle=20.0, axes=((1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.0, -0.8, 0.6)), emission=sent())
-    return LIGHT_KINDS[kind].example()
-
-
-def grey(*, local: bool = False) -> Dome:
-    return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)), local=local)
-
-
-KINDS = ("rect", "disk", "sphere", "cylinder", "distant", "local_dome")
-RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
-    **{kind: lambda folder, kind=kind: (near(kind),) for kind in KINDS},
-    "local grey": lambda folder: (LocalDome(dome=grey(local=True), position=(0.3, 0.0, 0.5), radius=2.0, edge=0.5),),
-    "texture": lambda folder: (textured(), near("dome")),
-    "profile": profiled,
-    "beam": lambda folder: (
-        replace(near("rect"), emission=sent(shaping=Shaping(35.0, 0.5, 4.0, (0.1, 0.5, 0.0)))),
-        SphereLight(radius=0.2, position=(-1.0, -1.6, 0.2), axes=FACING, emission=sent(shaping=Shaping(25.0))),
-    ),
-    "falloff": lambda folder: (
-        replace(near("rect"), emission=sent(falloff=Falloff(1.5, 3.0, 1.0, 3.0))),
-        replace(near("sphere"), position=(-1.0, -1.6, 0.2), emission=sent(falloff=Falloff(0.0, 1.0))),
-    ),
-    "shadow": lambda folder: (
-        replace(near("rect"), emission=sent(shadow=Shadow(True, (0.5, 0.1, 0.0), 0.6, 0.4, 0.7))),
-        replace(near("sphere"), position=(0.2, 0.5, 2.0), emission=sent(shadow=Shadow(enable=False))),
-        replace(near("distant"), emission=sent(shadow=Shadow(distance=0.3))),
-    ),
-    "response": lambda folder: (
-        replace(near("rect"), emission=sent(diffuse=0.3, specular=2.0)),
-        replace(near("sphere"), position=(-1.0, -1.6, 0.2), emission=sent(diffuse=2.0, specular=0.0)),
-    ),
-    "still": lambda folder: (
-        replace(near("rect"), emission=sent(turns=False)),
-        near("disk"),
-        replace(LIGHT_KINDS["dome"].example(), emission=sent(turns=False), axes=FACING),  # type: ignore[type-var]
-    ),
-    "seen": lambda folder: (
-        SphereLight(radius=0.3, position=(-0.4, -1.8, 0.4), emission=sent(camera=True, turns=False)),
-        grey(),
-    ),
-    "everything": lambda folder: (*map(near, (*KINDS, "dome")), grey()),
-}
 QUICK = [
     *(
         ("sphere", rig, "plastic")
@@ -159,7 +42,7 @@ QUICK = [
     ("plane", "everything", "diffuse"),
     ("suzanne", "everything", "leaf"),
 ]
-CELLS = [(asset, rig, look) for asset in ("sphere", "plane", "suzanne") for rig in RIGS for look in LOOKS]
+CELLS = [(asset, rig, look) for asset in ("sphere", "plane", "suzanne") for rig in RIGS for look in RIG_LOOKS]
 # A leaf is seen through: it takes plain shadows alone, and is refused by name otherwise.
 CELLS = [cell for cell in CELLS if cell not in QUICK]
 
@@ -169,7 +52,7 @@ def agreement(
 ) -> Finding:
     shape = load_asset(builtin=asset)
     camera, film = orbit_camera(shape.center, shape.radius), Film((SIZE, SIZE))
-    worn = Look("look", (LOOKS[look],))
+    worn = Look("look", (RIG_LOOKS[look],))
     scene = Scene(shape, {slot.path: worn for slot in shape.slots}, lights, camera, film)
     task = scene_task(scene, Sampling(bounces=1, samples=SAMPLES, error=None))
     (source,) = task.shaders
@@ -257,7 +140,7 @@ def linked_frames(
     slots = tuple(replace(slot, path=first) for slot in ball.slots)
     mesh = replace(ball.meshes[0], name=first)
     row = make_asset("row", (mesh,), tuple(instances), slots)
-    linked = link_lights(row, {first: Look("look", (LOOKS["plastic"],))}, lights)
+    linked = link_lights(row, {first: Look("look", (RIG_LOOKS["plastic"],))}, lights)
     asset, size = linked.asset, (SIZE, SIZE)
     camera = orbit_camera(asset.center, asset.radius)
     scene = Scene(asset, linked.wears, linked.lights, camera, Film(size), linked.lit, linked.groups)
@@ -303,7 +186,7 @@ def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
 
 def test_a_part_without_light_reflects_that_of_others_alone(worker: Worker) -> None:
     nothing = replace(near("rect"), emission=sent(light_link=Link(())))
-    asset, worn = load_asset(builtin="sphere"), Look("look", (LOOKS["plastic"],))
+    asset, worn = load_asset(builtin="sphere"), Look("look", (RIG_LOOKS["plastic"],))
     wears: dict[str, Look] = {slot.path: worn for slot in asset.slots}
     linked = link_lights(asset, wears, (nothing,))
     camera = orbit_camera(asset.center, asset.radius)
@@ -320,7 +203,7 @@ def test_the_shader_of_a_rig_does_not_depend_on_its_numbers() -> None:
     moved = replace(near("rect"), position=(1.0, 2.0, 3.0), width=2.0)  # type: ignore[type-var]
     asset = load_asset(builtin="sphere")
     one, other = (
-        scene_task(Scene.of_look(asset, Look("look", (LOOKS["plastic"],)), light, (8, 8)), Sampling())
+        scene_task(Scene.of_look(asset, Look("look", (RIG_LOOKS["plastic"],)), light, (8, 8)), Sampling())
         for light in (near("rect"), moved)
     )
     assert one.shaders[0].digest == other.shaders[0].digest

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from frames import POSE, orbit_camera
+from light_rigs import RIG_LOOKS, RIGS
 from painted import painted
 
 from lookdev.asset import Asset, load_asset
@@ -72,12 +73,16 @@ CASES = {
     "torrance-sparrow": Case("sphere", "city", one("torrance-sparrow", roughness=0.3), ("roughness",)),
     "ashikhmin-shirley": Case("sphere", "city", one("ashikhmin-shirley", exponentU=30.0), ("exponentU",)),
     "oren-nayar": Case("suzanne", "sunset", one("oren-nayar", sigma=0.4), ("sigma",)),
+    "controls": Case("suzanne", "controls", of(RIG_LOOKS["plastic"]), ("roughness", "baseColor"), samples=256),
     "mirror": Case("suzanne", "city", of(Layer("L", "mirror", {"tint": (0.7, 0.6, 0.5)})), ("tint",)),
 }  # fmt: skip
+CONTROLS = ("shadow", "response", "seen")
 QUICK = ("interreflection", "textures", "presence")
 
 
-def lights(name: str, light_of: Callable[[str], Light]) -> tuple[Light, ...]:
+def lights(name: str, light_of: Callable[[str], Light], folder: Path) -> tuple[Light, ...]:
+    if name == "controls":
+        return tuple(light for rig in CONTROLS for light in RIGS[rig](folder))
     return (RectLight.example(), DiskLight.example()) if name == "lamps" else (light_of(name),)
 
 
@@ -95,7 +100,7 @@ def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: A
 
     case = CASES[name]
     look = Look("look", case.layers(tmp_path))
-    task = task_of(case, look, lights(case.light, light_of), load_asset(builtin=case.asset))
+    task = task_of(case, look, lights(case.light, light_of, tmp_path), load_asset(builtin=case.asset))
     scene, bindings = SlopeScene(load_mitsuba("cpu"), task), live_inputs(task)
     constants = {str(n): constant_of(look, each) for n, each in enumerate(case.names)}
 

@@ -96,7 +96,7 @@ def look_functions(look: Look, resolve: Callable[[Texture | Bump], Path], live: 
     lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
     for number in range(program.deltas):
         found = program.outputs[f"delta{number}"]
-        alone = replace(program, outputs={"direction": found[:3], "factor": found[3:]})
+        alone = replace(program, outputs={"direction": found[:3], "factor": found[3:6]})  # then its group
         head = f"look_delta{number}(out vec3 direction, out vec3 factor)"
         lines += function_text(alone, head, ("direction", "factor"))
     if program.see_through:

@@ -153,11 +153,6 @@ def generate_surface(
     )
     passes = any(delta.transmits for delta in deltas)
     groups = tuple(sorted({*code.groups}, key=LOBE_GROUPS.index))
-    if code.see_through and rig is not None and (rig.shadowed or rig.spared):
-        raise CodegenError(
-            f"look '{look.name}': can be seen through, so lights whose shadows have a colour or an end, or that cast "
-            "none or only those of some parts, cannot light it; black shadows of all lights would be right"
-        )
     directed = reads_tangent(graph, lobes)
     attributes = [*inputs.read_by(code.inputs), *[TANGENT_BINDING] * directed]
     leaning = any(each.attribute == HANDEDNESS for each in attributes)

@@ -1,4 +1,4 @@
-"""Functions of lamps as operations: the shapes of `lookdev.light`, traced, by the numbers of a lamp's row."""
+"""Functions of lights as operations: those of `lookdev.light`, traced, by the numbers of a light's row."""
 
 from __future__ import annotations
 
@@ -9,34 +9,50 @@ from typing import Any
 
 import numpy as np
 
+from lookdev.brdf.table import Table
 from lookdev.codegen.program.written import Written
 from lookdev.codegen.source import Operation
 from lookdev.codegen.trace.graph import Graph
 from lookdev.codegen.trace.symbolic import elements_of, symbol, symbols
-from lookdev.light.emission import cone_factor, falloff_factor, focus_factor, off_axis
+from lookdev.light.dome.local import meet_ball, share_within, towards_ball
+from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
+from lookdev.light.ies import profile_factor
 from lookdev.light.lamps import SHAPES, weight
+from lookdev.light.plane import meet_plane
+from lookdev.light.rect import Picture
+
+SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
+"""The numbers of a row that `shadow_operations` reads."""
+
+Functions = tuple[list[Operation], Mapping[str, tuple[int, ...]]]
+"""Operations, and the results of each function by its name."""
+
+_TABLES = Table(np.zeros((1, 1)))
+"""Stands for the tables of a rig, which a program is run with."""
 
 
 @cache
-def lamp_operations(kind: str, *, shaped: bool, falling: bool) -> tuple[list[Operation], Mapping[str, tuple[int, ...]]]:
-    """Return the operations of the functions of a kind of lamp, and the results of each function.
+def lamp_operations(kind: str, *, shaped: bool, falling: bool, steps: int = 0) -> Functions:
+    """Return the functions of a kind of lamp.
 
     ``weight`` is `lookdev.light.lamps.weight` times the mean radiance, of a place p and a normal n; ``meet`` distance
     and density of a direction w from p; ``draw`` a direction by u1 and u2, its distance and density; ``sent`` the
-    radiance that arrives at p along -w. Symbols are `lookdev.light.lamps.FIELDS` by their names, and components of p,
-    w and n. A lamp that is not `shaped` sends alike in all directions; one that is not `falling` has no falloff.
+    radiance that arrives at p along -w, but for the texture of a picture, whose coordinates are ``place``. Symbols are
+    `lookdev.light.lamps.FIELDS` by their names, and components of p, w and n. A lamp that is not `shaped` sends alike
+    in all directions, but for its profile, if any is looked up in `steps` steps; one that is not `falling` has no
+    falloff.
     """
-    graph, written = Graph(), Written()
+    graph = Graph()
     falling = falling and kind != "distant"  # which is infinitely far
 
     def numbers(*names: str) -> tuple[Any, ...]:
         return tuple(symbol(graph, name) for name in names)
 
-    def vector(name: str) -> Any:
-        return symbols(graph, [f"{name}[{i}]" for i in range(3)])
-
-    shape = SHAPES[kind](*numbers(*("a", "b")[: len(fields(SHAPES[kind]))]))
-    p, w, n = map(vector, "pwn")
+    sizes: Any = numbers(*("a", "b")[: len(fields(SHAPES[kind]))])
+    shape: Any = (
+        Picture(sizes[0], sizes[1], _TABLES, symbol(graph, "tree")) if kind == "picture" else SHAPES[kind](*sizes)
+    )
+    p, w, n = (_vector(graph, name) for name in "pwn")
     cone, fall = numbers("cone", "start", "rise", "focus"), numbers("virtual", "power", "fade", "fade_rise")
     tint, (mean,) = symbols(graph, ["tint0", "tint1", "tint2"]), numbers("mean")
     beam = (*cone, tint.sum(axis=-1) / 3.0) if shaped else None
@@ -44,6 +60,11 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool) -> tuple[list[Ope
     if shaped:
         within = cone_factor(off_axis(w), *cone[:3])
         sent = sent * np.expand_dims(within, -1) * focus_factor(w[..., 2], cone[3], tint)
+    if steps:
+        place, scale, angle_scale = numbers("profile", "profile_scale", "angle_scale")
+        start = np.maximum(place, 0.0)
+        factor = profile_factor(_TABLES, start, steps, DEGREES * off_axis(w), azimuth(w), scale, angle_scale)
+        sent = sent * np.expand_dims(np.where(place >= 0.0, factor, 1.0), -1)
     if falling:
         sent = sent * np.expand_dims(falloff_factor(np.sqrt((p * p).sum(axis=-1)), *fall), -1)
     drawn = shape.sample(p, symbols(graph, ["u1", "u2"]))
@@ -57,7 +78,49 @@ def lamp_operations(kind: str, *, shaped: bool, falling: bool) -> tuple[list[Ope
         ],
         "sent": lambda: elements_of(sent),
     }
+    if kind == "picture":
+        _, met = meet_plane(p, w, *sizes)
+        outputs["place"] = lambda: [*elements_of(met.s), *elements_of(met.t)]
+    return _written(outputs)
+
+
+@cache
+def shadow_operations() -> Functions:
+    """Return what of a light passes an occluder at a ``distance``: ``passed``, by `SHADOW_FIELDS`."""
+    graph = Graph()
+    enable, limit, zone, gamma = (symbol(graph, name) for name in SHADOW_FIELDS[:4])
+    passed = shadow_passed(symbol(graph, "distance"), enable, limit, zone, gamma, symbols(graph, SHADOW_FIELDS[4:]))
+    return _written({"passed": lambda: elements_of(passed)})
+
+
+@cache
+def ball_operations() -> Functions:
+    """Return the functions of a local dome, by its row's a and b.
+
+    ``share`` is of its light at p; ``meet`` whether a direction w from p meets it, the distance, and the solid angle
+    around p for that around the middle; ``draw`` the direction to where `onto` meets it.
+    """
+    graph = Graph()
+    start, radius = (symbol(graph, name) for name in "ab")
+    p, w, onto = (_vector(graph, name) for name in ("p", "w", "onto"))
+    met, distance, around = meet_ball(p, w, radius)
+    inside = np.where(met, 1.0, 0.0)
+    return _written(
+        {
+            "share": lambda: elements_of(share_within(p, start, radius)),
+            "meet": lambda: [*elements_of(inside), *elements_of(distance), *elements_of(around)],
+            "draw": lambda: elements_of(towards_ball(p, onto, radius)),
+        }
+    )
+
+
+def _vector(graph: Graph, name: str) -> Any:
+    return symbols(graph, [f"{name}[{i}]" for i in range(3)])
+
+
+def _written(outputs: Mapping[str, Callable[[], list[Any]]]) -> Functions:
+    written = Written()
     for name, traced in outputs.items():
         written.add(name, traced())
-    assert not written.constants, "lamps have no uniforms"
+    assert not written.constants, "lights have no uniforms"
     return written.operations, written.outputs

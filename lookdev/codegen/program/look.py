@@ -19,10 +19,11 @@ from lookdev.brdf import MODELS, StackLayer, stack_bsdf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.mixture import Mixture, middle_albedo, middle_normal
 from lookdev.brdf.table import Table
+from lookdev.brdf.vectors import scale
 from lookdev.cache import Content, derived
 from lookdev.codegen.inputs import Inputs
 from lookdev.codegen.program.written import Written
-from lookdev.codegen.source import HANDEDNESS, TANGENT_BINDING, ImageBinding, ProgramSource
+from lookdev.codegen.source import HANDEDNESS, LOBE_GROUPS, TANGENT_BINDING, ImageBinding, ProgramSource
 from lookdev.codegen.trace.azimuth import reads_tangent
 from lookdev.codegen.trace.graph import Graph, Node
 from lookdev.codegen.trace.lobes import WI, WO, assume_positive, continuous_lobes, folded_lobes, present_deltas
@@ -73,8 +74,14 @@ def generate_program(
     value, pdf = mixture.response(symbols(graph, WI))
     outputs: dict[str, Any] = {"value": value, "pdf": pdf}
     outputs["wi"] = mixture.draw(symbol(graph, "u1"), symbol(graph, "u2"))
+    parts = _parts(mixture, symbols(graph, WI))
+    outputs["diffuse"] = sum((diffuse for _, diffuse in parts.values()), np.zeros(3))
+    for group, (of_group, diffuse) in parts.items():
+        outputs[f"of_{group}"] = [*elements_of(of_group), *elements_of(diffuse)]
     for number, delta in enumerate(deltas):
-        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value)]
+        place = float(LOBE_GROUPS.index("transmission" if delta.transmits else "specular"))
+        outputs[f"delta{number}"] = [*elements_of(delta.direction), *elements_of(delta.value), place]
+    present = {*parts, *("transmission" if delta.transmits else "specular" for delta in deltas)}
     if see_through:
         outputs["presence"] = bsdf.presence
     if features:
@@ -108,9 +115,28 @@ def generate_program(
         deltas=len(deltas),
         glossy=not any(lobe.broad or lobe.transmits or lobe.crosses for lobe in lobes),
         shadows=shadows,
+        recorded=tuple(group for group in LOBE_GROUPS if group in present),
     )
     digest = hashlib.sha256(repr(replace(made, name="")).encode()).hexdigest()
     return replace(made, digest=digest, folded=folded_lobes(graph, bsdf))
+
+
+def _parts(mixture: Mixture, wi: Any) -> dict[str, tuple[Any, Any]]:
+    """Return the value of the lobes of each group for light from `wi`, and the part of diffuse lobes."""
+    parts: dict[str, tuple[Any, Any]] = {}
+    for term in mixture.terms(wi):
+        whole: Any = term.value
+        found: dict[str, Any] = {}
+        if not term.lobe.transmits:
+            for name, evaluate in term.lobe.parts.items():
+                part = replace(term, f=scale(evaluate(term.directions), term.lobe.weight)).value
+                if any(isinstance(each, Node) or each > 0.0 for each in elements_of(part)):
+                    found[name] = part
+        rest = whole - sum(found.values()) if found else whole
+        for group, part in {**found, "transmission" if term.lobe.transmits else term.lobe.group: rest}.items():
+            value, diffuse = parts.get(group, (np.zeros(3), np.zeros(3)))
+            parts[group] = value + part, diffuse + (part if term.lobe.group == "diffuse" else np.zeros(3))
+    return parts
 
 
 def stated(look: Look) -> Live:
@@ -158,7 +184,7 @@ def _values(layer: StackLayer) -> Mapping[str, Any]:
 
 
 def _slopes(graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the derivatives of value, presence and single directions' values by each symbol of the live inputs.
+    """Return the derivatives of value, its diffuse part, presence and single directions by each symbol of live inputs.
 
     Raises CodegenError where a single direction turns with one: the picture changes by more than values then.
     """
@@ -166,7 +192,7 @@ def _slopes(graph: Graph, look: str, inputs: Inputs, outputs: Mapping[str, Any])
     names = [name for each in live for name in each.symbols]
     found = {}
     for name, (output, result) in product(names, outputs.items()):
-        if output not in ("value", "presence") and not output.startswith("delta"):
+        if output not in ("value", "diffuse", "presence") and not output.startswith("delta"):
             continue
         found[slope_name(output, name)] = derived = slopes(graph, elements_of(result), name)
         if output.startswith("delta") and any(isinstance(each, Node) or each != 0.0 for each in derived[:3]):

@@ -9,14 +9,15 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.brdf.frames import ZENITH
 from lookdev.errors import EnvironmentMapError
 from lookdev.light.dome import Dome, example_dome
-from lookdev.light.emission import Emission, check_number, slope, smooth_step
+from lookdev.light.emission import Emission, check_number, smooth_step
 from lookdev.light.placement import Vector
 
 Floats = NDArray[np.float64]
@@ -56,44 +57,64 @@ class LocalDome:
         fields = (self.dome.digest, self.position, self.radius, self.edge)
         return hashlib.sha256(f"{self.kind} {_VERSION} {fields!r}".encode()).hexdigest()
 
+    @property
+    def start(self) -> float:
+        """Metres from the middle at which the light begins to fade."""
+        return self.radius * (1.0 - self.edge)
+
     def radiance(self, place: Floats, direction: Floats) -> Floats:
         local = place - np.array(self.position)
-        distance, _ = self._met(local, direction)
-        met = np.isfinite(distance)
-        onto = local + np.where(met, distance, 0.0)[..., None] * direction
-        from_middle = np.linalg.norm(local, axis=-1)
-        start = self.radius * (1.0 - self.edge)
-        share = 1.0 - smooth_step(from_middle, start, slope(start, self.radius))
+        met, distance, _ = meet_ball(local, direction, self.radius)
+        onto = local + distance[..., None] * direction
         seen = self.dome.radiance(place, np.where(met[..., None], onto, direction))
-        return np.where(met[..., None], share[..., None] * seen, 0.0)
+        return np.where(met[..., None], share_within(local, self.start, self.radius)[..., None] * seen, 0.0)
 
     def pdf(self, place: Floats, direction: Floats) -> Floats:
         local = place - np.array(self.position)
-        distance, rise = self._met(local, direction)
-        met = np.isfinite(distance) & (rise > 0.0)
-        distance = np.where(met, distance, 0.0)
-        # The solid angle at the middle over that at the place: d^2 / (R^2 cos), R cos being the rise.
-        around = distance**2 / (self.radius * np.where(met, rise, 1.0))
+        met, distance, around = meet_ball(local, direction, self.radius)
         onto = np.where(met[..., None], local + distance[..., None] * direction, direction)
         return np.where(met, self.dome.pdf(place, onto) * around, 0.0)
 
     def sample(self, place: Floats, u: Floats) -> Floats:
         local = place - np.array(self.position)
-        towards = self.radius * self.dome.sample(place, u) - local
-        length = np.linalg.norm(towards, axis=-1, keepdims=True)
-        return np.where(length > 0.0, towards / np.where(length > 0.0, length, 1.0), np.array((0.0, 0.0, 1.0)))
+        return np.asarray(towards_ball(local, self.dome.sample(place, u), self.radius))
 
     def distance(self, place: Floats, direction: Floats) -> Floats:
-        return self._met(place - np.array(self.position), direction)[0]
+        met, distance, _ = meet_ball(place - np.array(self.position), direction, self.radius)
+        return np.where(met, distance, np.inf)
 
-    def _met(self, local: Floats, direction: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (...) to the sphere from inside, else inf, and R times the cosine at which it is met."""
-        along = (local * direction).sum(axis=-1)
-        left = self.radius**2 - (local * local).sum(axis=-1)
-        rise = np.sqrt(np.maximum(along * along + left, 0.0))
-        # Of the two forms of the root the one without cancellation.
-        distance = np.where(along < 0.0, rise - along, left / np.where(rise + along > 0.0, rise + along, 1.0))
-        return np.where(left > 0.0, distance, np.inf), rise
+
+# Generated code follows these functions, whose arrays may be symbolic.
+
+
+def share_within(place: Any, start: Any, radius: Any) -> Any:
+    """Return the share (...) of a dome's light that arrives at places (..., 3) about its middle."""
+    rise: Any = np.where(radius > start, 1.0 / np.where(radius > start, radius - start, 1.0), 0.0)
+    return 1.0 - smooth_step(np.sqrt((place * place).sum(axis=-1)), start, rise)
+
+
+def meet_ball(place: Any, direction: Any, radius: Any) -> tuple[Any, Any, Any]:
+    """Return whether places (..., 3) are inside a ball, (...), and where a direction (..., 3) leads out of it.
+
+    That is the distance, and the solid angle at the middle over that at the place, 0 where neither is.
+    """
+    along = (place * direction).sum(axis=-1)
+    left = radius * radius - (place * place).sum(axis=-1)
+    # R times the cosine at which it is met.
+    rise = np.sqrt(np.maximum(along * along + left, 0.0))
+    # Of the two forms of the root the one without cancellation.
+    distance = np.where(along < 0.0, rise - along, left / np.where(rise + along > 0.0, rise + along, 1.0))
+    met = left > 0.0
+    distance = np.where(met, distance, 0.0)
+    # d^2 / (R^2 cos).
+    return met, distance, distance * distance / (radius * np.where(met & (rise > 0.0), rise, 1.0))
+
+
+def towards_ball(place: Any, onto: Any, radius: Any) -> Any:
+    """Return directions (..., 3) from places to where directions (..., 3) from the middle of a ball meet it."""
+    towards = radius * onto - place
+    length = np.expand_dims(np.sqrt((towards * towards).sum(axis=-1)), -1)
+    return np.where(length > 0.0, towards / np.where(length > 0.0, length, 1.0), ZENITH)
 
 
 def example_local_dome() -> LocalDome:

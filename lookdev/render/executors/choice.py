@@ -38,6 +38,11 @@ class Choice:
     numbers: tuple[int, ...] = ()
     stored: bool = False
 
+    @property
+    def here(self) -> bool:
+        """Whether workers start on this machine: at an address, some that others started have devices of their own."""
+        return not self.address
+
 
 LOCAL = Choice()
 

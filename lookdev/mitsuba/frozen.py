@@ -1,0 +1,44 @@
+"""What a frozen kernel reads besides its arguments."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import drjit as dr
+
+
+@contextmanager
+def nothing_freed() -> Iterator[None]:
+    """Let Python collect no garbage meanwhile: freeing memory that NumPy made ends a process that records a kernel."""
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def held_arrays(root: object) -> list[Any]:
+    """Return the arrays of Dr.Jit and the scenes of Mitsuba that the objects of this package hold, each once."""
+    seen: set[int] = set()
+    return list(_reached(root, seen))
+
+
+def _reached(value: Any, seen: set[int]) -> Iterator[Any]:
+    if id(value) in seen:
+        return
+    seen.add(id(value))
+    if dr.is_array_v(value) or type(value).__name__ == "Scene":
+        yield value
+    elif isinstance(value, Mapping):
+        for each in value.values():
+            yield from _reached(each, seen)
+    elif isinstance(value, list | tuple | set):
+        for each in value:
+            yield from _reached(each, seen)
+    elif type(value).__module__.startswith("lookdev.mitsuba") and hasattr(value, "__dict__"):
+        for each in vars(value).values():
+            yield from _reached(each, seen)

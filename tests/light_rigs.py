@@ -1,0 +1,131 @@
+"""Rigs of all kinds of lights, and looks to be lit by them, for the backends that show any light."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from lookdev.light import (
+    LIGHT_KINDS,
+    CylinderLight,
+    DiskLight,
+    DistantLight,
+    Dome,
+    Emission,
+    Falloff,
+    Light,
+    LocalDome,
+    RectLight,
+    Shadow,
+    Shaping,
+    SphereLight,
+    load_profile,
+    make_environment,
+    prepare_light,
+    prepare_texture,
+)
+from lookdev.material import Layer
+
+FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
+"""Axes of a light that shines along +y."""
+
+RIG_LOOKS = {
+    "diffuse": Layer("l", "disney", {"baseColor": (0.8, 0.5, 0.3), "roughness": 0.6, "specular": 0.0}),
+    "plastic": Layer("l", "disney", {"baseColor": (0.2, 0.5, 0.9), "roughness": 0.35, "clearcoat": 0.5}),
+    "metal": Layer("l", "disney", {"baseColor": (0.9, 0.7, 0.4), "metallic": 1.0, "roughness": 0.25}),
+    "wall-e": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4}),
+    "leaf": Layer("l", "pixar", {"surfaceColor": (0.5, 0.4, 0.3), "roughness": 0.4, "back": 0.5}),
+}
+PROFILE = """IESNA:LM-63-2002
+TILT=NONE
+1 1000 1 5 4 1 2 0 0 0
+1 1 100
+0 22.5 45 67.5 90
+0 30 90 180
+1 .9 .5 .2 0
+1 .5 .8 .1 0
+1 .2 .2 .9 0
+1 .9 .1 .1 .4
+"""
+
+
+def sent(**given: object) -> Emission:
+    return Emission((6.0, 4.0, 2.0), **given)  # type: ignore[arg-type]
+
+
+def textured() -> RectLight:
+    """Return a rectangle of a few bright spots, seen by the front of the asset."""
+    radiance = np.zeros((24, 40, 3), np.float32)
+    radiance[3:8, 5:9], radiance[12:20, 20:38], radiance[20:, :3] = (9.0, 3.0, 1.0), (0.2, 0.6, 2.0), (4.0, 8.0, 4.0)
+    texture = prepare_texture(make_environment("spots", radiance))
+    return RectLight(width=2.0, height=1.5, position=(0.0, -2.0, 0.5), axes=FACING, texture=texture)
+
+
+def profiled(folder: Path) -> tuple[Light, ...]:
+    file = folder / "lamp.ies"
+    file.write_text(PROFILE)
+    plain, squeezed = load_profile(file), load_profile(file, angle_scale=0.5)
+    return (
+        SphereLight(radius=0.3, position=(-1.0, -1.6, 0.5), axes=FACING, emission=sent(shaping=Shaping(profile=plain))),
+        replace(near("rect"), emission=sent(shaping=Shaping(profile=squeezed))),
+    )
+
+
+def near(kind: str) -> Light:
+    """Return a light of a kind in front of the asset."""
+    at = (0.6, -1.8, 0.8)
+    match kind:
+        case "rect":
+            return RectLight(width=1.2, height=0.8, position=at, axes=FACING, emission=sent())
+        case "disk":
+            return DiskLight(radii=(0.7, 0.4), position=at, axes=FACING, emission=sent())
+        case "sphere":
+            return SphereLight(radius=0.4, position=at, emission=sent())
+        case "cylinder":
+            return CylinderLight(length=1.5, radius=0.2, position=at, emission=sent())
+        case "distant":
+            return DistantLight(angle=20.0, axes=((1.0, 0.0, 0.0), (0.0, 0.6, 0.8), (0.0, -0.8, 0.6)), emission=sent())
+    return LIGHT_KINDS[kind].example()
+
+
+def grey(*, local: bool = False) -> Dome:
+    return prepare_light(make_environment("grey", np.full((2, 4, 3), 0.2, np.float32)), local=local)
+
+
+KINDS = ("rect", "disk", "sphere", "cylinder", "distant", "local_dome")
+RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
+    **{kind: lambda folder, kind=kind: (near(kind),) for kind in KINDS},
+    "local grey": lambda folder: (LocalDome(dome=grey(local=True), position=(0.3, 0.0, 0.5), radius=2.0, edge=0.5),),
+    "texture": lambda folder: (textured(), near("dome")),
+    "profile": profiled,
+    "beam": lambda folder: (
+        replace(near("rect"), emission=sent(shaping=Shaping(35.0, 0.5, 4.0, (0.1, 0.5, 0.0)))),
+        SphereLight(radius=0.2, position=(-1.0, -1.6, 0.2), axes=FACING, emission=sent(shaping=Shaping(25.0))),
+    ),
+    "falloff": lambda folder: (
+        replace(near("rect"), emission=sent(falloff=Falloff(1.5, 3.0, 1.0, 3.0))),
+        replace(near("sphere"), position=(-1.0, -1.6, 0.2), emission=sent(falloff=Falloff(0.0, 1.0))),
+    ),
+    "shadow": lambda folder: (
+        replace(near("rect"), emission=sent(shadow=Shadow(True, (0.5, 0.1, 0.0), 0.6, 0.4, 0.7))),
+        replace(near("sphere"), position=(0.2, 0.5, 2.0), emission=sent(shadow=Shadow(enable=False))),
+        replace(near("distant"), emission=sent(shadow=Shadow(distance=0.3))),
+    ),
+    "response": lambda folder: (
+        replace(near("rect"), emission=sent(diffuse=0.3, specular=2.0)),
+        replace(near("sphere"), position=(-1.0, -1.6, 0.2), emission=sent(diffuse=2.0, specular=0.0)),
+    ),
+    "still": lambda folder: (
+        replace(near("rect"), emission=sent(turns=False)),
+        near("disk"),
+        replace(LIGHT_KINDS["dome"].example(), emission=sent(turns=False), axes=FACING),  # type: ignore[type-var]
+    ),
+    "seen": lambda folder: (
+        SphereLight(radius=0.3, position=(-0.4, -1.8, 0.4), emission=sent(camera=True, turns=False)),
+        grey(),
+    ),
+    "everything": lambda folder: (*map(near, (*KINDS, "dome")), grey()),
+}

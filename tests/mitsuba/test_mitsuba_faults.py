@@ -1,0 +1,108 @@
+"""What Mitsuba's worker does where memory, a GPU or patience ends."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import subprocess
+import time
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from frames import POSE, orbit_camera
+from looks import LOOKS
+
+from lookdev.asset import load_asset
+from lookdev.errors import RenderError
+from lookdev.material import Look
+from lookdev.render import wire
+from lookdev.render.backends import BACKENDS
+from lookdev.render.llvm import check_device
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.scene import Film, Sampling, Scene
+
+pytestmark = pytest.mark.mitsuba
+
+
+def task_of(light: Any, **given: Any) -> FrameTask:
+    asset = load_asset(builtin="suzanne")
+    camera = orbit_camera(asset.center, asset.radius)
+    scene = Scene(
+        asset, {slot.path: Look("l", LOOKS["coated"]) for slot in asset.slots}, (light,), camera, Film((16, 16))
+    )
+    return one_frame(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | given), "mitsuba"), POSE, "frame")
+
+
+def test_launches_shrink_where_memory_ends_until_nothing_is_left(drjit: Any, light_of: Any) -> None:
+    """The frame is the same; where not even one pixel fits, the error says what would be right."""
+    from lookdev.mitsuba.load import load_mitsuba
+    from lookdev.mitsuba.render import MitsubaScene
+
+    task = task_of(light_of("city"))
+    scene = MitsubaScene(load_mitsuba("cpu"), task.scene)
+    whole = scene.render(task, lambda *progress: None)
+    of_scene, widths = scene._pixels, []
+
+    def within(most: int) -> Callable[..., Any]:
+        def pixels(view: Any, place: Any, lane: Any, *numbers: Any) -> Any:
+            widths.append(drjit.width(lane))
+            if drjit.width(lane) > most:
+                raise RuntimeError("record(): see above") from RuntimeError("jit_malloc(): out of memory! 9 bytes")
+            return of_scene(view, place, lane, *numbers)
+
+        return pixels
+
+    scene._pixels = within(64)
+    less = scene.render(task, lambda *progress: None)
+    assert max(widths) > 64
+    np.testing.assert_array_equal(less.a, whole.a)
+    np.testing.assert_array_equal(less.b, whole.b)
+    scene._pixels = within(0)
+    with pytest.raises(RenderError, match="out of memory, even with the 16 samples of a single pixel"):
+        scene.render(task, lambda *progress: None)
+
+    def other(*arguments: Any) -> Any:
+        raise RuntimeError("something else")
+
+    scene._pixels = other
+    with pytest.raises(RuntimeError, match="something else"):
+        scene.render(task, lambda *progress: None)
+
+
+def test_a_missing_gpu_is_named_before_rendering(monkeypatch: pytest.MonkeyPatch, llvm: str) -> None:
+    check_device("cpu")
+
+    def none(name: str) -> Any:
+        raise OSError(name)
+
+    monkeypatch.setattr(ctypes, "CDLL", none)
+    with pytest.raises(RenderError, match=r'device = "cuda": no driver of an NVIDIA GPU .* device = "cpu" would be'):
+        check_device("cuda")
+    empty = SimpleNamespace(cuInit=lambda flags: 0, cuDeviceGetCount=lambda count: 0)
+    monkeypatch.setattr(ctypes, "CDLL", lambda name: empty)
+    with pytest.raises(RenderError, match="the driver finds no NVIDIA GPU here"):
+        check_device("cuda")
+
+
+def test_the_worker_ends_at_once_in_the_middle_of_a_frame(llvm: str, light_of: Any) -> None:
+    """As after Ctrl-C, which reaches it too: it leaves the rest to the end of its input."""
+    task = task_of(light_of("city"), samples=1 << 22)
+    with subprocess.Popen(
+        BACKENDS["mitsuba"].command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as process:
+        assert process.stdin
+        assert process.stdout
+        assert "ready" in process.stdout.readline()
+        print(wire.encode(task), file=process.stdin, flush=True)
+        while '"progress"' not in (line := process.stdout.readline()):
+            assert line, "the worker died"
+        started = time.perf_counter()
+        process.send_signal(signal.SIGINT)
+        process.stdin.close()
+        process.wait(timeout=60.0)
+        # A launch takes .2 s on an idle machine.
+        assert time.perf_counter() - started < 5.0

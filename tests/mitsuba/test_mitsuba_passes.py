@@ -1,0 +1,171 @@
+"""The passes of a frame of Mitsuba, beside rays of the camera, `exact`, and looks of single lobes."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from frames import orbit_camera
+from light_rigs import grey, near
+
+from lookdev.asset import Asset, Instance, load_asset, make_asset
+from lookdev.batch.frame_file import store
+from lookdev.light import Light
+from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
+from lookdev.render.cryptomatte import matte_id
+from lookdev.render.scene import scene_task
+from lookdev.render.task import FrameTask, one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Film, Pose, Sampling, Scene
+from lookdev.scene.rays import camera_rays
+
+pytestmark = pytest.mark.mitsuba
+
+POSE, SIZE = Pose(40.0, 15.0), (24, 18)
+COATED = Look(
+    "coated", (Layer("p", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3, "sheen": 0.5}),)
+)
+NET = Look("net", (Layer("p", "pixar", {"surfaceColor": (0.6, 0.5, 0.4), "roughness": 0.5, "presence": 0.25}),))
+PARTS = (("diffuse", "specular", "clearcoat", "sheen", "transmission"), ("direct", "indirect"))
+
+
+def pair() -> Asset:
+    """Return a head before a smaller one of another slot; their place is off the origin."""
+    head = load_asset(builtin="suzanne")
+    mesh = head.meshes[0]
+    meshes = [replace(mesh, face_slots=np.full(len(mesh.face_sizes), n, np.int32)) for n in range(2)]
+    instances = []
+    for number, (path, size, place) in enumerate((("/set/left", 1.0, 0.0), ("/set/right", -0.8, 1.7))):
+        matrix = np.diag([size, abs(size), abs(size), 1.0])
+        matrix[:3, 3] = (3.0 + place, -2.0 + 0.5 * place, 1.0)
+        instances.append(Instance(number, matrix, path))
+    slots = [replace(head.slots[0], path=f"/{n}") for n in range(2)]
+    return make_asset("pair", meshes, instances, slots)
+
+
+def task_of(looks: tuple[Look, Look], passes: tuple[str, ...], pose: Pose = POSE, **given: object) -> FrameTask:
+    asset = pair()
+    camera = orbit_camera(asset.center, 0.8 * asset.radius)
+    wears = {slot.path: look for slot, look in zip(asset.slots, looks, strict=True)}
+    scene = Scene(asset, wears, (near_the_pair(), grey()), camera, Film(SIZE))
+    sampling = Sampling(**{"samples": 64, "bounces": 2, "passes": passes} | given)  # type: ignore[arg-type]
+    return one_frame(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {given}")
+
+
+def near_the_pair() -> Light:
+    return replace(near("sphere"), position=(3.6, -4.0, 1.8))  # type: ignore[type-var,return-value]
+
+
+def rendered(worker: Worker, task: FrameTask) -> Rendered:
+    worker.start()
+    return worker.render(task, lambda progress: None)
+
+
+def test_places_are_those_that_rays_meet(worker: Worker) -> None:
+    task = task_of((COATED, COATED), ("depth", "position", "normal", "uv", "albedo", "samples"))
+    shown = rendered(worker, task).passes
+    assert {*shown} == {"depth", "position", "normal", "uv", "albedo", "samples"}
+    asset, camera = pair(), task.scene.camera
+    scene = MeshScene(asset, [COATED, COATED])
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1]) + 0.5))
+    # The reference orbits the camera and leaves the asset where it is.
+    origin, direction = camera_rays(camera, POSE, SIZE, x, y)
+    hit, place = scene.hit(origin, direction)
+    assert 100 < np.count_nonzero(hit) < hit.size - 100
+    points = scene.points(place[hit])
+    frame, _ = scene.frame(place[hit], -direction[hit])
+    angle = np.radians(POSE.element)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+    pivot = np.array((*camera.pivot, 0.0))
+    world = (points - pivot) @ turn.T + pivot
+
+    def rows(name: str) -> np.ndarray:
+        return shown[name].reshape(len(hit), -1)
+
+    # Float32 of Embree about the asset's centre: 1e-6 of its size.
+    np.testing.assert_allclose(rows("position")[hit], world, atol=2e-5)
+    assert not rows("position")[~hit].any()
+    _, _, back = camera.orbited(0.0).frame
+    depth = -(world - camera.orbited(0.0).position) @ back
+    np.testing.assert_allclose(rows("depth")[hit, 0], depth, atol=2e-5)
+    assert (rows("depth")[~hit] == 1e10).all()
+    np.testing.assert_allclose(rows("normal")[hit], frame[:, 2] @ turn.T, atol=2e-4)
+    assert ((rows("uv")[hit] >= 0.0) & (rows("uv")[hit] <= 1.0)).all()
+    assert rows("uv")[hit].std(axis=0).min() > 0.05
+    assert (rows("samples") == 64.0).all()
+    albedo = shown["albedo"][shown["albedo"].any(axis=-1)]
+    assert (albedo[:, 0] > albedo[:, 2]).all()
+
+
+def test_parts_of_the_light_sum_up_to_it_and_leave_it_as_it_is(worker: Worker) -> None:
+    plain = rendered(worker, task_of((COATED, NET), ()))
+    frame = rendered(worker, task_of((COATED, NET), ("lobes", "direct")))
+    np.testing.assert_array_equal(plain.alpha, frame.alpha)
+    np.testing.assert_allclose(frame.a, plain.a, rtol=1e-4, atol=1e-6)
+    beauty = 0.5 * (frame.a + frame.b)
+    for parts in PARTS:
+        np.testing.assert_allclose(sum(frame.passes[name] for name in parts), beauty, rtol=1e-4, atol=1e-6)
+        for name in parts:
+            assert (frame.passes[name] >= -1e-5 * (1.0 + beauty)).all(), name
+    assert not frame.passes["transmission"].any()
+    assert frame.passes["clearcoat"].mean() > 1e-3 * beauty.mean()
+    assert frame.passes["sheen"].mean() > 1e-3 * beauty.mean()
+    assert 0.01 < frame.passes["indirect"].mean() / beauty.mean() < 0.5
+
+
+def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) -> None:
+    """Also where light came by way of the other look, which stays as it is."""
+
+    def phong(name: str, **given: object) -> Look:
+        inputs = {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.4), "exponent": 20.0} | given
+        return Look(name, (Layer("p", "modified-phong", inputs),))  # type: ignore[arg-type]
+
+    other, black = phong("other"), (0.0, 0.0, 0.0)
+    # Where the right head alone is seen, one bounce comes by way of the left one, or of its own.
+    found = {}
+    for name, without in (("both", None), ("diffuse", "specular"), ("specular", "diffuse")):
+        look = phong(name) if without is None else phong(name, **{without: black})
+        passes = ("lobes", "direct", "cryptomatte")
+        found[name] = [rendered(worker, task_of((other, look), passes, bounces=1, seed=n)) for n in range(4)]
+    first = found["both"][0]
+    alone = (coverage(first, "/set/right") > 0.0) & (coverage(first, "/set/left") == 0.0)
+    assert np.count_nonzero(alone) > 10
+    for name in ("diffuse", "specular"):
+        both = np.array([frame.passes[name][alone].mean(axis=0) for frame in found["both"]])
+        single = np.array([(0.5 * (frame.a + frame.b))[alone].mean(axis=0) for frame in found[name]])
+        noise = np.sqrt((both.var(axis=0, ddof=1) + single.var(axis=0, ddof=1)) / len(both))
+        # Student's t of 3 degrees of freedom and more: beyond 12 by chance once in a thousand.
+        assert (np.abs(both.mean(axis=0) - single.mean(axis=0)) < 12.0 * noise).all(), name
+        assert (noise < 0.02 * single.mean(axis=0)).all(), "the test would not notice another lobe's light"
+
+
+def coverage(frame: Rendered, name: str) -> np.ndarray:
+    """Return the coverage (H, W) of a prim."""
+    ids = frame.passes["CryptoObject"]
+    wanted = np.array(matte_id(name), np.uint32).view(np.float32)
+    return np.where(ids[..., 0::2] == wanted, ids[..., 1::2], 0.0).sum(axis=-1)
+
+
+def test_mattes_are_the_coverage_of_each_part(worker: Worker, tmp_path: Path) -> None:
+    task = task_of((COATED, NET), ("cryptomatte",), samples=2048, bounces=3)
+    task = replace(task, files=(tmp_path / "frame.exr",))
+    frame = rendered(worker, task)
+    store(task, frame)
+    buffer = oiio.ImageBuf(str(task.files[0]))
+    entries = {each.name: each.value for each in buffer.spec().extra_attribs if each.name.startswith("cryptomatte/")}
+    names = {name for key, text in entries.items() if key.endswith("/manifest") for name in json.loads(text)}
+    assert names == {"/set/left", "/set/right", "coated", "net", "pair"}
+    for matte in ("CryptoObject", "CryptoMaterial", "CryptoAsset"):
+        np.testing.assert_allclose(frame.passes[matte][..., 1::2].sum(axis=-1), frame.alpha, atol=1e-5)
+    # The net lets three quarters through, where it has one layer.
+    solid = rendered(worker, task_of((COATED, COATED), ("cryptomatte",), samples=2048))
+    net, right = coverage(frame, "/set/right"), coverage(solid, "/set/right")
+    only = (right > 0.0) & (coverage(frame, "/set/left") == 0.0)
+    assert np.count_nonzero(only) > 10
+    assert (net[only] < right[only]).all()
+    assert (net[only] > 0.2 * right[only]).all()
