@@ -9,6 +9,7 @@ from __future__ import annotations
 import itertools
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -45,16 +46,26 @@ HOUR = 3600.0
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
 TURNTABLES = '[[turntable]]\nkind = "element"\nframes = 8\n[[turntable]]\nkind = "lighting"\nframes = 5\n'
 DISK = 3 << 20  # bytes of the small disk
+ENDED = "ended: "
 OF_THE_RUN = {"time", "seconds", "host"}
+CAUSES = {
+    "disk full": "No space left on device",
+    "unwritable": "Operation not permitted|Permission denied",
+    "taken for dead": "this run stood still",
+    "frame given up": "frames failed",
+}
+"""Why a run may end with exit code 1, each by what its message contains."""
+
 KEPT = {"pictures.json", "digests.json", "plan.json", "worker.log"}
 
 
 @dataclass
 class Figures:
-    """What a storm did, and how runs ended, by their exit codes."""
+    """What a storm did; how runs ended, by their exit codes; the causes of exit code 1, of `CAUSES`."""
 
     faults: Counter[str] = field(default_factory=Counter)
     ends: Counter[int] = field(default_factory=Counter)
+    causes: Counter[str] = field(default_factory=Counter)
     rounds: int = 0
 
     @property
@@ -79,10 +90,14 @@ def render(job: Path, chunk: Chunk | None, frame_seconds: float) -> int:
     BACKENDS["exact"] = replace(BACKENDS["exact"], command=command)
     batch._opened = partial(batch._opened, patience=PATIENCE)  # type: ignore[assignment]
     try:
-        return batch.render_job(job, prepare=prepare, chunk=chunk).exit_code
-    except (LookdevError, OSError) as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
+        result = batch.render_job(job, prepare=prepare, chunk=chunk)
+    except LookdevError as error:
+        why, code = str(error), 1
+    else:
+        why, code = result.summary(), result.exit_code
+    if code:
+        sys.stderr.write(f"{ENDED}{' '.join(why.splitlines())}\n")
+    return code
 
 
 def forked(program: Callable[[], int], log: Path) -> int:
@@ -281,12 +296,23 @@ def contents(out: Path) -> dict[str, object]:
     return found
 
 
+def causes(log: Path) -> Counter[str]:
+    """Count the causes of exit code 1 in the log of a storm; raises AssertionError for another than `CAUSES`."""
+    found: Counter[str] = Counter()
+    for line in log.read_text().splitlines():
+        if line.startswith(ENDED):
+            known = [cause for cause, text in CAUSES.items() if re.search(text, line)]
+            assert known, line
+            found[known[0]] += 1
+    return found
+
+
 def check(out: Path, whole: Mapping[str, object]) -> None:
     """Raise AssertionError unless an output is as that of an undisturbed run, and nothing is left over."""
     found = contents(out)
     assert list(found) == list(whole)
     assert [name for name, each in found.items() if each != whole[name]] == []
-    assert {path.name for path in (out / ".lookdev").iterdir()} <= KEPT
+    assert {path.relative_to(out / ".lookdev").as_posix() for path in (out / ".lookdev").rglob("*")} - KEPT == set()
 
 
 def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
@@ -305,6 +331,8 @@ def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
         for figures.rounds in itertools.count(1):
             Storm(calm, rng, figures, disk).blow(min(each, kills - figures.kills), 60.0)
             check(calm / "out", whole)
+            figures.causes = causes(calm / "errors.log")
+            assert figures.causes.total() == figures.ends[1]
             if figures.kills >= kills:
                 return figures
             for path in (calm / "out").iterdir():
