@@ -6,6 +6,7 @@ patience are seconds, so that what stands still is noticed. ``python tests/chaos
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import os
 import random
@@ -125,6 +126,21 @@ def children(process: int) -> list[int]:
         return []
 
 
+def inherit_orphans() -> None:
+    """Become the parent of processes whose parents, runs of a storm, are killed (PR_SET_CHILD_SUBREAPER)."""
+    ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)
+
+
+def await_orphans() -> None:
+    """Wait until no child is left; raises AssertionError where one outlives its run by more than ten seconds."""
+    until = time.monotonic() + 10.0
+    with suppress(ChildProcessError):
+        while time.monotonic() < until:
+            if os.waitpid(-1, os.WNOHANG)[0] == 0:
+                time.sleep(0.02)
+        raise AssertionError(f"processes {children(os.getpid())} outlive their runs")
+
+
 @contextmanager
 def small_disk(folder: Path) -> Iterator[bool]:
     """Mount a file system of some megabytes; yield whether that is allowed."""
@@ -175,6 +191,7 @@ class Storm:
         while self._runs:
             self._collect()
             time.sleep(0.02)
+        await_orphans()
         for _ in range(20):
             run = self._start(None)
             self._runs.remove(run)
@@ -320,6 +337,7 @@ def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
     rng, figures = random.Random(seed), Figures()
     calm = folder / "calm"
     calm.mkdir()
+    inherit_orphans()
     # The name of the job file is in the headers: both have it from the same folder, one after the other.
     with ExitStack() as stack:
         write_job(calm)
