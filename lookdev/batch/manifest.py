@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import platform
 import shlex
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
@@ -60,12 +60,14 @@ def record_run(job: Job, plan: Plan) -> Path:
     render = f"lookdev render {shlex.quote(str(job.file))}"
     turned = (file for reel in plan.reels for file in reel.files)
     planned = list(dict.fromkeys((*turned, *(file for frame in plan.frames for file in frame.task.files))))
-    frames = []
-    for file in planned:
-        if file.is_file():
-            name = file.relative_to(plan.output).as_posix()
-            again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
-            frames.append(digests.entry(file, name) | {"header": read_header(file), "command": again})
+
+    def frames() -> Iterator[dict[str, Any]]:
+        for file in planned:
+            if file.is_file():
+                name = file.relative_to(plan.output).as_posix()
+                again = f"{render} --force --frame {shlex.quote(name.removesuffix('.exr'))}"
+                yield digests.entry(file, name) | {"header": read_header(file), "command": again}
+
     beside = (key for key in ("charts", "ground") if getattr(job, key) is not None)
     made = ((plan.output / name, name) for name in Ledger(plan.output / STATE_FOLDER).names)
     manifest = {
@@ -74,13 +76,14 @@ def record_run(job: Job, plan: Plan) -> Path:
         "versions": {"lookdev": lookdev.__version__, "python": platform.python_version(), "numpy": np.__version__},
         "view": asdict(job.outputs.shown("png")),
         "settings": job.model_dump(mode="json", include={"render", "outputs", *beside}),
-        "inputs": [digests.entry(file, str(file)) for file in input_files(job) if file.is_file()],
+        "inputs": (digests.entry(file, str(file)) for file in input_files(job) if file.is_file()),
         "planned": len(planned),
-        "frames": frames,
-        "pictures": [digests.entry(file, name) for file, name in made if file.is_file()],
+        "frames": frames(),
+        "pictures": (digests.entry(file, name) for file, name in made if file.is_file()),
     }
+    written = write_manifest(plan.output, manifest)
     digests.save()
-    return write_manifest(plan.output, manifest)
+    return written
 
 
 class _Digests:
@@ -104,7 +107,7 @@ class _Digests:
         """Keep what was asked for."""
         if self._new != self._old:
             with atomic_path(self._file) as temporary:
-                temporary.write_text(json.dumps(self._new, indent=0))
+                temporary.write_text(json.dumps(self._new))
 
 
 def verify(folder: Path) -> tuple[Mapping[str, Any], tuple[Deviation, ...]]:

@@ -65,11 +65,13 @@ def render_job(
     `lookdev.batch.prepare.plan_job` but in tests.
     Raises LookdevError where the input is wrong, another run renders something else there, or as `run_plan`.
     """
-    job = _on_device(load_job(path, rules), choice.device)
-    if output is not None:
-        job = job.model_copy(update={"output": output.absolute()})
+    job = wanted_job(path, rules, output, choice.device)
     backend = BACKENDS[job.render.backend]
-    with Run(job.output, str(chunk or "")) as run, _opened(choice, run, backend.command) as executor:
+    with (
+        _writing(job.output),
+        Run(job.output, str(chunk or "")) as run,
+        _opened(choice, run, backend.command) as executor,
+    ):
         if not outputs_only and (force or _lacks_frames(job)):
             if choice.here:
                 backend.check_device(job.render.device)
@@ -106,8 +108,14 @@ def render_job(
         return result
 
 
-def _on_device(job: Job, device: str | None) -> Job:
-    """Return a job rendered on another kind of device; raises LookdevError where its backend does not run there."""
+def wanted_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:
+    """Return a job as the options of a run want it: `output` and the kind of `device`, if any, instead of its own.
+
+    Raises JobError, and LookdevError where its backend does not run on the device.
+    """
+    job = load_job(path, rules)
+    if output is not None:
+        job = job.model_copy(update={"output": output.absolute()})
     if device is None:
         return job
     backend = BACKENDS[job.render.backend]
@@ -146,6 +154,20 @@ def _join(run: Run, plan: Plan, report: Report) -> None:
     if same := [other for other in others if not run.info.part or other.part in ("", run.info.part)]:
         more = f" and {len(same) - 1} more" if len(same) > 1 else ""
         report(Noted(f"{same[0]}{more} also renders to {plan.output}: each frame is rendered by one of these runs"))
+
+
+@contextmanager
+def _writing(output: Path) -> Iterator[None]:
+    """Let an OSError of a file in the output, or of none that it names, be an OutputError."""
+    try:
+        yield
+    except BrokenPipeError:
+        raise  # of the report: frames are not written to pipes
+    except OSError as error:
+        place = error.filename or output
+        if not Path(str(place)).is_relative_to(output):
+            raise
+        raise OutputError(f"{place}: the output cannot be written: {error.strerror or error}") from error
 
 
 @contextmanager
@@ -221,7 +243,7 @@ def run_plan(
     WorkerError
         The worker does not start.
     """
-    with ExitStack() as stack:
+    with _writing(plan.output), ExitStack() as stack:
         if run is None:
             run = stack.enter_context(Run(plan.output))
             _join(run, plan, report)
@@ -242,11 +264,6 @@ def run_plan(
             frames.wait_for_sheets()
         except KeyboardInterrupt:
             return frames.result(interrupted=True)
-        except BrokenPipeError:
-            raise  # of the report: frames are not written to pipes
-        except OSError as error:
-            place, why = error.filename or plan.output, error.strerror or error
-            raise OutputError(f"{place}: the output cannot be written: {why}") from error
         return frames.result(missing=tasks if outputs_only else ())
 
 

@@ -43,7 +43,7 @@ DEFAULT_LEASE = 60
 _SIGNS = 6  # in the time of a lease
 _SCRATCH = "scratch-"
 # The names that lookdev.cache.atomic_path gives.
-_TEMPORARY = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}\.[a-z0-9]+")
+_TEMPORARY = re.compile(r"\..+\.([0-9a-f]+)-[0-9a-f]{8}(?:\.[a-z0-9]+)?")
 
 
 @dataclass(frozen=True)

@@ -5,13 +5,17 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from lookdev.batch.events import LogFormat
 from lookdev.cli.options import AsJson, JobFile, nothing_printed, say, say_json
 from lookdev.errors import LookdevError
+
+if TYPE_CHECKING:
+    from lookdev.job import Job
+    from lookdev.plan.chunks import Chunk
 
 app = typer.Typer()
 
@@ -106,11 +110,8 @@ def render(
 
     Several runs of one job, on machines that share its output folder, share its frames.
     """
-    if dry_run:
-        plan(job)
-        return
     from lookdev.batch.progress import show_progress
-    from lookdev.batch.run import render_job
+    from lookdev.batch.run import render_job, wanted_job
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
     from lookdev.render.executors.choice import choose
@@ -120,6 +121,11 @@ def render(
     part = None if chunk is None else Chunk.parse(chunk)
     choice = choose(executor, workers=workers, device=device, stored=shared)
     rules = read_rules(path_mapping) if path_mapping is not None else ()
+    if dry_run:
+        if force or frame or outputs_only:
+            raise LookdevError("--dry-run lists new and stale frames: it goes without --force, --frame, --outputs-only")
+        _list_frames(wanted_job(job, rules, output, choice.device), part)
+        return
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
             job,
@@ -135,6 +141,19 @@ def render(
     if log_format is not LogFormat.JSON:
         say(result.summary(), err=result.exit_code != 0)
     raise typer.Exit(result.exit_code)
+
+
+def _list_frames(job: Job, chunk: Chunk | None) -> None:
+    from lookdev.batch.chunks import plan_of_chunk
+    from lookdev.batch.listing import plan_text
+    from lookdev.batch.prepare import plan_job
+
+    with nothing_printed():
+        prepared = plan_job(job)
+    for note in prepared.notes:
+        say(f"note: {note}", err=True)
+    plan = prepared.plan if chunk is None else plan_of_chunk(prepared.plan, chunk)
+    say(plan_text(plan, prepared.job.output))
 
 
 @app.command(rich_help_panel=_PANEL)

@@ -11,7 +11,9 @@ frames that the job has: a run that was interrupted lists fewer.
 
 from __future__ import annotations
 
+import filecmp
 import json
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,12 +48,32 @@ class Deviation:
 
 
 def write_manifest(folder: Path, manifest: Mapping[str, Any]) -> Path:
-    """Write the manifest of an output folder, whole or not at all, unless it is there already; return its path."""
-    path, text = folder / NAME, json.dumps({"format": FORMAT, **manifest}, indent=1) + "\n"
-    if not (path.is_file() and path.read_text(encoding="utf-8", errors="replace") == text):
-        with atomic_path(path) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+    """Write the manifest of an output folder, whole or not at all, and return its path.
+
+    Its time is kept where it is as it was. Lists may be iterators: their entries are written one after the other.
+    """
+    path = folder / NAME
+    with atomic_path(path) as temporary:
+        with temporary.open("w", encoding="utf-8") as stream:
+            stream.writelines(_lines({"format": FORMAT, **manifest}))
+        if path.is_file() and filecmp.cmp(temporary, path, shallow=False):
+            os.utime(temporary, ns=(path.stat().st_atime_ns, path.stat().st_mtime_ns))
     return path
+
+
+def _lines(manifest: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a manifest as text, each entry of its lists on a line of its own: with an indent, json is far slower."""
+    yield "{"
+    for number, (key, value) in enumerate(manifest.items()):
+        yield f"{',' if number else ''}\n {json.dumps(key)}: "
+        if isinstance(value, (list, Iterator)):
+            yield "["
+            for place, entry in enumerate(value):
+                yield f"{',' if place else ''}\n  {json.dumps(entry)}"
+            yield "\n ]"
+        else:
+            yield json.dumps(value)
+    yield "\n}\n"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:

@@ -25,6 +25,15 @@ with Run(Path(sys.argv[1])) as run:
     print("held", flush=True)
     sys.stdin.read()
 """
+# Another process that is killed as it writes its file.
+HALF = """
+import os, sys
+from pathlib import Path
+from lookdev.cache import atomic_path
+with atomic_path(Path(sys.argv[1])) as half:
+    half.touch()
+    os.kill(os.getpid(), 9)
+"""
 FRAME = "gold/city/element.0001"
 
 
@@ -57,7 +66,8 @@ def test_a_claim_is_of_one_run_until_it_ends(tmp_path: Path) -> None:
 def test_a_killed_run_holds_nothing_and_leaves_nothing(tmp_path: Path) -> None:
     with holder(tmp_path) as other:
         other.kill()
-    assert len(state(tmp_path)) == 4
+    subprocess.run((sys.executable, "-c", HALF, str(tmp_path / ".lookdev/runs/0123456789abcdef")), check=False)
+    assert len(state(tmp_path)) == 5
     with Run(tmp_path) as run:
         assert run.renders("another plan") == []
         assert run.claim(FRAME)

@@ -6,9 +6,11 @@ patience are seconds, so that what stands still is noticed. ``python tests/chaos
 
 from __future__ import annotations
 
+import ctypes
 import itertools
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -45,16 +47,26 @@ HOUR = 3600.0
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
 TURNTABLES = '[[turntable]]\nkind = "element"\nframes = 8\n[[turntable]]\nkind = "lighting"\nframes = 5\n'
 DISK = 3 << 20  # bytes of the small disk
+ENDED = "ended: "
 OF_THE_RUN = {"time", "seconds", "host"}
+CAUSES = {
+    "disk full": "No space left on device",
+    "unwritable": "Operation not permitted|Permission denied",
+    "taken for dead": "this run stood still",
+    "frame given up": "frames failed",
+}
+"""Why a run may end with exit code 1, each by what its message contains."""
+
 KEPT = {"pictures.json", "digests.json", "plan.json", "worker.log"}
 
 
 @dataclass
 class Figures:
-    """What a storm did, and how runs ended, by their exit codes."""
+    """What a storm did; how runs ended, by their exit codes; the causes of exit code 1, of `CAUSES`."""
 
     faults: Counter[str] = field(default_factory=Counter)
     ends: Counter[int] = field(default_factory=Counter)
+    causes: Counter[str] = field(default_factory=Counter)
     rounds: int = 0
 
     @property
@@ -79,10 +91,14 @@ def render(job: Path, chunk: Chunk | None, frame_seconds: float) -> int:
     BACKENDS["exact"] = replace(BACKENDS["exact"], command=command)
     batch._opened = partial(batch._opened, patience=PATIENCE)  # type: ignore[assignment]
     try:
-        return batch.render_job(job, prepare=prepare, chunk=chunk).exit_code
-    except (LookdevError, OSError) as error:
-        sys.stderr.write(f"{error}\n")
-        return 1
+        result = batch.render_job(job, prepare=prepare, chunk=chunk)
+    except LookdevError as error:
+        why, code = str(error), 1
+    else:
+        why, code = result.summary(), result.exit_code
+    if code:
+        sys.stderr.write(f"{ENDED}{' '.join(why.splitlines())}\n")
+    return code
 
 
 def forked(program: Callable[[], int], log: Path) -> int:
@@ -108,6 +124,21 @@ def children(process: int) -> list[int]:
         return [int(each) for each in Path(f"/proc/{process}/task/{process}/children").read_text().split()]
     except (FileNotFoundError, ProcessLookupError):
         return []
+
+
+def inherit_orphans() -> None:
+    """Become the parent of processes whose parents, runs of a storm, are killed (PR_SET_CHILD_SUBREAPER)."""
+    ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)
+
+
+def await_orphans() -> None:
+    """Wait until no child is left; raises AssertionError where one outlives its run by more than ten seconds."""
+    until = time.monotonic() + 10.0
+    with suppress(ChildProcessError):
+        while time.monotonic() < until:
+            if os.waitpid(-1, os.WNOHANG)[0] == 0:
+                time.sleep(0.02)
+        raise AssertionError(f"processes {children(os.getpid())} outlive their runs")
 
 
 @contextmanager
@@ -160,6 +191,7 @@ class Storm:
         while self._runs:
             self._collect()
             time.sleep(0.02)
+        await_orphans()
         for _ in range(20):
             run = self._start(None)
             self._runs.remove(run)
@@ -281,12 +313,23 @@ def contents(out: Path) -> dict[str, object]:
     return found
 
 
+def causes(log: Path) -> Counter[str]:
+    """Count the causes of exit code 1 in the log of a storm; raises AssertionError for another than `CAUSES`."""
+    found: Counter[str] = Counter()
+    for line in log.read_text().splitlines():
+        if line.startswith(ENDED):
+            known = [cause for cause, text in CAUSES.items() if re.search(text, line)]
+            assert known, line
+            found[known[0]] += 1
+    return found
+
+
 def check(out: Path, whole: Mapping[str, object]) -> None:
     """Raise AssertionError unless an output is as that of an undisturbed run, and nothing is left over."""
     found = contents(out)
     assert list(found) == list(whole)
     assert [name for name, each in found.items() if each != whole[name]] == []
-    assert {path.name for path in (out / ".lookdev").iterdir()} <= KEPT
+    assert {path.relative_to(out / ".lookdev").as_posix() for path in (out / ".lookdev").rglob("*")} - KEPT == set()
 
 
 def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
@@ -294,6 +337,7 @@ def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
     rng, figures = random.Random(seed), Figures()
     calm = folder / "calm"
     calm.mkdir()
+    inherit_orphans()
     # The name of the job file is in the headers: both have it from the same folder, one after the other.
     with ExitStack() as stack:
         write_job(calm)
@@ -305,6 +349,8 @@ def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
         for figures.rounds in itertools.count(1):
             Storm(calm, rng, figures, disk).blow(min(each, kills - figures.kills), 60.0)
             check(calm / "out", whole)
+            figures.causes = causes(calm / "errors.log")
+            assert figures.causes.total() == figures.ends[1]
             if figures.kills >= kills:
                 return figures
             for path in (calm / "out").iterdir():

@@ -64,6 +64,30 @@ def test_plan_lists_what_would_be_rendered_and_renders_nothing(
     assert not (job_file.parent / "out").exists()
 
 
+def test_a_dry_run_heeds_chunk_and_output(run_cli: Command, job_file: Path, tmp_path: Path) -> None:
+    dry = "render", "--dry-run", job_file, "--output", tmp_path / "other"
+    parts = [run_cli(*dry, "--chunk", f"{number}/2")[1] for number in (1, 2)]
+    assert all(part.splitlines()[-1].startswith("3 of 3 frames to render") for part in parts)
+    assert parts[0] != parts[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--chunk", "0/3"], "'0/3' is no chunk: 2/8 is the second of eight"),
+        (["--chunk", "4/3"], "'4/3' is no chunk"),
+        (["--executor", "dsk"], "unknown executor 'dsk' (did you mean 'dask'?"),
+        (["--frame", "gold/city/element.0001"], "it goes without --force, --frame, --outputs-only"),
+    ],
+)
+def test_a_dry_run_checks_the_options_of_the_run(
+    run_cli: Command, job_file: Path, options: list[str], message: str
+) -> None:
+    code, output, errors = run_cli("render", "--dry-run", job_file, *options)
+    assert (code, output) == (2, "")
+    assert message in errors
+
+
 def test_plan_as_json(run_cli: Command, job_file: Path) -> None:
     assert json.loads(run_cli("plan", "--json", job_file)[1])["render"] == 6
 

@@ -139,7 +139,12 @@ class DaskExecutor:
                 target = stack.enter_context(cluster)
             try:
                 client = Client(target, timeout=_CONNECT, set_as_default=False, name="lookdev")
-            except (OSError, ValueError) as error:
+            except ValueError as error:
+                raise LookdevError(
+                    f"--executor: '{self._address}' is no address of a scheduler of Dask ({error}): write "
+                    "dask:tcp://HOST:8786"
+                ) from None
+            except OSError as error:
                 raise WorkerError(
                     f"no scheduler of Dask answers at {self._address}: {_brief(error)}; start one with 'dask scheduler'"
                     ", and workers with 'dask worker ADDRESS --nthreads 1', or check address and firewall"
