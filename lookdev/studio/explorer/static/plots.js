@@ -18,7 +18,9 @@ export class Plots {
   constructor(link, balls, lobes) {
     Object.assign(this, { link, balls, lobes, cache: new Map(), asked: new Map(), waiting: [], probe: null, frame: 0, drawn: 0, ended: 0, took: 0 });
     onChange((what, detail) => this.change(what, detail));
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    // Asked of the canvas where it is drawn, its size would be found by a layout of the page for each move.
+    this.size = [canvas.clientWidth, canvas.clientHeight];
+    new ResizeObserver(() => { this.size = [canvas.clientWidth, canvas.clientHeight]; this.draw(); }).observe(canvas);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { this.look = null; changed("theme"); });
     canvas.addEventListener("pointermove", (event) => this.point(event.offsetX, event.offsetY));
     canvas.addEventListener("pointerleave", () => { readout.textContent = ""; this.at = null; });
@@ -94,7 +96,7 @@ export class Plots {
   }
 
   async paint() {
-    const began = performance.now(), width = canvas.clientWidth, height = canvas.clientHeight, ratio = Math.min(devicePixelRatio, 2);
+    const began = performance.now(), [width, height] = this.size, ratio = Math.min(devicePixelRatio, 2);
     if (!width || !state.offered) return;
     this.look ??= theme();
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
