@@ -15,6 +15,8 @@ from typing import Any
 
 import bpy
 
+LONGEST_TABLE = 8192  # of lookdev.cycles.engine, which is not imported here
+
 
 def facts() -> dict[str, Any]:
     opens = bpy.context.window_manager.windows[0].scene.name
@@ -66,8 +68,15 @@ def render(name: str, world: str, frame: str, seed: str, samples: str, out: str)
     scene.world = bpy.data.worlds[world]
     scene.frame_set(int(frame))
     settings, image = scene.cycles, scene.render.image_settings
-    settings.seed, settings.samples = int(seed), 2 * int(samples)
     settings.use_sample_subset = True
+    # As before every frame of lookdev: Cycles' table of sample points has its full length, so that points are the same.
+    shown = scene.render
+    shown.use_persistent_data = True
+    shown.use_border, shown.border_max_x, shown.border_max_y = True, 0.1, 0.1
+    settings.samples, settings.sample_offset, settings.sample_subset_length = LONGEST_TABLE, 0, 1
+    bpy.ops.render.render()
+    shown.use_border = False
+    settings.seed, settings.samples = int(seed), 2 * int(samples)
     settings.sample_offset = settings.sample_subset_length = int(samples)
     image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGBA", "32"
     scene.render.filepath = out
