@@ -150,6 +150,22 @@ class Estimator:
         `first` is the number of the first of the pixels in a rectangle, whose samples follow each other, and `shift`
         the logarithm of the samples of each: inputs of the kernel.
         """
+        triangle, uv, ray, hit, before, hidden, index, place = self._seen(view, rectangle, lane, seed, first, shift)
+        shown = hit & ~hidden
+        radiance, cover, parts = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
+        radiance += before
+        if self._light.shown:
+            cover = dr.select(hit & hidden, 1.0, cover)
+            # What the camera sees of lights came from there, by no lobe: the last part has it.
+            parts = [*parts[:-1], parts[-1] + before] if self._direct else parts
+        return [*radiance, cover, *(channel for part in parts for channel in part)]
+
+    def _seen(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> tuple[Any, ...]:
+        """Return what samples of pixels see; arguments as of `pixels`.
+
+        Triangle, place on it, ray, whether it is hit, what lights send along the ray, whether they hide the hit, the
+        number of the sample in its pixel, and the scramble of that.
+        """
         mi = self._mi
         number = first + (lane >> shift)
         row = number // rectangle.width
@@ -160,14 +176,7 @@ class Estimator:
         before, hidden = mi.Color3f(0.0), mi.Bool(False)
         if self._light.shown:
             before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
-        shown = hit & ~hidden
-        radiance, cover, parts = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
-        radiance += before
-        if self._light.shown:
-            cover = dr.select(hit & hidden, 1.0, cover)
-            # What the camera sees of lights came from there, by no lobe: the last part has it.
-            parts = [*parts[:-1], parts[-1] + before] if self._direct else parts
-        return [*radiance, cover, *(channel for part in parts for channel in part)]
+        return triangle, uv, ray, hit, before, hidden, index, place
 
     @dr.syntax
     def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, place: Any) -> Any:

@@ -156,15 +156,7 @@ class SlopeEstimator(Estimator):
         """Return radiance and coverage, then the derivatives of these four by each symbol; arguments as `pixels`."""
         mi = self._mi
         lane = dr.arange(mi.UInt32, count)
-        number = first + (lane >> shift)
-        row = number // rectangle.width
-        pixel = (rectangle.top + row) * view.width + rectangle.left + number - row * rectangle.width
-        index = lane & ((mi.UInt32(1) << shift) - 1)
-        place = sobol.hashed(sobol.hashed(seed) ^ pixel)
-        triangle, uv, ray, hit, distance = view.seen(mi, self._geometry, pixel, index, place)
-        before, hidden = mi.Color3f(0.0), mi.Bool(False)
-        if self._light.shown:
-            before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
+        triangle, uv, ray, hit, before, hidden, index, place = self._seen(view, rectangle, lane, seed, first, shift)
         shown = hit & ~hidden
         radiance, cover = self._reflected_dual(triangle, uv, -ray.d, shown, view.turns, index, place)
         # Lamps that the camera sees have no derivative.
