@@ -158,11 +158,12 @@ def test_passes_are_named_and_made_by_the_backend(folder: Path) -> None:
     assert faults(f'{MINIMAL}[render]\npasses = ["dept"]\n', folder) == {
         "render.passes[0]": ("unknown value 'dept'", "did you mean 'depth'?")
     }
-    text = f'{MINIMAL}[render]\nbackend = "mitsuba"\npasses = ["samples", "uv", "cryptomatte"]\n'
+    text = f'{MINIMAL}[render]\nbackend = "nodes"\npasses = ["samples", "lobes", "direct"]\n'
     assert faults(text, folder) == {
         "render.passes": (
-            "backend 'mitsuba' makes no uv and no cryptomatte; it makes samples",
-            'backend = "exact" or "nodes"',
+            "backend 'nodes' makes no lobes and no direct; "
+            "it makes depth, position, normal, uv, albedo, samples, cryptomatte",
+            'backend = "exact" or "mitsuba"',
         )
     }
 

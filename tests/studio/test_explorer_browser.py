@@ -156,6 +156,15 @@ def test_each_view_draws_and_nothing_overflows(width: int, browser: webdriver.Ch
     page.quiet()
 
 
+def test_a_difference_waits_for_both_surfaces(browser: webdriver.Chrome, server: Served) -> None:
+    page = Page(browser, server, "#s=disney&s=lambert&kind=difference&size=24")
+    page.until(lambda: page.js("return explorer.plots.cache.size") == 2)
+    notice = "await explorer.plots.paint(); return document.getElementById('notice').textContent"
+    assert not page.js(f"explorer.plots.cache.delete(explorer.state.surfaces[1].id); {notice}")
+    assert "two surfaces" in page.js(f"explorer.state.surfaces.pop(); {notice}")
+    page.quiet()
+
+
 def test_everything_has_a_name_and_the_keyboard_reaches_it(browser: webdriver.Chrome, server: Served) -> None:
     page = Page(browser, server, "#s=disney&kind=polar")
     nameless = page.js(

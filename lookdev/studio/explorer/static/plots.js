@@ -122,7 +122,10 @@ export class Plots {
       start();
       this.probe = null;
       const found = items.length || !surfaces.length ? VIEWS[state.kind](context, items, width, height, this.look) : null;
-      if (typeof found === "string") { start(); this.tell(found); } else { this.probe = found; this.problems(surfaces); }
+      if (typeof found === "string") start(); else this.probe = found;
+      // What a view lacks may be on its way.
+      const coming = surfaces.some((each) => !each.problem && !items.some((item) => item.surface === each));
+      if (typeof found === "string" && !coming) this.tell(found); else this.problems(surfaces);
     }
     const now = performance.now();
     [this.ended, this.took] = [now, now - began];
