@@ -71,13 +71,13 @@ class MitsubaScene:
         self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
 
     def fits(self, task: SceneTask) -> bool:
-        """Return whether frames of a task are frames of this scene, which differ in samples and seed at most."""
+        """Return whether frames of a task are frames of this scene: they differ in samples, seed, camera, size at most."""
         own = self._task
         sampling = replace(
             task.sampling, samples=own.sampling.samples, error=own.sampling.error, seed=own.sampling.seed
         )
         camera = own.camera if own.camera.pivot == task.camera.pivot else task.camera
-        return replace(task, sampling=sampling, camera=camera) == own
+        return replace(task, sampling=sampling, camera=camera, resolution=own.resolution) == own
 
     def render(self, task: FrameTask, progress: Progress) -> RenderedFrame:
         """Render one frame; what `progress` was called with last is repeated between launches."""

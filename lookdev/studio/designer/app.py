@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,13 @@ import anyio.to_thread
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
-from starlette.routing import Mount, Route
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.websockets import WebSocket
 
 from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.studio.designer.document import Document, parsed
+from lookdev.studio.designer.exact import Exact
+from lookdev.studio.designer.pictures import Pictures
 from lookdev.studio.scripts import Scripts
 
 log = logging.getLogger("lookdev.studio")
@@ -31,6 +35,8 @@ def application(document: Document) -> Starlette:
     kept: list[
         Mapping[str, bytes]
     ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
+
+    exact = Exact()
 
     def scene() -> Mapping[str, Any]:
         view = document.view()
@@ -80,13 +86,25 @@ def application(document: Document) -> Starlette:
 
         return await _answer(saved)
 
+    async def pictures(socket: WebSocket) -> None:
+        await Pictures(socket, lambda: document.scene, exact).run()
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        try:
+            yield
+        finally:
+            await anyio.to_thread.run_sync(exact.close)
+
     return Starlette(
+        lifespan=lifespan,
         routes=[
             Route("/scene", show),
             Route("/buffers/{name}", buffer),
             Route("/edit", edit, methods=["POST"]),
             Route("/choose", choose, methods=["POST"]),
             Route("/save", save, methods=["POST"]),
+            WebSocketRoute("/exact", pictures),
             Mount("/viewport", Scripts(directory=VIEWPORT)),
             Mount("/", Scripts(directory=STATIC, html=True)),
         ]

@@ -1,5 +1,6 @@
 // The Designer's page: a scene in the viewport, and the layers of its looks.
 
+import { Exact } from "./exact.js";
 import { follow } from "./hand.js";
 import { showLayers } from "./layers.js";
 import { Viewport } from "./viewport/viewport.js";
@@ -38,7 +39,8 @@ try {
   say(error.message, true);
   throw error;
 }
-window.viewport = viewport; // for tests
+const exact = new Exact(viewport, () => sending);
+Object.assign(window, { viewport, exact }); // for tests
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
@@ -204,6 +206,7 @@ at("save-as").addEventListener("click", () => {
 at("naming").addEventListener("close", () => {
   if (at("naming").returnValue === "save") save(at("name").value);
 });
+const typing = ({ tagName, type }) => ["SELECT", "TEXTAREA"].includes(tagName) || (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
@@ -212,7 +215,9 @@ addEventListener("keydown", (event) => {
     else if (key === "z") step(done, undone, "back");
     else return;
     event.preventDefault();
-  } else if (event.key === "b" && !["INPUT", "SELECT"].includes(event.target.tagName)) {
+  } else if (typing(event.target)) return;
+  else if (exact.key(event.key)) event.preventDefault();
+  else if (event.key === "b") {
     at("background").checked = !at("background").checked;
     view();
   }

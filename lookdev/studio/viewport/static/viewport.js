@@ -9,6 +9,7 @@ const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
 const TILE = 25; // milliseconds between changes that are looked at while light adds up
 const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixels change: finding triangles takes longer
 const TRIANGLES = 1 << 16; // between such looks
+const DIFFERENCE = 4; // times which a difference is shown: a quarter of white is full colour
 const SCALES = [1, 2, 4, 8, 16];
 
 const OVER_ALL = `#version 300 es
@@ -26,19 +27,31 @@ void main() {
 }`;
 
 // The picture on the canvas. While a coarse film shows a change of the surface, what is behind the asset stays sharp.
+// Right of the wipe stands the exact picture, or what it differs by.
 const PRESENT = `#version 300 es
 precision highp float;
 precision highp sampler2D;
-uniform sampler2D film, whole;
+uniform sampler2D film, whole, exact, sums, exact_sums;
 uniform ivec2 canvas;
-uniform int keep;
+uniform int keep, differs;
+uniform float wipe, samples, gain;
 layout(location = 0) out vec4 shown;
 void main() {
+    vec2 place = gl_FragCoord.xy / vec2(canvas);
     ivec2 size = textureSize(film, 0);
-    vec4 here = texelFetch(film, min(ivec2(gl_FragCoord.xy / vec2(canvas) * vec2(size)), size - 1), 0);
+    vec4 here = texelFetch(film, min(ivec2(place * vec2(size)), size - 1), 0);
     if (keep == 1) {
         vec4 before = texelFetch(whole, ivec2(gl_FragCoord.xy), 0);
         if (before.a == 0.0) here = before;
+    }
+    if (place.x >= wipe) here = texture(exact, place);
+    if (differs == 1) {
+        ivec2 many = textureSize(exact_sums, 0);
+        vec4 right = texelFetch(exact_sums, min(ivec2(place * vec2(many)), many - 1), 0);
+        vec4 left = texelFetch(sums, min(ivec2(place * vec2(size)), size - 1), 0) / samples;
+        float apart = gain * dot(right.rgb - left.rgb, vec3(1.0 / 3.0));
+        vec3 grey = vec3(max(left.a, right.a) > 0.0 ? 0.25 : 0.1);
+        here.rgb = mix(grey, apart > 0.0 ? vec3(1.0, 0.62, 0.2) : vec3(0.2, 0.55, 1.0), min(1.0, abs(apart)));
     }
     shown = vec4(here.rgb, 1.0);
 }`;
@@ -51,7 +64,7 @@ export class Viewport extends EventTarget {
     this.gl = context(canvas);
     this.programs = new Programs(this.gl);
     this.textures = new Textures(this.gl, fetched);
-    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096 };
+    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096, wipe: 1, differs: false };
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
     this.version = 0;
@@ -132,6 +145,7 @@ export class Viewport extends EventTarget {
   /** Begin anew; `seen` where other places are seen, not only another light. */
   change(seen = false) {
     this.version += 1;
+    this.dispatchEvent(new Event("change"));
     if (seen || this.scene?.looks.some((look) => look.see_through)) this.placed = this.version;
     this.wake?.();
   }
@@ -320,23 +334,54 @@ export class Viewport extends EventTarget {
     gl.disable(gl.SCISSOR_TEST);
   }
 
-  /** Show a film on the canvas. */
-  draw(film) {
-    const { gl, scene, settings } = this, { width, height } = this.canvas, whole = this.films[0];
-    this.dirty = false;
+  /** Turn the light of a film into code values, over what is behind the asset. */
+  develop(film) {
+    const { gl, scene } = this, { exposure, behind, background } = this.settings;
     this.lights(film);
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.developing);
     gl.viewport(0, 0, film.width, film.height);
-    const { exposure, behind, background } = settings;
     const numbers = { samples: film.count, exposure: 2 ** exposure, behind, lit: background ? 1 : 0 };
     scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.lights });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     film.shows = JSON.stringify([this.surroundings, exposure, behind, background]);
+  }
+
+  /** Show an exact picture of what was shown at a version: `mean` has width * height * 4 numbers, row 0 at the top. A
+   * change of anything but the exposure and the background ends it. */
+  setExact(mean, width, height, version) {
+    const { gl } = this;
+    if (this.exact?.width !== width || this.exact?.height !== height) {
+      this.exact?.delete();
+      this.exact = new Film(gl, width, height, 1);
+      gl.bindTexture(gl.TEXTURE_2D, this.exact.developed);
+      for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+    }
+    this.exact.write(mean);
+    this.exactVersion = version;
+    this.redraw();
+  }
+
+  /** What stands right of the wipe: numbers and textures of `PRESENT`. */
+  beside(film) {
+    const { wipe, differs } = this.settings, { exact } = this, shows = exact && this.exactVersion === this.version;
+    const none = { exact: film.developed, exact_sums: film.sums, sums: film.sums };
+    if (!shows || (wipe >= 1 && !differs)) return { numbers: { wipe: 2, differs: 0, samples: 1, gain: 0 }, textures: none };
+    this.develop(exact);
+    const numbers = { wipe, differs: differs ? 1 : 0, samples: film.count, gain: 2 ** this.settings.exposure * DIFFERENCE };
+    return { numbers, textures: { exact: exact.developed, exact_sums: exact.sums, sums: film.sums } };
+  }
+
+  /** Show a film on the canvas. */
+  draw(film) {
+    const { gl, scene } = this, { width, height } = this.canvas, whole = this.films[0];
+    this.dirty = false;
+    this.develop(film);
+    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
+    const beside = this.beside(film);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, width, height);
-    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
     const textures = { film: film.developed, whole: keep ? whole.developed : film.developed };
-    scene.present.use({ canvas: [width, height], keep }, textures);
+    scene.present.use({ canvas: [width, height], keep, ...beside.numbers }, { ...textures, ...beside.textures });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
