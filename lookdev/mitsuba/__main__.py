@@ -47,7 +47,7 @@ class _Scenes:
             self._requests.check(task.digest)
             self._answers.progress(task.digest, samples, of, relmse)
 
-        if self.shown is None or not self.shown.fits(task.scene):
+        if self.shown is None or not (self.shown.fits(task.scene) or self.shown.take(task.scene)):
             self.shown = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.shown)
         frame = self.shown.render(task, progress)
         self._answers.done(

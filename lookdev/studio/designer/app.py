@@ -107,7 +107,7 @@ def application(document: Document) -> Starlette:
             WebSocketRoute("/exact", pictures),
             Mount("/viewport", Scripts(directory=VIEWPORT)),
             Mount("/", Scripts(directory=STATIC, html=True)),
-        ]
+        ],
     )
 
 

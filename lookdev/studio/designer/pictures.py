@@ -53,6 +53,8 @@ class Pictures:
             return
         finally:
             self._cancel()
+            for task in tasks:
+                task.cancel()
             await asyncio.gather(*tasks, return_exceptions=True)
 
     def _cancel(self) -> None:
@@ -105,9 +107,8 @@ def _request(text: Any) -> dict[str, Any] | None:
         found = parse_json(text, "message")
     except TextError:
         return None
-    match found:
-        case {"do": "cancel"}:
-            return found
-        case {"do": "render", "id": int(number)} if not isinstance(number, bool):
-            return found
-    return None
+    if not isinstance(found, dict):
+        return None
+    number = found.get("id")
+    numbered = isinstance(number, int) and not isinstance(number, bool)
+    return found if found.get("do") == "cancel" or (found.get("do") == "render" and numbered) else None

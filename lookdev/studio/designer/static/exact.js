@@ -2,7 +2,7 @@
 
 import { packetOf } from "./viewport/packets.js";
 
-const REST = 250; // milliseconds without a change after which the hand rests
+const REST = 150; // milliseconds without a change after which the hand rests
 // Samples of the viewport: until the first round is there, which should have the processors, and then by what is shown.
 const WAITING = 4, ALONE = 4096, COMPARED = 256, MOST = { viewport: ALONE, exact: WAITING, wipe: COMPARED, difference: COMPARED };
 const STEP = 0.02; // of the width, by which a key moves the wipe

@@ -1,0 +1,91 @@
+"""The exact picture on the page of `lookdev design`, in headless Chromium: in place, by a wipe, as a difference."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+
+import pytest
+from served import Served, served
+from test_design_page import NEEDS_CHROMIUM, ROOT, Page, start_browser
+
+pytestmark = [pytest.mark.mitsuba, pytest.mark.alike, NEEDS_CHROMIUM]
+
+_KEY = "dispatchEvent(new KeyboardEvent('keydown', {key: given[0]})); await pause(50);"
+_COLUMN = (
+    "const column = (share) => { const pixels = new Uint8Array(4 * viewport.canvas.height);"
+    "viewport.gl.bindFramebuffer(viewport.gl.FRAMEBUFFER, null);"
+    "viewport.gl.readPixels(Math.floor(share * viewport.canvas.width), 0, 1, viewport.canvas.height, viewport.gl.RGBA,"
+    " viewport.gl.UNSIGNED_BYTE, pixels); return [...pixels].join(); };"
+)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    look = shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks"))
+    with served("suzanne", "--material", str(look), verb="design") as started:
+        yield started
+
+
+@pytest.fixture(scope="module")
+def page(server: Served) -> Iterator[Page]:
+    for browser in start_browser():
+        page = Page(browser, server.url)
+        page.wait("exact.round || exact.problem")
+        yield page
+
+
+def test_the_exact_picture_follows_an_edit(page: Page) -> None:
+    assert "Mitsuba" in page.js("done(at('exact-facts').textContent)")
+    page.slide("roughness", 0.9)
+    first = page.js("done(exact.round)")
+    assert first is None or first["number"] >= 1
+    page.wait("exact.round?.samples >= 2 && exact.asked?.version === viewport.version")
+    facts = page.js("done(at('exact-facts').textContent)")
+    assert "samples" in facts
+    assert "noise" in facts
+
+
+def test_turning_ends_it_at_once(page: Page) -> None:
+    page.wait("exact.round")
+    assert (
+        page.js("at('lighting').value = 30; at('lighting').dispatchEvent(new Event('input')); done(exact.round)")
+        is None
+    )
+    page.wait("exact.round")
+
+
+def test_the_wipe_stands_where_keys_put_it(page: Page) -> None:
+    page.js(_KEY + "done()", "w")
+    page.wait("exact.round?.samples >= 8")
+    assert page.js("done([at('wipe').hidden, document.querySelector('input[name=mode]:checked').value])") == [
+        False,
+        "wipe",
+    ]
+    # Light behind the asset is the same in both pictures: the column of the asset's middle is not.
+    before = page.js(
+        _COLUMN + "viewport.settings.most = 1; await pause(300); viewport.draw(viewport.last); done(column(0.47));"
+    )
+    put = (
+        "const key = () => new KeyboardEvent('keydown', {key: 'ArrowLeft', bubbles: true});"
+        "for (let k = 0; k < 5; k++) at('wipe').dispatchEvent(key());"
+    )
+    after = page.js(
+        _COLUMN + put + "viewport.draw(viewport.last); done([column(0.47), at('wipe').getAttribute('aria-valuenow')]);"
+    )
+    assert after[1] == "40"
+    assert after[0] != before
+
+
+def test_the_difference_is_named(page: Page) -> None:
+    page.js(_KEY + "done()", "d")
+    page.wait("exact.round && exact.compared?.round.number >= 3")
+    shares = page.js("done([exact.compared.apart, exact.compared.indirect, exact.compared.rest])")
+    named = page.js("done(at('difference').textContent)")
+    assert "interreflection" in named
+    assert "cast shadow" in named
+    # What the asset reflects adds light; what it casts takes some.
+    assert shares[1] > 0.0 > shares[2]
+    assert shares[0] >= abs(shares[1] + shares[2])
+    page.js(_KEY + "done()", "v")
+    assert page.js("await pause(400); done([exact.asked, at('difference').hidden])") == [None, True]
