@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from served import Served, served
 from test_design_page import NEEDS_CHROMIUM, ROOT, Page, start_browser
@@ -89,3 +90,26 @@ def test_the_difference_is_named(page: Page) -> None:
     assert shares[0] >= abs(shares[1] + shares[2])
     page.js(_KEY + "done()", "v")
     assert page.js("await pause(400); done([exact.asked, at('difference').hidden])") == [None, True]
+
+
+def test_a_light_is_turned_up_and_nothing_compiles(page: Page) -> None:
+    page.js("exact.limit = () => {}; viewport.settings.most = 4; viewport.change(); done();")
+    before, compiled = page.mean(), page.js("done(viewport.programs.compiled)")
+    page.js(
+        "at('lights').open = true; const input = at('light-list').querySelector('input[type=range]');"
+        "input.value = 1; input.dispatchEvent(new Event('input')); done();"
+    )
+    page.wait("lights.lights[0].stops === 1 && !lights.busy")
+    np.testing.assert_allclose(page.mean(), 2.0 * before, rtol=1e-5)
+    page.js("const on = at('light-list').querySelector('input[type=checkbox]'); on.click(); done();")
+    page.wait("!lights.lights[0].on && !lights.busy")
+    assert page.mean().max() == 0.0
+    page.js("at('lights-reset').click(); done();")
+    page.wait("lights.lights[0].on && !lights.busy && at('lights-reset').disabled")
+    np.testing.assert_allclose(page.mean(), before, rtol=1e-5)
+    assert page.js("done(viewport.programs.compiled)") == compiled
+    unnamed = page.js(
+        "done([...document.querySelectorAll('input, select, button')].filter((each) => !each.labels?.length"
+        " && !each.getAttribute('aria-label') && !each.textContent).map((each) => each.outerHTML));"
+    )
+    assert unnamed == []

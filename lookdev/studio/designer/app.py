@@ -17,8 +17,10 @@ from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
 from lookdev.errors import FaultsError, LookdevError, shortened
+from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document, parsed
 from lookdev.studio.designer.exact import Exact
+from lookdev.studio.designer.lights import Lights, setting_of
 from lookdev.studio.designer.pictures import Pictures
 from lookdev.studio.scripts import Scripts
 
@@ -36,7 +38,10 @@ def application(document: Document) -> Starlette:
         Mapping[str, bytes]
     ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
 
-    exact = Exact()
+    exact, lights = Exact(), Lights()
+
+    def lit() -> Scene:
+        return lights.applied(document.chosen[1], document.scene)
 
     def scene() -> Mapping[str, Any]:
         view = document.view()
@@ -75,6 +80,19 @@ def application(document: Document) -> Starlette:
 
         return await _answer(chosen)
 
+    async def light(request: Request) -> Response:
+        body = await _body(request)
+
+        def changed() -> Mapping[str, Any]:
+            scene, rig = document.scene, document.chosen[1]
+            if body.get("reset") is True:
+                lights.reset(rig)
+            elif request.method == "POST":
+                lights.set(rig, scene, *setting_of(body))
+            return lights.described(rig, scene)
+
+        return await _answer(changed)
+
     async def save(request: Request) -> Response:
         body = await _body(request)
         look, name = body.get("look"), body.get("name")
@@ -87,7 +105,7 @@ def application(document: Document) -> Starlette:
         return await _answer(saved)
 
     async def pictures(socket: WebSocket) -> None:
-        await Pictures(socket, lambda: document.scene, exact).run()
+        await Pictures(socket, lit, exact).run()
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
@@ -104,6 +122,7 @@ def application(document: Document) -> Starlette:
             Route("/edit", edit, methods=["POST"]),
             Route("/choose", choose, methods=["POST"]),
             Route("/save", save, methods=["POST"]),
+            Route("/lights", light, methods=["GET", "POST"]),
             WebSocketRoute("/exact", pictures),
             Mount("/viewport", Scripts(directory=VIEWPORT)),
             Mount("/", Scripts(directory=STATIC, html=True)),

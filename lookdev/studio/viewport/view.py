@@ -16,6 +16,7 @@ from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
 from lookdev.codegen.program.look import Live, stated
 from lookdev.light import Dome, Light, Stand, called, native
 from lookdev.light.dome.files import read_exr
+from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.textures import image_file
 from lookdev.output.color import DisplayView
@@ -113,6 +114,16 @@ def view_scene(
         "left_out": [*ALWAYS_LEFT_OUT, *notes],
     }
     return SceneView(data, buffers.content)
+
+
+def light_rows(scene: Scene) -> tuple[NDArray[np.float32], dict[int, str]]:
+    """Return the numbers of a scene's lights, with which ``rig_numbers`` begins, and why which lights are not shown.
+
+    Lights of other radiance have other numbers, and the same shaders.
+    """
+    left_out = {number: gap for number, light in enumerate(scene.lights) if (gap := native.gap_of_viewport(light))}
+    shown = [light for number, light in enumerate(scene.lights) if number not in left_out]
+    return CodedRig.of(shown).rows(Stand(scene.asset.center, scene.camera.pivot)), left_out
 
 
 def _camera(camera: Camera) -> Mapping[str, Any]:

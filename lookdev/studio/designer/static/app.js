@@ -3,6 +3,7 @@
 import { Exact } from "./exact.js";
 import { follow } from "./hand.js";
 import { showLayers } from "./layers.js";
+import { LightList } from "./lights.js";
 import { Viewport } from "./viewport/viewport.js";
 
 const WIDEST = 1024; // pixels of the canvas
@@ -40,7 +41,8 @@ try {
   throw error;
 }
 const exact = new Exact(viewport, () => sending);
-Object.assign(window, { viewport, exact }); // for tests
+const lights = new LightList(viewport, asked, say);
+Object.assign(window, { viewport, exact, lights }); // for tests
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
@@ -53,6 +55,7 @@ async function load(what) {
   const next = await asked("scene");
   fit(next.resolution);
   await viewport.show(next);
+  await lights.load();
   const first = scene === null;
   scene = next;
   if (first) {

@@ -3,7 +3,7 @@
 
 import * as cameras from "./camera.js";
 import { Film } from "./film.js";
-import { Programs, Textures, Triangles, context, finished, viewTextures } from "./gl.js";
+import { Programs, Textures, Triangles, context, finished, viewTextures, writeNumbers } from "./gl.js";
 
 const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
 const TILE = 25; // milliseconds between changes that are looked at while light adds up
@@ -69,6 +69,7 @@ export class Viewport extends EventTarget {
     this.rate = null; // pixels a millisecond
     this.version = 0;
     this.placed = 0; // version of what is seen
+    this.lit = 0; // version of the lights
     this.shown = -1; // version of the last picture
     this.frames = 0;
     this.wake = null;
@@ -135,6 +136,13 @@ export class Viewport extends EventTarget {
     Object.assign(this.settings, settings);
     if (seen || lit) this.change(seen);
     else this.redraw();
+  }
+
+  /** Change the numbers of lights, with which those of the rig begin: their radiance, for instance. */
+  setLights(numbers) {
+    writeNumbers(this.gl, this.scene.rig.rig_numbers, this.scene.data.rig.textures.rig_numbers.width, numbers);
+    this.lit += 1;
+    this.change();
   }
 
   setCamera(camera) {
@@ -388,7 +396,7 @@ export class Viewport extends EventTarget {
   /** What is behind the asset, by what it depends on. */
   get surroundings() {
     const { element, lighting } = this.settings;
-    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer]);
+    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer, this.lit]);
   }
 
   /** Find what is behind the asset, unless a film has it. */
