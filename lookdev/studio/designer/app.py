@@ -12,7 +12,7 @@ from typing import Any
 import anyio.to_thread
 from starlette.applications import Starlette
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.websockets import WebSocket
 
@@ -22,6 +22,7 @@ from lookdev.studio.designer.document import Document, parsed
 from lookdev.studio.designer.exact import Exact
 from lookdev.studio.designer.lights import Lights, setting_of
 from lookdev.studio.designer.pictures import Pictures
+from lookdev.studio.designer.turntable import Turntable
 from lookdev.studio.scripts import Scripts
 
 log = logging.getLogger("lookdev.studio")
@@ -38,7 +39,7 @@ def application(document: Document) -> Starlette:
         Mapping[str, bytes]
     ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
 
-    exact, lights = Exact(), Lights()
+    exact, lights, turntable = Exact(), Lights(), Turntable(document.job)
 
     def lit() -> Scene:
         return lights.applied(document.chosen[1], document.scene)
@@ -93,6 +94,22 @@ def application(document: Document) -> Starlette:
 
         return await _answer(changed)
 
+    async def turn(request: Request) -> Response:
+        body = await _body(request)
+
+        def changed() -> Mapping[str, Any]:
+            if body.get("do") == "render":
+                turntable.start(lit, *document.chosen)
+            elif body.get("do") == "cancel":
+                turntable.cancel()
+            return turntable.described()
+
+        return await _answer(changed)
+
+    async def turned(request: Request) -> Response:
+        file = turntable.picture(request.path_params["run"], request.path_params["number"])
+        return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=_FRESH)
+
     async def save(request: Request) -> Response:
         body = await _body(request)
         look, name = body.get("look"), body.get("name")
@@ -112,6 +129,7 @@ def application(document: Document) -> Starlette:
         try:
             yield
         finally:
+            await anyio.to_thread.run_sync(turntable.close)
             await anyio.to_thread.run_sync(exact.close)
 
     return Starlette(
@@ -123,6 +141,8 @@ def application(document: Document) -> Starlette:
             Route("/choose", choose, methods=["POST"]),
             Route("/save", save, methods=["POST"]),
             Route("/lights", light, methods=["GET", "POST"]),
+            Route("/turntable", turn, methods=["GET", "POST"]),
+            Route("/turntable/{run:int}/{number:int}.png", turned),
             WebSocketRoute("/exact", pictures),
             Mount("/viewport", Scripts(directory=VIEWPORT)),
             Mount("/", Scripts(directory=STATIC, html=True)),

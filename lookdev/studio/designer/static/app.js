@@ -4,6 +4,7 @@ import { Exact } from "./exact.js";
 import { follow } from "./hand.js";
 import { showLayers } from "./layers.js";
 import { LightList } from "./lights.js";
+import { Turntable } from "./turntable.js";
 import { Viewport } from "./viewport/viewport.js";
 
 const WIDEST = 1024; // pixels of the canvas
@@ -42,7 +43,8 @@ try {
 }
 const exact = new Exact(viewport, () => sending);
 const lights = new LightList(viewport, asked, say);
-Object.assign(window, { viewport, exact, lights }); // for tests
+const turntable = new Turntable(asked, () => sending);
+Object.assign(window, { viewport, exact, lights, turntable }); // for tests
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
@@ -219,7 +221,7 @@ addEventListener("keydown", (event) => {
     else return;
     event.preventDefault();
   } else if (typing(event.target)) return;
-  else if (exact.key(event.key)) event.preventDefault();
+  else if ((event.target.tagName !== "BUTTON" || event.key !== " ") && (turntable.key(event.key) || exact.key(event.key))) event.preventDefault();
   else if (event.key === "b") {
     at("background").checked = !at("background").checked;
     view();
