@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 from collections.abc import Iterator
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 from served import Served, served
 from test_design_page import NEEDS_CHROMIUM, ROOT, Page, start_browser
+
+log = logging.getLogger(__name__)
 
 pytestmark = [pytest.mark.mitsuba, pytest.mark.alike, NEEDS_CHROMIUM]
 
@@ -113,3 +116,58 @@ def test_a_light_is_turned_up_and_nothing_compiles(page: Page) -> None:
         " && !each.getAttribute('aria-label') && !each.textContent).map((each) => each.outerHTML));"
     )
     assert unnamed == []
+
+
+def test_a_picture_that_takes_long_always_gets_finer(page: Page) -> None:
+    scales = page.js(
+        "const scales = [], seen = (event) => scales.push(event.detail.scale);"
+        "viewport.addEventListener('picture', seen);"
+        "viewport.settings.most = 1; Object.assign(viewport, {scale: 4, rate: 0.01}); viewport.change();"
+        "while (scales.at(-1) !== 1) await pause(20);"
+        "viewport.removeEventListener('picture', seen); done(scales);"
+    )
+    assert scales == [16, 8, 4, 2, 1]
+
+
+LOOKS = ("car_paint", "brushed_metal", "frosted_plastic")
+CELLS = [
+    *((asset, look) for asset in ("sphere", "shaderball") for look in LOOKS),
+    *(("parts", look) for look in ("own_red", "racing", "workshop")),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("asset", "look"), CELLS)
+def test_the_difference_of_a_cell_by_name(asset: str, look: str) -> None:
+    """The table of docs/designer.md: `pytest -m slow tests/studio/test_design_exact_page.py --log-cli-level=INFO`."""
+    of_job = asset == "parts"
+    job = ROOT / "jobs" / "parts.toml"
+    arguments = [str(job)] if of_job else [asset, "--material", str(ROOT / "materials" / f"{look}.usda")]
+    with served(*arguments, verb="design") as started:
+        for browser in start_browser():
+            page = Page(browser, started.url)
+            browser.set_script_timeout(900)
+            if of_job:
+                page.js(
+                    "at('look').value = given[0]; at('look').dispatchEvent(new Event('change'));"
+                    "await pause(1000); while (!at('status').textContent.includes('sRGB')) await pause(50); done();",
+                    look,
+                )
+            page.js("exact.choose('difference'); done();")
+            page.wait(
+                "exact.round?.samples >= 256 && exact.compared?.samples >= 256 && exact.compared.round.samples >= 256"
+            )
+            apart, indirect, rest, noise = page.js(
+                "done([exact.compared.apart, exact.compared.indirect, exact.compared.rest,"
+                " Math.sqrt(exact.compared.round.relmse)]);"
+            )
+    log.info(
+        "%s %s: mean %.1f %%, interreflection %+.2f %%, shadow %+.2f %%, noise of a pixel %.1f %%",
+        *(asset, look, 100 * apart, 100 * indirect, 100 * rest, 100 * noise),
+    )
+    if asset == "sphere":
+        # It neither shadows nor lights itself, unless it transmits.
+        assert indirect == pytest.approx(0.0, abs=1e-3) or look == "frosted_plastic"
+        assert abs(rest) < 0.02 or look == "frosted_plastic"
+    else:
+        assert indirect > 0.0 > rest

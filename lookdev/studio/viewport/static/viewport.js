@@ -8,6 +8,7 @@ import { Programs, Textures, Triangles, context, finished, viewTextures, writeNu
 const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
 const TILE = 25; // milliseconds between changes that are looked at while light adds up
 const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixels change: finding triangles takes longer
+const LONG = 300; // milliseconds of a whole sample, beyond which pictures between the first and the whole one are shown
 const TRIANGLES = 1 << 16; // between such looks
 const DIFFERENCE = 4; // times which a difference is shown: a quarter of white is full colour
 const SCALES = [1, 2, 4, 8, 16];
@@ -236,6 +237,11 @@ export class Viewport extends EventTarget {
 
   /** Add samples to the whole film: strips of one, or as many as fit in the time between looks for a change. */
   async more() {
+    const between = this.between();
+    if (between) {
+      if (await this.strips(between)) this.picture(between);
+      return;
+    }
     const { gl, version } = this, film = this.film(0), fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
     const started = performance.now();
     if (fit < 2) {
@@ -254,7 +260,14 @@ export class Viewport extends EventTarget {
     if (fit >= 2) this.timed(Math.floor(fit) * film.width * film.height, started);
   }
 
-  /** Add one sample to the whole film; returns whether no change has ended it. */
+  /** The film that is twice as fine as the one shown, where the whole one takes long: the picture always gets finer. */
+  between() {
+    const whole = this.film(0), shown = this.films.indexOf(this.last);
+    const takes = this.rate ? (whole.width * whole.height) / this.rate : Infinity;
+    return whole.count === 0 && shown > 1 && takes > LONG ? this.film(shown - 1) : null;
+  }
+
+  /** Add one sample to a film; returns whether no change has ended it. */
   async strips(film) {
     const { version } = this;
     if (!await this.see(film, true) || this.version !== version) return false;
