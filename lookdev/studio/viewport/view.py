@@ -185,6 +185,8 @@ def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str,
 
 def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
     textures = {"rig_numbers": buffers.rows(rig.numbers, RIG_WIDTH)}
+    if rig.tables is not None:
+        textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
     for k, dome in enumerate(rig.domes):
         if not dome.constant:
             textures |= {f"dome{k}_{name}": buffers.texture(each) for name, each in _dome(dome).items()}
