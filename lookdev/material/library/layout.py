@@ -31,7 +31,8 @@ class _Block:
 class _Statement:
     """`lead` is the blank lines and comments above it, `trail` the comment behind it.
 
-    Of a prim, a variant set or a variant, `head` is followed by metadata and a body; of anything else it is all.
+    Of a prim, a variant set or a variant, `head` is followed by metadata and a body, each after a `gap`; of anything
+    else it is all.
     """
 
     lead: str = ""
@@ -39,6 +40,7 @@ class _Statement:
     meta: _Block | None = None
     body: _Block | None = None
     trail: str = ""
+    gaps: dict[str, str] = field(default_factory=dict)
 
     @property
     def key(self) -> str:
@@ -83,32 +85,36 @@ class _Reader:
         return "".join(found)
 
     def _statement(self, lead: str) -> _Statement:
-        made, depth = _Statement(lead), 0
+        made, depth, gap = _Statement(lead), 0, ""
         head: list[str] = []
         while True:
             kind, text = self._peek()
             words = "".join(head)
+            blank = words[len(words.rstrip()) :] if made.meta is None and made.body is None else ""
             if depth == 0 and kind == "open" and text != "[" and ("=" not in words or _is_set(words)):
-                self._at += 1
+                made.gaps[text] = gap or blank
+                self._at, gap = self._at + 1, ""
                 block = self.block()
                 if text == "(":
                     made.meta = block
                 else:
                     made.body = block
             elif kind == "" or (depth == 0 and kind in ("line", "comment", "close")) or (depth == 0 and text == ";"):
-                if kind == "line" and made.body is None and words.split()[:1] and self._continues(words):
-                    head += [text] if made.meta is None else []
+                if kind in ("line", "comment") and made.body is None and words.strip() and self._continues(words):
+                    gap = (gap or blank) + text
                     self._at += 1
                     continue
                 break
             else:
                 depth += (kind == "open") - (kind == "close")
-                if made.meta is None and made.body is None:
+                if gap or made.meta is not None or made.body is not None:
+                    gap += text
+                else:
                     head.append(text)
                 self._at += 1
-        made.head = "".join(head).rstrip()
+        made.head = words.rstrip()
         if self._peek()[0] == "comment":
-            made.trail = self._peek()[1]
+            made.trail = (gap or blank) + self._peek()[1]
             self._at += 1
         return made
 
@@ -117,7 +123,7 @@ class _Reader:
         if "=" in words and not _is_set(words):
             return False
         at = self._at
-        while at < len(self._tokens) and self._tokens[at][1].isspace():
+        while at < len(self._tokens) and (self._tokens[at][1].isspace() or self._tokens[at][0] == "comment"):
             at += 1
         return at < len(self._tokens) and self._tokens[at][1] in "({"
 
@@ -126,22 +132,17 @@ def _is_set(words: str) -> bool:
     return words.split()[:1] == ["variantSet"]
 
 
-def _written(statement: _Statement, indent: str) -> str:
-    text = statement.lead + statement.head
+def _written(statement: _Statement) -> str:
+    text, gaps = statement.lead + statement.head, statement.gaps
     if statement.meta is not None:
-        text += (" " if statement.head else "") + "(" + _inside(statement.meta, indent) + ")"
+        text += gaps["("] + "(" + _inside(statement.meta) + ")"
     if statement.body is not None:
-        on_line = _is_set(statement.head) or re.match(r'\s*"', statement.head) is not None
-        text += (" " if on_line else f"\n{indent}") + "{" + _inside(statement.body, indent) + "}"
-    return text + (f"  {statement.trail}" if statement.trail else "")
+        text += gaps["{"] + "{" + _inside(statement.body) + "}"
+    return text + statement.trail
 
 
-def _inside(block: _Block, indent: str) -> str:
-    return "".join(_written(each, _indent_of(each, indent)) for each in block.statements) + block.close
-
-
-def _indent_of(statement: _Statement, indent: str) -> str:
-    return statement.lead.rpartition("\n")[2] if "\n" in statement.lead else indent
+def _inside(block: _Block) -> str:
+    return "".join(map(_written, block.statements)) + block.close
 
 
 def _merged(own: _Block | None, before: _Block | None, after: _Block | None) -> _Block | None:
@@ -163,7 +164,7 @@ def _merged(own: _Block | None, before: _Block | None, after: _Block | None) -> 
         if was is not None and (was.meta or was.body or now.meta or now.body):
             head = each.head if key == each.key else now.head
             meta, body = _merged(each.meta, was.meta, now.meta), _merged(each.body, was.body, now.body)
-            kept[key] = replace(each, lead=lead, head=head, meta=meta, body=body)
+            kept[key] = replace(each, lead=lead, head=head, meta=meta, body=body, gaps={**now.gaps, **each.gaps})
         else:
             same = was is not None and was.head == now.head
             kept[key] = replace(each, lead=lead) if same else replace(each, lead=lead, head=now.head)
@@ -190,7 +191,7 @@ def with_layout(own: str, before: str, after: str) -> str | None:
     """
     merged = _merged(*(_Reader(text).block() for text in (own, before, after)))
     assert merged is not None, "each text is a block"
-    text = _inside(merged, "")
+    text = _inside(merged)
     check, wanted = Sdf.Layer.CreateAnonymous(".usda"), Sdf.Layer.CreateAnonymous(".usda")
     try:
         if check.ImportFromString(text) and wanted.ImportFromString(after):

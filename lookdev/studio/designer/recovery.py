@@ -60,7 +60,7 @@ class Work:
                 "shown": [str(look), str(rig)],
             }:
                 each = {Path(name): (base64.b64decode(content), str(known)) for name, (content, known) in files.items()}
-                return Work(each, variants, time, (look, rig))
+                return Work(each, variants, at, (look, rig))
         raise ValueError("is no record of unsaved work")
 
 
