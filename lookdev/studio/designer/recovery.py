@@ -56,7 +56,7 @@ class Work:
             case {
                 "files": dict(files),
                 "variants": dict(variants),
-                "time": float(time),
+                "time": float(at),
                 "shown": [str(look), str(rig)],
             }:
                 each = {Path(name): (base64.b64decode(content), str(known)) for name, (content, known) in files.items()}
@@ -108,14 +108,14 @@ class Recovery:
             self._lock = None
 
     def _find(self) -> Work | None:
-        records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=lambda file: -file.stat().st_mtime)
+        records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_age, reverse=True)
         for record in records:
             try:
                 if not self._is_locked(record):
                     work = Work.unpacked(record.read_text("utf-8"))
                     self._found = record
                     return work
-            except (OSError, ValueError):
+            except (OSError, ValueError, RecursionError):
                 continue
         return None
 
@@ -135,6 +135,13 @@ class Recovery:
     @staticmethod
     def _lock_of(record: Path) -> Path:
         return record.with_suffix(".lock")
+
+
+def _age(file: Path) -> float:
+    try:
+        return file.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def now() -> float:
