@@ -25,7 +25,8 @@ export async function choosePreset(asked) {
     const words = at("adding-search").value.trim().toLowerCase(), category = at("adding-category").value;
     const found = presets.filter((each) => (!category || each.category === category)
       && `${spaced(each.name)} ${each.category} ${each.doc}`.toLowerCase().includes(words));
-    found.sort((a, b) => !spaced(a.name).includes(words) - !spaced(b.name).includes(words));
+    const rank = ({ name }) => [spaced(name) === words, spaced(name).startsWith(words), spaced(name).includes(words), true].indexOf(true);
+    if (words) found.sort((a, b) => rank(a) - rank(b));
     wanted = [];
     observer.disconnect();
     at("adding-presets").replaceChildren(...found.map((each) => {
