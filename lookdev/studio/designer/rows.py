@@ -14,6 +14,7 @@ from lookdev.material import Formula, Look, Texture
 from lookdev.material.library.masks import Computed, Image, Mask, parse_mask
 from lookdev.material.library.stack import Entry, Outline
 from lookdev.material.look import Bump, Coordinates, Layer, Primvar
+from lookdev.material.usd import MODES
 
 
 def layer_rows(look: Look, outline: Outline | None, folder: Path | None, solo: int | None) -> Iterator[dict[str, Any]]:
@@ -38,7 +39,7 @@ def layer_rows(look: Look, outline: Outline | None, folder: Path | None, solo: i
             "enabled": True,
             "mode": layer.mode,
             "model": layer.model,
-            "modes": MODELS[layer.model].modes if ours else ("over",),
+            "modes": [each for each in MODES if ours and each in MODELS[layer.model].modes],
             "own": ours,
             "title": MODELS[layer.model].title if ours else layer.model,
             "parameters": [*_parameters(place, layer, uniform)],

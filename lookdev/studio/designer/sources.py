@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -20,6 +21,9 @@ from lookdev.material.usd import read_look
 
 LARGEST = 64 << 20
 """Bytes of a file whose looks are edited."""
+
+
+_LONGEST_EDIT = 600  # seconds
 
 
 class ConflictError(LookdevError):
@@ -68,6 +72,10 @@ class Sources:
             raise LookdevError(f"{file}: only looks in USD files, not links or packages, are edited here")
         if file.stat().st_size > LARGEST:
             raise LookdevError(f"{file} has more than {LARGEST >> 20} MiB: keep its materials in a file of their own")
+        for left in file.parent.glob(f".*{file.stem}.designer-*{file.suffix}"):  # by a Designer that was killed
+            with suppress(OSError):
+                if time.time() - left.stat().st_mtime > _LONGEST_EDIT:
+                    left.unlink()
         self._first[file] = file.read_bytes()
         self._known[file] = digest(self._first[file])
 
