@@ -27,8 +27,8 @@ from lookdev.output.exr import read_frame, read_layer
 pytestmark = [pytest.mark.slow, pytest.mark.cycles, NEEDS_CHROMIUM]
 
 ROOT = Path(__file__).parents[2]
-SIZE = (64, 48)
-SAMPLES = 4096  # of the viewport
+SIZE = (48, 36)
+SAMPLES = 1024  # of the viewport
 JOB = """output = "out"
 asset = { usd = "asset.usda" }
 camera = { elevation = 20 }
@@ -47,8 +47,8 @@ frames = 1
 start = 40
 
 [render]
-resolution = [64, 48]
-samples = 512
+resolution = [48, 36]
+samples = 256
 bounces = 0                  # a ball reflects nothing of itself, and has no shadow on itself: what the page shows
 """
 log = logging.getLogger(__name__)
@@ -97,6 +97,7 @@ def shown(page: Page, seed: int) -> Floats:
 
 def load(browser: Any, url: str) -> Page:
     page = Page(browser, url)
+    browser.set_script_timeout(400)
     run(page, "typed(at('lighting'), 40, 'input'); done();")
     return page
 
