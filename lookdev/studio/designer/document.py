@@ -11,29 +11,27 @@ from pathlib import Path
 from typing import Any
 
 from lookdev.brdf import MODELS
-from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, ModelError, nearest_hint
 from lookdev.job import Job
 from lookdev.job.scenes import JobScenes
 from lookdev.material import Look
 from lookdev.material.library.constants import set_inputs
-from lookdev.material.library.edit import check_suffix
 from lookdev.material.library.fragments import copy_layer
 from lookdev.material.library.masks import IMAGES
 from lookdev.material.library.stack import Entry, Outline
 from lookdev.scene import Scene
 from lookdev.studio.designer.edits import Edit, checked, shape_of
-from lookdev.studio.designer.history import History, State
+from lookdev.studio.designer.history import State
 from lookdev.studio.designer.operations import Operation, operation
-from lookdev.studio.designer.recovery import Recovery, Work, now
+from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
 from lookdev.studio.designer.snapshots import Snapshots
-from lookdev.studio.designer.sources import ConflictError, Opened, Place, Sources, digest
+from lookdev.studio.designer.sources import Opened, Place
+from lookdev.studio.designer.workspace import Workspace
 from lookdev.studio.viewport import SceneView, view_scene
 
 _SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
 _MOST_IMAGES = 500
-_FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")
 
 
 class Document:
@@ -48,9 +46,7 @@ class Document:
         self.snapshots = Snapshots()
         self._scenes = scenes
         self._lock = threading.RLock()
-        self._history = History()
-        self._sources = Sources()
-        self._recovery = recovery
+        self._work = Workspace(recovery)
         self._solo: tuple[Place, int] | None = None
         self._places: dict[tuple[str, int], Place | str] = {}
         self._view: tuple[Any, SceneView] | None = None
@@ -135,8 +131,8 @@ class Document:
         file = Path(found["file"]).absolute()
         place = Place(file, found["prim"], _variants(self.job, self.chosen[0], file))
         try:
-            self._sources.take(file)
-            opened = self._sources.opened(place, {}, {}, look)
+            self._work.sources.take(file)
+            opened = self._work.sources.opened(place, {}, {}, look)
         except LookdevError as error:
             return str(error)
         if opened.look.layers != look.layers:
@@ -144,11 +140,11 @@ class Document:
         return place
 
     def _opened(self, number: int, state: State | None = None) -> Opened:
-        state, place, original = state or self._history.state, self._place(number), self._originals[number]
+        state, place, original = state or self._work.state, self._place(number), self._originals[number]
         if isinstance(place, str):
             return Opened(original, _no_outline(original))
         variants = state.variants.get(place.key, {})
-        opened = self._sources.opened(place, state.files, variants, original)
+        opened = self._work.sources.opened(place, state.files, variants, original)
         untouched = place.file not in state.files and not variants
         return replace(opened, look=original) if untouched else opened
 
@@ -187,8 +183,7 @@ class Document:
         """Return a layer as USD text."""
         with self._lock:
             place = self._editable(number)
-            content = self._sources.content(self._history.state.files, place.file)
-            with self._sources.beside(place.file, content) as file:
+            with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
                 return copy_layer(file, str(layer), place.prim, self._variants_of(place))
 
     def solo(self, number: int, layer: int | None) -> None:
@@ -211,7 +206,7 @@ class Document:
         """Undo (-1) or redo (1) the last step; return whether shaders change."""
         with self._lock:
             before = self._shown()
-            if self._history.step(by) is None:
+            if self._work.history.step(by) is None:
                 raise LookdevError(f"there is nothing to {'undo' if by < 0 else 'do again'}")
             return self._adopted(before)
 
@@ -222,37 +217,33 @@ class Document:
         return place
 
     def _variants_of(self, place: Place) -> dict[str, str]:
-        return {**place.variants, **self._history.state.variants.get(place.key, {})}
+        return {**place.variants, **self._work.state.variants.get(place.key, {})}
 
     def _roots(self, place: Place) -> list[Path]:
         return list(dict.fromkeys([place.file.parent, self.job.file.absolute().parent, Path.cwd()]))
 
     def _apply(self, number: int, label: str, edit: Operation, gesture: str = "") -> bool:
         """Edit the content of a look's file; nothing changes where that fails, or the scene cannot be shown then."""
-        place, state = self._editable(number), self._history.state
-        with self._sources.beside(place.file, self._sources.content(state.files, place.file)) as file:
-            edit(file)
-            content = file.read_bytes()
-        return self._push(label, replace(state, files={**state.files, place.file: content}), gesture)
+        return self._push(label, self._work.edited(self._editable(number).file, edit), gesture)
 
     def _show_variant(self, number: int, place: Place, name: str, choice: str) -> bool:
         """Show a variant that the job chooses: it is not in the look's file."""
         choices, _ = self._opened(number).outline.variants.get(name, ((), ""))
         if choice not in choices:
             raise ModelError(f"variant set '{name}' has no variant '{choice}' ({nearest_hint(choice, list(choices))})")
-        state = self._history.state
+        state = self._work.state
         shown = {**state.variants.get(place.key, {}), name: choice}
         return self._push(
             f"show variant {name}: {choice}", replace(state, variants={**state.variants, place.key: shown})
         )
 
     def _push(self, label: str, state: State, gesture: str = "") -> bool:
-        before, revision, history = self._shown(), self._revision, self._history.copy()
-        self._history.push(label, state, gesture)
+        before, revision, history = self._shown(), self._revision, self._work.history.copy()
+        self._work.history.push(label, state, gesture)
         try:
             return self._adopted(before)
         except LookdevError:
-            self._history, self._revision = history, revision
+            self._work.history, self._revision = history, revision
             raise
 
     def _adopted(self, before: list[Look]) -> bool:
@@ -262,22 +253,13 @@ class Document:
         if compiles:
             self.view()
         self._revision += 1
-        self._keep()
+        self._work.keep(self.chosen)
         return compiles
-
-    def _keep(self) -> None:
-        """Keep unsaved work for after a crash."""
-        if self._recovery is None:
-            return
-        state = self._history.state
-        edited = [file for file in self._sources.files if self._sources.unsaved(state.files, file)]
-        files = {file: (self._sources.content(state.files, file), self._sources.known(file)) for file in edited}
-        self._recovery.keep(Work(files, state.variants, now(), self.chosen))
 
     def unsaved(self, number: int) -> bool:
         """Return whether the file of a look lacks edits."""
         place = self.place(number)
-        return place is not None and self._sources.unsaved(self._history.state.files, place.file)
+        return place is not None and self._work.unsaved(place.file)
 
     def save(self, number: int | None = None, name: str | None = None, *, over: bool = False) -> list[Path]:
         """Write the edited files, or that of a look, or a new one of a name beside it; return what was written.
@@ -290,77 +272,45 @@ class Document:
             The look is of no file, or the new file exists, or has no fitting name.
         """
         with self._lock:
-            files = self._history.state.files
             if name is not None:
-                place = self._editable(number if number is not None else 0)
-                return [self._save_as(place.file, self._sources.content(files, place.file), name)]
-            edited = [file for file in self._sources.files if self._sources.unsaved(files, file)]
-            wanted = edited if number is None else [self._editable(number).file]
-            if not over and (changed := [file for file in wanted if file in self._sources.changed()]):
-                raise ConflictError(changed)
-            for file in wanted:
-                self._sources.write(file, self._sources.content(files, file), over=over)
+                return [self._work.save_as(self._editable(number or 0).file, name)]
+            saved = self._work.save(None if number is None else self._editable(number).file, over=over)
             self._revision += 1
-            self._keep()
-            return wanted
-
-    def _save_as(self, file: Path, content: bytes, name: str) -> Path:
-        if not _FILE_NAME.fullmatch(name) or Path(name).suffix not in (".usda", ".usd", ".usdc"):
-            raise LookdevError(f"'{name}' is no name of a file for a look: for instance {file.stem}_2.usda")
-        target = file.with_name(name)
-        check_suffix(target)
-        if target.exists() or target.is_symlink():
-            raise LookdevError(f"{target} exists already; another name would be right")
-        with atomic_path(target) as temporary:
-            temporary.write_bytes(content)
-        return target
+            self._work.keep(self.chosen)
+            return saved
 
     def reload(self) -> bool:
         """Take what others have written to files, in place of what is shown; a step that can be undone."""
         with self._lock:
-            state, changed = self._history.state, self._sources.changed()
-            contents = {file: file.read_bytes() for file in changed if file.is_file()}
-            if not contents:
-                raise LookdevError("no file has changed on disk" if not changed else f"{changed[0]} is no longer there")
+            contents, state = self._work.on_disk(), self._work.state
             compiles = self._push("load from disk", replace(state, files={**state.files, **contents}))
-            for file, content in contents.items():
-                self._sources.expect(file, digest(content))
-            self._keep()
+            self._work.accept(contents)
+            self._work.keep(self.chosen)
             return compiles
 
     def ignore(self) -> None:
         """Keep what is edited where files have changed on disk: it is unsaved, and saving writes over them."""
         with self._lock:
-            for file in self._sources.changed():
-                self._sources.expect(file, self._sources.on_disk(file))
+            self._work.ignore()
             self._revision += 1
-            self._keep()
+            self._work.keep(self.chosen)
 
     def recover(self, *, take: bool) -> bool:
         """Take the unsaved work of a Designer that has ended, or discard it; return whether shaders change."""
         with self._lock:
-            if self._recovery is None or self._recovery.work is None:
-                raise LookdevError("there is no unsaved work of an earlier Designer")
-            compiles, work = False, self._recovery.work
-            if take:
-                state = self._history.state
-                for file, (_, known) in work.files.items():
-                    self._sources.take(file)
-                    self._sources.expect(file, known)
-                files = {**state.files, **{file: content for file, (content, _) in work.files.items()}}
-                moved = work.shown in self._scenes.scenes and work.shown != self.chosen
-                if moved:
-                    self.chosen = work.shown
-                variants = {**state.variants, **work.variants}
-                compiles = self._push("restore unsaved work", State(files, variants)) or moved
-            self._recovery.forget()
+            compiles, work = False, self._work.offered
+            if take and work is not None:
+                state, before = self._work.recovered(), self.chosen
+                self.chosen = work.shown if work.shown in self._scenes.scenes else before
+                compiles = self._push("restore unsaved work", state) or before != self.chosen
+            self._work.forget()
             self._revision += 1
             return compiles
 
     def keep_snapshot(self, picture: bytes) -> None:
         """Keep a picture of what is shown, and the state of the looks."""
         with self._lock:
-            self.snapshots.keep(picture, self._history.state, self.chosen)
+            self.snapshots.keep(picture, self._work.state, self.chosen)
 
     def show_snapshot(self, number: int) -> bool:
         """Go back to the looks of a snapshot, a step that can be undone; return whether the scene changes."""
@@ -410,34 +360,24 @@ class Document:
     def status(self) -> dict[str, Any]:
         """Return what the page shows beside the picture: stacks, history, files, unsaved work that was found."""
         with self._lock:
-            work = self._recovery.work if self._recovery else None
             return {
                 "revision": self._revision,
                 "stacks": self.stacks(),
-                "undoes": self._history.undoes,
-                "redoes": self._history.redoes,
-                "changed": [str(file) for file in self._sources.changed()],
+                "undoes": self._work.history.undoes,
+                "redoes": self._work.history.redoes,
+                "changed": [str(file) for file in self._work.sources.changed()],
                 "snapshots": self.snapshots.listed(),
-                "recovery": None
-                if work is None
-                else {
-                    "time": work.time,
-                    "files": [
-                        {"file": str(file), "changed": self._sources.on_disk(file) != known}
-                        for file, (_, known) in work.files.items()
-                    ],
-                },
+                "recovery": self._work.offer(),
             }
 
     def close(self) -> None:
         """End: unsaved work stays for the next time."""
-        if self._recovery is not None:
-            self._recovery.close()
+        self._work.close()
 
     def signs(self) -> dict[str, Any]:
         """Return by what a page sees that it must ask for the status."""
         with self._lock:
-            return {"revision": self._revision, "changed": [str(file) for file in self._sources.changed()]}
+            return {"revision": self._revision, "changed": [str(file) for file in self._work.sources.changed()]}
 
 
 def _variants(job: Job, name: str, file: Path) -> dict[str, str]:
