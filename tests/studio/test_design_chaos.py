@@ -1,6 +1,6 @@
 """The Designer's server is killed at random moments of a scripted edit: what is saved stays, what is not is offered.
 
-``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes about five minutes.
+``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes five to ten minutes.
 """
 
 from __future__ import annotations
@@ -52,9 +52,9 @@ class Script:
                     self.send("/stack", {"look": 0, "op": "rename", "layer": 1, "name": f"Flakes{self.asked}"})
                 if self.asked % 7 == 0:
                     self.send("/stack", {"look": 0, "op": "duplicate", "layer": 1})
-                    self.send("/history", {})
+                    self.send("/history", {"redo": False})
                 if self.asked % 9 == 0:
-                    self.send("/save", {})
+                    self.send("/save", {"over": False})
                     self.saved = self.asked
         except (OSError, HTTPException):
             return

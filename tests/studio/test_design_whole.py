@@ -1,6 +1,6 @@
 """A whole edit, played in a browser, saved, opened again, and rendered by the job.
 
-``pytest -m slow tests/studio/test_design_whole.py --log-cli-level=INFO`` takes about two minutes.
+``pytest -m slow tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
 """
 
 from __future__ import annotations

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import logging
 from collections.abc import Callable, Mapping
@@ -12,7 +11,7 @@ from typing import Any
 
 import anyio.to_thread
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 
@@ -20,6 +19,7 @@ from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.material.library import Library, library_folders, read_library
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import parsed
+from lookdev.studio.designer.snapshots import LARGEST
 from lookdev.studio.designer.sources import ConflictError
 from lookdev.studio.designer.thumbnails import thumbnail
 from lookdev.studio.scripts import Scripts
@@ -28,6 +28,9 @@ log = logging.getLogger("lookdev.studio")
 
 STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
+
+PICTURE = "/picture"
+"""Where the picture of a snapshot is sent: a body that is larger than others."""
 
 _FRESH = {"cache-control": "no-store"}
 
@@ -95,7 +98,13 @@ def application(document: Document) -> Starlette:
 
     async def history(request: Request) -> Response:
         body = await _body(request)
-        return await _answer(lambda: answered(document.undo(1 if body.get("redo") else -1)))
+
+        def stepped() -> Mapping[str, Any]:
+            if not isinstance(body.get("redo"), bool):
+                raise LookdevError("a step of the history has 'redo', true or false")
+            return answered(document.undo(1 if body["redo"] else -1))
+
+        return await _answer(stepped)
 
     async def disk(request: Request) -> Response:
         body = await _body(request)
@@ -121,17 +130,28 @@ def application(document: Document) -> Starlette:
 
         def done() -> Mapping[str, Any]:
             match body.get("do"):
-                case "keep":
-                    document.keep_snapshot(_decoded(body.get("picture")))
                 case "show":
                     return answered(document.show_snapshot(_number(body, "number")))
                 case "drop":
                     document.snapshots.drop(_number(body, "number"))
                 case _:
-                    raise LookdevError("a snapshot is kept, shown or dropped")
+                    raise LookdevError("a snapshot is shown or dropped")
             return answered()
 
         return await _answer(done)
+
+    async def picture(request: Request) -> Response:
+        content = bytearray()
+        async for chunk in request.stream():
+            content += chunk
+            if len(content) > LARGEST:
+                break  # refused as too large
+
+        def kept() -> Mapping[str, Any]:
+            document.keep_snapshot(bytes(content))
+            return answered()
+
+        return await _answer(kept)
 
     async def snapshot(request: Request) -> Response:
         try:
@@ -184,8 +204,9 @@ def application(document: Document) -> Starlette:
         look, name = body.get("look"), body.get("name")
 
         def saved() -> Mapping[str, Any]:
-            if not isinstance(look, int | None) or not isinstance(name, str | None):
-                raise LookdevError("what is saved has the number of a look or none, and the name of a file or none")
+            wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
+            if wrong or (name is None and not isinstance(body.get("over"), bool)):
+                raise LookdevError("what is saved has a look's number and a file's name, or 'over', true or false")
             files = document.save(look, name, over=body.get("over") is True)
             return {**answered(), "files": list(map(str, files))}
 
@@ -200,6 +221,7 @@ def application(document: Document) -> Starlette:
             Route("/history", history, methods=["POST"]),
             Route("/disk", disk, methods=["POST"]),
             Route("/status", status),
+            Route(PICTURE, picture, methods=["POST"]),
             Route("/snapshots", snapshots, methods=["POST"]),
             Route("/snapshots/{number:int}", snapshot),
             Route("/presets", presets),
@@ -220,18 +242,10 @@ def _number(body: Mapping[str, Any], name: str) -> int:
     return found
 
 
-def _decoded(picture: object) -> bytes:
-    """Return the bytes of a picture that a canvas has written as a data URL."""
-    try:
-        return base64.b64decode(str(picture).partition(",")[2], validate=True)
-    except ValueError:
-        return b""
-
-
 async def _body(request: Request) -> Mapping[str, Any]:
     try:
         found = await request.json()
-    except (json.JSONDecodeError, UnicodeDecodeError):
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError, ClientDisconnect):
         return {}
     return found if isinstance(found, dict) else {}
 

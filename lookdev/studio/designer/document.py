@@ -370,9 +370,9 @@ class Document:
                 "recovery": self._work.offer(),
             }
 
-    def close(self) -> None:
-        """End: unsaved work stays for the next time."""
-        self._work.close()
+    def close(self) -> bool:
+        """End; return whether there is unsaved work, which stays for the next time."""
+        return self._work.close()
 
     def signs(self) -> dict[str, Any]:
         """Return by what a page sees that it must ask for the status."""

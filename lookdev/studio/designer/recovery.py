@@ -99,13 +99,15 @@ class Recovery:
             self._lock_of(self._found).unlink(missing_ok=True)
         self._found, self.work = None, None
 
-    def close(self) -> None:
-        """End: the record stays where there is unsaved work."""
+    def close(self) -> bool:
+        """End; return whether the record stays, since there is unsaved work."""
+        stays = self._record.exists()
         if self._lock is not None:
-            if not self._record.exists():
+            if not stays:
                 self._lock_of(self._record).unlink(missing_ok=True)
             os.close(self._lock)
             self._lock = None
+        return stays
 
     def _find(self) -> Work | None:
         records = sorted(self._folder.glob(f"{self._stem}-*.json"), key=_age, reverse=True)

@@ -8,7 +8,7 @@ from pathlib import Path
 from lookdev.asset import BUILTINS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.studio import Address
-from lookdev.studio.designer.app import application
+from lookdev.studio.designer.app import PICTURE, application
 from lookdev.studio.designer.opening import open_document
 from lookdev.studio.server import bind, open_browser, serve
 
@@ -39,6 +39,7 @@ def design(what: str, material: Path | None, address: Address, *, browser: bool,
             open_browser(bound.url)
 
     try:
-        serve(application(document), bound, started=started)
+        serve(application(document), bound, uploads=[PICTURE], started=started)
     finally:
-        document.close()
+        if document.close():
+            say("unsaved edits are kept: the same command offers them")

@@ -128,7 +128,6 @@ class Workspace:
             raise LookdevError("there is no unsaved work of an earlier Designer")
         self._recovery.forget()
 
-    def close(self) -> None:
-        """End: unsaved work stays for the next time."""
-        if self._recovery is not None:
-            self._recovery.close()
+    def close(self) -> bool:
+        """End; return whether there is unsaved work, which stays for the next time."""
+        return self._recovery is not None and self._recovery.close()

@@ -9,6 +9,7 @@ import { Viewport } from "./viewport/viewport.js";
 
 const WIDEST = 1024; // pixels of the canvas
 const LIVE = 1000; // milliseconds after which a parameter that is still moved is sent
+const LONGEST_PASTE = 60000; // characters
 const WATCHED = 3000; // milliseconds between looks at the files
 const canvas = at("picture");
 let scene = null;
@@ -21,7 +22,9 @@ function say(text, bad = false) {
 }
 
 async function asked(path, body) {
-  const post = { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
+  const picture = body instanceof Blob;
+  const headers = { "content-type": picture ? body.type : "application/json" };
+  const post = { method: "POST", headers, body: picture ? body : JSON.stringify(body) };
   const answer = await fetch(path, body === undefined ? {} : post);
   const found = await answer.json();
   if (!answer.ok) throw Object.assign(new Error(found.error ?? answer.statusText), { conflict: found.conflict });
@@ -202,7 +205,11 @@ const acts = {
   },
   async paste() {
     const text = (await navigator.clipboard?.readText().catch(() => "")) || copied;
-    await acts.arrange({ op: "paste", text });
+    await acts.pasteText(text);
+  },
+  async pasteText(text) {
+    if (text.length > LONGEST_PASTE) say("what is pasted is too long for a layer", true);
+    else await acts.arrange({ op: "paste", text });
   },
 };
 
@@ -259,9 +266,9 @@ for (const id of ["look", "rig"]) {
     }).catch((error) => say(error.message, true));
   });
 }
-at("undo").addEventListener("click", () => ask("history", {}));
+at("undo").addEventListener("click", () => ask("history", { redo: false }));
 at("redo").addEventListener("click", () => ask("history", { redo: true }));
-at("snapshot").addEventListener("click", () => ask("snapshots", { do: "keep", picture: canvas.toDataURL("image/png") }, "kept a snapshot"));
+at("snapshot").addEventListener("click", () => canvas.toBlob((picture) => ask("picture", picture, "kept a snapshot"), "image/png"));
 at("compare").addEventListener("click", () => compareSnapshots(scene, {
   now: () => canvas.toDataURL("image/png"),
   show: (number) => ask("snapshots", { do: "show", number }, `back at snapshot ${number}`),
@@ -284,14 +291,14 @@ addEventListener("copy", (event) => {
 addEventListener("paste", (event) => {
   if (!document.activeElement?.closest("#stack")) return;
   event.preventDefault();
-  acts.arrange({ op: "paste", text: event.clipboardData.getData("text/plain") || copied });
+  acts.pasteText(event.clipboardData.getData("text/plain") || copied);
 });
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
     if (key === "s") save(null);
     else if ((key === "z" && event.shiftKey) || key === "y") ask("history", { redo: true });
-    else if (key === "z") ask("history", {});
+    else if (key === "z") ask("history", { redo: false });
     else return;
     event.preventDefault();
   } else if (event.key === "b" && !["INPUT", "SELECT", "TEXTAREA"].includes(event.target.tagName)) {
