@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from lookdev.errors import LookdevError
+from lookdev.material.library import find_preset
 from lookdev.material.look import Formula, Primvar, Texture
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.document import Document
@@ -162,7 +163,7 @@ def test_the_numbers_of_an_expression_are_parameters(document: Document) -> None
         ({"op": "mask", "layer": 1, "mask": "smothstep(a)", "inputs": {}}, "did you mean 'smoothstep'"),
         ({"op": "mask", "layer": 1, "mask": "dirt", "inputs": {}}, "'dirt' in the expression has no source"),
         ({"op": "mask", "layer": 0, "mask": "0.5", "inputs": {}}, "is the base"),
-        ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, "is not a number from 0 to 1"),
+        ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, r"\[\[look.assign\]\]"),
         ({"op": "add", "preset": "rsut"}, "did you mean 'rust'"),
         ({"op": "add", "preset": "../../secret.usda"}, "no preset 'secret'"),
         ({"op": "remove", "layer": 9}, "has no layer 9"),
@@ -346,10 +347,35 @@ def test_looks_that_cannot_be_edited_say_why() -> None:
         do(document, "add", preset="rust")
 
 
+def test_a_layer_is_saved_as_a_preset(document: Document, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    library = tmp_path / "library"
+    library.mkdir()
+    monkeypatch.setenv("LOOKDEV_LIBRARY", str(library))
+    file = document.save_preset(0, 1, "blue_flakes", "paint")
+    preset = find_preset("blue_flakes")
+    assert (preset.file, preset.category, preset.doc) == (file, "paint", "Blue flakes.")
+    do(document, "add", preset="blue_flakes")
+    layers = document.looks[0].layers
+    assert (layers[-1].name, layers[-1].inputs) == ("BlueFlakes", layers[1].inputs)
+    assert document.save_preset(0, 0, "base_coat", "").is_file()  # with the value of the interface
+    for name, message in (("blue_flakes", "exists already"), ("../blue", "no name of a preset"), ("", "no name")):
+        with pytest.raises(LookdevError, match=message):
+            document.save_preset(0, 1, name, "paint")
+    assert len(list(library.iterdir())) == 2
+
+
+def test_a_layer_with_a_texture_is_no_preset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "library").mkdir()
+    monkeypatch.setenv("LOOKDEV_LIBRARY", str(tmp_path / "library"))
+    shutil.copytree(ROOT / "materials", tmp_path / "materials")
+    document = open_document(None, "plane", tmp_path / "materials" / "brushed_metal.usda")
+    with pytest.raises(LookdevError, match="only constants"):
+        document.save_preset(0, 0, "brushed", "metal")
+    assert list((tmp_path / "library").iterdir()) == []
+
+
 def test_pictures_of_presets_are_spheres_on_nothing() -> None:
     from matplotlib.image import imread
-
-    from lookdev.material.library import find_preset
 
     pixels = imread(thumbnail(find_preset("dust", ROOT / "materials" / "presets")))
     assert pixels.shape == (SIZE, SIZE, 4)

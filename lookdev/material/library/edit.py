@@ -95,7 +95,7 @@ def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], S
     if file.exists() or file.is_symlink():
         hint = "choose another name, or 'lookdev materials add' a layer to it"
         raise LookError([Fault(str(file), "", "exists already", hint)])
-    name = name or _camel_case(file.stem)
+    name = name or camel_case(file.stem)
     if not Sdf.Path.IsValidIdentifier(name):
         hint = "letters, digits and '_', not a digit first; give one with --name"
         raise LookError([Fault(str(file), "", f"'{name}' cannot be the name of a material", hint)])
@@ -110,7 +110,8 @@ def _new(file: Path, name: str | None, define: Callable[[Usd.Stage, Sdf.Path], S
     return f"/{name}"
 
 
-def _camel_case(words: str) -> str:
+def camel_case(words: str) -> str:
+    """Return words as the name of a prim: ``WornPaint`` for ``worn_paint``."""
     return "".join(word[:1].upper() + word[1:] for word in re.split(r"[^A-Za-z0-9]+", words))
 
 
@@ -143,7 +144,7 @@ def add_layer(
         number = max(stack.layers, default=0) + 1
         # The shader of a preset that is a look is called Base, as every base is.
         name = Sdf.Path(preset.prim).name
-        called = _camel_case(preset.name) if name == "Base" and _camel_case(preset.name).isidentifier() else name
+        called = camel_case(preset.name) if name == "Base" and camel_case(preset.name).isidentifier() else name
         path = _reference(stack.stage, free_path(stack.stage, stack.scope, called), preset)
         stack.input(number, "", _TYPES.Token).SetConnections([path.AppendProperty("outputs:layer")])
         if mode != "over":

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from pxr import Sdf, UsdShade, UsdUtils
+from pxr import Sdf, Usd, UsdShade, UsdUtils
 
+from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError
+from lookdev.material.library import read_preset
 from lookdev.material.library.arrange import Variants, redirect
-from lookdev.material.library.edit import edited
+from lookdev.material.library.edit import camel_case, edited, reported_for
 from lookdev.material.library.nodes import free_path, relative_path, sites, upstream
 from lookdev.material.library.stack import author_stack, find_stack, layer_shader, surface_of
 from lookdev.material.usd import find_material
@@ -69,6 +71,45 @@ def duplicate_layer(file: Path, layer: str, prim: str | None = None, variants: V
     """Lay a copy of a layer over those of a look, connected to the same interface, and return its number."""
     with edited(file, prim, variants) as material:
         return _insert(material, _fragment(material, layer, by_value=False))
+
+
+def save_preset(
+    file: Path, layer: str, target: Path, category: str, doc: str, prim: str | None = None, variants: Variants = None
+) -> None:
+    """Write the parameters of a layer to a new preset of a library, which must not exist.
+
+    Raises LookError where it does, the name does not fit, or a parameter is no constant.
+    """
+    name = camel_case(target.stem)
+    if target.suffix != ".usda" or not Sdf.Path.IsValidIdentifier(name):
+        raise LookError([Fault(str(target), "", "cannot be the name of a preset", "for instance red_rubber")])
+    if target.exists() or target.is_symlink():
+        raise LookError([Fault(str(target), "", "exists already", "choose another name")])
+    source, network = open_stage(file), Network(file)
+    with reading(file), atomic_path(target) as temporary, reported_for(target, temporary):
+        path = find_material(network, source, prim, variants or {})
+        if path is None:
+            raise LookError(network.faults)
+        shader = layer_shader(UsdShade.Material(source.GetPrimAtPath(path)), layer)[1]
+        stage = Usd.Stage.CreateNew(str(temporary))
+        made = UsdShade.Shader.Define(stage, f"/{name}")
+        stage.SetDefaultPrim(made.GetPrim())
+        made.GetPrim().SetDocumentation(doc)
+        made.GetPrim().SetCustomDataByKey("category", category)
+        made.CreateIdAttr(shader.GetShaderId())
+        for each in shader.GetInputs():
+            held = network.follow(each.GetAttr())
+            if isinstance(held, Source):
+                what = f"has a {held.shader.GetShaderId()}, and a preset only constants"
+                raise LookError([Fault(str(file), str(each.GetAttr().GetPath()), what, "make it a constant")])
+            if held and held.HasAuthoredValue():
+                value = held.Get()
+                if isinstance(value, Sdf.AssetPath) and value.resolvedPath:
+                    value = Sdf.AssetPath(relative_path(Path(value.resolvedPath), target.resolve().parent))
+                made.CreateInput(each.GetBaseName(), each.GetTypeName()).Set(value)
+        made.CreateOutput("layer", _TYPES.Token)
+        stage.GetRootLayer().Save()
+        read_preset(temporary)
 
 
 def _fragment(material: UsdShade.Material, layer: str, *, by_value: bool) -> Sdf.Layer:

@@ -89,6 +89,11 @@ def application(document: Document) -> Starlette:
             match body.get("op"):
                 case "copy":
                     return {"text": document.copy(look, _number(body, "layer"))}
+                case "preset":
+                    words = str(body.get("name")), str(body.get("category"))
+                    saved = document.save_preset(look, _number(body, "layer"), *words)
+                    library.cache_clear()
+                    return {"file": str(saved)}
                 case "solo":
                     document.solo(look, None if body.get("layer") is None else _number(body, "layer"))
                     return answered(True)

@@ -15,9 +15,9 @@ from lookdev.errors import LookdevError, ModelError, nearest_hint
 from lookdev.job import Job
 from lookdev.job.scenes import JobScenes
 from lookdev.material import Look
+from lookdev.material.library import LIBRARY_VARIABLE, library_folders
 from lookdev.material.library.constants import set_inputs
-from lookdev.material.library.fragments import copy_layer
-from lookdev.material.library.masks import IMAGES
+from lookdev.material.library.fragments import copy_layer, save_preset
 from lookdev.material.library.stack import Entry, Outline
 from lookdev.scene import Scene
 from lookdev.studio.designer.edits import Edit, checked, shape_of
@@ -26,12 +26,12 @@ from lookdev.studio.designer.operations import Operation, operation
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
 from lookdev.studio.designer.snapshots import Snapshots
-from lookdev.studio.designer.sources import Opened, Place
+from lookdev.studio.designer.sources import Opened, Place, images_below
 from lookdev.studio.designer.workspace import Workspace
 from lookdev.studio.viewport import SceneView, view_scene
 
 _SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
-_MOST_IMAGES = 500
+_PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class Document:
@@ -142,7 +142,8 @@ class Document:
     def _opened(self, number: int, state: State | None = None) -> Opened:
         state, place, original = state or self._work.state, self._place(number), self._originals[number]
         if isinstance(place, str):
-            return Opened(original, _no_outline(original))
+            entries = (Entry(number, layer.name) for number, layer in enumerate(original.layers))
+            return Opened(original, Outline(tuple(entries), {}))
         variants = state.variants.get(place.key, {})
         opened = self._work.sources.opened(place, state.files, variants, original)
         untouched = place.file not in state.files and not variants
@@ -185,6 +186,20 @@ class Document:
             place = self._editable(number)
             with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
                 return copy_layer(file, str(layer), place.prim, self._variants_of(place))
+
+    def save_preset(self, number: int, layer: int, name: str, category: str) -> Path:
+        """Write a layer as a preset of the first folder of the library; return the file."""
+        with self._lock:
+            place, folder = self._editable(number), library_folders()[0]
+            target = folder / f"{name.strip()}.usda"
+            if not _PRESET.fullmatch(name.strip()) or not os.access(folder, os.W_OK):
+                hint = f"a folder of your own in ${LIBRARY_VARIABLE} would be right"
+                wrong = f"{folder}: cannot be written; {hint}" if _PRESET.fullmatch(name.strip()) else ""
+                raise LookdevError(wrong or f"'{name}' is no name of a preset: for instance red_rubber")
+            doc = f"{name.strip().replace('_', ' ').capitalize()}."
+            with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
+                save_preset(file, str(layer), target, category.strip(), doc, place.prim, self._variants_of(place))
+            return target
 
     def solo(self, number: int, layer: int | None) -> None:
         """Show one layer of a look alone, or all of them: a matter of the view, which is not saved."""
@@ -325,14 +340,7 @@ class Document:
 
     def images(self, number: int) -> list[str]:
         """Return images below a look's folder, relative to it, that masks may read."""
-        folder, found = self._editable(number).file.parent, []
-        for above, folders, files in os.walk(folder):
-            folders[:] = sorted(each for each in folders if not each.startswith("."))
-            names = [each for each in sorted(files) if each.lower().endswith(IMAGES) and not each.startswith(".")]
-            found += [Path(above, each).relative_to(folder).as_posix() for each in names]
-            if len(found) >= _MOST_IMAGES:
-                break
-        return found[:_MOST_IMAGES]
+        return images_below(self._editable(number).file.parent)
 
     def stacks(self) -> list[dict[str, Any]]:
         """Return the layers of each look with their parameters, for the page."""
@@ -388,7 +396,3 @@ def _variants(job: Job, name: str, file: Path) -> dict[str, str]:
     given = [(look.material, look.variants), *((each.material, each.variants) for each in look.assign)]
     of_asset = {} if look.material is not None else dict(look.variants)
     return next((dict(variants) for material, variants in given if material and material.samefile(file)), of_asset)
-
-
-def _no_outline(look: Look) -> Outline:
-    return Outline(tuple(Entry(k, layer.name) for k, layer in enumerate(look.layers)), {})

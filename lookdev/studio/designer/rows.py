@@ -16,6 +16,11 @@ from lookdev.material.library.stack import Entry, Outline
 from lookdev.material.look import Bump, Coordinates, Layer, Primvar
 from lookdev.material.usd import MODES
 
+NO_PART = (
+    "a look does not know which part wears it: give the part a look of its own, by [[look.assign]] of the job, or the "
+    "asset a primvar, and the mask primvar:NAME"
+)
+
 
 def layer_rows(look: Look, outline: Outline | None, folder: Path | None, solo: int | None) -> Iterator[dict[str, Any]]:
     """Yield each layer of a stack, base first, also those that are not enabled.
@@ -126,6 +131,8 @@ def read_mask(text: str, inputs: Mapping[str, str], folder: Path, roots: list[Pa
 
     Raises LookdevError where it is none, or an image is outside of the folders that the page may read.
     """
+    if text.strip().startswith("part:"):
+        raise LookdevError(NO_PART)
     mask = parse_mask(text.strip(), [f"{name}={value.strip()}" for name, value in inputs.items()], folder)
     sources = [mask] if not isinstance(mask, Computed) else list(mask.inputs.values())
     for each in sources:

@@ -16,6 +16,7 @@ from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError
 from lookdev.material import Look
 from lookdev.material.library.edit import reported_for
+from lookdev.material.library.masks import IMAGES
 from lookdev.material.library.stack import Outline, outline_of
 from lookdev.material.usd import read_look
 
@@ -23,6 +24,7 @@ LARGEST = 64 << 20
 """Bytes of a file whose looks are edited."""
 
 
+_MOST_IMAGES = 500
 _LONGEST_EDIT = 600  # seconds
 
 
@@ -153,6 +155,18 @@ class Sources:
             return Opened(read_look(file, prim, chosen), outline_of(file, prim, chosen))
         with self.beside(file, content) as temporary:
             return Opened(read_look(temporary, prim, chosen), outline_of(temporary, prim, chosen))
+
+
+def images_below(folder: Path) -> list[str]:
+    """Return the images below a folder, relative to it, at most `_MOST_IMAGES`, without hidden ones."""
+    found: list[str] = []
+    for above, folders, files in os.walk(folder):
+        folders[:] = sorted(each for each in folders if not each.startswith("."))
+        names = [each for each in sorted(files) if each.lower().endswith(IMAGES) and not each.startswith(".")]
+        found += [Path(above, each).relative_to(folder).as_posix() for each in names]
+        if len(found) >= _MOST_IMAGES:
+            break
+    return found[:_MOST_IMAGES]
 
 
 def digest(content: bytes) -> str:

@@ -6,6 +6,7 @@ let presets = null;
 let wanted = [];
 let fetching = false;
 const pictures = new Map();
+const NOTHING = "data:image/gif;base64,R0lGODlhAQABAIAAAAAAAP///yH5BAEAAAAALAAAAAABAAEAAAIBRAA7";
 
 /** Return the name of the preset that is chosen, or "". */
 export async function choosePreset(asked) {
@@ -32,8 +33,8 @@ export async function choosePreset(asked) {
     at("adding-presets").replaceChildren(...found.map((each) => {
       const image = made("img", { width: 56, height: 56, alt: "" });
       image.dataset.name = each.name;
-      if (pictures.has(each.name)) image.src = pictures.get(each.name);
-      else observer.observe(image);
+      image.src = pictures.get(each.name) ?? NOTHING;
+      if (!pictures.has(each.name)) observer.observe(image);
       const choice = made("button", { type: "submit", value: each.name, className: "preset", title: each.doc },
         image, made("span", { textContent: spaced(each.name) }), made("small", { textContent: each.model }));
       return choice;
@@ -70,4 +71,16 @@ async function next(dialog) {
     } catch { /* a preset without a picture is still one */ }
   }
   fetching = false;
+}
+
+/** Ask for the name and category of a new preset, and save a layer as it; returns what to say. */
+export async function savePreset(asked, look, layer) {
+  at("preset-name").value = layer.name.replace(/([a-z])([A-Z])/g, "$1_$2").toLowerCase();
+  const closed = opened(at("preset"));
+  at("preset-name").select();
+  if ((await closed) !== "save") return "";
+  const body = { look, op: "preset", layer: layer.number, name: at("preset-name").value, category: at("preset-category").value };
+  const { file } = await asked("stack", body);
+  presets = null;
+  return `saved the preset ${file}`;
 }

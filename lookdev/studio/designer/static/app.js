@@ -1,6 +1,6 @@
 // The Designer's page: a scene in the viewport, and the layers of its looks.
 
-import { choosePreset } from "./add.js";
+import { choosePreset, savePreset } from "./add.js";
 import { askConflict, compareSnapshots, showNotices } from "./files.js";
 import { follow } from "./hand.js";
 import { choose, chosenLayer, showLayers } from "./layers.js";
@@ -189,6 +189,14 @@ const acts = {
     try {
       const preset = await choosePreset(asked);
       if (preset) await acts.arrange({ op: "add", preset });
+    } catch (error) {
+      say(error.message, true);
+    }
+  },
+  async preset() {
+    try {
+      await sending;
+      say(await savePreset(asked, lookOf(), chosenLayer(scene.stacks[lookOf()])));
     } catch (error) {
       say(error.message, true);
     }

@@ -17,7 +17,7 @@ export function choose(number) {
   chosen = number;
 }
 
-/** Show a stack in a panel. `acts` has `change` (of a parameter), `arrange` (of the stack), `solo`, `add`, `copy`, `paste`,
+/** Show a stack in a panel. `acts` has `change` (of a parameter), `arrange` (of the stack), `solo`, `add`, `copy`, `paste`, `preset`,
  * `again` (to show the panel anew), and `images`. */
 export function showLayers(panel, stack, acts) {
   const focused = document.activeElement?.closest("#layers") ? document.activeElement.id : "";
@@ -52,6 +52,7 @@ function toolbar(stack, layer, acts) {
     button("Up", `Move up (Alt+Up, or drag)${base}`, act({ op: "move", to: number + 1 }), { id: "layer-up", disabled: number === 0 || number === top }),
     button("Down", `Move down (Alt+Down, or drag)${base}`, act({ op: "move", to: number - 1 }), { id: "layer-down", disabled: number < 2 }),
     button("Copy", "Copy the layer as USD text (Ctrl+C)", acts.copy, { id: "layer-copy" }),
+    button("To library…", "Save the layer as a preset of the library", acts.preset, { id: "layer-preset", disabled: !layer.enabled || !layer.own }),
     button("Paste", "Lay a copied layer on top (Ctrl+V)", acts.paste, { id: "layer-paste" }),
   );
 }

@@ -2,7 +2,7 @@
 
 import { made, button } from "./made.js";
 
-const KINDS = { number: "a number", texture: "an image", primvar: "a primvar of the asset", expression: "an expression" };
+const KINDS = { number: "a number", texture: "an image", primvar: "a primvar of the asset", expression: "an expression", part: "a part of the asset" };
 const KNOWN = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
 const opened = new Map(); // kinds that are looked at and not yet given, by layer
 
@@ -36,6 +36,10 @@ export function maskEditor(layer, acts) {
   if (kind === "texture") editor.append(...image(mask, current, give, acts));
   else if (kind === "primvar") editor.append(primvar(mask, current, give));
   else if (kind === "expression") editor.append(...expression(mask, current, give, acts));
+  else if (kind === "part") {
+    const words = "A look does not know which part wears it. Give the part a look of its own, by [[look.assign]] of the job, or the asset a primvar.";
+    editor.append(made("p", { className: "sentence", textContent: words }));
+  }
   editor.append(problem);
   return editor;
 }
