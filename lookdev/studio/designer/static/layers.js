@@ -29,7 +29,9 @@ export function showLayers(panel, stack, acts) {
     parts.push(...stack.variants.map((each) => variantRow(each, acts)), toolbar(stack, layer, acts));
   }
   parts.push(list(stack, acts), inspector(stack, layer, acts));
+  const scrolled = document.getElementById("stack")?.scrollTop ?? 0;
   panel.replaceChildren(...parts);
+  document.getElementById("stack").scrollTop = scrolled;
   if (focused) document.getElementById(focused)?.focus({ preventScroll: true });
 }
 
@@ -232,7 +234,7 @@ function row(layer, parameter, stack, acts) {
     const picker = named(made("input", { type: "color", value: toHex(shown) }));
     picker.addEventListener("input", () => give(fromHex(picker.value), false));
     picker.addEventListener("change", () => give(fromHex(picker.value), true));
-    element.append(picker, made("output", { textContent: shown.map((x) => x.toFixed(2).replace(/^0/, "")).join(" ") }));
+    element.append(picker, made("output", { textContent: shown.map((x) => String(Number(x.toFixed(2))).replace(/^0\./, ".")).join(" ") }));
   } else if (kind === "token") {
     const choice = named(made("select", {}, ...parameter.choices.map((each) => made("option", { value: each, textContent: each }))));
     choice.value = value ?? parameter.default;
