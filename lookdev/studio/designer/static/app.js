@@ -10,6 +10,8 @@ import { Viewport } from "./viewport/viewport.js";
 const WIDEST = 1024; // pixels of the canvas
 const LIVE = 1000; // milliseconds after which a parameter that is still moved is sent
 const LONGEST_PASTE = 60000; // characters
+const SOON = 300; // milliseconds after which the page says that it waits
+const WORKING = "working…";
 const WATCHED = 3000; // milliseconds between looks at the files
 const canvas = at("picture");
 let scene = null;
@@ -128,11 +130,15 @@ async function adopt({ compiles, ...status }) {
 /** Ask the server for a change, in order with others; returns what is wrong, or "". */
 function ask(path, body, said = "") {
   const asking = sending.then(async () => {
+    const waiting = setTimeout(() => say(WORKING), SOON);
     try {
-      await adopt(await asked(path, body));
-      if (said) say(said);
+      const answer = await asked(path, body);
+      clearTimeout(waiting);
+      await adopt(answer);
+      if (said || at("status").textContent === WORKING) say(said || scene.view.name);
       return "";
     } catch (error) {
+      clearTimeout(waiting);
       say(error.message, true);
       return error.message;
     }
