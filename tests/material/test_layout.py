@@ -127,3 +127,17 @@ def test_what_is_added_stands_behind_its_neighbour() -> None:
     assert text is not None
     assert layer(text).ExportToString() == made.ExportToString()
     assert [each for each in re.findall(r"#.*", PAINT) if each not in text] == []
+
+
+def test_what_is_nested_too_deep_has_no_layout_of_its_own() -> None:
+    deep = "#usda 1.0\n" + "".join(f'def "p{k}"\n{{\n' for k in range(3000)) + "}\n" * 3000
+    assert with_layout(deep, deep, deep) is None
+
+
+def test_long_values_take_no_longer_than_their_length() -> None:
+    numbers = ", ".join(map(str, range(200_000)))
+    text = f'#usda 1.0\n\ndef "Mesh"\n{{\n    int[] faces = [{numbers}]  # many\n    float a = 1\n}}\n'
+    made = layer(text)
+    before = made.ExportToString()
+    made.GetAttributeAtPath("/Mesh.a").default = 2.0
+    assert with_layout(text, before, made.ExportToString()) == text.replace("a = 1", "a = 2")

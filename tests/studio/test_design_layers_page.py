@@ -265,3 +265,5 @@ def test_unsaved_work_is_offered_after_a_crash(look: Path, server: Served, opene
             "const before = shown(); at('recovery-restore').click(); await until(() => shown().includes('Dust'));"
             "done([before, shown(), at('undo').title, at('recovery')]);",
         ) == [["Base", "Flakes"], ["Base", "Dust"], "Undo: restore unsaved work (Ctrl+Z)", None]
+        again.end()
+        assert "unsaved edits are kept: the same command offers them" in again.log

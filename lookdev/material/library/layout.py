@@ -10,11 +10,12 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from pxr import Sdf
+from pxr import Sdf, Tf
 
 _TOKEN = re.compile(
     r'(?P<string>"""(?:\\.|[^\\])*?"""|\'\'\'(?:\\.|[^\\])*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'(?:\\.|[^\'\\\n])*\')'
-    r"|(?P<asset>@@@.*?@@@|@[^@\n]*@)|(?P<comment>#[^\n]*)|(?P<open>[\[({])|(?P<close>[\])}])|(?P<line>\n)|(?P<other>.)",
+    r"|(?P<asset>@@@.*?@@@|@[^@\n]*@)|(?P<comment>#[^\n]*)|(?P<open>[\[({])|(?P<close>[\])}])|(?P<line>\n)"
+    r"|(?P<other>[ \t\r]+|[^\s\"'@#\[\](){};][^\"'@#\[\](){};\n]*|.)",
     re.DOTALL,
 )
 
@@ -89,6 +90,11 @@ class _Reader:
         head: list[str] = []
         while True:
             kind, text = self._peek()
+            if depth and kind:  # inside a value, which may be long
+                depth += (kind == "open") - (kind == "close")
+                head.append(text)
+                self._at += 1
+                continue
             words = "".join(head)
             blank = words[len(words.rstrip()) :] if made.meta is None and made.body is None else ""
             if depth == 0 and kind == "open" and text != "[" and ("=" not in words or _is_set(words)):
@@ -189,13 +195,13 @@ def with_layout(own: str, before: str, after: str) -> str | None:
 
     `own` is the author's text, `before` what USD writes of it, `after` what USD writes after the edit.
     """
-    merged = _merged(*(_Reader(text).block() for text in (own, before, after)))
-    assert merged is not None, "each text is a block"
-    text = _inside(merged)
     check, wanted = Sdf.Layer.CreateAnonymous(".usda"), Sdf.Layer.CreateAnonymous(".usda")
     try:
+        merged = _merged(*(_Reader(text).block() for text in (own, before, after)))
+        assert merged is not None, "each text is a block"
+        text = _inside(merged)
         if check.ImportFromString(text) and wanted.ImportFromString(after):
             return text if check.ExportToString() == wanted.ExportToString() else None
-    except Exception:  # noqa: BLE001
+    except (RecursionError, Tf.ErrorException):
         return None
     return None
