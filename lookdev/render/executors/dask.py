@@ -52,7 +52,7 @@ from lookdev.render.executors.protocol import (
 from lookdev.render.executors.shares import Shares
 from lookdev.render.executors.versions import mismatch, versions
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.threads import THREADS_VARIABLE, cores
+from lookdev.render.threads import cores
 from lookdev.render.worker import Progress
 
 _CONNECT = 10.0  # seconds
@@ -111,7 +111,7 @@ class DaskExecutor:
         self._started: set[str] = set()  # digests of frames that went to a renderer
         self._in_flight: set[_Chunk] = set()
         self._unfit: dict[str, str] = {}
-        self._variables: tuple[tuple[str, str], ...] = ()
+        self._sharing = 1  # workers that share the cores of this machine
         self._known: set[str] = set()
         self._number = 0
 
@@ -128,7 +128,7 @@ class DaskExecutor:
             target: Any = self._address
             if not self._address:
                 count = self._count or max(min(cores() // _EACH, free_memory() // _MEMORY), 1)
-                self._variables = ((THREADS_VARIABLE, str(max(cores() // count, 1))),) if count > 1 else ()
+                self._sharing = count
                 cluster = LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
@@ -180,7 +180,7 @@ class DaskExecutor:
             self._store,
             self._shared_mark(),
             self._command,
-            self._variables,
+            self._sharing,
         )
         met, looked = time.monotonic(), -math.inf
         while True:
