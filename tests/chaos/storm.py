@@ -45,7 +45,7 @@ from lookdev.batch.runs import LEASE_VARIABLE
 from lookdev.errors import LookdevError
 from lookdev.job import Job
 from lookdev.output.exr import read_frame, read_header
-from lookdev.plan.chunks import Chunk
+from lookdev.plan.chunks import Chunk, Division
 from lookdev.render.backends import BACKENDS
 
 CHUNKS, AT_ONCE = 3, 4
@@ -140,6 +140,14 @@ def children(process: int) -> list[int]:
         return []
 
 
+def ended(process: int | None) -> bool:
+    """Return whether there is no such process, or nobody has asked yet how it ended."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
 def inherit_orphans() -> None:
     """Become the parent of processes whose parents, runs of a storm, are killed (PR_SET_CHILD_SUBREAPER)."""
     ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)
@@ -221,7 +229,7 @@ class Storm:
         self._collect()
         while len(self._runs) < AT_ONCE:
             number = self._rng.randrange(CHUNKS + 1)
-            self._start(Chunk(number, CHUNKS) if number else None)
+            self._start(Chunk(number, Division(CHUNKS)) if number else None)
             if time.monotonic() < self._writable:
                 return  # it ends at once
 
@@ -234,8 +242,8 @@ class Storm:
 
     def _collect(self) -> None:
         for run in list(self._runs):
-            if (ended := os.waitpid(run, os.WNOHANG))[0]:
-                code = os.waitstatus_to_exitcode(ended[1])
+            if (end := os.waitpid(run, os.WNOHANG))[0]:
+                code = os.waitstatus_to_exitcode(end[1])
                 self._done = self._done or (code == 0 and self._runs[run] is None)
                 del self._runs[run]
                 self._figures.ends[code] += 1
@@ -248,7 +256,6 @@ class Storm:
             do()
 
     def _any_run(self) -> int | None:
-        self._collect()  # one that has ended cannot be killed
         return self._rng.choice(sorted(self._runs)) if self._runs else None
 
     def _any_worker(self) -> int | None:
@@ -264,10 +271,16 @@ class Storm:
         return False
 
     def _kill_run(self) -> bool:
-        return self._signal(self._any_run(), signal.SIGKILL)
+        """Kill a run; one that has ended before is no kill."""
+        before = self._figures.ends[-signal.SIGKILL]
+        if self._signal(run := self._any_run(), signal.SIGKILL):
+            while run in self._runs:
+                self._collect()
+        return self._figures.ends[-signal.SIGKILL] > before
 
     def _kill_worker(self) -> bool:
-        return self._signal(self._any_worker(), signal.SIGKILL)
+        worker = self._any_worker()
+        return not ended(worker) and self._signal(worker, signal.SIGKILL)
 
     def _stop(self, process: int | None) -> bool:
         if not self._signal(process, signal.SIGSTOP):
