@@ -25,12 +25,13 @@ COSTS = Path(__file__).with_name("farm_costs.json")
 
 @dataclass(frozen=True)
 class SimulatedJob:
-    """Frames in the order of their plan: the scene and the true cost of each, and costs to start and of each scene."""
+    """Frames in the order of their plan: the scene and the true cost of each; what it takes to start, to plan, and for each scene."""
 
     scenes: tuple[int, ...]
     frames: tuple[float, ...]
     preparing: tuple[float, ...]
     start: float
+    planning: float  # of each process that joins a kept worker
     estimates: tuple[float, ...]  # of each frame, as a plan has them
 
     @property
@@ -64,6 +65,7 @@ def measured_job(looks: int, rigs: int, frames: int, mean: float, seed: int = 0)
         tuple(scale * cost for cost in drawn),
         tuple(scene["scene"] for scene in of_scenes),
         measured["start"],
+        measured["plan"],
         tuple(scale * of_scenes[number]["estimate"] for number in numbers),
     )
 
@@ -71,7 +73,7 @@ def measured_job(looks: int, rigs: int, frames: int, mean: float, seed: int = 0)
 def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: Division, *, warm: bool) -> float:
     """Return the time until chunks by some costs are done: each is rendered by the next worker that is free.
 
-    A `warm` worker starts once, and keeps the scene of its last frame.
+    A `warm` worker starts once, and keeps the scene of its last frame; each of its chunks is planned anew.
     """
     ends = split(job.scenes, Costs(tuple(costs), fmean(job.preparing), job.start), chunks)
     free = [(0.0, worker) for worker in range(workers)]
@@ -82,8 +84,7 @@ def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: Div
             continue
         now, worker = heapq.heappop(free)
         scene = started.get(worker) if warm else None
-        if worker not in started or not warm:
-            now += job.start
+        now += job.planning if warm and worker in started else job.start
         for number in range(first, end):
             if job.scenes[number] != scene:
                 scene = job.scenes[number]
