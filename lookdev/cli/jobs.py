@@ -111,7 +111,7 @@ def render(
     Several runs of one job, on machines that share its output folder, share its frames.
     """
     from lookdev.batch.progress import show_progress
-    from lookdev.batch.run import render_job, wanted_job
+    from lookdev.batch.run import mapped_files, render_job, wanted_job
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
     from lookdev.render.executors.choice import choose
@@ -124,7 +124,8 @@ def render(
     if dry_run:
         if force or frame or outputs_only:
             raise LookdevError("--dry-run lists new and stale frames: it goes without --force, --frame, --outputs-only")
-        _list_frames(wanted_job(job, rules, output, choice.device), part)
+        with mapped_files(rules):
+            _list_frames(wanted_job(job, rules, output, choice.device), part)
         return
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(

@@ -25,7 +25,7 @@ COSTS = Path(__file__).with_name("farm_costs.json")
 
 @dataclass(frozen=True)
 class SimulatedJob:
-    """Frames in the order of their plan: the scene and the true cost of each; what it takes to start, to plan, and for each scene."""
+    """Frames in the order of their plan: the scene and the true cost of each, and what else takes time."""
 
     scenes: tuple[int, ...]
     frames: tuple[float, ...]
