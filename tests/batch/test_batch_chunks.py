@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import multiprocessing
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from lookdev.batch.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.batch.log import JsonReport
 from lookdev.batch.run import RunResult, render_job
 from lookdev.batch.runs import Run
-from lookdev.batch.status import read_status, status_data, status_text
+from lookdev.batch.status import read_status, status_data, status_metrics, status_text
 from lookdev.errors import LookdevError, OutputError
 from lookdev.job import Job
 from lookdev.output.exr import read_header
@@ -159,6 +160,23 @@ def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render: Render) ->
         "2/2", "working", {"gold/city/element.0004", "gold/city/element.0002"}
     )  # fmt: skip
     assert status.seconds == pytest.approx(4 * 0.125 / 2)
+    assert status.frame_seconds == pytest.approx(0.125)
+    metrics = {
+        (name, label): value
+        for line in status_metrics(status).splitlines()
+        for name, label, value in re.findall(r"^(lookdev_\w+)\{[^}]*?(?:state=\"(\w+)\")?\} (.*)", line)
+    }
+    assert metrics == {
+        ("lookdev_frames", "done"): "2.0",
+        ("lookdev_frames", "rendering"): "2.0",
+        ("lookdev_frames", "waiting"): "2.0",
+        ("lookdev_frames", "failed"): "0.0",
+        ("lookdev_runs", "working"): "1.0",
+        ("lookdev_runs", "stalled"): "0.0",
+        ("lookdev_runs", "dead"): "0.0",
+        ("lookdev_frame_seconds", ""): "0.125",
+        ("lookdev_left_seconds", ""): "0.25",
+    }
     text = status_text(status)
     assert "2 of 6 frames are done (33.3 %), 2 are rendered now, 2 wait, 0 failed" in text
     assert json.loads(json.dumps(status_data(status)))["runs"][0]["run"]["process"] == active.run.process
