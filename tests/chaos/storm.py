@@ -326,9 +326,13 @@ class Storm:
         """Let the file system be read-only for a minute, once in a long storm, for all that opens files by then."""
         if time.monotonic() < self._again or self._figures.faults[READ_ONLY] or not self._long:
             return False
-        out = str(self._out)
-        subprocess.run(["mount", "--bind", out, out], check=True)
-        subprocess.run(["mount", "-o", "remount,bind,ro", out], check=True)
+        out, aside = str(self._out), str(self._out.with_name("aside"))
+        Path(aside).mkdir(exist_ok=True)
+        # Made where nobody writes: a mount with open files cannot become read-only.
+        mounts = ["--bind", out, aside], ["-o", "remount,bind,ro", aside], ["--bind", aside, out]
+        for mount in mounts:
+            subprocess.run(["mount", *mount], check=True)
+        subprocess.run(["umount", "-l", aside], check=True)
         self._writable = time.monotonic() + MINUTE
         self._again = self._writable + 3.0
         self._later.append((self._writable, lambda: subprocess.run(["umount", "-l", out], check=True) and None))
