@@ -115,7 +115,8 @@ def split(scenes: Sequence[object], costs: Costs, division: Division) -> tuple[i
         return [*found, len(scenes)] if scenes else []
 
     low = 0.0
-    high = (sum(costs.frames) + costs.scene * sum(changes)) / weights[-1]
+    # A part of all costs no more, however the sum is rounded.
+    high = 1.000001 * (sum(costs.frames) + costs.scene * sum(changes)) / weights[-1]
     while high - low > 1e-6 * high:
         middle = 0.5 * (low + high)
         low, high = (low, middle) if len(ends(middle)) <= count else (middle, high)

@@ -52,6 +52,15 @@ def test_no_division_has_a_cheaper_most_costly_part(seed: int) -> None:
     assert most(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
 
 
+@pytest.mark.parametrize("division", ["1", "2@1", "3"])
+def test_every_frame_is_in_a_part_however_sums_are_rounded(division: str) -> None:
+    for seed in range(50):
+        rng = random.Random(seed)
+        costs = Costs(tuple(rng.uniform(0.1, 3.0) for _ in range(300)), 1.3, 1.0)
+        ends = split([number // 100 for number in range(300)], costs, Division.parse(division))
+        assert (len(ends), ends[-1]) == (Division.parse(division).count, 300)
+
+
 def test_scenes_stay_together_where_that_costs_nothing() -> None:
     scenes = [scene for scene in range(6) for _ in range(10)]
     assert split(scenes, Costs((1.0,) * 60, 4.0, 6.0), Division(3)) == (20, 40, 60)
