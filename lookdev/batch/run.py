@@ -194,13 +194,18 @@ def _opened(choice: Choice, run: Run, command: Sequence[str], patience: float = 
 
 
 def render_setups(
-    setups: Sequence[Setup], turns: Turns, outputs: JobOutputs, *, report: Report = lambda event: None
+    setups: Sequence[Setup],
+    turns: Turns,
+    outputs: JobOutputs,
+    background: Backdrop = "black",
+    *,
+    report: Report = lambda event: None,
 ) -> tuple[Plan, RunResult]:
     """Render scenes made in memory: join the runs of the output, plan, run the plan; errors as `render_job`."""
     with Run(turns.output) as run:
         plan = build_plan(setups, turns, read_header, beside=outputs.beside)
         _join(run, plan, report)
-        return plan, run_plan(plan, outputs, run=run, report=report)
+        return plan, run_plan(plan, outputs, background, run=run, report=report)
 
 
 def run_plan(

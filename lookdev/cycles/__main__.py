@@ -10,24 +10,26 @@ from __future__ import annotations
 
 import ctypes
 import os
-import queue
 import sys
 import tempfile
 import threading
 from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lookdev.cycles.leave import leaving
 from lookdev.lifetime import end_with_parent
 from lookdev.render.answers import Answers, save_arrays
 
+if TYPE_CHECKING:
+    from lookdev.render.wire import Requests
+
 _LONGEST_CHATTER = 1 << 20
 """Bytes of Blender's log, some 10 kB a frame, that are kept of frames without an error."""
 
 
-def _read_requests(requests: queue.Queue[str]) -> None:
-    for line in sys.stdin:
-        requests.put(line)
+def _read_requests(requests: Requests) -> None:
+    requests.read(sys.stdin)
     # There is no parent: a render in progress is dropped. Blender's own exit can hang.
     os._exit(0)
 
@@ -40,15 +42,15 @@ def _serve(answers: Answers) -> None:
     from lookdev.cycles.scene import Scene
     from lookdev.errors import LookdevError
     from lookdev.render.task import FrameTask, SceneTask
-    from lookdev.render.wire import decode_request
+    from lookdev.render.wire import Cancelled, Requests
 
-    requests: queue.Queue[str] = queue.Queue()
+    requests = Requests()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     answers.ready(version.VERSION)
     scene: Scene | None = None
     kept = _log_size()
     while True:
-        task = decode_request(requests.get())
+        task = requests.next()
         if isinstance(task, SceneTask):
             scene = None
             with suppress(LookdevError, RuntimeError, OSError, MemoryError):
@@ -59,6 +61,7 @@ def _serve(answers: Answers) -> None:
         assert isinstance(task, FrameTask), "pictures with derivatives are of another backend"
 
         def progress(samples: int, of: int, relmse: float | None, digest: str = task.digest) -> None:
+            requests.check(digest)
             answers.progress(digest, samples, of, relmse)
 
         try:
@@ -69,7 +72,8 @@ def _serve(answers: Answers) -> None:
                 frame = render_frame(scene, task, report)
             arrays = save_arrays(frame.a, frame.b, frame.alpha, frame.raw, frame.passes, frame.names)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
-            scene = None
+            if not isinstance(error, Cancelled):
+                scene = None
             kept = _log_size()
             answers.failed(task.digest, error)
             continue

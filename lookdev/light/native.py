@@ -58,7 +58,6 @@ def gap_of_viewport(light: Any) -> str | None:
     emission = light.emission
     gaps = ["a place and a radius of its image"] if light.kind == "local_dome" else []
     gaps += ["a texture"] if getattr(light, "texture", None) else []
-    gaps += ["an IES profile"] if emission.shaping and emission.shaping.profile else []
     shown = ("shaping", "falloff", "camera", "light_link", "shadow", "shadow_link", "spared")
     return _all((*gaps, *_beyond(emission, (*_ANYWHERE, *shown))))
 

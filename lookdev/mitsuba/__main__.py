@@ -6,7 +6,6 @@ The end of the input, also by the death of the parent, ends the process at once.
 from __future__ import annotations
 
 import os
-import queue
 import sys
 import threading
 import time
@@ -21,19 +20,20 @@ if TYPE_CHECKING:
     from lookdev.mitsuba.slopes import SlopeScene
     from lookdev.render.slopes import SlopeTask
     from lookdev.render.task import FrameTask
+    from lookdev.render.wire import Requests
 
 
-def _read_requests(requests: queue.Queue[str]) -> None:
-    for line in sys.stdin:
-        requests.put(line)
+def _read_requests(requests: Requests) -> None:
+    requests.read(sys.stdin)
     os._exit(0)
 
 
 class _Scenes:
     """The scenes of the last tasks: those of the next ones are mostly the same."""
 
-    def __init__(self, answers: Answers) -> None:
+    def __init__(self, answers: Answers, requests: Requests) -> None:
         self._answers = answers
+        self._requests = requests
         self.shown: MitsubaScene | None = None
         self.derived: SlopeScene | None = None
 
@@ -44,9 +44,10 @@ class _Scenes:
         from lookdev.mitsuba.render import MitsubaScene
 
         def progress(samples: int, of: int, relmse: float | None) -> None:
+            self._requests.check(task.digest)
             self._answers.progress(task.digest, samples, of, relmse)
 
-        if self.shown is None or not self.shown.fits(task.scene):
+        if self.shown is None or not (self.shown.fits(task.scene) or self.shown.take(task.scene)):
             self.shown = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.shown)
         frame = self.shown.render(task, progress)
         self._answers.done(
@@ -78,7 +79,9 @@ def main() -> None:
     """Serve tasks until the input ends."""
     end_with_parent()
     answers = Answers()
-    requests: queue.Queue[str] = queue.Queue()
+    from lookdev.render.wire import Cancelled, Requests
+
+    requests = Requests()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     from importlib.metadata import version
 
@@ -86,11 +89,10 @@ def main() -> None:
     from lookdev.errors import LookdevError, WorkerError
     from lookdev.render.slopes import SlopeTask
     from lookdev.render.task import FrameTask
-    from lookdev.render.wire import decode_request
 
-    scenes = _Scenes(answers)
+    scenes = _Scenes(answers, requests)
     while True:
-        task = decode_request(requests.get())
+        task = requests.next()
         try:
             match task:
                 case FrameTask():
@@ -99,8 +101,10 @@ def main() -> None:
                     scenes.derive(task)
                 case _:
                     raise WorkerError("this worker takes no scenes ahead of their frames")
+        except Cancelled as error:
+            answers.failed(getattr(task, "digest", ""), error)
         except (LookdevError, RuntimeError, OSError, MemoryError) as error:
-            scenes = _Scenes(answers)
+            scenes = _Scenes(answers, requests)
             traceback.print_exc()  # Dr.Jit's errors are about those before them
             answers.failed(getattr(task, "digest", ""), error)
 

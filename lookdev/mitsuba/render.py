@@ -52,7 +52,7 @@ class MitsubaScene:
         else:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.dress(task.worn, task.groups)
-        looks = Looks(mi, sources, self._geometry)
+        looks = self._looks = Looks(mi, sources, self._geometry)
         light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
         for spared in light.spared:
             self._geometry.casting(spared)  # made before it is used in a kernel
@@ -71,13 +71,23 @@ class MitsubaScene:
         self._pixels = dr.freeze(self._estimator.pixels, state_fn=lambda *arguments: arrays)
 
     def fits(self, task: SceneTask) -> bool:
-        """Return whether frames of a task are frames of this scene, which differ in samples and seed at most."""
+        """Return whether frames of a task are this scene's: they differ in samples, seed, camera, size at most."""
         own = self._task
         sampling = replace(
             task.sampling, samples=own.sampling.samples, error=own.sampling.error, seed=own.sampling.seed
         )
         camera = own.camera if own.camera.pivot == task.camera.pivot else task.camera
-        return replace(task, sampling=sampling, camera=camera) == own
+        return replace(task, sampling=sampling, camera=camera, resolution=own.resolution) == own
+
+    def take(self, task: SceneTask) -> bool:
+        """Become the scene of a task of which only constants of looks differ; return whether it is one."""
+        if len(task.shaders) != len(self._task.shaders) or not self.fits(replace(task, shaders=self._task.shaders)):
+            return False
+        sources = [source for source in task.shaders if isinstance(source, ProgramSource)]
+        if not self._looks.take(sources):
+            return False
+        self._task = replace(self._task, shaders=task.shaders)
+        return True
 
     def render(self, task: FrameTask, progress: Progress) -> RenderedFrame:
         """Render one frame; what `progress` was called with last is repeated between launches."""

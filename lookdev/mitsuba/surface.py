@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import drjit as dr
@@ -40,9 +41,33 @@ class Looks:
                 if binding.parameter not in self.inputs:
                     geometry.attribute(binding)
 
+    def take(self, sources: Sequence[ProgramSource]) -> bool:
+        """Take the constants of other sources, which kernels read anew; return whether they differ in no more.
+
+        Where they do, nothing changes.
+        """
+        alike = {source.digest: source for source in sources}
+        numbers = [list(alike).index(source.digest) for source in sources]
+        if numbers != self._numbers.numpy().tolist() or len(alike) != len(self.sources):
+            return False
+        made = list(alike.values())
+        if any(_text(one) != _text(other) for one, other in zip(made, self.sources, strict=True)):
+            return False
+        for source, program in zip(made, self.programs, strict=True):
+            for array, value in zip(program.constants, source.constants, strict=True):
+                array *= 0.0
+                array += value
+                dr.make_opaque(array)
+        self.sources = made
+        return True
+
     def program_of(self, triangle: Any) -> Any:
         """Return the number of the program of triangles."""
         return dr.gather(self.mi.UInt32, self._numbers, self.geometry.worn(triangle))
+
+
+def _text(source: ProgramSource) -> ProgramSource:
+    return replace(source, name="", digest="", constants=(0.0,) * len(source.constants))
 
 
 def _program(mi: Any, source: ProgramSource) -> Program:

@@ -3,9 +3,12 @@ pictures with derivatives."""
 
 from __future__ import annotations
 
+import queue
+from collections.abc import Iterable
+
 from pydantic import TypeAdapter, ValidationError
 
-from lookdev.errors import WorkerError
+from lookdev.errors import RenderError, WorkerError
 from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import FrameTask, SceneTask
 
@@ -13,6 +16,9 @@ Request = FrameTask | SceneTask | SlopeTask
 
 _REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
+
+_CANCEL = "cancel "
+"""Begins a line that is no task: the digest of the frame that is to end follows."""
 
 _KINDS = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
 
@@ -36,3 +42,37 @@ def decode_request(line: str) -> Request:
         return _REQUEST.validate_json(line)
     except ValidationError as error:
         raise WorkerError(f"the line is neither a frame task nor a scene task: {error}") from error
+
+
+class Cancelled(RenderError):
+    """The frame is not wanted any more."""
+
+
+def encode_cancel(digest: str) -> bytes:
+    """Return the line that ends a frame."""
+    return f"{_CANCEL}{digest}\n".encode()
+
+
+class Requests:
+    """The lines of a worker's input: tasks in their order, and which frame is to end, known at once."""
+
+    def __init__(self) -> None:
+        self._tasks: queue.Queue[str] = queue.Queue()
+        self._cancelled = ""
+
+    def read(self, lines: Iterable[str]) -> None:
+        """Take all lines, in a thread of its own."""
+        for line in lines:
+            if line.startswith(_CANCEL):
+                self._cancelled = line.removeprefix(_CANCEL).strip()
+            else:
+                self._tasks.put(line)
+
+    def next(self) -> Request:
+        """Wait for the next task; errors as `decode_request`."""
+        return decode_request(self._tasks.get())
+
+    def check(self, digest: str) -> None:
+        """Raise Cancelled where the frame of a digest is to end."""
+        if digest == self._cancelled:
+            raise Cancelled("cancelled")

@@ -212,6 +212,18 @@ class Worker:
         with self._killed_on_error():
             return _load(self._finish(task, progress), task.scene, self._blender)
 
+    def cancel(self, digest: str) -> None:
+        """Ask the process, from any thread, to end a frame soon: `render` then raises RenderError, and all else stays.
+
+        A frame that has ended already, or that the process never gets, is not concerned.
+        """
+        process = self._process
+        if process is None or process.stdin is None:
+            return
+        with suppress(OSError, ValueError):  # it has died, which who waits for the frame reports
+            process.stdin.write(wire.encode_cancel(digest))
+            process.stdin.flush()
+
     def slopes(self, task: SlopeTask, progress: Callable[[Progress], None]) -> Floats:
         """Return halves of radiance and coverage, and of P derivatives: (2, 1 + P, H, W, 4); errors as `render`."""
         width, height = task.scene.resolution

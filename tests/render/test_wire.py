@@ -12,7 +12,7 @@ import pytest
 from lookdev.codegen import Link, NodeSource
 from lookdev.errors import WorkerError
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.wire import decode, decode_request, encode
+from lookdev.render.wire import Cancelled, Requests, decode, decode_request, encode, encode_cancel
 from lookdev.scene import Pose
 
 
@@ -70,3 +70,12 @@ def test_a_target_error_survives(task: FrameTask) -> None:
 def test_another_line_is_refused(line: str) -> None:
     with pytest.raises(WorkerError, match="frame task"):
         decode(line)
+
+
+def test_a_frame_that_is_cancelled_is_known_before_the_tasks_ahead_of_it(task: FrameTask) -> None:
+    requests = Requests()
+    requests.read([encode(task), encode_cancel("d16e57").decode()])
+    with pytest.raises(Cancelled):
+        requests.check("d16e57")
+    requests.check("another")
+    assert requests.next() == task

@@ -38,12 +38,14 @@ class RigFunctions:
     light from a direction over the density of all that draw it; ``rig_draw`` draws a direction. Uniforms are
     ``vec4 turns``, sine and cosine of the turns of the lights that turn with the rig and of those that stay, and
     ``sampler2D rig_numbers``, rows of `RIG_WIDTH`, the numbers of which are `numbers`. A dome `k` of `domes` that is
-    not constant has ``dome<k>_map`` and ``dome<k>_points``, RGBA32F, and ``isampler2D dome<k>_slots``.
+    not constant has ``dome<k>_map`` and ``dome<k>_points``, RGBA32F, and ``isampler2D dome<k>_slots``. With
+    `tables`, those of IES profiles, there is ``sampler2D rig_tables``, rows of `functions.TABLE_WIDTH`.
     """
 
     text: str
     numbers: NDArray[np.float32]
     domes: tuple[Dome, ...]
+    tables: NDArray[np.float32] | None = None
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,8 @@ def rig_functions(lights: Sequence[Light], lit: Sequence[Sequence[int]], stand: 
     own = {"//@ lamp_functions": lambda: _lamp_functions(rig), "//@ dome_functions": lambda: _dome_functions(domes)}
     for line in (shaders / "rig.glsl").read_text(encoding="utf-8").splitlines():
         lines += own[line]() if line in own else [line]
-    return RigFunctions("\n".join(lines) + "\n", np.concatenate(numbers).astype(np.float32), domes)
+    text, tables = "\n".join(lines) + "\n", rig.tables() if rig.profiled else None
+    return RigFunctions(text, np.concatenate(numbers).astype(np.float32), domes, tables)
 
 
 def _array(name: str, values: Sequence[int], kind: str = "int") -> str:
@@ -98,8 +101,12 @@ def _array(name: str, values: Sequence[int], kind: str = "int") -> str:
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
     """Yield the functions of each kind of lamp, and those of any lamp, which call the ones of its kind."""
+    profiles = [each.shaping.profile for each in rig.emissions if each.shaping and each.shaping.profile]
+    steps = max((each.steps for each in profiles), default=0)
+    if profiles:
+        yield "uniform highp sampler2D rig_tables;"
     for kind in rig.kinds:
-        operations, results = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling)
+        operations, results = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
         named = [replace(each, name=f"lamp_{each.name}") if each.name in FIELDS else each for each in operations]
         met, drawn = results["meet"], results["draw"]
         meeting = _Function(named, {"distance": met[:1], "pdf": met[1:]})
@@ -125,7 +132,8 @@ def _function(program: _Function, head: str, outputs: Sequence[str]) -> Iterator
     read = set(re.findall(r"\blamp_(\w+)", "\n".join(rest)))
     yield first
     yield from (f"    float lamp_{name} = rig_field(light, LAMP_{name});" for name in FIELDS if name in read)
-    yield from rest
+    # Its only table is that of the rig: a look has its own.
+    yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
 
 
 def _dome_functions(domes: Sequence[Dome]) -> Iterator[str]:

@@ -11,8 +11,9 @@ from lookdev.light.rig.attributes import SHAPING, LightPrim, schema_names
 from lookdev.light.rig.report import Report
 from lookdev.stage import usd_words
 
-# inputs:colorTemperature: "The valid range is from 1000 to 10000", to which UsdLux's function clamps.
-_COLDEST, _HOTTEST = 1000.0, 10000.0
+COLDEST, HOTTEST = 1000.0, 10000.0
+"""Kelvin of inputs:colorTemperature: "The valid range is from 1000 to 10000", to which UsdLux's function clamps."""
+
 _FALLOFF = ("virtualDistance", "exponent", "start", "end")
 
 
@@ -44,11 +45,16 @@ def read_emission(light: LightPrim, size: float, unit: float, report: Report) ->
 
 def _temperature(light: LightPrim) -> tuple[float, ...]:
     """Return the colour of a black body, as UsdLux computes it; its function crashes on NaN."""
-    kelvin = light.number("inputs:colorTemperature", above=0.0, default=_COLDEST)
-    taken = min(max(kelvin, _COLDEST), _HOTTEST)
+    kelvin = light.number("inputs:colorTemperature", above=0.0, default=COLDEST)
+    taken = min(max(kelvin, COLDEST), HOTTEST)
     if taken != kelvin:
         light.note("inputs:colorTemperature", f"is {kelvin:g}, taken as {taken:g}, the nearest that UsdLux defines")
-    return tuple(UsdLux.BlackbodyTemperatureAsRgb(taken))
+    return black_body(taken)
+
+
+def black_body(kelvin: float) -> tuple[float, ...]:
+    """Return the colour of a black body, linear Rec.709 of luminance 1, from `COLDEST` to `HOTTEST`."""
+    return tuple(UsdLux.BlackbodyTemperatureAsRgb(kelvin))
 
 
 def _is_shaped(light: LightPrim) -> bool:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,22 @@ from typing import Any
 import anyio.to_thread
 from starlette.applications import Starlette
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
-from starlette.routing import Mount, Route
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route, WebSocketRoute
+from starlette.websockets import WebSocket
 
 from lookdev.errors import FaultsError, LookdevError, shortened
 from lookdev.material.library import Library, library_folders, read_library
+from lookdev.scene import Scene
 from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import parsed
+from lookdev.studio.designer.exact import Exact
+from lookdev.studio.designer.lights import Lights, setting_of
+from lookdev.studio.designer.pictures import Pictures
 from lookdev.studio.designer.snapshots import LARGEST
 from lookdev.studio.designer.sources import ConflictError
 from lookdev.studio.designer.thumbnails import thumbnail
+from lookdev.studio.designer.turntable import Turntable
 from lookdev.studio.scripts import Scripts
 
 log = logging.getLogger("lookdev.studio")
@@ -40,6 +47,11 @@ def application(document: Document) -> Starlette:
     kept: list[
         Mapping[str, bytes]
     ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
+
+    exact, lights, turntable = Exact(), Lights(), Turntable(document.job)
+
+    def lit() -> Scene:
+        return lights.applied(document.chosen[1], document.scene)
 
     drawing = anyio.CapacityLimiter(1)
 
@@ -204,6 +216,35 @@ def application(document: Document) -> Starlette:
 
         return await _answer(chosen)
 
+    async def light(request: Request) -> Response:
+        body = await _body(request)
+
+        def changed() -> Mapping[str, Any]:
+            scene, rig = document.scene, document.chosen[1]
+            if body.get("reset") is True:
+                lights.reset(rig)
+            elif request.method == "POST":
+                lights.set(rig, scene, *setting_of(body))
+            return lights.described(rig, scene)
+
+        return await _answer(changed)
+
+    async def turn(request: Request) -> Response:
+        body = await _body(request)
+
+        def changed() -> Mapping[str, Any]:
+            if body.get("do") == "render":
+                turntable.start(lit, *document.chosen)
+            elif body.get("do") == "cancel":
+                turntable.cancel()
+            return turntable.described()
+
+        return await _answer(changed)
+
+    async def turned(request: Request) -> Response:
+        file = turntable.picture(request.path_params["run"], request.path_params["number"])
+        return PlainTextResponse("no such frame\n", 404) if file is None else FileResponse(file, headers=_FRESH)
+
     async def save(request: Request) -> Response:
         body = await _body(request)
         look, name = body.get("look"), body.get("name")
@@ -217,7 +258,19 @@ def application(document: Document) -> Starlette:
 
         return await _answer(saved)
 
+    async def pictures(socket: WebSocket) -> None:
+        await Pictures(socket, lit, exact).run()
+
+    @asynccontextmanager
+    async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        try:
+            yield
+        finally:
+            await anyio.to_thread.run_sync(turntable.close)
+            await anyio.to_thread.run_sync(exact.close)
+
     return Starlette(
+        lifespan=lifespan,
         routes=[
             Route("/scene", show),
             Route("/buffers/{name}", buffer),
@@ -234,9 +287,13 @@ def application(document: Document) -> Starlette:
             Route("/images", images),
             Route("/choose", choose, methods=["POST"]),
             Route("/save", save, methods=["POST"]),
+            Route("/lights", light, methods=["GET", "POST"]),
+            Route("/turntable", turn, methods=["GET", "POST"]),
+            Route("/turntable/{run:int}/{number:int}.png", turned),
+            WebSocketRoute("/exact", pictures),
             Mount("/viewport", Scripts(directory=VIEWPORT)),
             Mount("/", Scripts(directory=STATIC, html=True)),
-        ]
+        ],
     )
 
 

@@ -26,6 +26,7 @@ from lookdev.studio.scripts import Scripts
 
 UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"
+VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
 
 _TYPES = {".png": "image/png", ".svg": "image/svg+xml", ".pdf": "application/pdf", ".csv": "text/csv; charset=utf-8"}
 
@@ -93,6 +94,7 @@ def application(surfaces: Surfaces, first: Sequence[str]) -> Starlette:
             WebSocketRoute("/talk", talk),
             Route(UPLOAD, upload, methods=["POST"]),
             Route("/save/{kind}.{suffix}", save),
+            Mount("/viewport", Scripts(directory=VIEWPORT)),
             Mount("/", Scripts(directory=STATIC, html=True)),
         ],
         lifespan=lifespan,

@@ -4,6 +4,6 @@
 modules in ``static/`` draw it. Light is direct and unshadowed, and exactly that; `SceneView.left_out` names the rest.
 """
 
-from lookdev.studio.viewport.view import SceneView, sliders, view_scene
+from lookdev.studio.viewport.view import SceneView, light_rows, sliders, view_scene
 
-__all__ = ["SceneView", "sliders", "view_scene"]
+__all__ = ["SceneView", "light_rows", "sliders", "view_scene"]

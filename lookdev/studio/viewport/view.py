@@ -16,6 +16,7 @@ from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
 from lookdev.codegen.program.look import Live, stated
 from lookdev.light import Dome, Light, Stand, called, native
 from lookdev.light.dome.files import read_exr
+from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
 from lookdev.material.textures import image_file
 from lookdev.output.color import DisplayView
@@ -115,6 +116,16 @@ def view_scene(
     return SceneView(data, buffers.content)
 
 
+def light_rows(scene: Scene) -> tuple[NDArray[np.float32], dict[int, str]]:
+    """Return the numbers of a scene's lights, with which ``rig_numbers`` begins, and why which lights are not shown.
+
+    Lights of other radiance have other numbers, and the same shaders.
+    """
+    left_out = {number: gap for number, light in enumerate(scene.lights) if (gap := native.gap_of_viewport(light))}
+    shown = [light for number, light in enumerate(scene.lights) if number not in left_out]
+    return CodedRig.of(shown).rows(Stand(scene.asset.center, scene.camera.pivot)), left_out
+
+
 def _camera(camera: Camera) -> Mapping[str, Any]:
     lens = camera.lens
     return {
@@ -174,6 +185,8 @@ def _textures(functions: LookFunctions, buffers: Buffers) -> Iterator[tuple[str,
 
 def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
     textures = {"rig_numbers": buffers.rows(rig.numbers, RIG_WIDTH)}
+    if rig.tables is not None:
+        textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
     for k, dome in enumerate(rig.domes):
         if not dome.constant:
             textures |= {f"dome{k}_{name}": buffers.texture(each) for name, each in _dome(dome).items()}

@@ -17,9 +17,10 @@ from viewport_page import NEEDS_CHROMIUM, Page, served, start_browser
 
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_plane, make_sphere
+from lookdev.cache import Content
 from lookdev.job import load_job
 from lookdev.job.scenes import job_scenes
-from lookdev.light import LIGHT_KINDS, Emission, Light
+from lookdev.light import LIGHT_KINDS, Emission, Light, Profile, Shaping
 from lookdev.light.dome.maps import load_dome
 from lookdev.material import Layer, Look
 from lookdev.material.usd import read_look
@@ -135,6 +136,20 @@ def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: Page) -> None:
     same = replace(white, emission=Emission((0.1, 0.1, 0.2)))
     lights = [leaning, still, *lamps[1:], same]
     compare(page, dressed(LOOKS[name], lights), 128, 40, samples=64).assert_agrees()
+
+
+def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: Page) -> None:
+    angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [120.0, 0.5, 4.0, 0.5], [360.0, 3.0, 1.0, 0.5]])
+    table = Content.written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
+    beam = Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), Profile(table, 0.5, 1.5))
+    # Beside another kind, and one of its own kind, whose light no profile changes.
+    lamps = [LIGHT_KINDS[kind].example() for kind in ("sphere", "sphere", "rect")]
+    shaped = replace(lamps[0], emission=replace(lamps[0].emission, shaping=beam))  # type: ignore[type-var]
+    scene = dressed(LOOKS["painted"], [shaped, *lamps[1:], dome()])
+    plain = compare(page, replace(scene, lights=(*lamps, dome())), 32, 40, samples=16)
+    compared = compare(page, scene, 128, 40, samples=64)
+    compared.assert_agrees()
+    assert np.abs(compared.mean - plain.mean).mean() > 0.05 * plain.mean.mean()
 
 
 def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:

@@ -1,10 +1,13 @@
 // The Designer's page: a scene in the viewport, and the layers of its looks.
 
 import { choosePreset, savePreset } from "./add.js";
+import { Exact } from "./exact.js";
 import { askConflict, compareSnapshots, showNotices } from "./files.js";
 import { follow } from "./hand.js";
 import { choose, chosenLayer, showLayers } from "./layers.js";
+import { LightList } from "./lights.js";
 import { at, fileName, opened } from "./made.js";
+import { Turntable } from "./turntable.js";
 import { Viewport } from "./viewport/viewport.js";
 
 const WIDEST = 1024; // pixels of the canvas
@@ -46,7 +49,10 @@ try {
   say(error.message, true);
   throw error;
 }
-window.viewport = viewport; // for tests
+const exact = new Exact(viewport, () => sending);
+const lights = new LightList(viewport, asked, say);
+const turntable = new Turntable(asked, () => sending);
+Object.assign(window, { viewport, exact, lights, turntable }); // for tests
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
@@ -59,6 +65,7 @@ async function load(what) {
   const next = await asked("scene");
   fit(next.resolution);
   await viewport.show(next);
+  await lights.load();
   const first = scene === null;
   scene = next;
   if (first) {
@@ -307,6 +314,7 @@ addEventListener("paste", (event) => {
   event.preventDefault();
   acts.pasteText(event.clipboardData.getData("text/plain") || copied);
 });
+const typing = ({ tagName, type }) => ["SELECT", "TEXTAREA"].includes(tagName) || (tagName === "INPUT" && !["range", "checkbox", "radio"].includes(type));
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
@@ -315,7 +323,9 @@ addEventListener("keydown", (event) => {
     else if (key === "z") ask("history", { redo: false });
     else return;
     event.preventDefault();
-  } else if (event.key === "b" && !["INPUT", "SELECT", "TEXTAREA"].includes(event.target.tagName)) {
+  } else if (typing(event.target)) return;
+  else if ((event.target.tagName !== "BUTTON" || event.key !== " ") && (turntable.key(event.key) || exact.key(event.key))) event.preventDefault();
+  else if (event.key === "b") {
     at("background").checked = !at("background").checked;
     view();
   }

@@ -6,10 +6,10 @@ const MOST_PLACES = 8; // of a pixel along each axis
 const FINEST = 1024; // places along the longer side, if that is more than pixels
 
 export class Film {
-  constructor(gl, width, height) {
+  constructor(gl, width, height, places = null) {
     // Finding triangles takes as long for few pixels as for many: small films find them at several places of a pixel.
     const fit = Math.floor(Math.log2(Math.max(1, FINEST / Math.max(width, height))));
-    Object.assign(this, { gl, width, height, places: Math.min(MOST_PLACES, 2 ** fit), count: 0, seen: null });
+    Object.assign(this, { gl, width, height, places: places ?? Math.min(MOST_PLACES, 2 ** fit), count: 0, seen: null });
     this.visible = gl.createTexture();
     gl.bindTexture(gl.TEXTURE_2D, this.visible);
     gl.texStorage2D(gl.TEXTURE_2D, 1, gl.R32UI, this.places * width, this.places * height);
@@ -72,6 +72,17 @@ export class Film {
     program.use({ before: this.count > 0 ? 1 : 0 }, { sums: this.sums, sampled: this.sample });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     this.count += 1;
+  }
+
+  /** Have the means (height x width x 4), row 0 at the top, as of one sample. */
+  write(means) {
+    const { gl, width, height } = this, rows = new Float32Array(means.length);
+    for (let row = 0; row < height; row += 1) {
+      rows.set(means.subarray(4 * width * row, 4 * width * (row + 1)), 4 * width * (height - 1 - row));
+    }
+    this.count = 1;
+    gl.bindTexture(gl.TEXTURE_2D, this.sums);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, gl.RGBA, gl.FLOAT, rows);
   }
 
   /** Return the means (height x width x 4), row 0 at the top. */

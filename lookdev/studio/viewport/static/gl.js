@@ -129,6 +129,16 @@ export function texture(gl, format, width, height, data = null) {
   return handle;
 }
 
+/** Write the first numbers of a texture R32F, row by row. */
+export function writeNumbers(gl, handle, width, numbers) {
+  gl.activeTexture(gl.TEXTURE0);
+  gl.bindTexture(gl.TEXTURE_2D, handle);
+  for (let from = 0; from < numbers.length; from += width) {
+    const row = new Float32Array(numbers.slice(from, from + width));
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, from / width, row.length, 1, gl.RED, gl.FLOAT, row);
+  }
+}
+
 /** Triangles by vertices of three floats and a number each, and indices, as lookdev.studio.viewport.geometry has them. */
 export class Triangles {
   constructor(gl, vertices, indices) {

@@ -3,45 +3,16 @@
 
 import * as cameras from "./camera.js";
 import { Film } from "./film.js";
-import { Programs, Textures, Triangles, context, finished, viewTextures } from "./gl.js";
+import { Programs, Textures, Triangles, context, finished, viewTextures, writeNumbers } from "./gl.js";
+import { ADD, OVER_ALL, PRESENT } from "./shaders.js";
 
 const AT_ONCE = 45; // milliseconds of the first picture after a change, at most
 const TILE = 25; // milliseconds between changes that are looked at while light adds up
 const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixels change: finding triangles takes longer
+const LONG = 300; // milliseconds of a whole sample, beyond which pictures between the first and the whole one are shown
 const TRIANGLES = 1 << 16; // between such looks
+const DIFFERENCE = 4; // times which a difference is shown: a quarter of white is full colour
 const SCALES = [1, 2, 4, 8, 16];
-
-const OVER_ALL = `#version 300 es
-void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0); }`;
-const ADD = `#version 300 es
-precision highp float;
-precision highp sampler2D;
-uniform sampler2D sums, sampled;
-uniform float before;
-layout(location = 0) out vec4 total;
-void main() {
-    ivec2 at = ivec2(gl_FragCoord.xy);
-    total = texelFetch(sampled, at, 0);
-    if (before > 0.0) total += texelFetch(sums, at, 0);
-}`;
-
-// The picture on the canvas. While a coarse film shows a change of the surface, what is behind the asset stays sharp.
-const PRESENT = `#version 300 es
-precision highp float;
-precision highp sampler2D;
-uniform sampler2D film, whole;
-uniform ivec2 canvas;
-uniform int keep;
-layout(location = 0) out vec4 shown;
-void main() {
-    ivec2 size = textureSize(film, 0);
-    vec4 here = texelFetch(film, min(ivec2(gl_FragCoord.xy / vec2(canvas) * vec2(size)), size - 1), 0);
-    if (keep == 1) {
-        vec4 before = texelFetch(whole, ivec2(gl_FragCoord.xy), 0);
-        if (before.a == 0.0) here = before;
-    }
-    shown = vec4(here.rgb, 1.0);
-}`;
 
 export class Viewport extends EventTarget {
   /** `fetched` returns the bytes of a buffer by its digest, as a promise of an ArrayBuffer. */
@@ -51,11 +22,12 @@ export class Viewport extends EventTarget {
     this.gl = context(canvas);
     this.programs = new Programs(this.gl);
     this.textures = new Textures(this.gl, fetched);
-    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096 };
+    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096, wipe: 1, differs: false };
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
     this.version = 0;
     this.placed = 0; // version of what is seen
+    this.lit = 0; // version of the lights
     this.shown = -1; // version of the last picture
     this.frames = 0;
     this.wake = null;
@@ -124,6 +96,13 @@ export class Viewport extends EventTarget {
     else this.redraw();
   }
 
+  /** Change the numbers of lights, with which those of the rig begin: their radiance, for instance. */
+  setLights(numbers) {
+    writeNumbers(this.gl, this.scene.rig.rig_numbers, this.scene.data.rig.textures.rig_numbers.width, numbers);
+    this.lit += 1;
+    this.change();
+  }
+
   setCamera(camera) {
     this.camera = camera;
     this.change(true);
@@ -132,6 +111,7 @@ export class Viewport extends EventTarget {
   /** Begin anew; `seen` where other places are seen, not only another light. */
   change(seen = false) {
     this.version += 1;
+    this.dispatchEvent(new Event("change"));
     if (seen || this.scene?.looks.some((look) => look.see_through)) this.placed = this.version;
     this.wake?.();
   }
@@ -214,6 +194,11 @@ export class Viewport extends EventTarget {
 
   /** Add samples to the whole film: strips of one, or as many as fit in the time between looks for a change. */
   async more() {
+    const between = this.between();
+    if (between) {
+      if (await this.strips(between)) this.picture(between);
+      return;
+    }
     const { gl, version } = this, film = this.film(0), fit = this.rate ? (this.rate * TILE) / (film.width * film.height) : 0;
     const started = performance.now();
     if (fit < 2) {
@@ -232,7 +217,14 @@ export class Viewport extends EventTarget {
     if (fit >= 2) this.timed(Math.floor(fit) * film.width * film.height, started);
   }
 
-  /** Add one sample to the whole film; returns whether no change has ended it. */
+  /** The film that is twice as fine as the one shown, where the whole one takes long: the picture always gets finer. */
+  between() {
+    const whole = this.film(0), shown = this.films.indexOf(this.last);
+    const takes = this.rate ? (whole.width * whole.height) / this.rate : Infinity;
+    return whole.count === 0 && shown > 1 && takes > LONG ? this.film(shown - 1) : null;
+  }
+
+  /** Add one sample to a film; returns whether no change has ended it. */
   async strips(film) {
     const { version } = this;
     if (!await this.see(film, true) || this.version !== version) return false;
@@ -320,30 +312,61 @@ export class Viewport extends EventTarget {
     gl.disable(gl.SCISSOR_TEST);
   }
 
-  /** Show a film on the canvas. */
-  draw(film) {
-    const { gl, scene, settings } = this, { width, height } = this.canvas, whole = this.films[0];
-    this.dirty = false;
+  /** Turn the light of a film into code values, over what is behind the asset. */
+  develop(film) {
+    const { gl, scene } = this, { exposure, behind, background } = this.settings;
     this.lights(film);
     gl.bindFramebuffer(gl.FRAMEBUFFER, film.developing);
     gl.viewport(0, 0, film.width, film.height);
-    const { exposure, behind, background } = settings;
     const numbers = { samples: film.count, exposure: 2 ** exposure, behind, lit: background ? 1 : 0 };
     scene.develop.use(numbers, { ...scene.view, sums: film.sums, lights: film.lights });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     film.shows = JSON.stringify([this.surroundings, exposure, behind, background]);
+  }
+
+  /** Show an exact picture of what was shown at a version: `mean` has width * height * 4 numbers, row 0 at the top. A
+   * change of anything but the exposure and the background ends it. */
+  setExact(mean, width, height, version) {
+    const { gl } = this;
+    if (this.exact?.width !== width || this.exact?.height !== height) {
+      this.exact?.delete();
+      this.exact = new Film(gl, width, height, 1);
+      gl.bindTexture(gl.TEXTURE_2D, this.exact.developed);
+      for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, name, gl.LINEAR);
+    }
+    this.exact.write(mean);
+    this.exactVersion = version;
+    this.redraw();
+  }
+
+  /** What stands right of the wipe: numbers and textures of `PRESENT`. */
+  beside(film) {
+    const { wipe, differs } = this.settings, { exact } = this, shows = exact && this.exactVersion === this.version;
+    const none = { exact: film.developed, exact_sums: film.sums, sums: film.sums };
+    if (!shows || (wipe >= 1 && !differs)) return { numbers: { wipe: 2, differs: 0, samples: 1, gain: 0 }, textures: none };
+    this.develop(exact);
+    const numbers = { wipe, differs: differs ? 1 : 0, samples: film.count, gain: 2 ** this.settings.exposure * DIFFERENCE };
+    return { numbers, textures: { exact: exact.developed, exact_sums: exact.sums, sums: film.sums } };
+  }
+
+  /** Show a film on the canvas. */
+  draw(film) {
+    const { gl, scene } = this, { width, height } = this.canvas, whole = this.films[0];
+    this.dirty = false;
+    this.develop(film);
+    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
+    const beside = this.beside(film);
     gl.bindFramebuffer(gl.FRAMEBUFFER, null);
     gl.viewport(0, 0, width, height);
-    const keep = film !== whole && whole?.shows === film.shows ? 1 : 0;
     const textures = { film: film.developed, whole: keep ? whole.developed : film.developed };
-    scene.present.use({ canvas: [width, height], keep }, textures);
+    scene.present.use({ canvas: [width, height], keep, ...beside.numbers }, { ...textures, ...beside.textures });
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
   /** What is behind the asset, by what it depends on. */
   get surroundings() {
     const { element, lighting } = this.settings;
-    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer]);
+    return JSON.stringify([this.camera, element, lighting, this.scene.data.rig.textures.rig_numbers.buffer, this.lit]);
   }
 
   /** Find what is behind the asset, unless a film has it. */

@@ -1,0 +1,148 @@
+"""The turntable of what the page shows: the job's frames of the shown look and rig, rendered in the background.
+
+It is a run as `lookdev render` makes: resumed where it stopped, with EXR frames, pictures and contact sheets. Unsaved
+edits, and the lights as the page has set them, are part of it, so it has an output folder of its own.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from lookdev.batch.events import Event, FrameDone, FrameFailed, FrameFound, FrameProgressed, Noted, RunStarted
+from lookdev.errors import FaultsError, LookdevError, shortened
+from lookdev.job import Job
+from lookdev.plan import Setup, Turns, make_setup
+from lookdev.scene import Scene
+
+log = logging.getLogger("lookdev.studio")
+
+FOLDER = "designer"
+"""The folder of turntables, in the output of a job, else in ``out``."""
+
+FRAMES = 24
+"""Of a turntable of an asset that no job turns."""
+
+_PATIENCE = 2.0  # seconds for a run to end at the end of the server
+
+
+class Turntable:
+    """At most one run at a time, in a thread of its own. All methods can be called by several threads."""
+
+    def __init__(self, job: Job) -> None:
+        self._job = job
+        self._lock = threading.Lock()
+        self._thread: threading.Thread | None = None
+        self._cancelled = threading.Event()
+        self._files: list[Path] = []
+        self._number = 0
+        self._state: dict[str, Any] = {"state": "none"}
+
+    @property
+    def turns(self) -> Turns:
+        """The turntables that are rendered, and their folder."""
+        job = self._job
+        of_job = job.file.suffix == ".toml"
+        output = job.output / FOLDER if of_job else Path.cwd() / "out" / FOLDER / job.file.stem
+        # An asset without a job stands still in the one frame that the page shows.
+        turntables = job.turntable if of_job else (job.turntable[0].model_copy(update={"frames": FRAMES}),)
+        return Turns(turntables, output, job.camera.azimuth)
+
+    def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
+        """Render the turntables of a scene, which is asked for in the thread; LookdevError while one is rendered."""
+        with self._lock:
+            if self._thread is not None and self._thread.is_alive():
+                raise LookdevError("a turntable is being rendered: cancel it first")
+            self._cancelled.clear()
+            self._number += 1
+            turns = self.turns
+            exr = [file for each in turns.turntables for file in turns.files(look, rig, each)]
+            self._files = [file.with_suffix(".png") for file in exr]
+            self._state = {
+                "state": "rendering",
+                "run": self._number,
+                "output": str(turns.output / look / rig),
+                "total": len(exr),
+                "pending": len(exr),
+                "done": 0,
+                "frame": "",
+                "samples": 0,
+                "relmse": None,
+                "failed": [],
+                "notes": [],
+            }
+            # No thread that Python waits for at its end: workers end with it.
+            self._thread = threading.Thread(target=self._run, args=(scene, look, rig, turns), daemon=True)
+            self._thread.start()
+
+    def cancel(self) -> None:
+        """Have the run end; finished frames are kept, and the next run goes on from them."""
+        self._cancelled.set()
+
+    def close(self) -> None:
+        """End the run, with its worker."""
+        self.cancel()
+        if self._thread is not None:
+            self._thread.join(_PATIENCE)
+
+    def described(self) -> Mapping[str, Any]:
+        """Return how far the run is: its state, its folder, and which frames have a picture, by their numbers."""
+        with self._lock:
+            state, files = dict(self._state), list(self._files)
+        return {**state, "pictures": [number for number, file in enumerate(files) if file.is_file()]}
+
+    def picture(self, run: int, number: int) -> Path | None:
+        """Return the picture of a frame of the newest run; None where there is none."""
+        with self._lock:
+            if run != self._number or not 0 <= number < len(self._files):
+                return None
+            file = self._files[number]
+        return file if file.is_file() else None
+
+    def _run(self, scene: Callable[[], Scene], look: str, rig: str, turns: Turns) -> None:
+        from lookdev.batch.run import render_setups  # not at the top: it imports what a page needs for no picture
+
+        try:
+            setup = self._setup(scene(), look, rig)
+            outputs = self._job.outputs.model_copy(update={"png": True})
+            _, result = render_setups([setup], turns, outputs, self._job.render.background, report=self._report)
+            ended = "cancelled" if result.interrupted else "done" if not self._state["failed"] else "failed"
+            self._change(state=ended)
+        except KeyboardInterrupt:
+            self._change(state="cancelled")
+        except FaultsError as error:
+            self._change(state="failed", error="; ".join(str(fault) for fault in error.faults))
+        except LookdevError as error:
+            self._change(state="failed", error=str(error))
+        except Exception as error:
+            log.exception("a turntable failed")
+            self._change(state="failed", error=f"{type(error).__name__}: {shortened(str(error))}")
+
+    def _setup(self, scene: Scene, look: str, rig: str) -> Setup:
+        render = self._job.render
+        setup = make_setup(look, rig, scene, render.sampling, render.backend, render.device)
+        found = next(each for each in self._job.rigs if each.name == rig)
+        return replace(setup, exposure=found.exposure, rotation=found.rotation)
+
+    def _report(self, event: Event) -> None:
+        if self._cancelled.is_set():
+            raise KeyboardInterrupt  # as Ctrl-C ends `lookdev render`
+        match event:
+            case RunStarted():
+                self._change(pending=event.pending, done=event.total - event.pending)
+            case FrameProgressed():
+                self._change(frame=event.name, samples=event.samples, relmse=event.relmse)
+            case FrameDone() | FrameFound():
+                self._change(done=self._state["done"] + 1)
+            case FrameFailed():
+                self._change(failed=[*self._state["failed"], f"{event.name}: {event.reason}"])
+            case Noted():
+                self._change(notes=[*self._state["notes"], event.text])
+
+    def _change(self, **values: Any) -> None:
+        with self._lock:
+            self._state = {**self._state, **values}

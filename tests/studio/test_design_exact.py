@@ -1,0 +1,245 @@
+"""The exact pictures of `lookdev design`: rounds over a websocket, by a renderer that survives edits, and may die."""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import random
+import shutil
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from served import Served, served
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import ClientConnection, connect
+
+pytestmark = pytest.mark.mitsuba
+
+log = logging.getLogger(__name__)
+ROOT = Path(__file__).parents[2]
+MOST = 0.2
+"""Seconds until a picture that is not wanted any more has ended: the median, on two free cores."""
+
+
+@pytest.fixture(scope="module")
+def look(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(shutil.copy(ROOT / "materials" / "frosted_plastic.usda", tmp_path_factory.mktemp("looks")))
+
+
+@pytest.fixture(scope="module")
+def server(look: Path) -> Iterator[Served]:
+    with served("suzanne", "--material", str(look), verb="design") as started:
+        yield started
+
+
+class Talk:
+    """A page's websocket, and the view that it asks for."""
+
+    def __init__(self, server: Served, socket: ClientConnection) -> None:
+        self.server, self.socket, self.id = server, socket, 0
+        self.camera = json.loads(server.ask("/scene")[1])["camera"]
+
+    def render(self, size: tuple[int, int] = (64, 48), **view: Any) -> None:
+        self.id += 1
+        given = {"camera": self.camera, "element": 0, "lighting": 0, "size": size, **view}
+        self.socket.send(json.dumps({"do": "render", "id": self.id, **given}))
+
+    def next(self) -> dict[str, Any]:
+        """Return the next message about the newest picture."""
+        while True:
+            data = self.socket.recv(timeout=60)
+            found = unpacked(data) if isinstance(data, bytes) else json.loads(data)
+            if found.get("id", self.id) == self.id:
+                return found
+
+    def round(self, least: int = 0) -> dict[str, Any]:
+        """Return the next round with so many samples."""
+        while "samples" not in (found := self.next()) or found["samples"] < least:
+            assert "error" not in found, found["error"]
+        return found
+
+    def edit(self, value: float) -> None:
+        body = json.dumps({"look": 0, "layer": 0, "parameter": "roughness", "value": value}).encode()
+        assert self.server.ask("/edit", "POST", body)[0] == 200
+
+
+def unpacked(data: bytes) -> dict[str, Any]:
+    length = int.from_bytes(data[:4], "little")
+    header, place = json.loads(data[4 : 4 + length]), 4 + length
+    for name, shape in header.pop("arrays"):
+        count = int(np.prod(shape))
+        header[name] = np.frombuffer(data, "<f4", count, place).reshape(shape)
+        place += 4 * count
+    return header
+
+
+@pytest.fixture
+def talk(server: Served) -> Iterator[Talk]:
+    with connect(f"ws://127.0.0.1:{server.port}/exact", max_size=None) as socket:
+        yield Talk(server, socket)
+
+
+def test_rounds_have_more_samples_and_less_error(talk: Talk) -> None:
+    talk.render()
+    first, later = talk.round(), talk.round(least=64)
+    assert first["beauty"].shape == (24, 32, 3)
+    assert later["beauty"].shape == (48, 64, 3)
+    assert later["relmse"] < first["relmse"] / 4
+    assert later["backend"].startswith("Mitsuba")
+    # What other places of the asset reflect is the rest.
+    assert (later["beauty"] >= later["direct"] - 1e-6).all()
+    assert later["beauty"].sum() > 1.001 * later["direct"].sum()
+    # The mean of halves that are independent: their error is what the estimate says, within its own spread.
+    truth = talk.round(least=512)["beauty"]
+    error = np.mean((later["beauty"] - truth)[later["alpha"] > 0.0] ** 2 / (truth[later["alpha"] > 0.0] ** 2 + 0.01))
+    assert 0.4 < error / later["relmse"] < 2.5
+
+
+def test_an_edit_that_is_not_saved_is_seen_by_the_same_renderer(talk: Talk, look: Path) -> None:
+    text = look.read_text()
+    talk.edit(0.2)
+    talk.render()
+    before = talk.round(least=32)
+    talk.edit(0.9)
+    talk.render()
+    after = talk.round(least=32)
+    assert after["worker"] == before["worker"]
+    assert np.abs(after["beauty"] - before["beauty"]).mean() > 3.0 * np.sqrt(after["relmse"]) * 0.01
+    assert look.read_text() == text
+
+
+def test_turns_and_the_camera_are_those_of_the_page(talk: Talk) -> None:
+    talk.render(element=0)
+    front = talk.round(least=8)["alpha"]
+    talk.render(element=90)
+    side = talk.round(least=8)["alpha"]
+    talk.camera = {**talk.camera, "distance": 2 * talk.camera["distance"]}
+    talk.render()
+    far = talk.round(least=8)["alpha"]
+    assert np.abs(side - front).mean() > 0.01
+    assert 0.2 < far.sum() / front.sum() < 0.3
+
+
+def cancelled(talk: Talk, count: int) -> list[float]:
+    """Cancel pictures while they are rendered; return the seconds until each had ended."""
+    talk.render((640, 480))
+    worker, took = talk.round(least=4)["worker"], []
+    for _ in range(count):
+        time.sleep(0.3)
+        began = time.perf_counter()
+        talk.socket.send('{"do": "cancel"}')
+        while "cancelled" not in talk.next():
+            pass
+        took.append(time.perf_counter() - began)
+        talk.render((640, 480))
+        assert talk.round()["worker"] == worker
+    return took
+
+
+def test_a_picture_is_cancelled_and_the_renderer_stays(talk: Talk) -> None:
+    assert len(cancelled(talk, 2)) == 2
+
+
+@pytest.mark.bench
+def test_a_picture_is_cancelled_in_time(talk: Talk) -> None:
+    took = sorted(cancelled(talk, 20))
+    log.info("cancelled after %.3f s, the longest %.3f s; load %.1f", took[10], took[-1], os.getloadavg()[0])
+    assert took[10] <= MOST
+
+
+@pytest.mark.bench
+def test_an_edit_is_seen_exactly_in_time(talk: Talk) -> None:
+    talk.render((640, 480))
+    talk.round(least=4)
+    took = []
+    for k in range(20):
+        began = time.perf_counter()
+        talk.edit(0.3 + 0.02 * k)
+        talk.render((640, 480))
+        talk.round()
+        took.append(time.perf_counter() - began)
+    took.sort()
+    log.info("first round after %.3f s, the longest %.3f s; load %.1f", took[10], took[-1], os.getloadavg()[0])
+    assert took[10] <= 1.5
+
+
+def kills(talk: Talk, count: int, seed: int) -> int:
+    """Kill the renderer at random moments of edits; return how many were made."""
+    random_numbers = random.Random(seed)
+    done = 0
+    while done < count:
+        value = round(0.1 + 0.8 * random_numbers.random(), 3)
+        talk.edit(value)
+        talk.render()
+        worker = talk.round()["worker"]
+        time.sleep(0.5 * random_numbers.random())
+        if random_numbers.random() < 0.3:
+            talk.edit(round(value + 0.05, 3))
+            talk.render()
+        os.kill(worker, signal.SIGKILL)
+        done += 1
+        talk.edit(value)
+        talk.render()
+        assert talk.round()["worker"] != worker
+        stacks = json.loads(talk.server.ask("/scene")[1])["stacks"]
+        shown = next(each for each in stacks[0]["layers"][0]["parameters"] if each["name"] == "roughness")
+        assert shown["value"] == value
+    return done
+
+
+@pytest.mark.parametrize("count", [2, pytest.param(50, marks=pytest.mark.chaos)], ids=lambda count: f"{count} kills")
+def test_a_renderer_that_is_killed_is_started_anew_and_no_edit_is_lost(talk: Talk, count: int) -> None:
+    assert kills(talk, count, seed=5) == count
+
+
+def test_the_page_is_told_that_the_renderer_died(talk: Talk) -> None:
+    talk.render((640, 480))
+    os.kill(talk.round(least=2)["worker"], signal.SIGKILL)
+    while "state" not in (found := talk.next()):
+        pass
+    assert "SIGKILL" in found["state"]
+    assert "anew" in found["state"]
+    talk.round()
+
+
+@pytest.mark.parametrize(
+    ("view", "message"),
+    [
+        ({"camera": None}, "a view has a camera"),
+        ({"element": "0"}, "finite numbers"),
+        ({"size": [64]}, "2 numbers"),
+        ({"size": [64, 0]}, "from 1 to 8192 pixels"),
+    ],
+    ids=lambda given: "" if isinstance(given, str) else next(iter(given)),
+)
+def test_a_view_of_no_sense_is_refused(talk: Talk, view: dict[str, Any], message: str) -> None:
+    talk.render(**view)
+    assert message in talk.next()["error"]
+
+
+def test_what_is_no_request_is_refused_and_other_sites_are(talk: Talk, server: Served) -> None:
+    for text in ("{", "[]", '{"do": "render"}', '{"do": "save", "id": 1}', b"\x00"):
+        talk.socket.send(text)
+        assert "error" in talk.next()
+    url = f"ws://127.0.0.1:{server.port}/exact"
+    with pytest.raises(InvalidStatus), connect(url, origin="http://elsewhere.example"):  # type: ignore[arg-type]
+        pass
+
+
+def test_ctrl_c_ends_the_renderer_too(look: Path, tmp_path: Path) -> None:
+    with served("sphere", "--material", str(look), verb="design", temporary=tmp_path) as started:
+        with connect(f"ws://127.0.0.1:{started.port}/exact", max_size=None) as socket:
+            talk = Talk(started, socket)
+            talk.render((640, 480))
+            worker = talk.round()["worker"]
+            assert started.end() == 0
+        with pytest.raises(ProcessLookupError):
+            os.kill(worker, 0)
+        assert list(tmp_path.iterdir()) == []
+        assert "Traceback" not in started.log

@@ -1,0 +1,84 @@
+"""The lights of the Designer: settings of the view, which change numbers and no shader."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lookdev.asset import load_asset
+from lookdev.codegen.glsl.rig import rig_functions
+from lookdev.errors import LookdevError
+from lookdev.light import LIGHT_KINDS, Stand
+from lookdev.light.dome.maps import load_dome
+from lookdev.light.emission import Emission
+from lookdev.light.rig.emission import black_body
+from lookdev.material import Layer, Look
+from lookdev.scene import Camera, Film, Scene
+from lookdev.studio.designer.lights import Lights, Setting, setting_of
+
+KINDS = ("rect", "sphere", "distant")
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    asset, look = load_asset(builtin="plane"), Look("grey", (Layer("base", "disney", {}),))
+    lamps = [
+        replace(LIGHT_KINDS[kind].example(), emission=Emission((3.0, 1.0, 4.0), path=f"/Rig/{kind}")) for kind in KINDS
+    ]
+    camera = Camera(30.0, 20.0, (0.0, 0.0, 0.0), 5.0)
+    wears = {slot.path: look for slot in asset.slots}
+    return Scene(asset, wears, (*lamps, load_dome(builtin="city").dome), camera, Film((8, 6)))
+
+
+def test_a_setting_multiplies_the_radiance(scene: Scene) -> None:
+    lights = Lights()
+    settings = [Setting(stops=2.0), Setting(on=False), Setting(color=(0.5, 1.0, 0.25), kelvin=3000.0)]
+    for number, each in enumerate(settings):
+        lights.set("rig", scene, number, each)
+    found = [each.emission.color for each in lights.applied("rig", scene).lights]
+    before = np.array([each.emission.color for each in scene.lights])
+    warm = np.multiply((0.5, 1.0, 0.25), black_body(3000.0))
+    np.testing.assert_allclose(found, before * np.array([[4.0] * 3, [0.0] * 3, warm, [1.0] * 3]), rtol=1e-12)
+    assert lights.applied("another", scene) is scene
+    lights.reset("rig")
+    assert lights.applied("rig", scene) is scene
+
+
+def test_numbers_change_and_no_shader_does(scene: Scene) -> None:
+    lights, lit = Lights(), [list(range(len(scene.lights)))]
+    before = rig_functions(scene.lights, lit, Stand())
+    described = lights.described("rig", scene)
+    lights.set("rig", scene, 1, Setting(on=False))
+    lights.set("rig", scene, 3, Setting(stops=1.0))
+    after = rig_functions(lights.applied("rig", scene).lights, lit, Stand())
+    assert after.text == before.text
+    changed = lights.described("rig", scene)
+    assert [each["on"] for each in changed["lights"]] == [True, False, True, True]
+    assert [each["name"] for each in changed["lights"]] == [*KINDS, "dome 4"]
+    # The numbers of the page are the first ones of its texture.
+    stand = Stand(scene.asset.center, scene.camera.pivot)
+    whole = rig_functions(lights.applied("rig", scene).lights, lit, stand).numbers
+    np.testing.assert_array_equal(np.float32(changed["rows"]), whole[: len(changed["rows"])])
+    assert changed["rows"] != described["rows"]
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"light": 9}, "has 4 lights, none of number 9"),
+        ({"on": 1}, "is on or not"),
+        ({"stops": 40}, "stops is a number from -10 to 10"),
+        ({"stops": float("nan")}, "stops is a number"),
+        ({"color": [1, 1]}, "three numbers"),
+        ({"color": [1, 1, -1]}, "colour is a number from 0 to 100"),
+        ({"kelvin": 20}, "temperature is a number from 1000 to 10000"),
+    ],
+    ids=lambda given: "" if isinstance(given, str) else next(iter(given)),
+)
+def test_a_setting_of_no_sense_is_refused(scene: Scene, given: dict[str, Any], message: str) -> None:
+    body = {"light": 0, "on": True, "stops": 0, "color": [1, 1, 1], "kelvin": None, **given}
+    with pytest.raises(LookdevError, match=message):
+        Lights().set("rig", scene, *setting_of(body))
