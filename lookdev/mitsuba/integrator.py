@@ -18,8 +18,8 @@ from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.lights import Arriving, Lighting, Lights
-from lookdev.mitsuba.surface import Looks, Response, Surface
+from lookdev.mitsuba.lights import Lighting, Lights
+from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
 from lookdev.render.adaptive import Region
 from lookdev.scene import Camera, Pose
 
@@ -118,7 +118,7 @@ class Estimator:
     """A scene: geometry, looks and lights.
 
     Besides the beauty it records parts of it: what the first hit reflects by each of some `groups` of lobes, and, if
-    `direct`, of lights.
+    `direct`, of lights; and what comes from each of the groups of lights that are kept apart.
     """
 
     def __init__(
@@ -153,18 +153,19 @@ class Estimator:
         triangle, uv, ray, hit, before, hidden, index, place = self._seen(view, rectangle, lane, seed, first, shift)
         shown = hit & ~hidden
         radiance, cover, parts = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
-        radiance += before
+        radiance += before[0]
         if self._light.shown:
             cover = dr.select(hit & hidden, 1.0, cover)
-            # What the camera sees of lights came from there, by no lobe: the last part has it.
-            parts = [*parts[:-1], parts[-1] + before] if self._direct else parts
+            # What the camera sees of lights came from there, by no lobe.
+            lobes = len(self._groups)
+            parts = [*parts[:lobes], *_sums(parts[lobes:], [before[0]] * self._direct + before[1:])]
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
     def _seen(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> tuple[Any, ...]:
         """Return what samples of pixels see; arguments as of `pixels`.
 
-        Triangle, place on it, ray, whether it is hit, what lights send along the ray, whether they hide the hit, the
-        number of the sample in its pixel, and the scramble of that.
+        Triangle, place on it, ray, whether it is hit, what lights send along the ray (`Lights.before`), whether they
+        hide the hit, the number of the sample in its pixel, and the scramble of that.
         """
         mi = self._mi
         number = first + (lane >> shift)
@@ -173,7 +174,7 @@ class Estimator:
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
         triangle, uv, ray, hit, distance = view.seen(mi, self._geometry, pixel, index, place)
-        before, hidden = mi.Color3f(0.0), mi.Bool(False)
+        before, hidden = [mi.Color3f(0.0)], mi.Bool(False)
         if self._light.shown:
             before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
         return triangle, uv, ray, hit, before, hidden, index, place
@@ -188,7 +189,7 @@ class Estimator:
         active = mi.Bool(active)
         cover = dr.select(active, mi.Float(1.0), 0.0)
         straight = mi.Bool(active)
-        parts = [mi.Color3f(0.0) for _ in range(len(self._groups) + self._direct)]
+        parts = self._dark()[1:]
         # Of a path after its first reflection: what of its throughput is of each group, by channels.
         shares = [mi.Color3f(0.0) for _ in self._groups]
         while active:
@@ -267,35 +268,40 @@ class Estimator:
     ) -> Any:
         """Return what directions drawn from the light find, as `_recorded`."""
         mi = self._mi
-        total = [mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct)]
+        total = self._dark()
         if self._light.sampled:
             j = mi.UInt32(0)
             while active & (j < lit):
-                w, arriving, distance, density, controls = lighting.draw(index, j, seed, active)
+                w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
                 wi = surface.to_local(w)
                 response, pdf = surface.respond(wi, active, self._light.split, self._groups)
                 met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
-                met &= dr.max(arriving) > 0.0
+                met &= dr.max(sent) > 0.0
                 specular, diffuse = self._passed(surface, w, distance, controls, met)
-                weight = arriving / (mi.Float(drawn) * pdf + density)
-                total = _sums(total, self._recorded(record, response, (weight * specular, weight * diffuse), met))
+                weight = sent / (mi.Float(drawn) * pdf + density)
+                arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
+                total = _sums(total, self._recorded(record, response, arriving, met))
                 j += 1
         return total
 
-    def _recorded(self, record: _Record, response: Response, arriving: Arriving, active: Any) -> list[Any]:
-        """Return what is reflected of light, and each part of that: as lobes of groups do, and of lights directly."""
-        whole = dr.select(active, record.throughput * response.to(arriving), 0.0)
-        return [
-            whole,
-            *self._parts(record, whole, [record.throughput * e for e in response.parts_to(arriving)], active),
-        ]
+    def _dark(self) -> list[Any]:
+        """Return no light, and no part of it, as `_recorded`."""
+        return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
 
-    def _parts(self, record: _Record, whole: Any, of_first: list[Any], active: Any) -> list[Any]:
-        found = [
+    def _recorded(self, record: _Record, response: Response, arriving: list[Arriving], active: Any) -> list[Any]:
+        """Return what is reflected of light, and each part: by lobes of groups, of lights directly, of their groups."""
+        by_lights = [record.throughput * response.to(each) for each in arriving]
+        by_lobes = [record.throughput * each for each in response.parts_to(arriving[0])]
+        return self._divided(record, by_lights, by_lobes, active)
+
+    def _divided(self, record: _Record, by_lights: list[Any], by_lobes: list[Any], active: Any) -> list[Any]:
+        whole, *of_lights = (dr.select(active, each, 0.0) for each in by_lights)
+        of_lobes = [
             dr.select(active, dr.select(record.straight, here, share * whole), 0.0)
-            for here, share in zip(of_first, record.shares, strict=True)
+            for here, share in zip(by_lobes, record.shares, strict=True)
         ]
-        return [*found, dr.select(record.straight, whole, 0.0)] if self._direct else found
+        direct = [dr.select(record.straight, whole, 0.0)] * self._direct
+        return [whole, *of_lobes, *direct, *of_lights]
 
     def _follow(
         self, surface: Surface, lighting: Lighting, record: _Record, active: Any, onward: Any, seed: Any
@@ -309,7 +315,7 @@ class Estimator:
         """
         mi = self._mi
         passed, share = mi.Float(0.0), mi.Float(0.0)
-        found = [mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct)]
+        found = self._dark()
         chosen = (mi.Color3f(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer))
         chosen_straight = mi.Bool(False)
         chosen_shares = [mi.Color3f(each) for each in record.shares]
@@ -319,10 +325,10 @@ class Estimator:
             occluders = self._occluders(surface, w, occluder, blocked)
             unseen = record.straight & passes
             lit = met & ~unseen
-            specular, _ = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
-            whole = dr.select(lit, record.throughput * weight * specular, 0.0)
+            arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
+            by_lights = [record.throughput * weight * specular for specular, _ in arriving]
             ones = [dr.select(group == LOBE_GROUPS.index(name), mi.Color3f(1.0), 0.0) for name in self._groups]
-            found = _sums(found, [whole, *self._parts(record, whole, [one * whole for one in ones], lit)])
+            found = _sums(found, self._divided(record, by_lights, [one * by_lights[0] for one in ones], lit))
             passed += dr.select(met & ~blocked & unseen, weight.x, 0.0)
             size = dr.select(met & blocked & onward, dr.mean(weight), 0.0)
             share += size

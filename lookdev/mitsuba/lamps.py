@@ -12,15 +12,17 @@ from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
 from lookdev.mitsuba.images import bilinear, read_image
 from lookdev.mitsuba.programs import Place, Program
+from lookdev.mitsuba.surface import Arriving
 
-_NUMBERS = {name: number for number, name in enumerate(FIELDS)}
+_NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
 _SPLIT = ("diffuse", "specular")
 
 
 class Rows:
-    """Lights of a rig: `rows` (n, fields) as `CodedRig.rows`. All places and vectors are of the rig's frame.
+    """Lights of a rig: `rows` (n, fields + 1) as `CodedRig.rows`, and the numbers of their groups behind them.
 
-    `linked` (looks, n) are the looks that each lights, None: each lights all.
+    All places and vectors are of the rig's frame. `linked` (looks, n) are the looks that each
+    lights, None: each lights all.
     """
 
     def __init__(self, mi: Any, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
@@ -31,7 +33,7 @@ class Rows:
 
     def field(self, lamp: Any, name: str) -> Any:
         """Return a number of lamps, by their own numbers."""
-        return dr.gather(self._mi.Float, self._rows, lamp * len(FIELDS) + _NUMBERS[name])
+        return dr.gather(self._mi.Float, self._rows, lamp * len(_NUMBERS) + _NUMBERS[name])
 
     def turns(self, lamp: Any) -> Any:
         """Return whether lamps turn with the rig."""
@@ -129,13 +131,18 @@ def kinds_of(mi: Any, rig: CodedRig, rows: NDArray[np.float32], linked: NDArray[
 
 
 class Controls:
-    """What lights let through: shadows of parts, of a colour or an end, and factors of diffuse and specular light."""
+    """What lights let through: shadows of parts, of a colour or an end, and factors of diffuse and specular light.
 
-    def __init__(self, mi: Any, rig: CodedRig) -> None:
+    The light of the first `groups` of lights is kept apart.
+    """
+
+    def __init__(self, mi: Any, rig: CodedRig, groups: int) -> None:
         self._mi = mi
+        self.groups = groups
         self.spared = rig.spared or ((),)
         self.shadowed, self.split = rig.shadowed, rig.split
         self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * rig.shadowed), *(_SPLIT * rig.split))
+        self._names += ("group",) * bool(groups)
         operations, outputs = shadow_operations()
         self._program = Program(operations, outputs, mi.Float)
 
@@ -146,6 +153,12 @@ class Controls:
     def of(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
         """Return the numbers of lamps that `let` takes."""
         return tuple(rows.field(lamp, name) for name in self._names)
+
+    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+        """Return light, and what of it is of each group that is kept apart."""
+        specular, diffuse = arriving
+        of_each = [controls[-1] == number for number in range(self.groups)]
+        return [arriving, *((dr.select(here, specular, 0.0), dr.select(here, diffuse, 0.0)) for here in of_each)]
 
     def spares(self, controls: tuple[Any, ...], which: int) -> Any:
         """Return whether lights spare a set of parts, by its number in `spared`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -26,6 +26,7 @@ from lookdev.mitsuba.surface import Looks
 from lookdev.render.adaptive import Region
 from lookdev.render.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
+from lookdev.render.passes import LIGHTS, PASSES, light_layer, parts_of_light
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
 
@@ -53,17 +54,22 @@ class MitsubaScene:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.dress(task.worn, task.groups)
         looks = Looks(mi, sources, self._geometry)
-        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
+        of_lights = task.light_groups[: len(task.lights)]
+        names = list(dict.fromkeys(of_lights))
+        groups = [names.index(each) for each in of_lights]
+        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot, groups)
         for spared in light.spared:
             self._geometry.casting(spared)  # made before it is used in a kernel
         shadows = any(source.shadows for source in sources)
         glossy = all(source.glossy for source in sources)
         counts = counts_of(task.sampling, light.sampled, glossy)
-        self._groups = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
         wanted, bounces = task.sampling.passes, task.sampling.bounces
+        lobes = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
+        sets = {"lobes": lobes, "direct": [*PASSES["direct"].arrays], LIGHTS: [light_layer(name) for name in names]}
+        self._sets = [parts for name, parts in sets.items() if name in wanted and parts]
         # The last of a set of parts is what the others leave.
-        recorded, direct = self._groups[:-1] if "lobes" in wanted else [], "direct" in wanted
-        self._recorded = (*recorded, *(["direct"] * direct))
+        self._recorded = [name for parts in self._sets for name in parts[:-1]]
+        recorded, direct = lobes[:-1] if "lobes" in wanted else [], "direct" in wanted
         self._features = Features(mi, self._geometry, looks, bounces)
         self._estimator = Estimator(mi, self._geometry, looks, light, counts, bounces, shadows, recorded, direct)
         # Traced once: for many looks and lights this takes longer than the kernel.
@@ -96,7 +102,7 @@ class MitsubaScene:
                 sums[pixels] = part
                 progress(*last)
             means = (sums / region.samples).reshape(height, width, -1)
-            parts = self._parts(task.scene.sampling.passes, means)
+            parts = self._parts(task.scene, means)
             return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
         with nothing_freed():
@@ -112,17 +118,16 @@ class MitsubaScene:
             raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
         )
 
-    def _parts(self, wanted: Sequence[str], means: Floats) -> dict[str, Image]:
+    def _parts(self, task: SceneTask, means: Floats) -> dict[str, Image]:
         """Return the parts of the light of means (H, W, 4 + 3 n): colour, coverage, and what was recorded."""
-        beauty, parts = means[..., :3], {}
+        beauty = means[..., :3]
+        # Lobes that no look has, and lights that reach nothing, are black.
+        names = parts_of_light(task.sampling.passes, task.names_of_light)
+        parts = dict.fromkeys(sorted(names), np.zeros_like(beauty))
         for number, name in enumerate(self._recorded):
             parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
-        if "lobes" in wanted:
-            if self._groups:
-                parts[self._groups[-1]] = beauty - sum(parts[group] for group in self._groups[:-1])
-            parts |= {group: np.zeros_like(beauty) for group in LOBE_GROUPS if group not in self._groups}
-        if "direct" in wanted:
-            parts["indirect"] = beauty - parts["direct"]
+        for *others, last in self._sets:
+            parts[last] = beauty - sum(parts[each] for each in others)
         return {name: part.astype(np.float32) for name, part in parts.items()}
 
     def _passes(self, task: FrameTask, view: View, frame: RenderedFrame) -> tuple[dict[str, Image], Mapping[str, Any]]:

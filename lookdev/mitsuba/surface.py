@@ -13,6 +13,9 @@ from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Place, Program
 
+Arriving = tuple[Any, Any]
+"""Two colours: what specular and what diffuse lobes reflect of."""
+
 
 class Looks:
     """The looks of a scene, in a variant's arrays. Constants are inputs of kernels, which looks of one text share.
@@ -61,11 +64,11 @@ class Response:
         self.value, self.diffuse = whole
         self._parts, self._split = parts, split
 
-    def to(self, arriving: tuple[Any, Any]) -> Any:
-        """Return what is reflected of light for specular and for diffuse lobes."""
+    def to(self, arriving: Arriving) -> Any:
+        """Return what is reflected of light."""
         return self._reflected((self.value, self.diffuse), arriving)
 
-    def parts_to(self, arriving: tuple[Any, Any]) -> list[Any]:
+    def parts_to(self, arriving: Arriving) -> list[Any]:
         """Return what each group of lobes reflects."""
         return [self._reflected(part, arriving) for part in self._parts]
 
@@ -74,7 +77,7 @@ class Response:
         safe = dr.select(self.value > 0.0, self.value, 1.0)
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
-    def _reflected(self, part: tuple[Any, Any], arriving: tuple[Any, Any]) -> Any:
+    def _reflected(self, part: tuple[Any, Any], arriving: Arriving) -> Any:
         value, diffuse = part
         specular_light, diffuse_light = arriving
         if not self._split:
