@@ -14,6 +14,7 @@ from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError, RenderError
+from lookdev.mitsuba.frozen import held
 from lookdev.scene.shading import LIFT
 
 Floats = NDArray[np.float64]
@@ -55,15 +56,15 @@ class Geometry:
         facets = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
         kept = np.linalg.norm(facets, axis=-1) > 0.0
         index, sides, facets = index[kept], sides[kept], facets[kept]
-        self._facets = mi.Float((facets / np.linalg.norm(facets, axis=-1, keepdims=True)).astype(np.float32).ravel())
-        self._corners = mi.UInt32(np.concatenate(corners)[kept].astype(np.uint32).ravel())
+        self._facets = held(mi.Float, facets / np.linalg.norm(facets, axis=-1, keepdims=True))
+        self._corners = held(mi.UInt32, np.concatenate(corners)[kept])
         self._slots = np.concatenate(slots)[kept]
-        self._hands = mi.Float(np.concatenate(hands)[kept].astype(np.float32))
+        self._hands = held(mi.Float, np.concatenate(hands)[kept])
         sizes = [len(split[each.mesh][1]) for each in asset.instances]
-        self._instances = mi.UInt32(np.repeat(np.arange(len(sizes), dtype=np.uint32), sizes)[kept])
-        self._lifts = mi.Float((LIFT * np.linalg.norm(sides, axis=-1).max(axis=-1)).astype(np.float32))
-        self._position = mi.Float(position.ravel())
-        self._index = mi.UInt32(index.astype(np.uint32).ravel())
+        self._instances = held(mi.UInt32, np.repeat(np.arange(len(sizes), dtype=np.uint32), sizes)[kept])
+        self._lifts = held(mi.Float, LIFT * np.linalg.norm(sides, axis=-1).max(axis=-1))
+        self._position = held(mi.Float, position)
+        self._index = held(mi.UInt32, index)
         self._normals = self._over_corners(
             lambda i, mesh: _unit(mesh.normals.astype(np.float64) @ np.linalg.inv(asset.instances[i].matrix[:3, :3])), 3
         )
@@ -74,7 +75,7 @@ class Geometry:
 
     def dress(self, looks: Sequence[int], groups: Sequence[int] = ()) -> None:
         """Set the numbers of the slots' looks, and those of their groups, of which a light may spare some."""
-        self._worn = self._mi.UInt32(np.asarray(looks)[self._slots].astype(np.uint32))
+        self._worn = held(self._mi.UInt32, np.asarray(looks)[self._slots])
         self._groups = np.asarray(groups)[self._slots] if groups else self._slots
         self._casting = {(): self.scene}
 
@@ -117,7 +118,7 @@ class Geometry:
 
     def _over_corners(self, read: Callable[[int, Mesh], NDArray[Any]], width: int) -> Any:
         rows = [read(i, self.asset.meshes[each.mesh]) for i, each in enumerate(self.asset.instances)]
-        return self._mi.Float(np.concatenate([row.reshape(-1, width) for row in rows]).astype(np.float32).ravel())
+        return held(self._mi.Float, np.concatenate([row.reshape(-1, width) for row in rows]))
 
     def worn(self, triangle: Any) -> Any:
         """Return the number of the look of a triangle."""

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow_operations
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
-from lookdev.mitsuba.images import bilinear, read_image
+from lookdev.mitsuba.files import file_array, read_image
+from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.images import bilinear
 from lookdev.mitsuba.programs import Place, Program
 from lookdev.mitsuba.surface import Arriving
 
@@ -28,8 +30,8 @@ class Rows:
     def __init__(self, mi: Any, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
         self._mi = mi
         self.count = len(rows)
-        self._rows = mi.Float(np.ascontiguousarray(rows, np.float32).ravel())
-        self._linked = None if linked is None else mi.Float(linked.astype(np.float32).ravel())
+        self._rows = held(mi.Float, rows)
+        self._linked = None if linked is None else held(mi.Float, linked)
 
     def field(self, lamp: Any, name: str) -> Any:
         """Return a number of lamps, by their own numbers."""
@@ -89,12 +91,12 @@ class Lamps(Rows):
         shapings = [each.shaping for each in rig.emissions if each.shaping]
         steps = max((each.profile.steps for each in shapings if each.profile), default=0)
         operations, outputs = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
-        self._program = Program(operations, outputs, mi.Float, (), [mi.Float(rig.tables())])
+        self._program = Program(operations, outputs, mi.Float, (), [held(mi.Float, rig.tables())])
         self._image = None
         if kind == "picture":
             (light,) = (each for each in rig.pictures if rig.pictures.index(each) == rows[0, _NUMBERS["picture"]])
             assert light.texture, "it is a picture"
-            self._image = read_image(mi, light.texture.path)
+            self._image = file_array(mi.Float, light.texture, read_image)
 
     def weight(self, lamp: Any, p: Any, n: Any) -> Any:
         """Return `lookdev.light.lamps.weight` times the mean radiance."""

@@ -113,7 +113,7 @@ class _PlacedDome(Rows):
         super().__init__(mi, rows, linked)
         self.local_one = isinstance(dome, LocalDome)
         of_map = dome.dome if isinstance(dome, LocalDome) else dome
-        self.map = DomeLight(mi, of_map, colored=False, local=self.local_one)
+        self.map = DomeLight(mi, of_map, local=self.local_one)
         self.first = mi.UInt32(0)
         self.radiance_factor = self.color(self.first)
         if not isinstance(dome, LocalDome) and dome.constant:

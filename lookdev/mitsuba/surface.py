@@ -9,6 +9,7 @@ import drjit as dr
 import numpy as np
 
 from lookdev.codegen import ProgramSource
+from lookdev.mitsuba.frozen import held
 from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Place, Program
@@ -31,7 +32,7 @@ class Looks:
         self.geometry = geometry
         # Looks that are lit by different lights may have one program.
         alike = {source.digest: source for source in sources}
-        self._numbers = mi.UInt32([list(alike).index(source.digest) for source in sources])
+        self._numbers = held(mi.UInt32, [list(alike).index(source.digest) for source in sources])
         sources = self.sources = list(alike.values())
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
@@ -50,7 +51,7 @@ class Looks:
 
 def _program(mi: Any, source: ProgramSource) -> Program:
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
-    tables = [mi.Float(np.load(each.path).ravel()) for each in source.tables]
+    tables = [held(mi.Float, np.load(each.path)) for each in source.tables]
     return Program(source.operations, source.outputs, mi.Float, constants, tables)
 
 
