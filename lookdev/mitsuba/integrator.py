@@ -368,7 +368,7 @@ class Estimator:
             return self._mi.Bool(False), self._mi.Float(FAR), surface.triangle, surface.uv
         found = self._geometry.scene.ray_intersect_preliminary(self._ray(surface, w), coherent=False, active=active)
         hit = found.is_valid()
-        return hit, dr.select(hit, found.t, FAR), found.prim_index, found.prim_uv
+        return hit, dr.select(hit, found.t, FAR), self._geometry.met(found), found.prim_uv
 
     def _occluders(self, surface: Surface, w: Any, occluder: Any, blocked: Any) -> list[Any]:
         """Return how far occluders are, by what lights spare, where the first hit of any is known."""
