@@ -7,7 +7,6 @@ in `lookdev/shaders/surface.osl`. Directions of all samples of a pixel are one s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -20,8 +19,7 @@ from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.lights import Lighting, Lights
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
-from lookdev.render.adaptive import Region
-from lookdev.scene import Camera, Pose
+from lookdev.mitsuba.view import Rectangle, View
 
 LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
 _NEGLIGIBLE = 1e-20  # of the BSDF: as in the shader
@@ -35,83 +33,7 @@ class Counts:
     light: int
     brdf_onward: int = 1
     light_onward: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A camera about the centre of the geometry, and the turns of the lights in radians, as inputs of a kernel.
-
-    The first turn is that of lights that turn with the rig, the second that of those that stay.
-    """
-
-    origin: Any
-    right: Any
-    up: Any
-    back: Any
-    turns: Any
-    width: int
-    height: int
-    aperture: float
-    focus: float
-    near: float
-
-    @classmethod
-    def of(cls, mi: Any, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Any) -> View:
-        """Of a pose: the camera orbits, the light turns, the asset stays (`lookdev.scene.Pose`).
-
-        `right` and `up` span half the frame at depth 1, and `back` is shifted with it.
-        """
-        orbited = camera.orbited(-pose.element)
-        right, up, back = orbited.frame
-        width, height = resolution
-        across, along = camera.reach * right, camera.reach * up
-        shifted = back - 2.0 * camera.shift[0] * across - 2.0 * camera.shift[1] * along
-        vectors = (orbited.position - center, across, along * height / width, shifted)
-        opaque = [dr.opaque(mi.Float, float(x)) for vector in vectors for x in vector]
-        angles = (math.radians(each) for each in (pose.lighting - pose.element, -pose.element))
-        turns = mi.Vector2f(*(dr.opaque(mi.Float, each) for each in angles))
-        lens = camera.lens
-        aperture, focus = (lens.aperture, lens.focus) if lens else (0.0, 1.0)
-        origin, right, up, back = (mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4))
-        return cls(origin, right, up, back, turns, width, height, aperture, focus, camera.clip[0])
-
-    def rays(self, mi: Any, x: Any, y: Any, u: Any, v: Any) -> Any:
-        """Return the rays through places of the film, in pixels from the upper left corner; u and v are on the lens."""
-        sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height
-        direction = sx * self.right + sy * self.up - self.back
-        origin = mi.Point3f(self.origin)
-        if self.aperture > 0.0:
-            radius = 0.5 * self.aperture * dr.sqrt(u)
-            s, c = dr.sincos(2.0 * math.pi * v)
-            within = radius * c * dr.normalize(self.right) + radius * s * dr.normalize(self.up)
-            origin, direction = origin + within, direction - within / self.focus
-        return mi.Ray3f(origin + self.near * direction, dr.normalize(direction))
-
-    def seen(self, mi: Any, geometry: Geometry, pixel: Any, index: Any, place: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """Return triangles, barycentric coordinates and rays of samples of pixels, which hit any, and how far.
-
-        `index` is the number of a sample, `place` scrambles those of a pixel.
-        """
-        u, v = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x9E3779B9))
-        on_lens = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x7F4A7C15)) if self.aperture > 0.0 else (0.0, 0.0)
-        row = pixel // self.width
-        ray = self.rays(mi, mi.Float(pixel - row * self.width) + u, mi.Float(row) + v, *on_lens)
-        triangle, uv, hit, distance = geometry.first_hit(ray)
-        return triangle, uv, ray, hit, distance
-
-
-@dataclass(frozen=True, eq=False)
-class Rectangle:
-    """A part of the frame: its upper left pixel, and its width, as inputs of a kernel."""
-
-    left: Any
-    top: Any
-    width: Any
-
-    @classmethod
-    def of(cls, mi: Any, region: Region) -> Rectangle:
-        left, right = region.columns.start, region.columns.stop
-        return cls(*(dr.opaque(mi.UInt32, each) for each in (left, region.rows.start, right - left)))
+    resampled: bool = False  # of those from the light one is traced
 
 
 class Estimator:
@@ -266,23 +188,53 @@ class Estimator:
         seed: Any,
         active: Any,
     ) -> Any:
-        """Return what directions drawn from the light find, as `_recorded`."""
+        """Return what directions drawn from the light find, as `_recorded`.
+
+        Of a glossy surface, one of them is traced, chosen in proportion to what it brings unless it is occluded (Talbot
+        et al. 2005, "Importance Resampling for Global Illumination"): most directions of the light miss its lobes.
+        """
         mi = self._mi
         total = self._dark()
         if self._light.sampled:
-            j = mi.UInt32(0)
+            j, chosen = mi.UInt32(0), mi.UInt32(0)
+            sum_, own = mi.Float(0.0), mi.Float(0.0)
             while active & (j < lit):
-                w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
-                wi = surface.to_local(w)
-                response, pdf = surface.respond(wi, active, self._light.split, self._groups)
-                met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
-                met &= dr.max(sent) > 0.0
-                specular, diffuse = self._passed(surface, w, distance, controls, met)
-                weight = sent / (mi.Float(drawn) * pdf + density)
-                arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
-                total = _sums(total, self._recorded(record, response, arriving, met))
+                one = self._drawn(surface, lighting, index, j, drawn, seed, active)
+                if self._counts.resampled:
+                    size = one[-1]
+                    sum_ += size
+                    lot = sobol.unit(mi.Float, sobol.hashed(seed ^ (index * lit + j + 1) * 0x85EBCA77))
+                    kept = (size > 0.0) & (lot * sum_ < size)
+                    chosen = dr.select(kept, j, chosen)
+                    own = dr.select(kept, size, own)
+                else:
+                    total = _sums(total, self._shown(surface, record, one, mi.Float(1.0)))
                 j += 1
+            if self._counts.resampled:
+                met = active & (sum_ > 0.0)
+                one = self._drawn(surface, lighting, index, chosen, drawn, seed, met)
+                total = self._shown(surface, record, one, sum_ / own)
         return total
+
+    def _drawn(
+        self, surface: Surface, lighting: Lighting, index: Any, j: Any, drawn: Any, seed: Any, active: Any
+    ) -> tuple[Any, ...]:
+        """Return a direction of the light: with response, light over density, distance, controls, if it counts, size."""
+        w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
+        wi = surface.to_local(w)
+        response, pdf = surface.respond(wi, active, self._light.split, self._groups)
+        met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
+        met &= dr.max(sent) > 0.0
+        weight = sent / (self._mi.Float(drawn) * pdf + density)
+        return w, response, weight, distance, controls, met, dr.select(met, dr.mean(response.value * weight), 0.0)
+
+    def _shown(self, surface: Surface, record: _Record, drawn: tuple[Any, ...], times: Any) -> list[Any]:
+        """Return what a direction of `_drawn` finds, as `_recorded`."""
+        w, response, weight, distance, controls, met, _ = drawn
+        specular, diffuse = self._passed(surface, w, distance, controls, met)
+        weight = weight * dr.select(met, times, 0.0)
+        arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
+        return self._recorded(record, response, arriving, met)
 
     def _dark(self) -> list[Any]:
         """Return no light, and no part of it, as `_recorded`."""

@@ -19,10 +19,11 @@ from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import held_arrays, nothing_freed
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
+from lookdev.mitsuba.integrator import Counts, Estimator
 from lookdev.mitsuba.passes import CENTRAL, Features
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
+from lookdev.mitsuba.view import Rectangle, View
 from lookdev.render.adaptive import Region
 from lookdev.render.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
@@ -191,16 +192,21 @@ def _out_of_memory(error: BaseException | None) -> bool:
 
 # In recesses a path that goes on adds one sample of what other parts reflect, however many directions were drawn where
 # it began, as in `lookdev.codegen.osl.directions`: glossy looks take few at the first hit.
-_COUNTS, _GLOSSY = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4)
+_COUNTS, _GLOSSY, _RESAMPLED = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4), Counts(1, 4, 1, 8, resampled=True)
 
 
-def counts_of(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
-    """Return the numbers of directions: those of the job, or those that take the least time to an error."""
-    usual = _GLOSSY if glossy and sampling.bounces > 0 else _COUNTS
+def counts_of(sampling: Sampling, sampled: bool, glossy: bool, resampled: bool = True) -> Counts:
+    """Return the numbers of directions: those of the job, or those that take the least time to an error.
+
+    `resampled`: the estimator can trace one of the light's directions for all.
+    """
+    usual = _COUNTS
+    if glossy and sampling.bounces > 0:
+        usual = _RESAMPLED if resampled and sampling.ibl_samples is None else _GLOSSY
     brdf = usual.brdf if sampling.brdf_samples is None else sampling.brdf_samples
     light = usual.light if sampling.ibl_samples is None else sampling.ibl_samples
     if not sampled or light == 0:
         return Counts(max(brdf, 1), 0, 1, 0)
     onward = usual.light_onward if sampling.ibl_samples is None else -(-light // 2)
     # A path goes on as long as there is a direction of the BSDF.
-    return Counts(brdf, light, 1, onward)
+    return Counts(brdf, light, 1, onward, usual.resampled)

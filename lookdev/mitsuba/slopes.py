@@ -23,12 +23,13 @@ from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import slope_name
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import LITTLE, Counts, Estimator, Rectangle, View
+from lookdev.mitsuba.integrator import LITTLE, Counts, Estimator
 from lookdev.mitsuba.lights import Lighting
 from lookdev.mitsuba.programs import Place
 from lookdev.mitsuba.render import counts_of
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.view import Rectangle, View
 from lookdev.render.adaptive import Region
 from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import SceneTask
@@ -52,7 +53,7 @@ class SlopeScene:
         for spared in self._light.spared:
             self._geometry.casting(spared)  # made before it is used in a kernel
         glossy = all(source.glossy for source in self._sources)
-        self._counts = counts_of(task.sampling, self._light.sampled, glossy)
+        self._counts = counts_of(task.sampling, self._light.sampled, glossy, resampled=False)
 
     def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> NDArray[np.float32]:
         """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by `task.symbols`."""
