@@ -219,7 +219,7 @@ class Estimator:
     def _drawn(
         self, surface: Surface, lighting: Lighting, index: Any, j: Any, drawn: Any, seed: Any, active: Any
     ) -> tuple[Any, ...]:
-        """Return a direction of the light: with response, light over density, distance, controls, if it counts, size."""
+        """Return a direction of the light: with response, light over density, distance, controls, whether met, size."""
         w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
         wi = surface.to_local(w)
         response, pdf = surface.respond(wi, active, self._light.split, self._groups)
