@@ -97,7 +97,9 @@ def fill_tables(scene: Any) -> None:
     """
     scene.cycles.samples = _LONGEST_TABLE
     scene.cycles.use_sample_subset = True
-    scene.cycles.sample_offset, scene.cycles.sample_subset_length = 0, 1
+    # Cycles renders the first sample by itself, and whether it sorts mattes after it goes by the render before. Where
+    # that is the whole of a render without mattes after one with them, it sorts what lies behind the pixels.
+    scene.cycles.sample_offset, scene.cycles.sample_subset_length = 0, 2
     with _bordered(scene.render, (0, 0, SMALLEST, SMALLEST)):
         _render(scene, seed=0)
 

@@ -18,7 +18,7 @@ from lookdev.codegen import ShaderSource
 from lookdev.codegen.source import FIRST_LIGHT_PART, LOBE_GROUPS
 from lookdev.cycles import engine
 from lookdev.cycles.scene import ALBEDOS, MATTE, NORMALS, Scene
-from lookdev.render.cryptomatte import filled, renamed
+from lookdev.render.cryptomatte import filled, matte_samples, renamed
 from lookdev.render.frame import FEATURE_SAMPLES, Image, RenderedFrame
 from lookdev.render.passes import LIGHTS, MATTES, light_layer, parts_of_light
 from lookdev.render.task import FrameTask
@@ -28,7 +28,6 @@ _COLORS = ("diffuse", "glossy", "transmission")
 # Blender 4.5 abbreviates the names of passes.
 _COLOR_NAMES = {"DiffCol", "GlossCol", "TransCol", *(f"{kind.capitalize()} Color" for kind in _COLORS)}
 _MATTE_DEPTH = 16  # the most that Cycles has: things of one name are merged afterwards
-_MATTE_SAMPLES = 32, 4096  # at least and at most
 
 
 @dataclass(frozen=True)
@@ -123,7 +122,7 @@ def completed(task: FrameTask, frame: RenderedFrame) -> dict[str, Image]:
 def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: int) -> Passes:
     """Render the passes that a task wants, in a scene that shows its pose; `alpha`, `samples` are those of the frame.
 
-    Mattes take half as many samples, and sum up to the frame's alpha.
+    Mattes sum up to the frame's alpha; where they are wanted, albedos take as many samples.
     """
     wanted = {*task.scene.sampling.passes}
     arrays: dict[str, Image] = {}
@@ -131,15 +130,14 @@ def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: in
     with _few_bounces(scene):
         if central := wanted & {*_OF_CYCLES}:
             arrays |= _central(scene, task, central)
+        surfaces = wanted & {"albedo", "cryptomatte"}
+        albedo, mattes = _surfaces(scene, task, surfaces, alpha > 0.0, matte_samples(samples))
         if "albedo" in wanted:
-            arrays["albedo"] = _albedo(scene, task)
-        if "cryptomatte" in wanted:
-            least, most = _MATTE_SAMPLES
-            size = min(max(least, 1 << (samples // 2 - 1).bit_length()), most)
-            for kind, matte in _mattes(scene, task, alpha > 0.0, size).items():
-                known = _names(scene, kind)
-                arrays[MATTES[kind]] = filled(renamed(matte, known), alpha)
-                names[MATTES[kind]] = tuple(sorted({*known.values()}))
+            arrays["albedo"] = albedo
+        for kind, matte in mattes.items():
+            known = _names(scene, kind)
+            arrays[MATTES[kind]] = filled(renamed(matte, known), alpha)
+            names[MATTES[kind]] = tuple(sorted({*known.values()}))
     return Passes(arrays, names)
 
 
@@ -170,32 +168,42 @@ def _central(scene: Scene, task: FrameTask, wanted: set[str]) -> dict[str, Image
     return found
 
 
-def _albedo(scene: Scene, task: FrameTask) -> Image:
-    """Return the mean albedo of each pixel; that of closures is theirs."""
-    scene.control(task.pose, 0, ALBEDOS)
-    with _storing(scene, {} if scene.by_shaders else {f"use_pass_{kind}_color": True for kind in _COLORS}):
-        shown = engine.render_passes(scene.scene, FEATURE_SAMPLES)
-    colors = [each for name, each in shown.items() if name in _COLOR_NAMES] or [shown["Combined"][..., :3]]
-    return np.ascontiguousarray(np.sum(colors, axis=0, dtype=np.float32)[::-1])
+def _surfaces(
+    scene: Scene, task: FrameTask, wanted: set[str], covered: NDArray[np.bool_], samples: int
+) -> tuple[Image, dict[str, Image]]:
+    """Return the mean albedo of each pixel, and the coverage (H, W, 2 n) of Blender's objects and materials.
 
-
-def _mattes(scene: Scene, task: FrameTask, covered: NDArray[np.bool_], samples: int) -> dict[str, Image]:
-    """Return the coverage (H, W, 2 n) of Blender's objects and materials, as `renamed` takes it."""
-    scene.control(task.pose, 0, MATTE)
-    settings = {"pass_cryptomatte_depth": _MATTE_DEPTH}
-    settings |= {f"use_pass_cryptomatte_{kind}": True for kind in ("object", "material")}
+    `wanted` is what of ``albedo`` and ``cryptomatte`` is rendered, in one render with `samples` for both. The albedo of
+    closures is theirs; coverage is as `renamed` takes it.
+    """
+    if not wanted:
+        return np.empty(0, np.float32), {}
+    matted, colored = "cryptomatte" in wanted, "albedo" in wanted
+    scene.control(task.pose, 0, ALBEDOS if colored else MATTE)
+    settings: dict[str, Any] = {}
+    if matted:
+        settings |= {"pass_cryptomatte_depth": _MATTE_DEPTH}
+        settings |= {f"use_pass_cryptomatte_{kind}": True for kind in ("object", "material")}
+    if colored and not scene.by_shaders:
+        settings |= {f"use_pass_{kind}_color": True for kind in _COLORS}
+    box = _around(covered)
     with _storing(scene, settings):
-        box = _around(covered)
-        shown = engine.render_passes(scene.scene, samples, box=box)
+        shown = engine.render_passes(scene.scene, samples if matted else FEATURE_SAMPLES, box=box)
 
-    def layers(blender: str) -> Image:
-        found = sorted(name for name in shown if f"Crypto{blender}" in name)
-        whole = np.zeros((*covered.shape, 4 * len(found)), np.float32)
-        whole[box[1] : box[3], box[0] : box[2]] = np.concatenate([shown[name] for name in found], axis=-1)
-        return whole[::-1]
+    def whole(layers: Sequence[Image]) -> Image:
+        found = np.concatenate(layers, axis=-1)
+        image = np.zeros((*covered.shape, found.shape[-1]), np.float32)
+        image[box[1] : box[3], box[0] : box[2]] = found
+        return image[::-1]
 
-    objects, materials = layers("Object"), layers("Material")
-    return {"object": objects, "material": materials, "asset": objects}
+    colors = [each for name, each in shown.items() if name in _COLOR_NAMES] or [shown["Combined"][..., :3]]
+    albedo = np.ascontiguousarray(whole([np.sum(colors, axis=0, dtype=np.float32)]))
+    if not matted:
+        return albedo, {}
+    objects, materials = (
+        whole([shown[name] for name in sorted(shown) if f"Crypto{kind}" in name]) for kind in ("Object", "Material")
+    )
+    return albedo, {"object": objects, "material": materials, "asset": objects}
 
 
 def _around(covered: NDArray[np.bool_]) -> engine.Box:

@@ -14,7 +14,7 @@ from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.surface import Looks, Surface
 from lookdev.mitsuba.view import View
-from lookdev.render.cryptomatte import RANKS, filled, matte_id
+from lookdev.render.cryptomatte import RANKS, filled, matte_id, matte_samples
 from lookdev.render.frame import FEATURE_SAMPLES, Image
 from lookdev.render.passes import MATTES
 from lookdev.render.task import FrameTask
@@ -23,7 +23,6 @@ Floats = NDArray[np.float64]
 
 CENTRAL = frozenset(("depth", "position", "normal", "uv"))
 _NOTHING = 1e10  # metres, where no surface is
-_MATTE_SAMPLES = 32, 4096  # at least and at most
 _MOST_SAMPLES = 1 << 22  # of a launch
 _UNSEEN = np.iinfo(np.uint32).max
 
@@ -100,8 +99,7 @@ class Features:
             "material": [source.name for source in scene.shaders],
             "asset": [asset.name],
         }
-        least, most = _MATTE_SAMPLES
-        size = min(max(least, 1 << (samples // 2 - 1).bit_length()), most)
+        size = matte_samples(samples)
         numbers = {kind: np.unique(names, return_inverse=True) for kind, names in things.items()}
         found: dict[str, Image] = {}
         total = view.width * view.height

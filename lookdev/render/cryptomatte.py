@@ -19,6 +19,11 @@ RANKS = 6
 """Things of a pixel that are kept, those of most coverage: two of them are the four channels of a layer."""
 
 
+def matte_samples(samples: int) -> int:
+    """Return how many samples the mattes of a frame take: half of its own, a power of two, 16 to 4096."""
+    return min(max(16, 1 << (samples // 2 - 1).bit_length()), 4096)
+
+
 def murmur3(text: str) -> int:
     """Return MurmurHash3_x86_32 of a text's UTF-8, with seed 0 (Appleby 2011)."""
     data = text.encode()

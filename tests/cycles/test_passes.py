@@ -294,3 +294,16 @@ def test_recorded_light_leaves_the_beauty_as_it_is(worker: Worker) -> None:
     noise = np.sqrt(sum((standard_error(each.a, each.b) ** 2).sum(axis=(0, 1)) for each in (plain, shown)))
     assert (np.abs((a - b).sum(axis=(0, 1))) < 4.0 * noise).all()
     np.testing.assert_array_equal(plain.alpha, shown.alpha)
+
+
+def test_a_worker_renders_frames_with_mattes_one_after_another(worker: Worker) -> None:
+    """What Cycles sorts after a frame's mattes would lie behind the next frame's first, tiny render."""
+    scene = task_of(balls(), ("cryptomatte",)).scene
+    poses = [Pose(angle, 15.0) for angle in (0.0, 40.0, 80.0, 0.0)]
+    shown = [rendered(worker, one_frame(scene, pose, f"mattes {i}")) for i, pose in enumerate(poses)]
+    pid = worker.pid
+    again = rendered(worker, one_frame(scene, poses[1], "mattes again"))
+    assert worker.pid == pid
+    for one, other in ((shown[0], shown[3]), (shown[1], again)):
+        assert np.array_equal(one.a, other.a)
+        assert all(np.array_equal(one.passes[name], other.passes[name]) for name in one.passes)
