@@ -23,7 +23,7 @@ from lookdev.batch.prepare import prepare_job
 from lookdev.cache import atomic_path
 from lookdev.errors import LookdevError, OutputError
 from lookdev.job import Job
-from lookdev.plan.chunks import MOST_CHUNKS
+from lookdev.plan.chunks import MOST_CHUNKS, Division
 from lookdev.plan.costs import estimated
 
 SUFFIXES = (".yaml", ".yml", ".json")
@@ -64,10 +64,10 @@ class ExportedFarmJob:
         return f"{self.template}: {self.frames} frames in {self.chunks} chunks; to run it: {run}{given}"
 
 
-def export_openjd(path: Path, out: Path, chunks: int | None = None, needs: Needs = Needs()) -> ExportedFarmJob:
+def export_openjd(path: Path, out: Path, chunks: Division | None = None, needs: Needs = Needs()) -> ExportedFarmJob:
     """Write a job as a template, or into a folder, which is a job bundle then.
 
-    `chunks` is how many; None: of about five minutes, by an estimate. Raises LookdevError where `openjd-model` is not
+    None for `chunks`: of about five minutes, by an estimate. Raises LookdevError where `openjd-model` is not
     installed, or refuses the template; JobError as `prepare_job`; OutputError where a file cannot be written.
     """
     try:
@@ -79,13 +79,13 @@ def export_openjd(path: Path, out: Path, chunks: int | None = None, needs: Needs
     prepared = prepare_job(path)
     job, tasks = prepared.job, [frame.task for frame in prepared.plan.frames]
     costs = estimated(prepared.plan)
-    count = chunks or min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks))
-    if not 1 <= count <= min(MOST_CHUNKS, max(len(tasks), 1)):
-        raise LookdevError(f"--chunks: a job of {len(tasks)} frames has from 1 to {len(tasks)} chunks, not {count}")
+    division = chunks or Division(min(max(math.ceil(sum(costs.frames) / _CHUNK_SECONDS), 1), len(tasks)))
+    if division.count > max(len(tasks), 1):
+        raise LookdevError(f"--chunks: a job of {len(tasks)} frames has at most as many chunks, not {division.count}")
     bundle = out.suffix.lower() not in SUFFIXES
     template_file = out / "template.yaml" if bundle else out
     folder = template_file.parent.absolute()
-    template = job_template(job, folder, count, needs)
+    template = job_template(job, folder, division, needs)
     try:
         decode_job_template(template=template)
     except DecodeValidationError as error:
@@ -109,15 +109,15 @@ def export_openjd(path: Path, out: Path, chunks: int | None = None, needs: Needs
         raise OutputError(f"{error.filename}: cannot be written: {error.strerror}") from error
     required = {name: value for name, value in values.items() if not _below(Path(value), folder)}
     notes = (*prepared.notes, *_notes(job))
-    return ExportedFarmJob(template_file, count, len(tasks), required, bundle, notes)
+    return ExportedFarmJob(template_file, division.count, len(tasks), required, bundle, notes)
 
 
-def job_template(job: Job, folder: Path, chunks: int, needs: Needs) -> dict[str, Any]:
+def job_template(job: Job, folder: Path, chunks: Division, needs: Needs) -> dict[str, Any]:
     """Return the template of a job, as the specification's document, to be written to a folder."""
     socket = "{{Session.WorkingDirectory}}/warm.sock"
     render = ["render", "{{Param.Job}}", "--output", "{{Param.Output}}"]
     render += ["--path-mapping", "{{Session.PathMappingRulesFile}}", "--log-format", "openjd"]
-    part = ["--chunk", "{{Task.Param.Chunk}}/{{Param.Chunks}}", "--executor", f"warm:{socket}"]
+    part = ["--chunk", "{{Task.Param.Chunk}}/{{Param.Chunks}}@{{Param.Machines}}", "--executor", f"warm:{socket}"]
     warm = ["warm", "start", socket, "--backend", job.render.backend]
     return {
         "specificationVersion": "jobtemplate-2023-09",
@@ -129,10 +129,18 @@ def job_template(job: Job, folder: Path, chunks: int, needs: Needs) -> dict[str,
             {
                 "name": "Chunks",
                 "type": "INT",
-                "default": chunks,
+                "default": chunks.count,
                 "minValue": 1,
                 "maxValue": MOST_CHUNKS,
-                "description": "Parts of like cost that the frames are rendered in.",
+                "description": "Parts that the frames are rendered in.",
+            },
+            {
+                "name": "Machines",
+                "type": "INT",
+                "default": chunks.machines or chunks.count,
+                "minValue": 1,
+                "maxValue": MOST_CHUNKS,
+                "description": "Hosts that begin the parts in turn; fewer than these: the last parts are small.",
             },
             {
                 "name": "Command",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -172,8 +173,8 @@ class Frames:
     def render(self, tasks: Sequence[FrameTask], executor: Executor) -> None:
         """Render frames, each claimed until it is done; only workers that never start end the batch.
 
-        Scenes at which no other run works come first, then any frames that none has claimed, backwards; those that
-        others have claimed are waited for.
+        Scenes at which no other run works come first, then any frames that none has claimed, of each scene the last
+        first; those that others have claimed are waited for.
         """
         left = self._rendered_apart(tasks, executor, apart=True)
         waits = _waits()
@@ -187,7 +188,8 @@ class Frames:
     def _rendered_apart(self, tasks: Sequence[FrameTask], executor: Executor, *, apart: bool) -> list[FrameTask]:
         """Render frames but those that other runs have claimed, and, if `apart`, the rest of their scenes.
 
-        These are returned, the last first.
+        These are returned, from the last of each scene. Scenes are in an order of this run: so runs that help others
+        are spread over them, and change their scene seldom.
         """
         claimed: list[FrameTask] = []
         scenes: set[int] = set()
@@ -201,7 +203,10 @@ class Frames:
 
         for happening in executor.render(tasks, wanted):
             self._take(happening)
-        return claimed[::-1]
+        chance = random.Random(self._run.info.id)
+        ranks = {scene: chance.random() for scene in dict.fromkeys(id(task.scene) for task in claimed)}
+        claimed.reverse()
+        return sorted(claimed, key=lambda task: ranks[id(task.scene)])
 
     def _found(self, task: FrameTask) -> bool:
         """Return whether another run has rendered a frame since it was planned; if so, take it and end its claim."""

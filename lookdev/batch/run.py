@@ -19,7 +19,7 @@ from lookdev.batch.runs import Run
 from lookdev.batch.status import forget_failures, record_plan
 from lookdev.errors import LookdevError, OutputError
 from lookdev.job import Job, JobOutputs, load_job
-from lookdev.job.mapping import PathRules
+from lookdev.job.mapping import PathRules, mapped
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan, Setup, Turns, build_plan
 from lookdev.plan.chunks import Chunk
@@ -68,6 +68,7 @@ def render_job(
     job = wanted_job(path, rules, output, choice.device)
     backend = BACKENDS[job.render.backend]
     with (
+        mapped_files(rules),
         _writing(job.output),
         Run(job.output, str(chunk or "")) as run,
         _opened(choice, run, backend.command) as executor,
@@ -106,6 +107,18 @@ def render_job(
                 run.remove_logs()
         report(result.event)
         return result
+
+
+@contextmanager
+def mapped_files(rules: PathRules) -> Iterator[None]:
+    """Let rules of paths count for what USD files name, too."""
+    if not rules:
+        yield
+        return
+    from lookdev.stage import mapped_assets  # not at the top: reading USD files takes long to import
+
+    with mapped_assets(lambda asset: mapped(asset, rules)):
+        yield
 
 
 def wanted_job(path: Path, rules: PathRules = (), output: Path | None = None, device: str | None = None) -> Job:

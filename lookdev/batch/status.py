@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -20,7 +21,7 @@ from typing import Any
 from lookdev.batch.listing import table
 from lookdev.batch.runs import STATE_FOLDER, Run, RunInfo, Runs, claim_key, claims, lease
 from lookdev.cache import atomic_path
-from lookdev.errors import OutputError
+from lookdev.errors import LookdevError, OutputError
 from lookdev.output.exr import read_header
 from lookdev.plan import Plan
 from lookdev.plan.costs import estimated
@@ -57,7 +58,11 @@ class ActiveRun:
 
 @dataclass(frozen=True)
 class Status:
-    """The state of a job's frames in its output folder; `seconds` are the time left, None where no run works."""
+    """The state of a job's frames in its output folder.
+
+    `frame_seconds` is the mean of the frames that are done, None before the first; `seconds` are the time left, None
+    where no run works.
+    """
 
     output: Path
     job: str
@@ -67,6 +72,7 @@ class Status:
     rendering: int
     failed: tuple[FailedFrame, ...]
     runs: tuple[ActiveRun, ...]
+    frame_seconds: float | None
     seconds: float | None
 
 
@@ -128,6 +134,7 @@ def read_status(output: Path) -> Status:
         len(rendering),
         failed,
         runs,
+        fmean(each for scene in times.values() for each in scene) if times else None,
         _time_left(plan["frames"], {name: cost for name, (_, cost) in left.items()}, times, len(rendering)),
     )
 
@@ -158,6 +165,32 @@ def status_text(status: Status) -> str:
 def status_data(status: Status) -> dict[str, object]:
     """Return a status as plain data for JSON."""
     return asdict(status) | {"output": str(status.output)}
+
+
+def status_metrics(status: Status) -> str:
+    """Return a status in the text format of Prometheus; raises LookdevError where its client is not installed."""
+    try:
+        from prometheus_client import CollectorRegistry, Gauge, generate_latest
+    except ImportError:
+        raise LookdevError("metrics are written by prometheus-client: pip install 'lookdev[farm]'") from None
+
+    registry = CollectorRegistry()
+
+    def gauge(name: str, text: str, values: Mapping[str, float | None], label: str) -> None:
+        metric = Gauge(f"lookdev_{name}", text, ["output", label] if label else ["output"], registry=registry)
+        for value, number in values.items():
+            if number is not None:
+                metric.labels(str(status.output), *([value] if label else [])).set(number)
+
+    frames = {"done": status.done, "rendering": status.rendering, "waiting": status.waiting}
+    gauge("frames", "Frames of the job, by state.", frames | {"failed": len(status.failed)}, "state")
+    runs = Counter(each.state for each in status.runs)
+    gauge(
+        "runs", "Runs that have not ended by themselves.", {s: runs[s] for s in ("working", "stalled", "dead")}, "state"
+    )
+    gauge("frame_seconds", "Mean render time of the frames that are done.", {"": status.frame_seconds}, "")
+    gauge("left_seconds", "Estimate of the time until all is rendered.", {"": status.seconds}, "")
+    return str(generate_latest(registry).decode())
 
 
 def _active(state: Path, frames: Mapping[str, list[str]]) -> Iterator[ActiveRun]:

@@ -62,12 +62,12 @@ def export_openjd(
         ),
     ],
     chunks: Annotated[
-        int | None,
+        str | None,
         typer.Option(
             "--chunks",
-            metavar="N",
-            min=1,
-            help="How many tasks render; default: of about five minutes.",
+            metavar="N[@M]",
+            help="How many tasks render; with @M, for M hosts that begin them in turn, the last ones small; default: "
+            "of about five minutes.",
             show_default=False,
         ),
     ] = None,
@@ -80,8 +80,10 @@ def export_openjd(
     """Write the job for a render farm, as a template of Open Job Description 2023-09."""
     from lookdev.batch.export_openjd import Needs
     from lookdev.batch.export_openjd import export_openjd as export
+    from lookdev.plan.chunks import Division
 
-    exported = export(job, out, chunks, Needs(cores, memory, command))
+    division = None if chunks is None else Division.parse(chunks)
+    exported = export(job, out, division, Needs(cores, memory, command))
     for note in exported.notes:
         say(f"note: {note}", err=True)
     say(exported.summary())

@@ -40,9 +40,9 @@ def render(
         str | None,
         typer.Option(
             "--chunk",
-            metavar="I/N",
-            help="Render the I-th of N parts of like cost, I from 1; render the job without it, or with "
-            "--outputs-only, when all parts are done.",
+            metavar="I/N[@M]",
+            help="Render the I-th of N parts of like cost, I from 1, or of N parts for M machines that begin them in "
+            "turn, the last ones small; render the job without it, or with --outputs-only, when all parts are done.",
             show_default=False,
         ),
     ] = None,
@@ -111,7 +111,7 @@ def render(
     Several runs of one job, on machines that share its output folder, share its frames.
     """
     from lookdev.batch.progress import show_progress
-    from lookdev.batch.run import render_job, wanted_job
+    from lookdev.batch.run import mapped_files, render_job, wanted_job
     from lookdev.job.mapping import read_rules
     from lookdev.plan.chunks import Chunk
     from lookdev.render.executors.choice import choose
@@ -124,7 +124,8 @@ def render(
     if dry_run:
         if force or frame or outputs_only:
             raise LookdevError("--dry-run lists new and stale frames: it goes without --force, --frame, --outputs-only")
-        _list_frames(wanted_job(job, rules, output, choice.device), part)
+        with mapped_files(rules):
+            _list_frames(wanted_job(job, rules, output, choice.device), part)
         return
     with show_progress(sys.stdout, log_format) as report:
         result = render_job(
@@ -160,13 +161,11 @@ def _list_frames(job: Job, chunk: Chunk | None) -> None:
 def plan(
     job: JobFile,
     chunks: Annotated[
-        int | None,
+        str | None,
         typer.Option(
             "--chunks",
-            metavar="N",
-            help="List the N parts that 'lookdev render --chunk I/N' renders.",
-            min=1,
-            max=100_000,
+            metavar="N[@M]",
+            help="List the N parts that 'lookdev render --chunk I/N' renders; with @M, those for M machines.",
             show_default=False,
         ),
     ] = None,
@@ -184,17 +183,19 @@ def plan(
     from lookdev.batch.chunks import chunks_data, chunks_text, keep_measured_chunks
     from lookdev.batch.listing import plan_data, plan_text
     from lookdev.batch.prepare import prepare_job
+    from lookdev.plan.chunks import Division
 
     if measured and chunks is None:
         raise LookdevError("--measured divides a job into chunks: it goes with --chunks N")
+    division = None if chunks is None else Division.parse(chunks)
     with nothing_printed():
         prepared = prepare_job(job)
     for note in prepared.notes:
         say(f"note: {note}", err=True)
-    if chunks is not None:
+    if division is not None:
         if measured:
-            keep_measured_chunks(prepared.plan, chunks)
-        say_json(chunks_data(prepared.plan, chunks)) if as_json else say(chunks_text(prepared.plan, chunks))
+            keep_measured_chunks(prepared.plan, division)
+        say_json(chunks_data(prepared.plan, division)) if as_json else say(chunks_text(prepared.plan, division))
     elif as_json:
         say_json(plan_data(prepared.plan, prepared.job.output))
     else:

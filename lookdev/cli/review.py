@@ -77,9 +77,30 @@ def manifest(
 
 
 @app.command(rich_help_panel=_PANEL)
-def status(out: OutputFolder, as_json: AsJson = False) -> None:
+def status(
+    out: OutputFolder,
+    metrics: Annotated[
+        Path | None,
+        typer.Option(
+            "--metrics",
+            metavar="FILE",
+            help="Write it to a file, too, in the text format of Prometheus, as its node exporter collects them.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
     """Show how far a job is: frames done and failed, which runs are at work, which stand still, the time left."""
-    from lookdev.batch.status import read_status, status_data, status_text
+    from lookdev.batch.status import read_status, status_data, status_metrics, status_text
+    from lookdev.cache import atomic_path
+    from lookdev.errors import OutputError
 
     found = read_status(out.absolute())
+    if metrics is not None:
+        text = status_metrics(found)
+        try:
+            with atomic_path(metrics) as temporary:
+                temporary.write_text(text)
+        except OSError as error:
+            raise OutputError(f"{metrics}: cannot be written: {error.strerror}") from error
     say_json(status_data(found)) if as_json else say(status_text(found))

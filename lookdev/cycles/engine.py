@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from lookdev.cycles import version
 from lookdev.errors import RenderError
-from lookdev.render.threads import given_threads
 
 sys.path.append(str(Path(bpy.utils.resource_path("LOCAL")) / "scripts" / "addons_core"))
 import cycles
@@ -228,9 +227,7 @@ def _configure_any(scene: Any, resolution: tuple[int, int]) -> None:
     render.use_border = render.use_crop_to_border = render.use_compositing = render.use_sequencer = False
     render.use_persistent_data = True
     render.use_simplify = False
-    threads = given_threads()
-    render.threads_mode = "AUTO" if threads is None else "FIXED"
-    render.threads = threads or 1  # counts if fixed
+    render.threads_mode = "AUTO"  # one for each core that the process may use
 
     settings.use_adaptive_sampling = settings.use_denoising = False
     settings.time_limit = 0.0

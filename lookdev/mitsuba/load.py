@@ -10,7 +10,6 @@ from typing import Any
 
 from lookdev.errors import RenderError
 from lookdev.render.llvm import VARIABLE, check_device, find_llvm
-from lookdev.render.threads import given_threads
 
 VARIANTS = {"cpu": "llvm_ad_rgb", "cuda": "cuda_ad_rgb"}
 """By device; colours are linear Rec.709, numbers float32."""
@@ -25,8 +24,6 @@ def load_mitsuba(device: str) -> Any:
     mi: Any = importlib.import_module("mitsuba")
     try:
         mi.set_variant(VARIANTS[device])
-        if threads := given_threads():
-            importlib.import_module("drjit").set_thread_count(threads)
         mi.Float(0.0, 1.0) + 1.0  # the first array starts the device
     except (ImportError, RuntimeError) as error:
         raise RenderError(f"Mitsuba does not render on device '{device}' here: {error}") from error

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import os
 import weakref
 from collections.abc import Callable
 from functools import cache
@@ -16,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.errors import RenderError
-from lookdev.render.threads import given_threads
+from lookdev.render.threads import cores
 
 Image = NDArray[np.float32]
 
@@ -55,9 +56,9 @@ def _library() -> tuple[ctypes.CDLL, int]:
         function = getattr(library, name)
         function.restype, function.argtypes = result, arguments
     device = library.oidnNewDevice(_CPU)
-    if threads := given_threads():
-        library.oidnSetDeviceInt(device, b"numThreads", threads)
-        # It would pin them to the first cores, in each of several processes to the same.
+    if cores() < (os.cpu_count() or 1):
+        library.oidnSetDeviceInt(device, b"numThreads", cores())
+        # It would pin them to the first cores of the machine, whichever this process may use.
         library.oidnSetDeviceBool(device, b"setAffinity", False)
     library.oidnCommitDevice(device)
     _check(library, device)

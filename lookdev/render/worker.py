@@ -16,7 +16,7 @@ import threading
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
@@ -31,6 +31,7 @@ from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
 from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import FrameTask, SceneTask
+from lookdev.render.threads import on_cores
 
 Floats = NDArray[np.float32]
 
@@ -116,6 +117,8 @@ class Worker:
         Seconds without an answer after which it counts as hung.
     variables
         Variables of its environment besides those of this process.
+    cores
+        Those that it may run on; None: as this process.
     """
 
     def __init__(
@@ -125,6 +128,7 @@ class Worker:
         scratch: Path,
         patience: float = PATIENCE,
         variables: Mapping[str, str] = MappingProxyType({}),
+        cores: frozenset[int] | None = None,
     ) -> None:
         self.log = log
         self._command = tuple(command)
@@ -132,6 +136,7 @@ class Worker:
         # Blender would take its colour spaces from the config of a studio, which shows pictures, and renders none.
         self._environment.pop("OCIO", None)
         self._patience = patience
+        self._cores = cores
         self._process: subprocess.Popen[bytes] | None = None
         self._sending: threading.Thread | None = None
         self._ready = False
@@ -153,7 +158,7 @@ class Worker:
         """Start the process unless it runs, without waiting for it; raises WorkerError where that fails."""
         if self._process is not None:
             return
-        with self.log.open("ab") as log:
+        with self.log.open("ab") as log, nullcontext() if self._cores is None else on_cores(self._cores):
             try:
                 # In a session of its own, Ctrl-C in the terminal interrupts this process only.
                 self._process = subprocess.Popen(

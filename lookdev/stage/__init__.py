@@ -8,10 +8,11 @@ value clips, as USD does not.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any, Literal
 
 from pxr import Ar, Sdf, Tf, Usd, UsdLux, UsdUtils
@@ -25,6 +26,7 @@ from lookdev.text import has_text_path
 
 _MOST_NAMES = 16  # in a hint
 _LONGEST_VALUE = 60  # characters of a value of a file in a message
+_MAPPED: ContextVar[Callable[[str], str] | None] = ContextVar("_MAPPED", default=None)
 _EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
@@ -45,6 +47,20 @@ def reading(file: Path) -> Iterator[list[str]]:
         raise StageError([Fault(str(file), "", NOT_UTF8)]) from error
     finally:
         warnings += [_warning(each) for each in held.TakeCoalescedDiagnostics()]
+
+
+@contextmanager
+def mapped_assets(mapped: Callable[[str], str]) -> Iterator[None]:
+    """Let absolute paths that layers name lead to other places, while a block opens them.
+
+    `mapped` returns where a path is. Layers are changed in memory: references, payloads, sublayers, clips and values
+    of attributes, but not in packages, which name members only.
+    """
+    token = _MAPPED.set(mapped)
+    try:
+        yield
+    finally:
+        _MAPPED.reset(token)
 
 
 def open_stage(file: Path) -> Usd.Stage:
@@ -128,7 +144,9 @@ def lights_hint(stage: Usd.Stage) -> str:
 def dependencies(file: Path) -> set[Path]:
     """Return a USD file, its layers and its images, absolute; those of unselected variants too."""
     with reading(file):
+        held = [] if _MAPPED.get() is None else _open_layers(file)
         layers, images, _ = UsdUtils.ComputeAllDependencies(Sdf.AssetPath(str(file)))
+        del held
     return {Path(layer.realPath) for layer in layers} | {Path(image) for image in images}
 
 
@@ -335,6 +353,7 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
         try:
             layer = Sdf.Layer.FindOrOpen(path)
             if layer is not None:
+                _map_assets(layer)
                 redirect(layer)
         except LookError as error:
             faults += error.faults
@@ -354,6 +373,19 @@ def _open_layers(file: Path) -> list[Sdf.Layer]:
     if faults:
         raise StageError(faults)
     return layers
+
+
+def _is_absolute(path: str) -> bool:
+    return PurePosixPath(path).is_absolute() or PureWindowsPath(path).is_absolute()
+
+
+def _map_assets(layer: Sdf.Layer) -> None:
+    """Map the absolute paths that a layer names, once: one that was changed in memory was opened before."""
+    mapped = _MAPPED.get()
+    if mapped is None or layer.dirty or Ar.IsPackageRelativePath(layer.identifier):
+        return
+    UsdUtils.ModifyAssetPaths(layer, lambda path: mapped(path) if _is_absolute(path) else path)
+    layer.SetPermissionToSave(False)
 
 
 def _resolved(layer: Sdf.Layer, asset: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import multiprocessing
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,11 +20,11 @@ from lookdev.batch.events import Event, FrameDone, FrameFound, RunEnded
 from lookdev.batch.log import JsonReport
 from lookdev.batch.run import RunResult, render_job
 from lookdev.batch.runs import Run
-from lookdev.batch.status import read_status, status_data, status_text
+from lookdev.batch.status import read_status, status_data, status_metrics, status_text
 from lookdev.errors import LookdevError, OutputError
 from lookdev.job import Job
 from lookdev.output.exr import read_header
-from lookdev.plan.chunks import Chunk, part_of, split
+from lookdev.plan.chunks import Chunk, Division, part_of, split
 from lookdev.plan.costs import estimated, measured
 from lookdev.render.backends import BACKENDS
 
@@ -51,7 +52,7 @@ def exrs(folder: Path) -> set[str]:
 def test_the_parts_of_a_plan_are_all_of_it_whatever_is_done(tmp_path: Path) -> None:
     def parts() -> list[tuple[Path, ...]]:
         plan = case.make_plan(case.make_job(tmp_path))
-        ends = split([id(frame.task.scene) for frame in plan.frames], estimated(plan), 3)
+        ends = split([id(frame.task.scene) for frame in plan.frames], estimated(plan), Division(3))
         found = [part_of(plan, ends, number) for number in (1, 2, 3)]
         assert [frame.task.files for part in found for frame in part.frames] == [f.task.files for f in plan.frames]
         assert all(not part.reels and not part.sheets for part in found)
@@ -72,7 +73,7 @@ def test_costs_are_measured_where_frames_are(tmp_path: Path) -> None:
 
 
 def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path, render: Render) -> None:
-    results = [render(chunk=Chunk(number, 2)) for number in (2, 1)]
+    results = [render(chunk=Chunk(number, Division(2))) for number in (2, 1)]
     assert [(each.total, each.done, each.rendered) for each in results] == [(3, 3, 3)] * 2
     assert len(case.requests(tmp_path)) == 6
     assert not list((tmp_path / "out").glob("*/*/*.sheet.png"))
@@ -86,7 +87,7 @@ def test_chunks_render_their_frames_and_the_last_step_all_outputs(tmp_path: Path
 
 
 def test_the_last_step_lists_frames_that_are_missing(tmp_path: Path, render: Render) -> None:
-    render(chunk=Chunk(1, 2))
+    render(chunk=Chunk(1, Division(2)))
     result = render(outputs_only=True)
     assert (result.exit_code, result.done) == (1, 3)
     assert "3 of 6 frames are not rendered yet: gold/city/element.0004, gold/city/lighting.0002" in result.summary()
@@ -94,7 +95,7 @@ def test_the_last_step_lists_frames_that_are_missing(tmp_path: Path, render: Ren
 
 
 def test_chunks_beyond_the_frames_are_empty(render: Render) -> None:
-    assert (render(chunk=Chunk(9, 9)).total, render(chunk=Chunk(6, 9)).total) == (0, 1)
+    assert (render(chunk=Chunk(9, Division(9))).total, render(chunk=Chunk(6, Division(9))).total) == (0, 1)
 
 
 def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path, render: Render) -> None:
@@ -102,7 +103,7 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
 
     def report(event: Event) -> None:
         if isinstance(event, FrameDone) and not any(isinstance(each, FrameDone) for each in events):
-            render(chunk=Chunk(2, 2))  # another run, in the middle of this one
+            render(chunk=Chunk(2, Division(2)))  # another run, in the middle of this one
         events.append(event)
 
     result = render(report=report)
@@ -117,7 +118,7 @@ def test_a_frame_that_another_run_has_rendered_meanwhile_is_found(tmp_path: Path
 def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render: Render) -> None:
     plan = case.make_plan(case.make_job(tmp_path))
     with pytest.raises(LookdevError, match="no frame of the job was rendered yet"):
-        keep_measured_chunks(plan, 2)
+        keep_measured_chunks(plan, Division(2))
     render(only=("gold/city/element.0001",))
     header = read_header(tmp_path / "out/gold/city/element.0001.exr")
     assert header["seconds"] == "0.125"
@@ -127,23 +128,23 @@ def test_measured_chunks_are_kept_until_all_is_done(tmp_path: Path, render: Rend
     uneven = replace(plan, frames=(slow, *plan.frames[1:]))
     for frame in uneven.frames[1:]:
         frame.__dict__["files"] = (replace(frame.files[0], seconds=0.2),)
-    keep_measured_chunks(uneven, 2)
+    keep_measured_chunks(uneven, Division(2))
     again = case.make_plan(case.make_job(tmp_path))
-    assert [len(plan_of_chunk(again, Chunk(number, 2)).frames) for number in (1, 2)] == [1, 5]
-    assert [each.frames for each in chunk_summaries(again, 2)] == [1, 5]
-    assert "gold/city/lighting.0003" in chunks_text(again, 2).splitlines()[2]
+    assert [len(plan_of_chunk(again, Chunk(number, Division(2))).frames) for number in (1, 2)] == [1, 5]
+    assert [each.frames for each in chunk_summaries(again, Division(2))] == [1, 5]
+    assert "gold/city/lighting.0003" in chunks_text(again, Division(2)).splitlines()[2]
     with Run(tmp_path / "out", "1/2"), pytest.raises(OutputError, match="renders chunk 1/2 of the division"):
-        keep_measured_chunks(again, 2)
-    assert [render(chunk=Chunk(number, 2)).total for number in (1, 2)] == [1, 5]
+        keep_measured_chunks(again, Division(2))
+    assert [render(chunk=Chunk(number, Division(2))).total for number in (1, 2)] == [1, 5]
     render()
-    assert [len(plan_of_chunk(again, Chunk(number, 2)).frames) for number in (1, 2)] == [3, 3]
+    assert [len(plan_of_chunk(again, Chunk(number, Division(2))).frames) for number in (1, 2)] == [3, 3]
 
 
 def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render: Render) -> None:
     with pytest.raises(OutputError, match="no run of 'lookdev render' has left its plan there"):
         read_status(tmp_path / "out")
     case.misbehave(tmp_path, element_0002=["failed"])
-    render(chunk=Chunk(1, 2))
+    render(chunk=Chunk(1, Division(2)))
     status = read_status(tmp_path / "out")
     assert (status.total, status.done, status.rendering, status.waiting, status.seconds) == (6, 2, 0, 3, None)
     assert [(each.name, each.reason) for each in status.failed] == [
@@ -159,6 +160,23 @@ def test_the_status_of_a_job_that_runs_render(tmp_path: Path, render: Render) ->
         "2/2", "working", {"gold/city/element.0004", "gold/city/element.0002"}
     )  # fmt: skip
     assert status.seconds == pytest.approx(4 * 0.125 / 2)
+    assert status.frame_seconds == pytest.approx(0.125)
+    metrics = {
+        (name, label): value
+        for line in status_metrics(status).splitlines()
+        for name, label, value in re.findall(r"^(lookdev_\w+)\{[^}]*?(?:state=\"(\w+)\")?\} (.*)", line)
+    }
+    assert metrics == {
+        ("lookdev_frames", "done"): "2.0",
+        ("lookdev_frames", "rendering"): "2.0",
+        ("lookdev_frames", "waiting"): "2.0",
+        ("lookdev_frames", "failed"): "0.0",
+        ("lookdev_runs", "working"): "1.0",
+        ("lookdev_runs", "stalled"): "0.0",
+        ("lookdev_runs", "dead"): "0.0",
+        ("lookdev_frame_seconds", ""): "0.125",
+        ("lookdev_left_seconds", ""): "0.25",
+    }
     text = status_text(status)
     assert "2 of 6 frames are done (33.3 %), 2 are rendered now, 2 wait, 0 failed" in text
     assert json.loads(json.dumps(status_data(status)))["runs"][0]["run"]["process"] == active.run.process
@@ -177,7 +195,7 @@ def _hold(output: Path, ready: Any) -> None:
 
 
 def test_the_status_names_what_is_dead(tmp_path: Path, render: Render) -> None:
-    render(chunk=Chunk(1, 3))
+    render(chunk=Chunk(1, Division(3)))
     spawn = multiprocessing.get_context("spawn")
     ready = spawn.Event()
     other = spawn.Process(target=_hold, args=(tmp_path / "out", ready))
@@ -194,7 +212,7 @@ def test_the_status_names_what_is_dead(tmp_path: Path, render: Render) -> None:
 def test_events_are_lines_of_json_with_the_id_of_the_frame(tmp_path: Path, render: Render) -> None:
     stream = io.StringIO()
     case.misbehave(tmp_path, element_0002=["die", "ok"], element_0003=["failed"])
-    render(chunk=Chunk(1, 2), report=JsonReport(stream))
+    render(chunk=Chunk(1, Division(2)), report=JsonReport(stream))
     lines = [json.loads(line) for line in stream.getvalue().splitlines()]
     kinds = [line["event"] for line in lines]
     assert (kinds[0], kinds[1], kinds[-1]) == ("run_joined", "run_started", "run_ended")

@@ -13,6 +13,7 @@ import yaml
 
 from lookdev.batch.export_openjd import Needs, export_openjd
 from lookdev.errors import LookdevError
+from lookdev.plan.chunks import Division
 
 LOOK = """#usda 1.0
 ( defaultPrim = "Look" )
@@ -48,10 +49,10 @@ def read(file: Path) -> Any:
 
 @pytest.mark.parametrize("name", ["farm.yaml", "farm.json"])
 def test_a_template_beside_the_job_runs_as_it_is(job: Path, name: str) -> None:
-    exported = export_openjd(job, job.with_name(name), 3)
+    exported = export_openjd(job, job.with_name(name), Division(3))
     template = read(job.with_name(name))
     defaults = {each["name"]: each.get("default") for each in template["parameterDefinitions"]}
-    assert defaults == {"Job": "job.toml", "Output": "out", "Chunks": 3, "Command": "lookdev"}
+    assert defaults == {"Job": "job.toml", "Output": "out", "Chunks": 3, "Machines": 3, "Command": "lookdev"}
     assert exported.summary().endswith(f"openjd run {job.with_name(name)} --step Outputs --run-dependencies")
     tool = Path(sys.executable).with_name("openjd")
     done = subprocess.run([tool, "check", job.with_name(name)], capture_output=True, text=True, check=False)
@@ -63,7 +64,7 @@ def test_a_template_beside_the_job_runs_as_it_is(job: Path, name: str) -> None:
 
 
 def test_a_template_elsewhere_has_paths_that_are_given(job: Path, tmp_path: Path) -> None:
-    exported = export_openjd(job, tmp_path / "farm" / "t.yaml", 1, Needs(8, 1000, "/opt/lookdev"))
+    exported = export_openjd(job, tmp_path / "farm" / "t.yaml", Division(1), Needs(8, 1000, "/opt/lookdev"))
     assert f"-p Job={job} -p Output={tmp_path / 'out'}" in exported.summary()
     template = read(tmp_path / "farm" / "t.yaml")
     assert all("default" not in each for each in template["parameterDefinitions"][:2])
@@ -86,16 +87,16 @@ def test_a_folder_is_a_bundle_with_values_and_all_inputs(job: Path, tmp_path: Pa
 
 def test_a_host_of_a_job_on_a_gpu_has_one(job: Path) -> None:
     job.write_text(JOB + '[render]\nbackend = "nodes"\ndevice = "cuda"\n')
-    export_openjd(job, job.with_name("t.yaml"), 1)
+    export_openjd(job, job.with_name("t.yaml"), Division(1))
     assert {"name": "amount.worker.gpu", "min": 1} in read(job.with_name("t.yaml"))["steps"][0]["hostRequirements"][
         "amounts"
     ]
 
 
 def test_more_chunks_than_frames_and_a_missing_package_are_errors(job: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(LookdevError, match=r"--chunks: a job of 5 frames has from 1 to 5 chunks, not 6"):
-        export_openjd(job, job.with_name("t.yaml"), 6)
+    with pytest.raises(LookdevError, match=r"--chunks: a job of 5 frames has at most as many chunks, not 6"):
+        export_openjd(job, job.with_name("t.yaml"), Division(6))
     monkeypatch.setitem(sys.modules, "openjd.model", None)
     with pytest.raises(LookdevError, match=r"pip install 'lookdev\[farm\]'"):
-        export_openjd(job, job.with_name("t.yaml"), 1)
+        export_openjd(job, job.with_name("t.yaml"), Division(1))
     assert not job.with_name("t.yaml").exists()

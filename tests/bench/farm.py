@@ -18,19 +18,20 @@ from itertools import groupby
 from pathlib import Path
 from statistics import fmean
 
-from lookdev.plan.chunks import Costs, split
+from lookdev.plan.chunks import Costs, Division, split
 
 COSTS = Path(__file__).with_name("farm_costs.json")
 
 
 @dataclass(frozen=True)
 class SimulatedJob:
-    """Frames in the order of their plan: the scene and the true cost of each, and costs to start and of each scene."""
+    """Frames in the order of their plan: the scene and the true cost of each, and what else takes time."""
 
     scenes: tuple[int, ...]
     frames: tuple[float, ...]
     preparing: tuple[float, ...]
     start: float
+    planning: float  # of each process that joins a kept worker
     estimates: tuple[float, ...]  # of each frame, as a plan has them
 
     @property
@@ -64,14 +65,15 @@ def measured_job(looks: int, rigs: int, frames: int, mean: float, seed: int = 0)
         tuple(scale * cost for cost in drawn),
         tuple(scene["scene"] for scene in of_scenes),
         measured["start"],
+        measured["plan"],
         tuple(scale * of_scenes[number]["estimate"] for number in numbers),
     )
 
 
-def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: int, *, warm: bool) -> float:
+def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: Division, *, warm: bool) -> float:
     """Return the time until chunks by some costs are done: each is rendered by the next worker that is free.
 
-    A `warm` worker starts once, and keeps the scene of its last frame.
+    A `warm` worker starts once, and keeps the scene of its last frame; each of its chunks is planned anew.
     """
     ends = split(job.scenes, Costs(tuple(costs), fmean(job.preparing), job.start), chunks)
     free = [(0.0, worker) for worker in range(workers)]
@@ -82,8 +84,7 @@ def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: int
             continue
         now, worker = heapq.heappop(free)
         scene = started.get(worker) if warm else None
-        if worker not in started or not warm:
-            now += job.start
+        now += job.planning if warm and worker in started else job.start
         for number in range(first, end):
             if job.scenes[number] != scene:
                 scene = job.scenes[number]
@@ -95,27 +96,30 @@ def chunked(job: SimulatedJob, costs: Sequence[float], workers: int, chunks: int
     return max(now for now, _ in free)
 
 
-def shared(job: SimulatedJob, workers: int) -> float:
+def shared(job: SimulatedJob, workers: int, seed: int = 0) -> float:
     """Return the time until plain runs have rendered a job together, each frame by the one that claims it first."""
     claimed: set[int] = set()
+    rng = random.Random(seed)
 
     def frames() -> Iterator[int | None]:
         """Yield what one run claims; None when it has to wait."""
-        left: list[int] = []
+        left: list[list[int]] = []
         for _, group in groupby(range(len(job.frames)), key=lambda number: job.scenes[number]):
             scene = list(group)
             for place, number in enumerate(scene):
                 if number in done:
                     continue
                 if number in claimed:
-                    left += scene[place:]
+                    left.append(scene[place:])
                     break
                 claimed.add(number)
                 yield number
-        for number in reversed(left):
-            if number not in claimed:
-                claimed.add(number)
-                yield number
+        rng.shuffle(left)
+        for rest in left:
+            for number in reversed(rest):
+                if number not in claimed:
+                    claimed.add(number)
+                    yield number
 
     done: set[int] = set()
     events = [(job.start, worker) for worker in range(workers)]
@@ -144,15 +148,16 @@ def efficiency(job: SimulatedJob, workers: int, seconds: float) -> float:
 def main(frames: int) -> None:
     """Print the efficiency of numbers of workers, for frames of some seconds."""
     out = sys.stdout.write
-    heads = "s a frame", "workers", "a chunk a worker", "4 chunks a worker", "a measured chunk a worker", "shared"
+    heads = "s a frame", "workers", "N chunks", "4 N", "6 N for N machines", "N measured", "shared"
     out(f"| {' | '.join(heads)} |\n{'|---' * len(heads)}|\n")
-    for mean in (1.0, 5.0, 20.0):
+    for mean in (1.0, 5.0, 30.0):
         job = measured_job(10, 4, frames, mean)
-        for workers in (4, 16, 64, 256):
+        for workers in (8, 64, 256):
             times = (
-                chunked(job, job.estimates, workers, workers, warm=False),
-                chunked(job, job.estimates, workers, 4 * workers, warm=True),
-                chunked(job, job.means, workers, workers, warm=False),
+                chunked(job, job.estimates, workers, Division(workers), warm=False),
+                chunked(job, job.estimates, workers, Division(4 * workers), warm=True),
+                chunked(job, job.estimates, workers, Division(6 * workers, workers), warm=True),
+                chunked(job, job.means, workers, Division(workers), warm=False),
                 shared(job, workers),
             )
             shown = " | ".join(f"{efficiency(job, workers, each):.3f}" for each in times)

@@ -10,9 +10,11 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 from collections import defaultdict
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
 from statistics import fmean
 
 from lookdev.batch.events import Event, FrameDone, FrameStarted
@@ -31,8 +33,17 @@ def processor_seconds() -> float:
     return total / _TICK
 
 
+def planning_seconds(job: Path) -> float:
+    """Return the processor time of a process that plans a job, whose files were read before."""
+    for _ in range(2):
+        before = getrusage(RUSAGE_CHILDREN)
+        subprocess.run([sys.executable, "-m", "lookdev", "plan", str(job)], check=True, capture_output=True)
+        after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
 def measure(job: Path) -> dict[str, object]:
-    """Render a job, and return its costs in seconds: to start, and of each scene to prepare and of its frames."""
+    """Render a job, and return its costs in seconds: to start, to plan, and of each scene to prepare and of frames."""
     cores = len(os.sched_getaffinity(0))
     start: list[float] = []
     taken: dict[str, list[float]] = defaultdict(list)
@@ -59,7 +70,7 @@ def measure(job: Path) -> dict[str, object]:
         }
         for name, (first, *frames) in taken.items()
     }
-    return {"cores": cores, "start": start[0], "scenes": scenes}
+    return {"cores": cores, "start": start[0], "plan": planning_seconds(job), "scenes": scenes}
 
 
 if __name__ == "__main__":

@@ -2,6 +2,13 @@
 
 Runs are forked from this process, which has imported all they need: so a thousand of them start in minutes. Leases and
 patience are seconds, so that what stands still is noticed. ``python tests/chaos/storm.py KILLS`` prints the figures.
+
+Where file systems may be mounted, the output is one of a few megabytes; once in a storm of `LONG` kills it is read-only
+for a minute. Where libfaketime is preloaded, the clocks of most runs and their workers are an hour off::
+
+    pip install libfaketime
+    eval "$(python-libfaketime)"
+    python tests/chaos/storm.py 300
 """
 
 from __future__ import annotations
@@ -38,7 +45,7 @@ from lookdev.batch.runs import LEASE_VARIABLE
 from lookdev.errors import LookdevError
 from lookdev.job import Job
 from lookdev.output.exr import read_frame, read_header
-from lookdev.plan.chunks import Chunk
+from lookdev.plan.chunks import Chunk, Division
 from lookdev.render.backends import BACKENDS
 
 CHUNKS, AT_ONCE = 3, 4
@@ -47,16 +54,19 @@ HOUR = 3600.0
 TIN = '[[look]]\nname = "tin"\nmaterial = "gold.usda"\n'
 TURNTABLES = '[[turntable]]\nkind = "element"\nframes = 8\n[[turntable]]\nkind = "lighting"\nframes = 5\n'
 DISK = 3 << 20  # bytes of the small disk
+MINUTE, LONG = 60.0, 100  # seconds without writing, in storms of so many kills or more
+OTHER_CLOCKS = "libfaketime" in os.environ.get("LD_PRELOAD", "")
 ENDED = "ended: "
 OF_THE_RUN = {"time", "seconds", "host"}
 CAUSES = {
     "disk full": "No space left on device",
-    "unwritable": "Operation not permitted|Permission denied",
+    "unwritable": "Operation not permitted|Permission denied|Read-only file system",
     "taken for dead": "this run stood still",
     "frame given up": "frames failed",
 }
 """Why a run may end with exit code 1, each by what its message contains."""
 
+READ_ONLY = "read-only for a minute"
 KEPT = {"pictures.json", "digests.json", "plan.json", "worker.log"}
 
 
@@ -81,8 +91,12 @@ def write_job(folder: Path) -> Path:
     return file
 
 
-def render(job: Path, chunk: Chunk | None, frame_seconds: float) -> int:
-    """Render a job as the command line does, with the quick worker; return the exit code."""
+def render(job: Path, chunk: Chunk | None, frame_seconds: float, clock: str = "") -> int:
+    """Render a job as the command line does, with the quick worker; return the exit code.
+
+    `clock` is how far that of the run is off, as libfaketime has it, where that is preloaded.
+    """
+    os.environ["FAKETIME"] = clock or "+0"
 
     def prepare(job: Job, ahead: object) -> Any:
         return SimpleNamespace(job=job, notes=(), plan=case.make_plan(job))
@@ -126,6 +140,14 @@ def children(process: int) -> list[int]:
         return []
 
 
+def ended(process: int | None) -> bool:
+    """Return whether there is no such process, or nobody has asked yet how it ended."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] in "ZX"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
 def inherit_orphans() -> None:
     """Become the parent of processes whose parents, runs of a storm, are killed (PR_SET_CHILD_SUBREAPER)."""
     ctypes.CDLL(None).prctl(36, 1, 0, 0, 0)
@@ -157,13 +179,14 @@ def small_disk(folder: Path) -> Iterator[bool]:
 class Storm:
     """A round of a storm over the output of a job."""
 
-    def __init__(self, folder: Path, rng: random.Random, figures: Figures, disk: bool) -> None:
+    def __init__(self, folder: Path, rng: random.Random, figures: Figures, disk: bool, long: bool) -> None:
         self._job, self._out = folder / "job.toml", folder / "out"
         self._log = folder / "errors.log"
-        self._rng, self._figures = rng, figures
-        self._runs: set[int] = set()
+        self._rng, self._figures, self._long = rng, figures, long
+        self._runs: dict[int, Chunk | None] = {}
+        self._done = False
         self._later: list[tuple[float, Callable[[], None]]] = []
-        self._again = 0.0
+        self._again = self._writable = 0.0  # when such a fault may happen next; when a read-only disk is no more
         self._faults: dict[str, tuple[float, Callable[[], bool]]] = {
             "run killed": (10.0, self._kill_run),
             "worker killed": (6.0, self._kill_worker),
@@ -171,13 +194,15 @@ class Storm:
             "worker stopped": (1.0, self._stop_worker),
             "clock skewed": (3.0, self._skew),
             "unwritable": (0.5, self._make_unwritable),
-            **({"disk full": (0.5, self._fill)} if disk else {}),
+            **({"disk full": (0.5, self._fill), READ_ONLY: (0.5, self._make_read_only)} if disk else {}),
         }
 
     def blow(self, kills: int, longest: float) -> None:
-        """Render, with faults until so many kills, or so many seconds; then let it end."""
+        """Render, with faults until so many kills or seconds, or all frames are done; then let it end."""
         end, target = time.monotonic() + longest, self._figures.kills + kills
-        while self._figures.kills < target and time.monotonic() < end:
+        while (
+            self._figures.kills < target and time.monotonic() < end and not self._done
+        ) or time.monotonic() < self._writable:
             self._keep_running()
             time.sleep(self._rng.uniform(0.0, 0.12))
             self._do_later()
@@ -194,7 +219,7 @@ class Storm:
         await_orphans()
         for _ in range(20):
             run = self._start(None)
-            self._runs.remove(run)
+            del self._runs[run]
             if (code := os.waitstatus_to_exitcode(os.waitpid(run, 0)[1])) == 0:
                 return
             self._figures.ends[code] += 1
@@ -204,18 +229,24 @@ class Storm:
         self._collect()
         while len(self._runs) < AT_ONCE:
             number = self._rng.randrange(CHUNKS + 1)
-            self._start(Chunk(number, CHUNKS) if number else None)
+            self._start(Chunk(number, Division(CHUNKS)) if number else None)
+            if time.monotonic() < self._writable:
+                return  # it ends at once
 
     def _start(self, chunk: Chunk | None) -> int:
-        run = forked(partial(render, self._job, chunk, self._rng.uniform(0.0, 0.06)), self._log)
-        self._runs.add(run)
+        clock = self._rng.choice(("-1h", "+0", "+1h")) if OTHER_CLOCKS else ""
+        self._figures.faults["run with a clock an hour off"] += clock in ("-1h", "+1h")
+        run = forked(partial(render, self._job, chunk, self._rng.uniform(0.0, 0.2), clock), self._log)
+        self._runs[run] = chunk
         return run
 
     def _collect(self) -> None:
         for run in list(self._runs):
-            if (ended := os.waitpid(run, os.WNOHANG))[0]:
-                self._runs.remove(run)
-                self._figures.ends[os.waitstatus_to_exitcode(ended[1])] += 1
+            if (end := os.waitpid(run, os.WNOHANG))[0]:
+                code = os.waitstatus_to_exitcode(end[1])
+                self._done = self._done or (code == 0 and self._runs[run] is None)
+                del self._runs[run]
+                self._figures.ends[code] += 1
 
     def _do_later(self) -> None:
         now = time.monotonic()
@@ -240,10 +271,16 @@ class Storm:
         return False
 
     def _kill_run(self) -> bool:
-        return self._signal(self._any_run(), signal.SIGKILL)
+        """Kill a run; one that has ended before is no kill."""
+        before = self._figures.ends[-signal.SIGKILL]
+        if self._signal(run := self._any_run(), signal.SIGKILL):
+            while run in self._runs:
+                self._collect()
+        return self._figures.ends[-signal.SIGKILL] > before
 
     def _kill_worker(self) -> bool:
-        return self._signal(self._any_worker(), signal.SIGKILL)
+        worker = self._any_worker()
+        return not ended(worker) and self._signal(worker, signal.SIGKILL)
 
     def _stop(self, process: int | None) -> bool:
         if not self._signal(process, signal.SIGSTOP):
@@ -260,12 +297,13 @@ class Storm:
 
     def _skew(self) -> bool:
         """Set times of signs of life, and of a frame, an hour off."""
-        files = [*self._out.glob(".lookdev/runs/*"), *list(self._out.glob("*/*/*.exr"))[:1]]
-        for file in files:
+        done = False
+        for file in [*self._out.glob(".lookdev/runs/*"), *list(self._out.glob("*/*/*.exr"))[:1]]:
             with suppress(OSError):
                 there = file.stat().st_mtime + self._rng.choice((-HOUR, HOUR))
                 os.utime(file, (there, there))
-        return bool(files)
+                done = True
+        return done
 
     def _make_unwritable(self) -> bool:
         """Let no file be made, replaced or removed for a while."""
@@ -282,6 +320,22 @@ class Storm:
             back = ["chmod", "u+w", *folders]
         self._again = time.monotonic() + 3.0
         self._later.append((time.monotonic() + 1.0, lambda: subprocess.run(back, capture_output=True) and None))
+        return True
+
+    def _make_read_only(self) -> bool:
+        """Let the file system be read-only for a minute, once in a long storm, for all that opens files by then."""
+        if time.monotonic() < self._again or self._figures.faults[READ_ONLY] or not self._long:
+            return False
+        out, aside = str(self._out), str(self._out.with_name("aside"))
+        Path(aside).mkdir(exist_ok=True)
+        # Made where nobody writes: a mount with open files cannot become read-only.
+        mounts = ["--bind", out, aside], ["-o", "remount,bind,ro", aside], ["--bind", aside, out]
+        for mount in mounts:
+            subprocess.run(["mount", *mount], check=True)
+        subprocess.run(["umount", "-l", aside], check=True)
+        self._writable = time.monotonic() + MINUTE
+        self._again = self._writable + 3.0
+        self._later.append((self._writable, lambda: subprocess.run(["umount", "-l", out], check=True) and None))
         return True
 
     def _fill(self) -> bool:
@@ -347,7 +401,7 @@ def storm(folder: Path, kills: int, seed: int, each: int = 40) -> Figures:
         shutil.rmtree(calm / "out")
         disk = stack.enter_context(small_disk(calm / "out"))
         for figures.rounds in itertools.count(1):
-            Storm(calm, rng, figures, disk).blow(min(each, kills - figures.kills), 60.0)
+            Storm(calm, rng, figures, disk, kills >= LONG).blow(min(each, kills - figures.kills), 60.0)
             check(calm / "out", whole)
             figures.causes = causes(calm / "errors.log")
             assert figures.causes.total() == figures.ends[1]

@@ -12,7 +12,8 @@ from pxr import Usd
 
 from lookdev.errors import LookdevError
 from lookdev.material.library import Preset, find_preset
-from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_inputs, set_mask, write_preview
+from lookdev.material.library.constants import set_inputs
+from lookdev.material.library.edit import add_layer, new_look, remove_layer, set_mask, write_preview
 from lookdev.material.library.masks import parse_mask
 from lookdev.material.look import Coordinates, Formula, Primvar, Texture, View
 from lookdev.material.usd import read_look

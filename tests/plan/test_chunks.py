@@ -7,7 +7,7 @@ from itertools import combinations_with_replacement, pairwise
 import pytest
 
 from lookdev.errors import LookdevError
-from lookdev.plan.chunks import Chunk, Costs, split
+from lookdev.plan.chunks import Chunk, Costs, Division, split
 from lookdev.plan.costs import estimate, filled
 from lookdev.render.task import SceneTask
 
@@ -22,12 +22,18 @@ def most(scenes: list[int], costs: Costs, ends: tuple[int, ...]) -> float:
     return max(cost(scenes, costs, first, end) for first, end in pairwise((0, *ends)))
 
 
-@pytest.mark.parametrize("text", ["1/1", "2/8", "100000/100000"])
+@pytest.mark.parametrize("text", ["1/1", "2/8", "100000/100000", "2/48@8", "1/2@1"])
 def test_a_chunk_is_read_as_it_is_written(text: str) -> None:
     assert str(Chunk.parse(text)) == text
 
 
-@pytest.mark.parametrize("text", ["", "0/3", "4/3", "1", "1/0", "-1/3", "1/3/5", "a/b", "1/100001", "1/3 ", "١/٣"])
+def test_a_chunk_for_each_machine_is_one_of_like_cost() -> None:
+    assert Chunk.parse("2/8@8") == Chunk.parse("2/8")
+
+
+@pytest.mark.parametrize(
+    "text", ["", "0/3", "4/3", "1", "1/0", "-1/3", "1/3/5", "a/b", "1/100001", "1/3 ", "١/٣", "1/3@0", "1/3@4", "1/3@"]
+)
 def test_what_is_no_chunk_is_refused(text: str) -> None:
     with pytest.raises(LookdevError, match="is no chunk: 2/8 is the second of eight"):
         Chunk.parse(text)
@@ -39,27 +45,47 @@ def test_no_division_has_a_cheaper_most_costly_part(seed: int) -> None:
     scenes = sorted(rng.randrange(3) for _ in range(8))
     costs = Costs(tuple(rng.uniform(0.1, 3.0) for _ in scenes), rng.uniform(0.0, 4.0), 1.0)
     count = rng.randint(1, 4)
-    ends = split(scenes, costs, count)
+    ends = split(scenes, costs, Division(count))
     assert (len(ends), ends[-1]) == (count, len(scenes))
     every = combinations_with_replacement(range(len(scenes) + 1), count - 1)
     best = min(most(scenes, costs, (*inner, len(scenes))) for inner in every)
     assert most(scenes, costs, ends) == pytest.approx(best, rel=1e-5)
 
 
+@pytest.mark.parametrize("division", ["1", "2@1", "3"])
+def test_every_frame_is_in_a_part_however_sums_are_rounded(division: str) -> None:
+    for seed in range(50):
+        rng = random.Random(seed)
+        costs = Costs(tuple(rng.uniform(0.1, 3.0) for _ in range(300)), 1.3, 1.0)
+        ends = split([number // 100 for number in range(300)], costs, Division.parse(division))
+        assert (len(ends), ends[-1]) == (Division.parse(division).count, 300)
+
+
 def test_scenes_stay_together_where_that_costs_nothing() -> None:
     scenes = [scene for scene in range(6) for _ in range(10)]
-    assert split(scenes, Costs((1.0,) * 60, 4.0, 6.0), 3) == (20, 40, 60)
+    assert split(scenes, Costs((1.0,) * 60, 4.0, 6.0), Division(3)) == (20, 40, 60)
 
 
 @pytest.mark.parametrize(("frames", "count"), [(0, 3), (2, 5), (7, 7)])
 def test_parts_without_frames_are_the_last(frames: int, count: int) -> None:
-    ends = split([0] * frames, Costs((1.0,) * frames, 1.0, 1.0), count)
+    ends = split([0] * frames, Costs((1.0,) * frames, 1.0, 1.0), Division(count))
     assert ends == tuple(min(number, frames) for number in range(1, count + 1))
 
 
-def test_a_plan_has_at_least_one_part() -> None:
-    with pytest.raises(ValueError, match="at least one part"):
-        split([0], Costs((1.0,), 1.0, 1.0), 0)
+@pytest.mark.parametrize("text", ["0", "-1", "8@9", "8@0", "8@", "eight", "100001", "8 "])
+def test_what_is_no_number_of_chunks_is_refused(text: str) -> None:
+    with pytest.raises(LookdevError, match="is no number of chunks: 8 are eight of like cost"):
+        Division.parse(text)
+
+
+def test_parts_for_fewer_machines_fall_in_rounds() -> None:
+    ends = split([0] * 4032, Costs((1.0,) * 4032, 0.0, 1.0), Division.parse("24@4"))
+    sizes = [end - first for first, end in pairwise((0, *ends))]
+    # 4 (1 + 1/2 + ... + 1/32) of the first.
+    assert all(abs(size - 512 / 2 ** (number // 4)) <= 1 for number, size in enumerate(sizes))
+    weights = Division.parse("80@4").weights
+    assert weights[-1] == pytest.approx(1 / 32)
+    assert all(later <= earlier for earlier, later in pairwise(weights))
 
 
 def test_scenes_that_were_not_measured_are_estimated_in_the_ratio_of_the_others(scene: SceneTask) -> None:

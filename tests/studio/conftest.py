@@ -15,6 +15,14 @@ pytest.importorskip("starlette", reason="the page's packages are not installed: 
 from served import Served, served
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Keep what a Designer remembers of unsaved work away from the user's."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("LOOKDEV_STATE", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(scope="session")
 def roots(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a small measurement and a look, and beside it a secret."""

@@ -161,7 +161,25 @@ def test_a_request_of_another_site_or_of_no_sense_is_refused(server: Served) -> 
     status, body, _ = server.ask("/edit", "POST", edit)
     assert (status, "roughness" in json.loads(body)["error"]) == (422, True)
     assert server.ask("/edit", "POST", b"{")[0] == 422
+    for path in ("/stack", "/history", "/disk", "/snapshots", "/picture", "/save", "/choose"):
+        assert server.ask(path, "POST", b"{}", Origin="http://elsewhere.example")[0] == 403
+        assert server.ask(path, "POST", b"{}", Host="elsewhere.example")[0] == 403
+        assert server.ask(path, "POST", b"nonsense")[0] == 422
+    for path in ("/status", "/presets", "/presets/dust", "/images?look=0", "/snapshots/1"):
+        assert server.ask(path, Host="elsewhere.example")[0] == 403
     choice = json.dumps({"look": "own", "rig": "stduio"}).encode()
     assert "'studio'" in json.loads(server.ask("/choose", "POST", choice)[1])["error"]
     for path in ("/buffers/none", "/viewport/../../document.py", "/viewport/%2e%2e/view.py", "/../document.py"):
         assert server.ask(path)[0] == 404
+    for path in ("/presets/..%2f..%2fpyproject.toml", "/presets/none", "/snapshots/9", "/snapshots/x"):
+        assert server.ask(path)[0] == 404
+
+
+def test_a_picture_has_a_limit_of_its_own_and_nothing_else_has(server: Served) -> None:
+    png = b"\x89PNG\r\n\x1a\n"
+    status, body, _ = server.ask("/picture", "POST", png + bytes(1 << 20))
+    assert (status, len(json.loads(body)["snapshots"])) == (200, 1)
+    status, body, _ = server.ask("/picture", "POST", png + bytes(5 << 20))
+    assert (status, "at most 4 MiB" in json.loads(body)["error"]) == (422, True)
+    assert server.ask("/stack", "POST", b"[" * 60000)[0] == 422
+    assert server.ask("/save", "POST", b" " * (1 << 20) + b'{"over": true}')[0] == 422

@@ -1,4 +1,4 @@
-"""Looks with other constants: a copy of a file, in which they are set, and nothing else is changed."""
+"""Constants of a look, set where the file states them: in the file itself, or in a copy of it."""
 
 from __future__ import annotations
 
@@ -10,16 +10,33 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade, UsdUtils
 
+from lookdev.brdf import MODELS, layer_shaders
 from lookdev.cache import atomic_path
-from lookdev.errors import Fault, LookError
-from lookdev.material.change import Constant, with_constants
-from lookdev.material.library.edit import check_suffix, reported_for, shown_layers
+from lookdev.errors import Fault, LookError, nearest_hint
+from lookdev.material.change import Constant, Value, with_constants
+from lookdev.material.library.edit import INPUT_TYPES, check_suffix, edited, reported_for
 from lookdev.material.library.nodes import clear_input, relative_path
+from lookdev.material.library.stack import shown_layers
 from lookdev.material.usd import find_material, read_look
-from lookdev.material.usd.network import Network, Source, is_set
+from lookdev.material.usd.network import Network, Source, shader_id
 from lookdev.stage import open_stage, reading
 
-_TYPES = {1: Sdf.ValueTypeNames.Float, 3: Sdf.ValueTypeNames.Color3f}
+
+def set_inputs(
+    file: Path,
+    values: Mapping[tuple[int, str], Value],
+    prim: str | None = None,
+    variants: Mapping[str, str] | None = None,
+) -> None:
+    """Set constants of layers, by the place of a layer in the look, from the base, and the name of a parameter.
+
+    ``"mask"`` is that of the layer, ``"mask.dirt"`` an input of an expression. What the file itself says of an input is
+    changed where it says it, also in a variant; an input of another file gets an override. The material is as in
+    `variants`.
+    """
+    with edited(file, prim, variants) as material:
+        for (number, name), value in values.items():
+            set_constant(_input(material, number, name.split("."), value), value)
 
 
 def write_changed(
@@ -76,9 +93,8 @@ def _edit(
         raise LookError(network.faults)
     material = UsdShade.Material(stage.GetPrimAtPath(path))
     for each in constants:
-        attribute = _input(material, each)
-        holder = network.follow(attribute) if by_interface else None
-        _set(holder if isinstance(holder, Usd.Attribute) else attribute, each.value)
+        attribute = _input(material, each.layer, each.path, each.value)
+        set_constant(attribute, each.value, by_interface=by_interface)
     stage.GetRootLayer().Save()
     return path
 
@@ -93,30 +109,51 @@ def check_writable(file: Path, prim: str | None = None, variants: Mapping[str, s
     shown_layers(UsdShade.Material(stage.GetPrimAtPath(path)))
 
 
-def _input(material: UsdShade.Material, constant: Constant) -> Usd.Attribute:
-    """Return the attribute of a constant, made where it is not there yet."""
-    shader, stack, mask = shown_layers(material)[constant.layer]
-    name, *inside = constant.path
-    kind = _TYPES[len(constant.value)]
-    shader, name = (stack, mask) if name == "mask" else (shader, name)
+def _input(material: UsdShade.Material, layer: int, path: Sequence[str], value: Any) -> Usd.Attribute:
+    """Return the attribute of a constant, made where it is not there yet; `path` is as that of a `Constant`."""
+    shader, stack, mask = shown_layers(material)[layer]
+    name, *inside = path
+    if name == "mask":
+        attribute = stack.CreateInput(mask, Sdf.ValueTypeNames.Float).GetAttr()
+    else:
+        kind = MODELS[layer_shaders()[shader_id(shader)]].parameters[name].kind
+        attribute = shader.CreateInput(name, INPUT_TYPES[kind]).GetAttr()
     if not inside:
-        return shader.CreateInput(name, kind).GetAttr()
+        return attribute
     network = Network(Path())
-    source = network.follow(shader.GetInput(name).GetAttr())
-    assert isinstance(source, Source), "an expression's input is of a node"
+    source = network.follow(attribute)
+    known = [each.GetBaseName() for each in source.shader.GetInputs()] if isinstance(source, Source) else []
+    if not isinstance(source, Source) or inside[0] not in known:
+        place = str(attribute.GetPath())
+        what = f"no expression with an input '{inside[0]}' has its value"
+        file = attribute.GetStage().GetRootLayer().realPath
+        raise LookError([Fault(file, place, what, nearest_hint(inside[0], known) if known else "")])
+    kind = INPUT_TYPES["color" if isinstance(value, tuple) and len(value) == 3 else "float"]
     return source.shader.CreateInput(inside[0], kind).GetAttr()
 
 
-def _set(attribute: Usd.Attribute, value: tuple[float, ...]) -> None:
-    if attribute.HasAuthoredConnections():
-        clear_input(attribute)
-    given: Any = value[0] if len(value) == 1 else Gf.Vec3f(*value)
-    root = attribute.GetStage().GetRootLayer()
-    for spec in attribute.GetPropertyStack() if is_set(attribute) else ():
+def set_constant(attribute: Usd.Attribute, value: Any, *, by_interface: bool = True) -> None:
+    """Set a constant where the strongest opinion of the edited file is.
+
+    With `by_interface` that is the interface input to which the attribute is connected; otherwise the connection goes.
+    Raises LookError where a node computes the input.
+    """
+    given = Gf.Vec3f(*map(float, value)) if isinstance(value, tuple) and len(value) == 3 else value
+    given = float(given[0]) if isinstance(given, tuple) else given
+    network = Network(Path(attribute.GetStage().GetRootLayer().realPath))
+    holder = network.follow(attribute) if by_interface else None
+    if isinstance(holder, Source):
+        place, hint = str(attribute.GetPath()), "a texture or an expression has its value"
+        raise LookError([Fault(str(network.file), place, "is connected", hint)])
+    target = holder or attribute
+    if target.HasAuthoredConnections():
+        clear_input(target)
+    root = target.GetStage().GetRootLayer()
+    for spec in target.GetPropertyStack(Usd.TimeCode.Default()):
         if spec.layer == root and spec.HasDefaultValue():
             spec.default = given
             return
-    attribute.Set(given)
+    target.Set(given)
 
 
 def _anchor(layer_file: Path, before: Path, after: Path) -> None:

@@ -59,23 +59,24 @@ class Computed:
 Mask: TypeAlias = Source | Computed
 
 
-def parse_mask(text: str, inputs: Iterable[str] = ()) -> Mask:
+def parse_mask(text: str, inputs: Iterable[str] = (), folder: Path = Path()) -> Mask:
     """Parse a mask.
 
     Parameters
     ----------
     text
-        ``"0.5"``, ``"dirt.png"`` or ``"dirt.png:g"`` (relative to the current folder), ``"primvar:wear"``, or an
-        expression.
+        ``"0.5"``, ``"dirt.png"`` or ``"dirt.png:g"``, ``"primvar:wear"``, or an expression.
     inputs
         Names of an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
+    folder
+        Images are relative to it.
 
     Raises
     ------
     LookError
         `text` is none of these, or an input is not a name of the expression.
     """
-    source = _parse_source(text, "mask", ("r", "g", "b", "a"))
+    source = _parse_source(text, "mask", ("r", "g", "b", "a"), folder)
     if source is not None:
         if extra := list(inputs):
             raise LookError([Fault("--input", extra[0], "only an expression has inputs")])
@@ -84,23 +85,23 @@ def parse_mask(text: str, inputs: Iterable[str] = ()) -> Mask:
         expression = parse(text)
     except ExpressionError as error:
         raise LookError([Fault("mask", "", f"is not {_FORMS}: {error}")]) from error
-    return Computed(expression, dict(_parse_inputs(inputs, expression)))
+    return Computed(expression, dict(_parse_inputs(inputs, expression, folder)))
 
 
-def _parse_inputs(inputs: Iterable[str], expression: Expression) -> Iterator[tuple[str, Source]]:
+def _parse_inputs(inputs: Iterable[str], expression: Expression, folder: Path) -> Iterator[tuple[str, Source]]:
     for text in inputs:
         name, _, value = text.partition("=")
         if name not in expression.names:
             hint = nearest_hint(name, expression.names) if expression.names else "it has none"
             raise LookError([Fault("--input", text, f"'{name}' is no name in the expression", hint)])
-        source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"))
+        source = _parse_source(value, f"--input {name}", ("r", "g", "b", "a", "rgb"), folder)
         if source is None:
             hint = "give NAME=VALUE, NAME=IMAGE[:CHANNEL], NAME=primvar:PRIMVAR or NAME=uv:UVSET"
             raise LookError([Fault("--input", text, "names no source of the value", hint)])
         yield name, source
 
 
-def _parse_source(text: str, what: str, channels: tuple[str, ...]) -> Source | None:
+def _parse_source(text: str, what: str, channels: tuple[str, ...], folder: Path) -> Source | None:
     """Parse a number, an image or a primvar; None where it is something else."""
     if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", text, re.I):
         value = float(text)
@@ -116,9 +117,9 @@ def _parse_source(text: str, what: str, channels: tuple[str, ...]) -> Source | N
         channel = match["channel"] if match["channel"] is not None else "r"
         if channel not in channels:
             raise LookError([Fault(what, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))])
-        file = Path(match["file"]).absolute()
+        file = (folder / match["file"]).absolute()
         if "<UDIM>" not in file.name and not file.is_file():
-            raise LookError([Fault(what, "", f"no such image file: {match['file']}", f"from {Path.cwd()}")])
+            raise LookError([Fault(what, "", f"no such image file: {match['file']}", f"from {folder.absolute()}")])
         return Image(file, channel)
     return None
 

@@ -22,7 +22,8 @@ from lookdev.material.variants import combinations
 from lookdev.stage import lights_hint, open_stage, reading, usd_words
 
 _MOST_PROPERTIES = 4096  # of a LookdevLayers: a thousand layers
-_MODES: tuple[Mode, ...] = ("over", "transmit")
+MODES: tuple[Mode, ...] = ("over", "transmit")
+"""How a stack can say that a layer lies."""
 
 
 def read_look(
@@ -249,8 +250,8 @@ def _read_stack(network: Network, stack: UsdShade.Shader) -> tuple[Layer, ...]:
 
 def _read_mode(network: Network, attribute: Usd.Attribute | None) -> Mode:
     given = None if attribute is None else network.constant(attribute, Sdf.ValueTypeNames.Token)
-    if given is not None and given not in _MODES:
-        network.fault(attribute, f"unknown value '{given}'", nearest_hint(given, _MODES))
+    if given is not None and given not in MODES:
+        network.fault(attribute, f"unknown value '{given}'", nearest_hint(given, MODES))
     return "transmit" if given == "transmit" else "over"
 
 

@@ -2,8 +2,8 @@
 
 - Rocklin 2015, "Dask: Parallel Computation with Blocked algorithms and Task Scheduling"; https://distributed.dask.org
 
-A task of Dask is a chunk: frames of one scene, for about `_CHUNK` seconds. Each worker is given two, of the scene that
-it renders (`shares`); so an adaptive scheduler sees more work than it has workers for, and adds some. Chunks of workers
+A task of Dask is a chunk: frames of one scene, for about 15 seconds (`shares`). Each worker is given two, of the scene
+that it renders; so an adaptive scheduler sees more work than it has workers for, and adds some. Chunks of workers
 that are lost go to others. Files go to a worker that lacks them, once.
 """
 
@@ -49,15 +49,13 @@ from lookdev.render.executors.protocol import (
     Store,
     Wanted,
 )
-from lookdev.render.executors.shares import Shares
+from lookdev.render.executors.shares import ChunkShares
 from lookdev.render.executors.versions import mismatch, versions
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.threads import THREADS_VARIABLE, cores
+from lookdev.render.threads import cores
 from lookdev.render.worker import Progress
 
 _CONNECT = 10.0  # seconds
-_CHUNK = 15.0  # seconds of frames in a chunk
-_PIXELS = 64 << 20  # bytes of pixels that a chunk answers, about
 _PIECE = 32 << 20  # bytes of a file in a message
 _AHEAD = 2  # chunks of a worker: it renders one while the other is on its way
 _LOOK = 1.0  # seconds between looks at the cluster
@@ -111,7 +109,7 @@ class DaskExecutor:
         self._started: set[str] = set()  # digests of frames that went to a renderer
         self._in_flight: set[_Chunk] = set()
         self._unfit: dict[str, str] = {}
-        self._variables: tuple[tuple[str, str], ...] = ()
+        self._sharing = 1  # workers that share the cores of this machine
         self._known: set[str] = set()
         self._number = 0
 
@@ -128,7 +126,7 @@ class DaskExecutor:
             target: Any = self._address
             if not self._address:
                 count = self._count or max(min(cores() // _EACH, free_memory() // _MEMORY), 1)
-                self._variables = ((THREADS_VARIABLE, str(max(cores() // count, 1))),) if count > 1 else ()
+                self._sharing = count
                 cluster = LocalCluster(
                     n_workers=count,
                     threads_per_worker=1,
@@ -169,7 +167,7 @@ class DaskExecutor:
         """Render tasks, as the protocol has it."""
         backend = tasks[0].scene.backend
         self._check_versions(backend)
-        self._waiting = _Waiting(tasks, wanted, self._store is None)
+        self._waiting = ChunkShares(tasks, wanted, answered=self._store is None)
         self._by_digest.update({task.digest: task for task in tasks})
         self._order = Order(
             b"",
@@ -180,7 +178,7 @@ class DaskExecutor:
             self._store,
             self._shared_mark(),
             self._command,
-            self._variables,
+            self._sharing,
         )
         met, looked = time.monotonic(), -math.inf
         while True:
@@ -193,7 +191,7 @@ class DaskExecutor:
                     yield Remarked(f"{self._where} has no worker: frames wait for one")
                 gone, self._known = self._known - set(crowd), set(crowd)
                 for worker in gone:
-                    self._waiting.shares.leave(worker)
+                    self._waiting.leave(worker)
                 # By itself the scheduler keeps them for a worker of the same address, if no other is there.
                 for chunk in [each for each in self._in_flight if each.worker in gone]:
                     self._in_flight.discard(chunk)
@@ -220,7 +218,7 @@ class DaskExecutor:
                 self._submit(_Chunk(frames, worker))
                 given[worker] += 1
         if not crowd and not self._in_flight and (frames := self._waiting.chunk("", 1)):
-            self._waiting.shares.leave("")
+            self._waiting.leave("")
             self._submit(_Chunk(frames))
 
     @property
@@ -373,44 +371,6 @@ class DaskExecutor:
         if futures:
             with suppress(Exception):
                 self._client.cancel(futures, force=True)
-
-
-class _Waiting:
-    """Frames that wait, and how many make a chunk."""
-
-    def __init__(self, tasks: Sequence[FrameTask], wanted: Wanted, answered: bool) -> None:
-        self.shares = Shares(tasks)
-        self._wanted = wanted
-        self._answered = answered  # with pixels
-        self._before: dict[str, SceneTask] = {}
-
-    def measured(self, task: FrameTask, seconds: float, worker: str) -> None:
-        """Note what a frame took on a worker."""
-        first = self._before.get(worker) is not task.scene
-        self._before[worker] = task.scene
-        self.shares.measured(task, seconds, first=first)
-
-    def chunk(self, worker: str, workers: int) -> list[FrameTask]:
-        """Return frames of a scene for a worker; none where none waits that is worth a change of its scene."""
-        chosen: list[FrameTask] = []
-        while (task := self.shares.next_for(worker)) is not None:
-            if chosen and chosen[0].scene is not task.scene:
-                self.shares.give_back(task)
-                break
-            chosen += [task] if self._wanted(task) else []
-            if chosen and len(chosen) >= self._size(task, workers):
-                break
-        return chosen
-
-    def _size(self, task: FrameTask, workers: int) -> int:
-        """Return how many frames make a chunk: one until it is known how long they take."""
-        seconds = self.shares.seconds_of(task)
-        if seconds is None:
-            return 1
-        width, height = task.scene.resolution
-        bound = max(_PIXELS // (width * height * 32), 1) if self._answered else len(self.shares)
-        # At the end chunks are small, so that all workers end at once.
-        return max(min(int(_CHUNK / max(seconds, 1e-3)), -(-len(self.shares) // (2 * workers)), bound), 1)
 
 
 def _brief(error: BaseException) -> str:

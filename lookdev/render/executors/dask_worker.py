@@ -25,6 +25,7 @@ from lookdev.render.executors.protocol import GivenUp, Retried, Store, Stored
 from lookdev.render.executors.tries import rendered_in_tries
 from lookdev.render.executors.versions import mismatch, versions
 from lookdev.render.task import FrameTask, contents
+from lookdev.render.threads import share_of_cores
 from lookdev.render.worker import Progress, Rendered, Worker
 
 IDLE = 300.0
@@ -39,7 +40,7 @@ class Order:
     """A chunk of frames of one scene, pickled, and how to render it.
 
     `store` writes frames to the shared output, whose mark is the file `shared`; None: pixels are the answer. `command`
-    replaces that of the backend, in tests.
+    replaces that of the backend, in tests. `sharing` workers, whose names are numbers, divide the cores of a machine.
     """
 
     frames: bytes
@@ -50,7 +51,7 @@ class Order:
     store: Store | None = None
     shared: Path | None = None
     command: tuple[str, ...] | None = None
-    variables: tuple[tuple[str, str], ...] = ()
+    sharing: int = 1
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def render_order(order: Order) -> Result:
     try:
         if lacking := tuple(each for each in sorted(contents(tasks[0].scene), key=str) if not each.is_whole()):
             return Lacks(me.address, lacking)
-        with _RENDERERS.lent(order, Path(me.local_directory)) as worker, _wanted(me, worker) as ended:
+        with _RENDERERS.lent(order, me) as worker, _wanted(me, worker) as ended:
             frames = [_render(order, number, task, worker, me, ended) for number, task in enumerate(tasks)]
             return Answers(me.address, frames)
     except OutputError as error:
@@ -210,19 +211,20 @@ class _Renderers:
         self._idle: threading.Timer | None = None
 
     @contextmanager
-    def lent(self, order: Order, folder: Path) -> Iterator[Worker]:
+    def lent(self, order: Order, me: Any) -> Iterator[Worker]:
         """Yield the renderer to one thread at a time."""
         command = order.command or BACKENDS[order.backend].command
         with self._lock:
             if self._idle is not None:
                 self._idle.cancel()
-            made_by = (command, order.variables, order.patience)
+            cores = share_of_cores(int(me.name), order.sharing) if order.sharing > 1 else None
+            made_by = (command, cores, order.patience)
             if self._worker is None or self._made_by != made_by:
                 self._end()
                 # Dask removes its folder when the worker ends, even long after it was killed.
-                scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=folder))
+                scratch = Path(tempfile.mkdtemp(prefix="lookdev-", dir=me.local_directory))
                 log = scratch / "worker.log"
-                self._worker = Worker(command, log, scratch, order.patience, dict(order.variables))
+                self._worker = Worker(command, log, scratch, order.patience, cores=cores)
                 self._made_by = made_by
             try:
                 yield self._worker

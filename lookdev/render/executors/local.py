@@ -26,7 +26,7 @@ from lookdev.render.executors.protocol import (
 from lookdev.render.executors.shares import Shares
 from lookdev.render.executors.tries import rendered_in_tries
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.threads import THREADS_VARIABLE, cores
+from lookdev.render.threads import share_of_cores
 from lookdev.render.worker import Progress, Rendered, Worker
 
 _WATCHED = 4.0
@@ -190,10 +190,9 @@ class LocalExecutor:
     def _slot(self) -> _Slot:
         number = len(self._slots)
         name = f"worker-{number + 1}" if number else "worker"
-        variables = dict(self._devices[number % len(self._devices)])
-        if self._workers is not None and self._workers > 1:
-            # The same pixels with any number: each is one sum, in the order of its samples.
-            variables[THREADS_VARIABLE] = str(max(cores() // self._workers, 1))
-        place = self._place
-        worker = Worker(place.command, place.log(name), place.scratch, place.patience, variables)
+        # The same pixels with any cores: each is one sum, in the order of its samples.
+        count = self._workers or 1
+        cores = share_of_cores(number, count) if count > 1 else None
+        place, variables = self._place, self._devices[number % len(self._devices)]
+        worker = Worker(place.command, place.log(name), place.scratch, place.patience, variables, cores)
         return _Slot(worker, self._reports)

@@ -1,14 +1,18 @@
-"""Which frame a worker renders next: frames of a scene stay with a worker, as a change of scene takes seconds."""
+"""Which frames a worker renders next: those of a scene stay with a worker, as a change of scene takes seconds."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Hashable, Iterable
 
-from lookdev.render.task import FrameTask
+from lookdev.render.executors.protocol import Wanted
+from lookdev.render.task import FrameTask, SceneTask
 
 _CHANGE = 2.0
 """Seconds that a change of scene takes until one was measured: a shader is compiled."""
+
+_CHUNK = 15.0  # seconds of frames in a chunk
+_PIXELS = 64 << 20  # bytes of pixels that a chunk answers, about
 
 
 class Shares:
@@ -72,3 +76,48 @@ class Shares:
         part = len(self._waiting[widest]) / (others.count(widest) + 1)
         seconds = self._seconds.get(widest)
         return widest if seconds is None or part * seconds > self._change else None
+
+
+class ChunkShares:
+    """Frames that wait, given away in chunks of one scene.
+
+    `wanted` is asked before a frame is given away; `answered` chunks come back with pixels, whose size is bounded.
+    """
+
+    def __init__(self, tasks: Iterable[FrameTask], wanted: Wanted, *, answered: bool) -> None:
+        self._shares = Shares(tasks)
+        self._wanted = wanted
+        self._answered = answered
+        self._before: dict[str, SceneTask] = {}
+
+    def measured(self, task: FrameTask, seconds: float, worker: str) -> None:
+        """Note what a frame took on a worker."""
+        first = self._before.get(worker) is not task.scene
+        self._before[worker] = task.scene
+        self._shares.measured(task, seconds, first=first)
+
+    def leave(self, worker: str) -> None:
+        """Forget a worker."""
+        self._shares.leave(worker)
+
+    def chunk(self, worker: str, workers: int) -> list[FrameTask]:
+        """Return frames of a scene for a worker; none where none waits that is worth a change of its scene."""
+        chosen: list[FrameTask] = []
+        while (task := self._shares.next_for(worker)) is not None:
+            if chosen and chosen[0].scene is not task.scene:
+                self._shares.give_back(task)
+                break
+            chosen += [task] if self._wanted(task) else []
+            if chosen and len(chosen) >= self._size(task, workers):
+                break
+        return chosen
+
+    def _size(self, task: FrameTask, workers: int) -> int:
+        """Return how many frames make a chunk: one until it is known how long they take."""
+        seconds = self._shares.seconds_of(task)
+        if seconds is None:
+            return 1
+        width, height = task.scene.resolution
+        bound = max(_PIXELS // (width * height * 32), 1) if self._answered else len(self._shares)
+        # At the end chunks are small, so that all workers end at once.
+        return max(min(int(_CHUNK / max(seconds, 1e-3)), -(-len(self._shares) // (2 * workers)), bound), 1)

@@ -5,23 +5,32 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import anyio.to_thread
 from starlette.applications import Starlette
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 
 from lookdev.errors import FaultsError, LookdevError, shortened
-from lookdev.studio.designer.document import Document, parsed
+from lookdev.material.library import Library, library_folders, read_library
+from lookdev.studio.designer.document import Document
+from lookdev.studio.designer.edits import parsed
+from lookdev.studio.designer.snapshots import LARGEST
+from lookdev.studio.designer.sources import ConflictError
+from lookdev.studio.designer.thumbnails import thumbnail
 from lookdev.studio.scripts import Scripts
 
 log = logging.getLogger("lookdev.studio")
 
 STATIC = Path(__file__).parent / "static"
 VIEWPORT = Path(__file__).parents[1] / "viewport" / "static"
+
+PICTURE = "/picture"
+"""Where the picture of a snapshot is sent: a body that is larger than others."""
 
 _FRESH = {"cache-control": "no-store"}
 
@@ -31,6 +40,12 @@ def application(document: Document) -> Starlette:
     kept: list[
         Mapping[str, bytes]
     ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
+
+    drawing = anyio.CapacityLimiter(1)
+
+    @cache
+    def library() -> Library:
+        return read_library(library_folders())
 
     def scene() -> Mapping[str, Any]:
         view = document.view()
@@ -42,7 +57,7 @@ def application(document: Document) -> Starlette:
             "choices": document.choices,
             "chosen": {"look": look, "rig": rig},
             "background": background if isinstance(background, str) else list(background),
-            "stacks": document.stacks(),
+            **document.status(),
         }
 
     async def show(request: Request) -> Response:
@@ -56,9 +71,129 @@ def application(document: Document) -> Starlette:
                 return Response(buffers[name], media_type="application/octet-stream", headers=headers)
         return PlainTextResponse("no such buffer\n", 404)
 
+    def answered(compiles: bool = False) -> Mapping[str, Any]:
+        return {"compiles": compiles, **document.status()}
+
     async def edit(request: Request) -> Response:
         body = await _body(request)
-        return await _answer(lambda: {"compiles": document.edit(parsed(body)), "stacks": document.stacks()})
+        return await _answer(lambda: answered(document.edit(parsed(body))))
+
+    async def status(request: Request) -> Response:
+        return await _answer(document.status if "whole" in request.query_params else document.signs)
+
+    async def stack(request: Request) -> Response:
+        body = await _body(request)
+
+        def arranged() -> Mapping[str, Any]:
+            look = _number(body, "look")
+            match body.get("op"):
+                case "copy":
+                    return {"text": document.copy(look, _number(body, "layer"))}
+                case "preset":
+                    words = str(body.get("name")), str(body.get("category"))
+                    saved = document.save_preset(look, _number(body, "layer"), *words)
+                    library.cache_clear()
+                    return {"file": str(saved)}
+                case "solo":
+                    document.solo(look, None if body.get("layer") is None else _number(body, "layer"))
+                    return answered(True)
+            return answered(document.arrange(look, body))
+
+        return await _answer(arranged)
+
+    async def history(request: Request) -> Response:
+        body = await _body(request)
+
+        def stepped() -> Mapping[str, Any]:
+            if not isinstance(body.get("redo"), bool):
+                raise LookdevError("a step of the history has 'redo', true or false")
+            return answered(document.undo(1 if body["redo"] else -1))
+
+        return await _answer(stepped)
+
+    async def disk(request: Request) -> Response:
+        body = await _body(request)
+
+        def done() -> Mapping[str, Any]:
+            match body.get("do"):
+                case "load":
+                    return answered(document.reload())
+                case "keep":
+                    document.ignore()
+                case "restore":
+                    return answered(document.recover(take=True))
+                case "discard":
+                    document.recover(take=False)
+                case _:
+                    raise LookdevError("what is done about a file on disk is load, keep, restore or discard")
+            return answered()
+
+        return await _answer(done)
+
+    async def snapshots(request: Request) -> Response:
+        body = await _body(request)
+
+        def done() -> Mapping[str, Any]:
+            match body.get("do"):
+                case "show":
+                    return answered(document.show_snapshot(_number(body, "number")))
+                case "drop":
+                    document.snapshots.drop(_number(body, "number"))
+                case _:
+                    raise LookdevError("a snapshot is shown or dropped")
+            return answered()
+
+        return await _answer(done)
+
+    async def picture(request: Request) -> Response:
+        content = bytearray()
+        async for chunk in request.stream():
+            content += chunk
+            if len(content) > LARGEST:
+                break  # refused as too large
+
+        def kept() -> Mapping[str, Any]:
+            document.keep_snapshot(bytes(content))
+            return answered()
+
+        return await _answer(kept)
+
+    async def snapshot(request: Request) -> Response:
+        try:
+            found = document.snapshots[int(request.path_params["number"])]
+        except LookdevError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+        return Response(found.picture, media_type="image/png", headers=_FRESH)
+
+    async def presets(request: Request) -> Response:
+        def listed() -> Mapping[str, Any]:
+            found = library()
+            rows = [
+                {"name": each.name, "category": each.category, "model": each.model, "doc": each.doc}
+                for each in found.presets
+            ]
+            return {"presets": rows, "faults": [str(fault) for fault in found.faults]}
+
+        return await _answer(listed)
+
+    async def thumb(request: Request) -> Response:
+        name = request.path_params["name"]
+
+        def drawn() -> bytes | None:
+            found = next((each for each in library().presets if each.name == name), None)
+            return thumbnail(found).read_bytes() if found else None
+
+        try:
+            picture = await anyio.to_thread.run_sync(drawn, limiter=drawing)
+        except LookdevError as error:
+            return PlainTextResponse(f"{error}\n", 404)
+        if picture is None:
+            return PlainTextResponse("no such preset\n", 404)
+        return Response(picture, media_type="image/png", headers={"cache-control": "private, max-age=600"})
+
+    async def images(request: Request) -> Response:
+        look = request.query_params.get("look", "")
+        return await _answer(lambda: {"images": document.images(int(look) if look.isdecimal() else -1)})
 
     async def choose(request: Request) -> Response:
         body = await _body(request)
@@ -74,9 +209,11 @@ def application(document: Document) -> Starlette:
         look, name = body.get("look"), body.get("name")
 
         def saved() -> Mapping[str, Any]:
-            if not isinstance(look, int) or not isinstance(name, str | None):
-                raise LookdevError("what is saved has the number of a look, and the name of a file or none")
-            return {"file": str(document.save(look, name)), "stacks": document.stacks()}
+            wrong = not isinstance(look, int | None) or not isinstance(name, str | None)
+            if wrong or (name is None and not isinstance(body.get("over"), bool)):
+                raise LookdevError("what is saved has a look's number and a file's name, or 'over', true or false")
+            files = document.save(look, name, over=body.get("over") is True)
+            return {**answered(), "files": list(map(str, files))}
 
         return await _answer(saved)
 
@@ -85,6 +222,16 @@ def application(document: Document) -> Starlette:
             Route("/scene", show),
             Route("/buffers/{name}", buffer),
             Route("/edit", edit, methods=["POST"]),
+            Route("/stack", stack, methods=["POST"]),
+            Route("/history", history, methods=["POST"]),
+            Route("/disk", disk, methods=["POST"]),
+            Route("/status", status),
+            Route(PICTURE, picture, methods=["POST"]),
+            Route("/snapshots", snapshots, methods=["POST"]),
+            Route("/snapshots/{number:int}", snapshot),
+            Route("/presets", presets),
+            Route("/presets/{name}", thumb),
+            Route("/images", images),
             Route("/choose", choose, methods=["POST"]),
             Route("/save", save, methods=["POST"]),
             Mount("/viewport", Scripts(directory=VIEWPORT)),
@@ -93,10 +240,17 @@ def application(document: Document) -> Starlette:
     )
 
 
+def _number(body: Mapping[str, Any], name: str) -> int:
+    found = body.get(name)
+    if not isinstance(found, int) or isinstance(found, bool):
+        raise LookdevError(f"'{name}' is a number")
+    return found
+
+
 async def _body(request: Request) -> Mapping[str, Any]:
     try:
         found = await request.json()
-    except (json.JSONDecodeError, UnicodeDecodeError):
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError, ClientDisconnect):
         return {}
     return found if isinstance(found, dict) else {}
 
@@ -107,7 +261,11 @@ async def _answer(made: Callable[[], Mapping[str, Any]]) -> Response:
         return JSONResponse(await anyio.to_thread.run_sync(made), headers=_FRESH)
     except FaultsError as error:
         message = "; ".join(str(fault) for fault in error.faults)
+    except ConflictError as error:
+        return JSONResponse({"error": str(error), "conflict": list(map(str, error.files))}, 409, headers=_FRESH)
     except LookdevError as error:
         message = str(error)
+    except OSError as error:
+        message = f"{error.filename or 'a file'}: {error.strerror or error}"
     log.warning("refused: %s", shortened(message, 200))
     return JSONResponse({"error": message}, 422, headers=_FRESH)

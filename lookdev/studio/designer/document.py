@@ -2,51 +2,36 @@
 
 from __future__ import annotations
 
+import os
 import re
-import shutil
 import threading
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from lookdev.brdf import MASK, MODELS, Parameter, complete_parameters
-from lookdev.cache import atomic_path
-from lookdev.codegen.glsl.look import look_functions
-from lookdev.codegen.program.look import live_name
+from lookdev.brdf import MODELS
 from lookdev.errors import LookdevError, ModelError, nearest_hint
-from lookdev.job import Job, load_job, parse_job
-from lookdev.job.scenes import JobScenes, job_scenes
-from lookdev.material import Formula, Look, Texture
-from lookdev.material.change import Value
-from lookdev.material.library.edit import set_inputs
-from lookdev.material.look import Bump, Layer, Primvar
-from lookdev.material.textures import image_file
+from lookdev.job import Job
+from lookdev.job.scenes import JobScenes
+from lookdev.material import Look
+from lookdev.material.library import LIBRARY_VARIABLE, library_folders
+from lookdev.material.library.constants import set_inputs
+from lookdev.material.library.fragments import copy_layer, save_preset
+from lookdev.material.library.stack import Entry, Outline
 from lookdev.scene import Scene
-from lookdev.studio.viewport import SceneView, sliders, view_scene
+from lookdev.studio.designer.edits import Edit, checked, shape_of
+from lookdev.studio.designer.history import State
+from lookdev.studio.designer.operations import Operation, operation
+from lookdev.studio.designer.recovery import Recovery
+from lookdev.studio.designer.rows import layer_rows
+from lookdev.studio.designer.snapshots import Snapshots
+from lookdev.studio.designer.sources import Opened, Place, images_below
+from lookdev.studio.designer.workspace import Workspace
+from lookdev.studio.viewport import SceneView, view_scene
 
 _SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
-_FILE_NAME = re.compile(r"[\w][\w .-]{0,100}")
-
-ASSET = """output = "."
-asset = {{ {asset} }}
-look = [{{ name = "own"{material} }}]
-ibl = [{{ name = "courtyard", builtin = "courtyard" }}, {{ name = "studio", builtin = "studio" }}]
-turntable = [{{ kind = "element", frames = 1 }}]
-render = {{ resolution = [960, 720], background = "ibl" }}
-"""
-
-
-@dataclass(frozen=True)
-class Edit:
-    """Another constant of a parameter of a layer, numbered from the base, of a look; None: it is not stated."""
-
-    look: int
-    layer: int
-    parameter: str
-    value: Value | None
+_PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
 class Document:
@@ -55,13 +40,17 @@ class Document:
     Looks have the numbers that they have in the shown scene. All methods can be called by several threads.
     """
 
-    def __init__(self, job: Job, scenes: JobScenes) -> None:
+    def __init__(self, job: Job, scenes: JobScenes, recovery: Recovery | None = None) -> None:
         self.job = job
+        self.chosen = next(iter(scenes.scenes))
+        self.snapshots = Snapshots()
         self._scenes = scenes
         self._lock = threading.RLock()
-        self._edited: dict[int, Look] = {}
-        self._values: dict[int, dict[tuple[int, str], Value | None]] = {}
-        self.chosen = next(iter(scenes.scenes))
+        self._work = Workspace(recovery)
+        self._solo: tuple[Place, int] | None = None
+        self._places: dict[tuple[str, int], Place | str] = {}
+        self._view: tuple[Any, SceneView] | None = None
+        self._revision = 0
 
     @property
     def choices(self) -> dict[str, list[str]]:
@@ -77,6 +66,7 @@ class Document:
                 raise LookdevError(f"the job has no {kind[:-1]} '{name}' ({hint})")
         with self._lock:
             self.chosen = (look, rig)
+            self._revision += 1
 
     @property
     def _scene(self) -> Scene:
@@ -90,129 +80,312 @@ class Document:
     def scene(self) -> Scene:
         """The shown scene, with its edited looks."""
         with self._lock:
-            wears = {path: self._edited.get(id(look), look) for path, look in self._scene.wears.items()}
-            return replace(self._scene, wears=wears)
+            shown = dict(zip(map(id, self._originals), self._shown(), strict=True))
+            return replace(self._scene, wears={path: shown[id(look)] for path, look in self._scene.wears.items()})
 
     @property
     def looks(self) -> list[Look]:
-        """The looks of the shown scene, edited, by their numbers."""
+        """The looks of the shown scene, edited, by their numbers; solo is a matter of the view."""
         with self._lock:
-            return [self._edited.get(id(look), look) for look in self._originals]
+            return [self._opened(number).look for number in range(len(self._originals))]
+
+    def _shown(self) -> list[Look]:
+        """Return the looks as they are shown: of one with a solo layer, this layer alone and whole."""
+        shown = self.looks
+        for number, look in enumerate(shown):
+            place = self._solo_place(number)
+            if place is not None:
+                shown[number] = replace(look, layers=(replace(look.layers[place], mask=1.0, mode="over"),))
+        return shown
 
     def view(self) -> SceneView:
         """Return the shown scene for the page."""
-        return view_scene(self.scene, view=self.job.outputs.shown("png"))
+        with self._lock:
+            scene = self.scene
+            key = (self.chosen, tuple(self._shown()))
+            if self._view is None or self._view[0] != key:
+                self._view = key, view_scene(scene, view=self.job.outputs.shown("png"))
+            return self._view[1]
+
+    def place(self, number: int) -> Place | None:
+        """Return where a look is edited; None where it cannot be."""
+        found = self._place(number)
+        return found if isinstance(found, Place) else None
+
+    def _place(self, number: int) -> Place | str:
+        """Return the place of a look, or why it cannot be edited."""
+        if not 0 <= number < len(self._originals):
+            raise ModelError(f"there are {len(self._originals)} looks, none of number {number}")
+        look = self._originals[number]
+        key = (self.chosen[0], id(look))
+        if key not in self._places:
+            self._places[key] = self._placed(look)
+        return self._places[key]
+
+    def _placed(self, look: Look) -> Place | str:
+        found = _SOURCE.fullmatch(look.source)
+        if not found or not Path(found["file"]).is_file():
+            return f"look '{look.name}' is of no file"
+        if foreign := [layer for layer in look.layers if layer.model not in MODELS]:
+            return f"look '{look.name}' is translated from {foreign[0].model}: it has no layers of its own"
+        file = Path(found["file"]).absolute()
+        place = Place(file, found["prim"], _variants(self.job, self.chosen[0], file))
+        try:
+            self._work.sources.take(file)
+            opened = self._work.sources.opened(place, {}, {}, look)
+        except LookdevError as error:
+            return str(error)
+        if opened.look.layers != look.layers:
+            return f"look '{look.name}' is composed of several files: {file} alone is another look"
+        return place
+
+    def _opened(self, number: int, state: State | None = None) -> Opened:
+        state, place, original = state or self._work.state, self._place(number), self._originals[number]
+        if isinstance(place, str):
+            entries = (Entry(number, layer.name) for number, layer in enumerate(original.layers))
+            return Opened(original, Outline(tuple(entries), {}))
+        variants = state.variants.get(place.key, {})
+        opened = self._work.sources.opened(place, state.files, variants, original)
+        untouched = place.file not in state.files and not variants
+        return replace(opened, look=original) if untouched else opened
 
     def edit(self, edit: Edit) -> bool:
-        """Change a look; return whether its shaders change, not only a uniform of them.
+        """Change a constant of a look; return whether shaders change, not only a uniform of them.
 
-        Raises ModelError where there is no such parameter, or it cannot have the value; then nothing changes.
+        Raises LookdevError where there is no such parameter, or it cannot have the value; then nothing changes.
         """
         with self._lock:
-            original = self._look(edit.look)
-            look = self._edited.get(id(original), original)
+            place = self._editable(edit.look)
+            look = self._opened(edit.look).look
             if not 0 <= edit.layer < len(look.layers):
                 raise ModelError(f"look '{look.name}' has {len(look.layers)} layers, none of number {edit.layer}")
             layer = look.layers[edit.layer]
-            before = layer.mask if edit.parameter == "mask" else layer.inputs.get(edit.parameter)
-            changed = _changed(layer, edit, base=original.layers[edit.layer])
-            new = replace(look, layers=(*look.layers[: edit.layer], changed, *look.layers[edit.layer + 1 :]))
-            compiles = not (isinstance(before, float | tuple) and isinstance(edit.value, float | tuple))
-            if compiles:
-                # Forms of a model that layers do not share, for instance, are only refused together.
-                look_functions(new, image_file, sliders(new))
-            self._edited[id(original)] = new
-            self._values.setdefault(id(original), {})[edit.layer, edit.parameter] = edit.value
-            return compiles
+            value = checked(layer, edit)
+            label = f"{layer.name} {edit.parameter}"
+            values = {(edit.layer, edit.parameter): value}
+            return self._apply(
+                edit.look,
+                label,
+                lambda file: set_inputs(file, values, place.prim, self._variants_of(place)),
+                edit.gesture,
+            )
 
-    def _look(self, number: int) -> Look:
-        if not 0 <= number < len(self._originals):
-            raise ModelError(f"there are {len(self._originals)} looks, none of number {number}")
-        return self._originals[number]
+    def arrange(self, number: int, body: Mapping[str, Any]) -> bool:
+        """Do what a page asks for to the stack of a look (`operations`); return whether shaders change."""
+        with self._lock:
+            place = self._editable(number)
+            if body.get("op") == "variant" and str(body.get("set")) in place.variants:
+                return self._show_variant(number, place, str(body.get("set")), str(body.get("choice")))
+            outline = self._opened(number).outline
+            label, edit = operation(body, place, outline, self._variants_of(place), self._roots(place))
+            return self._apply(number, label, edit)
+
+    def copy(self, number: int, layer: int) -> str:
+        """Return a layer as USD text."""
+        with self._lock:
+            place = self._editable(number)
+            with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
+                return copy_layer(file, str(layer), place.prim, self._variants_of(place))
+
+    def save_preset(self, number: int, layer: int, name: str, category: str) -> Path:
+        """Write a layer as a preset of the first folder of the library; return the file."""
+        with self._lock:
+            place, folder = self._editable(number), library_folders()[0]
+            target = folder / f"{name.strip()}.usda"
+            if not _PRESET.fullmatch(name.strip()) or not os.access(folder, os.W_OK):
+                hint = f"a folder of your own in ${LIBRARY_VARIABLE} would be right"
+                wrong = f"{folder}: cannot be written; {hint}" if _PRESET.fullmatch(name.strip()) else ""
+                raise LookdevError(wrong or f"'{name}' is no name of a preset: for instance red_rubber")
+            doc = f"{name.strip().replace('_', ' ').capitalize()}."
+            with self._work.sources.beside(place.file, self._work.content(place.file)) as file:
+                save_preset(file, str(layer), target, category.strip(), doc, place.prim, self._variants_of(place))
+            return target
+
+    def solo(self, number: int, layer: int | None) -> None:
+        """Show one layer of a look alone, or all of them: a matter of the view, which is not saved."""
+        with self._lock:
+            place = self._editable(number)
+            if layer is not None and layer not in [e.number for e in self._opened(number).outline.entries if e.enabled]:
+                raise ModelError(f"the look shows no layer {layer}: a muted one cannot be shown alone")
+            self._solo = None if layer is None else (place, layer)
+            self._revision += 1
+
+    def _solo_place(self, number: int) -> int | None:
+        """Return the place in a look of the layer that is shown alone."""
+        if self._solo is None or self._place(number) != self._solo[0]:
+            return None
+        shown = [each.number for each in self._opened(number).outline.entries if each.enabled]
+        return shown.index(self._solo[1]) if self._solo[1] in shown else None
+
+    def undo(self, by: int = -1) -> bool:
+        """Undo (-1) or redo (1) the last step; return whether shaders change."""
+        with self._lock:
+            before = self._shown()
+            if self._work.history.step(by) is None:
+                raise LookdevError(f"there is nothing to {'undo' if by < 0 else 'do again'}")
+            return self._adopted(before)
+
+    def _editable(self, number: int) -> Place:
+        place = self._place(number)
+        if isinstance(place, str):
+            raise LookdevError(f"{place}: it cannot be edited here")
+        return place
+
+    def _variants_of(self, place: Place) -> dict[str, str]:
+        return {**place.variants, **self._work.state.variants.get(place.key, {})}
+
+    def _roots(self, place: Place) -> list[Path]:
+        return list(dict.fromkeys([place.file.parent, self.job.file.absolute().parent, Path.cwd()]))
+
+    def _apply(self, number: int, label: str, edit: Operation, gesture: str = "") -> bool:
+        """Edit the content of a look's file; nothing changes where that fails, or the scene cannot be shown then."""
+        return self._push(label, self._work.edited(self._editable(number).file, edit), gesture)
+
+    def _show_variant(self, number: int, place: Place, name: str, choice: str) -> bool:
+        """Show a variant that the job chooses: it is not in the look's file."""
+        choices, _ = self._opened(number).outline.variants.get(name, ((), ""))
+        if choice not in choices:
+            raise ModelError(f"variant set '{name}' has no variant '{choice}' ({nearest_hint(choice, list(choices))})")
+        state = self._work.state
+        shown = {**state.variants.get(place.key, {}), name: choice}
+        return self._push(
+            f"show variant {name}: {choice}", replace(state, variants={**state.variants, place.key: shown})
+        )
+
+    def _push(self, label: str, state: State, gesture: str = "") -> bool:
+        before, revision, history = self._shown(), self._revision, self._work.history.copy()
+        self._work.history.push(label, state, gesture)
+        try:
+            return self._adopted(before)
+        except LookdevError:
+            self._work.history, self._revision = history, revision
+            raise
+
+    def _adopted(self, before: list[Look]) -> bool:
+        """Keep the present state, and make the view where shaders change."""
+        shown = self._shown()
+        compiles = [shape_of(look) for look in before] != [shape_of(look) for look in shown]
+        if compiles:
+            self.view()
+        self._revision += 1
+        self._work.keep(self.chosen)
+        return compiles
 
     def unsaved(self, number: int) -> bool:
-        """Return whether a look has edits that its file has not."""
-        return bool(self._values.get(id(self._look(number))))
+        """Return whether the file of a look lacks edits."""
+        place = self.place(number)
+        return place is not None and self._work.unsaved(place.file)
 
-    def place(self, number: int) -> tuple[Path, str, dict[str, str]] | None:
-        """Return the file, prim and variants of a look; None where no look in USD has it."""
-        look = self._look(number)
-        found = _SOURCE.fullmatch(look.source)
-        if not found or any(layer.model not in MODELS for layer in look.layers):
-            return None
-        file, prim = Path(found["file"]), found["prim"]
-        return (file, prim, _variants(self.job, self.chosen[0], file)) if file.is_file() else None
-
-    def save(self, number: int, name: str | None = None) -> Path:
-        """Write the edits of a look to its file, or to a new one of a name beside it; return the file.
+    def save(self, number: int | None = None, name: str | None = None, *, over: bool = False) -> list[Path]:
+        """Write the edited files, or that of a look, or a new one of a name beside it; return what was written.
 
         Raises
         ------
-        LookError
-            The file cannot be edited so.
+        ConflictError
+            A file was changed on disk since it was read, and is not written `over`.
         LookdevError
             The look is of no file, or the new file exists, or has no fitting name.
         """
         with self._lock:
-            look, place = self._look(number), self.place(number)
-            if place is None:
-                raise LookdevError(f"look '{look.name}' is of no file of its own layers: it cannot be saved")
-            file, prim, variants = place
-            values = self._values.get(id(look), {})
-            if removed := [parameter for (_, parameter), value in values.items() if value is None]:
-                raise LookdevError(f"'{removed[0]}' is no longer stated: that cannot be saved yet; give it a value")
-            stated = {key: value for key, value in values.items() if value is not None}
-            if name is None:
-                set_inputs(file, stated, prim, variants)
-                self._values.pop(id(look), None)
-                return file
-            if not _FILE_NAME.fullmatch(name) or Path(name).suffix not in (".usda", ".usd", ".usdc"):
-                raise LookdevError(f"'{name}' is no name of a file for a look: for instance {file.stem}_2.usda")
-            target = file.with_name(name)
-            if target.exists():
-                raise LookdevError(f"{target} exists already; another name would be right")
-            with atomic_path(target) as temporary:
-                shutil.copy(file, temporary)
-                set_inputs(temporary, stated, prim, variants)
-            return target
+            if name is not None:
+                return [self._work.save_as(self._editable(number or 0).file, name)]
+            saved = self._work.save(None if number is None else self._editable(number).file, over=over)
+            self._revision += 1
+            self._work.keep(self.chosen)
+            return saved
+
+    def reload(self) -> bool:
+        """Take what others have written to files, in place of what is shown; a step that can be undone."""
+        with self._lock:
+            contents, state = self._work.on_disk(), self._work.state
+            compiles = self._push("load from disk", replace(state, files={**state.files, **contents}))
+            self._work.accept(contents)
+            self._work.keep(self.chosen)
+            return compiles
+
+    def ignore(self) -> None:
+        """Keep what is edited where files have changed on disk: it is unsaved, and saving writes over them."""
+        with self._lock:
+            self._work.ignore()
+            self._revision += 1
+            self._work.keep(self.chosen)
+
+    def recover(self, *, take: bool) -> bool:
+        """Take the unsaved work of a Designer that has ended, or discard it; return whether shaders change."""
+        with self._lock:
+            compiles, work = False, self._work.offered
+            if take and work is not None:
+                state, before = self._work.recovered(), self.chosen
+                self.chosen = work.shown if work.shown in self._scenes.scenes else before
+                compiles = self._push("restore unsaved work", state) or before != self.chosen
+            self._work.forget()
+            self._revision += 1
+            return compiles
+
+    def keep_snapshot(self, picture: bytes) -> None:
+        """Keep a picture of what is shown, and the state of the looks."""
+        with self._lock:
+            self.snapshots.keep(picture, self._work.state, self.chosen)
+
+    def show_snapshot(self, number: int) -> bool:
+        """Go back to the looks of a snapshot, a step that can be undone; return whether the scene changes."""
+        with self._lock:
+            found = self.snapshots[number]
+            before, self.chosen = self.chosen, found.chosen
+            try:
+                return self._push(f"go back to {found.name}", found.state) or before != found.chosen
+            except LookdevError:
+                self.chosen = before
+                raise
+
+    def images(self, number: int) -> list[str]:
+        """Return images below a look's folder, relative to it, that masks may read."""
+        return images_below(self._editable(number).file.parent)
 
     def stacks(self) -> list[dict[str, Any]]:
         """Return the layers of each look with their parameters, for the page."""
         with self._lock:
-            return [
-                {
-                    "name": look.name,
-                    "file": str(place[0]) if (place := self.place(number)) else "",
-                    "unsaved": self.unsaved(number),
-                    "layers": [_described(k, layer) for k, layer in enumerate(look.layers)],
-                }
-                for number, look in enumerate(self.looks)
-            ]
+            return [self._stack(number) for number in range(len(self._originals))]
 
+    def _stack(self, number: int) -> dict[str, Any]:
+        place, opened = self._place(number), self._opened(number)
+        editable = isinstance(place, Place)
+        solo = self._solo[1] if self._solo is not None and self._solo_place(number) is not None else None
+        folder = place.file.parent if isinstance(place, Place) else None
+        return {
+            "name": self._originals[number].name,
+            "file": str(place.file) if isinstance(place, Place) else "",
+            "locked": "" if editable else place,
+            "unsaved": self.unsaved(number),
+            "solo": solo,
+            "variants": [
+                {"set": name, "choices": choices, "chosen": chosen, "by_job": editable and name in place.variants}  # type: ignore[union-attr]
+                for name, (choices, chosen) in opened.outline.variants.items()
+            ],
+            "layers": [*layer_rows(opened.look, opened.outline if editable else None, folder, solo)],
+        }
 
-def open_document(file: Path | None, builtin: str | None = None, material: Path | None = None) -> Document:
-    """Open a job (.toml), or an asset in its own materials or in one.
+    def status(self) -> dict[str, Any]:
+        """Return what the page shows beside the picture: stacks, history, files, unsaved work that was found."""
+        with self._lock:
+            return {
+                "revision": self._revision,
+                "stacks": self.stacks(),
+                "undoes": self._work.history.undoes,
+                "redoes": self._work.history.redoes,
+                "changed": [str(file) for file in self._work.sources.changed()],
+                "snapshots": self.snapshots.listed(),
+                "recovery": self._work.offer(),
+            }
 
-    Raises
-    ------
-    JobError
-        The job has faults.
-    FaultsError
-        The files of a job have, or the asset has.
-    """
-    if file is not None and file.suffix == ".toml":
-        job = load_job(file)
-    else:
-        asset = f"builtin = {_quoted(str(builtin))}" if file is None else f"usd = {_quoted(str(file.absolute()))}"
-        worn = f", material = {_quoted(str(material.absolute()))}" if material else ""
-        text = ASSET.format(asset=asset, material=worn)
-        job = parse_job(text, file.absolute() if file else Path.cwd() / str(builtin))
-    return Document(job, job_scenes(job))
+    def close(self) -> bool:
+        """End; return whether there is unsaved work, which stays for the next time."""
+        return self._work.close()
 
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
+    def signs(self) -> dict[str, Any]:
+        """Return by what a page sees that it must ask for the status."""
+        with self._lock:
+            return {"revision": self._revision, "changed": [str(file) for file in self._work.sources.changed()]}
 
 
 def _variants(job: Job, name: str, file: Path) -> dict[str, str]:
@@ -221,89 +394,5 @@ def _variants(job: Job, name: str, file: Path) -> dict[str, str]:
     if look is None:
         return {}
     given = [(look.material, look.variants), *((each.material, each.variants) for each in look.assign)]
-    return next((dict(variants) for material, variants in given if material and material.samefile(file)), {})
-
-
-def _changed(layer: Layer, edit: Edit, base: Layer) -> Layer:
-    """Return a layer with another constant; `base` is as its file has it."""
-    name, value = edit.parameter, edit.value
-    if name == "mask":
-        if edit.layer == 0 or not isinstance(layer.mask, float):
-            raise ModelError("the base has no mask" if edit.layer == 0 else "the mask has a texture or an expression")
-        if not isinstance(value, float) or not 0.0 <= value <= 1.0:
-            raise ModelError(f"a mask is a number from 0 to 1, not {value!r}")
-        return replace(layer, mask=value)
-    if layer.model not in MODELS:
-        raise ModelError(f"layer '{layer.name}' is of {layer.model}, which is translated: it has no sliders")
-    known = MODELS[layer.model].parameters
-    if name not in known:
-        raise ModelError(f"{layer.model} has no parameter '{name}' ({nearest_hint(name, list(known))})")
-    if isinstance(layer.inputs.get(name), Texture | Primvar | Bump | Formula):
-        raise ModelError(f"{layer.name}.{name} has a texture or an expression, not a constant")
-    inputs = {key: each for key, each in layer.inputs.items() if key != name}
-    if value is None:
-        if name in base.inputs:
-            raise ModelError(f"{layer.name}.{name} is stated by the look's file: give it another value")
-        return replace(layer, inputs=inputs)
-    checked = complete_parameters(layer.model, {name: value})[name]
-    plain = checked if isinstance(checked, str) else np.asarray(checked).tolist()
-    return replace(layer, inputs={**inputs, name: tuple(plain) if isinstance(plain, list) else plain})
-
-
-def _described(number: int, layer: Layer) -> dict[str, Any]:
-    """Return a layer for the page: its parameters in the model's order, and its mask."""
-    rows = []
-    if number > 0:
-        rows.append(_row(number, MASK, layer.mask))
-    if layer.model in MODELS:
-        known = MODELS[layer.model].parameters.values()
-        rows += [_row(number, each, layer.inputs.get(each.name)) for each in known if each.file is None]
-    return {
-        "name": layer.name,
-        "own": layer.model in MODELS,
-        "title": MODELS[layer.model].title if layer.model in MODELS else layer.model,
-        "parameters": rows,
-    }
-
-
-def _row(number: int, parameter: Parameter, value: Any) -> dict[str, Any]:
-    constant = isinstance(value, float | int | str | tuple)
-    return {
-        "name": parameter.name,
-        "kind": parameter.kind,
-        "default": parameter.default,
-        "value": value if constant else None,
-        "varies": "" if constant or value is None else next(_words(value)),
-        "uniform": live_name(number, parameter.name) if isinstance(value, float | tuple) else "",
-        "soft": parameter.soft,
-        "hard": parameter.hard,
-        "choices": parameter.choices,
-        "help": parameter.help,
-    }
-
-
-def _words(value: Any) -> Iterator[str]:
-    """Yield what gives a parameter that varies its value."""
-    match value:
-        case Texture():
-            yield f"texture {value.file.name}, {value.channel}"
-        case Bump():
-            yield f"bump of {value.height.file.name}"
-        case Primvar():
-            yield f"primvar {value.name}"
-        case Formula():
-            yield f"expression {value.expression.text}"
-    yield "varies"
-
-
-def parsed(body: Mapping[str, Any]) -> Edit:
-    """Return an edit of a page's request; raises ModelError where it is none."""
-    match body:
-        case {"look": int(look), "layer": int(layer), "parameter": str(parameter), "value": value}:
-            if isinstance(value, list) and len(value) == 3 and all(isinstance(x, int | float) for x in value):
-                return Edit(look, layer, parameter, tuple(float(x) for x in value))  # type: ignore[arg-type]
-            if value is None or isinstance(value, str):
-                return Edit(look, layer, parameter, value)
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                return Edit(look, layer, parameter, float(value))
-    raise ModelError("an edit has a look, a layer, a parameter, and a number, three numbers or a word as its value")
+    of_asset = {} if look.material is not None else dict(look.variants)
+    return next((dict(variants) for material, variants in given if material and material.samefile(file)), of_asset)

@@ -8,8 +8,8 @@ from pathlib import Path
 from lookdev.asset import BUILTINS
 from lookdev.errors import LookdevError, nearest_hint
 from lookdev.studio import Address
-from lookdev.studio.designer.app import application
-from lookdev.studio.designer.document import open_document
+from lookdev.studio.designer.app import PICTURE, application
+from lookdev.studio.designer.opening import open_document
 from lookdev.studio.server import bind, open_browser, serve
 
 
@@ -26,7 +26,9 @@ def design(what: str, material: Path | None, address: Address, *, browser: bool,
         raise LookdevError("--material goes with an asset: a job names its materials itself")
     if material is None and what in BUILTINS:
         raise LookdevError(f"'{what}' has no materials of its own: --material LOOK.usda would be right")
-    document = open_document(None if what in BUILTINS else file, what if what in BUILTINS else None, material)
+    document = open_document(
+        None if what in BUILTINS else file, what if what in BUILTINS else None, material, recovers=True
+    )
     bound = bind(address)
     if not bound.as_wanted:
         say(f"port {bound.wanted} is taken by another program, so this is another one:")
@@ -36,4 +38,8 @@ def design(what: str, material: Path | None, address: Address, *, browser: bool,
         if browser:
             open_browser(bound.url)
 
-    serve(application(document), bound, started=started)
+    try:
+        serve(application(document), bound, uploads=[PICTURE], started=started)
+    finally:
+        if document.close():
+            say("unsaved edits are kept: the same command offers them")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ from lookdev.errors import LookdevError, OutputError, WorkerError
 from lookdev.render.executors import Finished, GivenUp, LocalExecutor, Place, Retried
 from lookdev.render.executors.choice import Choice, choose, devices_of
 from lookdev.render.task import FrameTask
-from lookdev.render.threads import THREADS_VARIABLE
+from lookdev.render.threads import cores, share_of_cores
 
 
 def place(folder: Path, command: tuple[str, ...] | None = None) -> Place:
@@ -106,8 +107,8 @@ def test_without_a_number_workers_are_added_while_cores_are_idle(
     assert len(executor._slots) == workers
 
 
-def test_workers_divide_threads_and_take_turns_with_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lookdev.render.executors.local.cores", lambda: 8)
+def test_workers_divide_cores_and_take_turns_with_devices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: set(range(8)))
     devices = devices_of(Choice(workers=3, device="cuda", numbers=(0, 2)))
     with LocalExecutor(place(tmp_path), 3, devices) as executor:
         workers = [executor._slots[0], executor._slot()]
@@ -115,8 +116,26 @@ def test_workers_divide_threads_and_take_turns_with_devices(tmp_path: Path, monk
         third = executor._slot()
     shown = [each.worker._environment for each in (*workers, third)]
     assert [each["CUDA_VISIBLE_DEVICES"] for each in shown] == ["0", "2", "0"]
-    assert {each[THREADS_VARIABLE] for each in shown} == {"2"}
+    assert [sorted(each.worker._cores or ()) for each in (*workers, third)] == [[0, 1], [2, 3, 4], [5, 6, 7]]
     assert devices_of(Choice(device="optix", numbers=(1, 3))) == ({"CUDA_VISIBLE_DEVICES": "1,3"},)
+
+
+@pytest.mark.parametrize(("of", "expected"), [(1, [4]), (2, [2, 2]), (3, [1, 1, 2]), (4, [1] * 4), (6, [1] * 6)])
+def test_cores_are_divided_whole(of: int, expected: list[int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.sched_getaffinity", lambda process: {1, 3, 5, 7})
+    shares = [share_of_cores(number, of) for number in range(of)]
+    assert [len(each) for each in shares] == expected
+    assert frozenset().union(*shares) == {1, 3, 5, 7}
+
+
+def test_a_worker_starts_on_its_cores(tmp_path: Path, tasks: list[FrameTask]) -> None:
+    before = cores()
+    with LocalExecutor(place(tmp_path), before) as executor:
+        executor.launch()
+        pid = executor._slots[0].worker.pid
+        assert pid is not None
+        assert os.sched_getaffinity(pid) == (share_of_cores(0, before) if before > 1 else os.sched_getaffinity(0))
+    assert cores() == before
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,21 @@
 // The Designer's page: a scene in the viewport, and the layers of its looks.
 
+import { choosePreset, savePreset } from "./add.js";
+import { askConflict, compareSnapshots, showNotices } from "./files.js";
 import { follow } from "./hand.js";
-import { showLayers } from "./layers.js";
+import { choose, chosenLayer, showLayers } from "./layers.js";
+import { at, fileName, opened } from "./made.js";
 import { Viewport } from "./viewport/viewport.js";
 
 const WIDEST = 1024; // pixels of the canvas
-const at = (id) => document.getElementById(id);
+const LIVE = 1000; // milliseconds after which a parameter that is still moved is sent
+const LONGEST_PASTE = 60000; // characters
+const SOON = 300; // milliseconds after which the page says that it waits
+const WORKING = "working…";
+const WATCHED = 3000; // milliseconds between looks at the files
 const canvas = at("picture");
 let scene = null;
 let picked = 0; // number of a part
-const done = [], undone = []; // edits
 let sending = Promise.resolve();
 
 function say(text, bad = false) {
@@ -18,10 +24,12 @@ function say(text, bad = false) {
 }
 
 async function asked(path, body) {
-  const post = { method: "POST", headers: { "content-type": "application/json" }, body: JSON.stringify(body) };
+  const picture = body instanceof Blob;
+  const headers = { "content-type": picture ? body.type : "application/json" };
+  const post = { method: "POST", headers, body: picture ? body : JSON.stringify(body) };
   const answer = await fetch(path, body === undefined ? {} : post);
   const found = await answer.json();
-  if (!answer.ok) throw new Error(found.error ?? answer.statusText);
+  if (!answer.ok) throw Object.assign(new Error(found.error ?? answer.statusText), { conflict: found.conflict });
   return found;
 }
 
@@ -83,72 +91,154 @@ function fit([width, height]) {
 const lookOf = () => scene.parts[picked].look;
 
 function panel() {
-  const stack = scene.stacks[lookOf()];
-  showLayers(at("layers"), stack, (layer, parameter, value, rests) => change(layer, parameter, value, rests));
+  showLayers(at("layers"), scene.stacks[lookOf()], acts);
+  showNotices(scene, (what) => ask("disk", { do: what }, what === "keep" ? "kept: saving writes over the file" : ""));
   marks();
 }
 
 function marks() {
-  const stack = scene.stacks[lookOf()];
-  at("save").disabled = !stack.file || !stack.unsaved;
+  const stack = scene.stacks[lookOf()], unsaved = scene.stacks.filter((each) => each.unsaved);
+  at("save").disabled = unsaved.length === 0;
   at("save-as").disabled = !stack.file;
-  at("save").title = stack.file ? `Write the edits to ${stack.file} (Ctrl+S)` : "This look is of no file of its own";
-  at("undo").disabled = done.length === 0;
-  at("redo").disabled = undone.length === 0;
+  const files = [...new Set(unsaved.map((each) => each.file))].join(", ");
+  at("save").title = files ? `Write the edits to ${files} (Ctrl+S)` : "Nothing is unsaved";
+  at("undo").disabled = scene.undoes === null;
+  at("undo").title = scene.undoes === null ? "Nothing to undo" : `Undo: ${scene.undoes} (Ctrl+Z)`;
+  at("redo").disabled = scene.redoes === null;
+  at("redo").title = scene.redoes === null ? "Nothing to do again" : `Redo: ${scene.redoes} (Ctrl+Shift+Z)`;
+  at("compare").textContent = scene.snapshots.length ? `Compare (${scene.snapshots.length})…` : "Compare…";
+  document.title = `${unsaved.length ? "• " : ""}Designer · lookdev`;
 }
 
-let before = null; // what the parameter had before the hand moved
+/** Take what an answer says of stacks and files; the picture follows, by uniforms where nothing is to be compiled. */
+async function adopt({ compiles, ...status }) {
+  Object.assign(scene, status);
+  if (compiles) await load("compiling in the background…");
+  else {
+    scene.stacks.forEach((stack, look) => {
+      const known = viewport.scene.looks[look].numbers, numbers = {};
+      for (const { uniform, value } of stack.layers.flatMap((layer) => layer.parameters ?? [])) {
+        const values = [value].flat();
+        if (uniform && values.some((each, k) => Math.fround(each) !== Math.fround(known[uniform]?.[k]))) numbers[uniform] = values;
+      }
+      if (Object.keys(numbers).length) viewport.setNumbers(look, numbers);
+    });
+    panel();
+  }
+}
 
-/** A parameter moves: its uniform at once, the document when the hand rests. */
+/** Ask the server for a change, in order with others; returns what is wrong, or "". */
+function ask(path, body, said = "") {
+  const asking = sending.then(async () => {
+    const waiting = setTimeout(() => say(WORKING), SOON);
+    try {
+      const answer = await asked(path, body);
+      clearTimeout(waiting);
+      await adopt(answer);
+      if (said || at("status").textContent === WORKING) say(said || scene.view.name);
+      return "";
+    } catch (error) {
+      clearTimeout(waiting);
+      say(error.message, true);
+      return error.message;
+    }
+  });
+  sending = asking;
+  return asking;
+}
+
+let gesture = null; // of the parameter under the hand
+
+/** A parameter moves: its uniform at once, the document when the hand rests, or now and then while it does not. */
 function change(layer, parameter, value, rests) {
   const look = lookOf();
-  before ??= { look, layer, parameter: parameter.name, value: parameter.value };
   if (parameter.uniform) viewport.setNumbers(look, { [parameter.uniform]: [value].flat() });
-  if (!rests) return;
-  const edit = { look, layer, parameter: parameter.name, value };
-  if (JSON.stringify(before) !== JSON.stringify(edit)) {
-    done.push({ back: before, forth: edit });
-    undone.length = 0;
+  gesture ??= { id: `${Date.now()}-${Math.random()}` };
+  const { id } = gesture;
+  const edit = { look, layer, parameter: parameter.name, value, gesture: id };
+  clearTimeout(gesture.timer);
+  if (rests) {
+    gesture = null;
+    ask("edit", edit);
+  } else if (parameter.uniform) {
+    const send = () => {
+      gesture.sent = performance.now();
+      sending = sending.then(async () => { scene.revision = (await asked("edit", edit)).revision; }).catch((error) => say(error.message, true));
+    };
+    gesture.sent ??= performance.now();
+    if (performance.now() - gesture.sent > LIVE) send();
+    else gesture.timer = setTimeout(send, LIVE);
   }
-  before = null;
-  send(edit);
 }
 
-/** Send an edit; edits arrive in order. A parameter that a look did not state is compiled in the background. */
-function send(edit) {
-  sending = sending.then(async () => {
+let copied = ""; // where the browser's clipboard cannot be read
+
+const acts = {
+  change,
+  again: () => panel(),
+  images: async () => (await asked(`images?look=${lookOf()}`)).images,
+  async arrange(body, focus = "") {
+    const count = scene.stacks[lookOf()].layers.length;
+    const error = await ask("stack", { look: lookOf(), ...body });
+    if (error) return error;
+    const { layers } = scene.stacks[lookOf()];
+    if (["add", "paste"].includes(body.op)) choose(layers.length - 1);
+    if (body.op === "duplicate" && layers.length > count) choose(body.layer + 1);
+    if (body.op === "move") choose(body.to);
+    panel();
+    if (focus) at(focus)?.focus();
+    return "";
+  },
+  solo: (layer) => ask("stack", { look: lookOf(), op: "solo", layer }),
+  async add() {
+    if (scene.stacks[lookOf()].locked) return;
     try {
-      const { compiles, stacks } = await asked("edit", edit);
-      scene.stacks = stacks;
-      if (compiles) await load("compiling in the background…");
-      else {
-        const parameter = stacks[edit.look].layers[edit.layer].parameters.find((each) => each.name === edit.parameter);
-        if (parameter.uniform) viewport.setNumbers(edit.look, { [parameter.uniform]: [parameter.value].flat() });
-        panel();
-      }
+      const preset = await choosePreset(asked);
+      if (preset) await acts.arrange({ op: "add", preset });
     } catch (error) {
       say(error.message, true);
     }
-  });
-  return sending;
-}
+  },
+  async preset() {
+    try {
+      await sending;
+      say(await savePreset(asked, lookOf(), chosenLayer(scene.stacks[lookOf()])));
+    } catch (error) {
+      say(error.message, true);
+    }
+  },
+  async copy() {
+    try {
+      const layer = chosenLayer(scene.stacks[lookOf()]);
+      copied = (await asked("stack", { look: lookOf(), op: "copy", layer: layer.number })).text;
+      await navigator.clipboard?.writeText(copied).catch(() => {});
+      say(`copied ${layer.name} as USD text`);
+    } catch (error) {
+      say(error.message, true);
+    }
+  },
+  async paste() {
+    const text = (await navigator.clipboard?.readText().catch(() => "")) || copied;
+    await acts.pasteText(text);
+  },
+  async pasteText(text) {
+    if (text.length > LONGEST_PASTE) say("what is pasted is too long for a layer", true);
+    else await acts.arrange({ op: "paste", text });
+  },
+};
 
-function step(from, to, which) {
-  const edit = from.pop();
-  if (!edit) return;
-  to.push(edit);
-  send(edit[which]);
-}
-
-async function save(name) {
+async function save(name, over = false) {
   try {
     await sending;
-    const { file, stacks } = await asked("save", { look: lookOf(), name });
-    scene.stacks = stacks;
-    marks();
-    say(`saved ${file}`);
+    const { files, ...status } = await asked("save", name === null ? { over } : { look: lookOf(), name });
+    await adopt(status);
+    say(files.length ? `saved ${files.join(", ")}` : "nothing is unsaved");
   } catch (error) {
-    say(error.message, true);
+    if (!error.conflict) { say(error.message, true); return; }
+    const chosen = await askConflict(error.conflict);
+    if (chosen === "over") await save(name, true);
+    else if (chosen === "load") await ask("disk", { do: "load" }, "loaded from disk");
+    else if (chosen === "as") at("save-as").click();
   }
 }
 
@@ -186,33 +276,46 @@ for (const id of ["look", "rig"]) {
   at(id).addEventListener("change", () => {
     sending = sending.then(async () => {
       await asked("choose", { look: at("look").value, rig: at("rig").value });
-      [done.length, undone.length] = [0, 0]; // edits have the numbers of looks of the scene that was shown
       await load("reading the scene…");
     }).catch((error) => say(error.message, true));
   });
 }
-at("undo").addEventListener("click", () => step(done, undone, "back"));
-at("redo").addEventListener("click", () => step(undone, done, "forth"));
+at("undo").addEventListener("click", () => ask("history", { redo: false }));
+at("redo").addEventListener("click", () => ask("history", { redo: true }));
+at("snapshot").addEventListener("click", () => canvas.toBlob((picture) => ask("picture", picture, "kept a snapshot"), "image/png"));
+at("compare").addEventListener("click", () => compareSnapshots(scene, {
+  now: () => canvas.toDataURL("image/png"),
+  show: (number) => ask("snapshots", { do: "show", number }, `back at snapshot ${number}`),
+  drop: (number) => ask("snapshots", { do: "drop", number }),
+}));
 at("save").addEventListener("click", () => save(null));
-at("save-as").addEventListener("click", () => {
+at("save-as").addEventListener("click", async () => {
   const file = scene.stacks[lookOf()].file;
-  at("name").value = file.split(/[\\/]/).pop().replace(/(\.\w+)$/, "_2$1");
+  at("name").value = fileName(file).replace(/(\.\w+)$/, "_2$1");
   at("naming-file").textContent = file;
-  at("naming").showModal();
+  const closed = opened(at("naming"));
   at("name").select();
+  if ((await closed) === "save") save(at("name").value);
 });
-at("naming").addEventListener("close", () => {
-  if (at("naming").returnValue === "save") save(at("name").value);
+addEventListener("copy", (event) => {
+  if (!document.activeElement?.closest("#stack")) return;
+  event.preventDefault();
+  acts.copy();
+});
+addEventListener("paste", (event) => {
+  if (!document.activeElement?.closest("#stack")) return;
+  event.preventDefault();
+  acts.pasteText(event.clipboardData.getData("text/plain") || copied);
 });
 addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey) {
     const key = event.key.toLowerCase();
     if (key === "s") save(null);
-    else if (key === "z" && event.shiftKey) step(undone, done, "forth");
-    else if (key === "z") step(done, undone, "back");
+    else if ((key === "z" && event.shiftKey) || key === "y") ask("history", { redo: true });
+    else if (key === "z") ask("history", { redo: false });
     else return;
     event.preventDefault();
-  } else if (event.key === "b" && !["INPUT", "SELECT"].includes(event.target.tagName)) {
+  } else if (event.key === "b" && !["INPUT", "SELECT", "TEXTAREA"].includes(event.target.tagName)) {
     at("background").checked = !at("background").checked;
     view();
   }
@@ -225,5 +328,14 @@ new ResizeObserver(() => {
   fit(scene.resolution);
   viewport.resize(...viewport.size);
 }).observe(at("stage"));
+
+setInterval(() => {
+  if (!scene) return;
+  sending = sending.then(async () => {
+    const signs = await asked("status");
+    if (signs.revision !== scene.revision) await load("edited on another page…");
+    else if (String(signs.changed) !== String(scene.changed)) { scene.changed = signs.changed; panel(); }
+  }).catch((error) => say(`the server does not answer: ${error.message}. What was edited is kept; start it again`, true));
+}, WATCHED);
 
 load("reading the scene…").catch((error) => say(error.message, true));

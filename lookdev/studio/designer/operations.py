@@ -1,0 +1,70 @@
+"""What the page asks to be done to the stack of a look: a label for the history, and the edit of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from lookdev.errors import ModelError, shortened
+from lookdev.material.library import find_preset
+from lookdev.material.library.arrange import enable_layer, move_layer, rename_layer, select_variant, set_mode
+from lookdev.material.library.edit import add_layer, remove_layer, set_mask
+from lookdev.material.library.fragments import duplicate_layer, paste_layer
+from lookdev.material.library.stack import Outline
+from lookdev.studio.designer.rows import read_mask
+from lookdev.studio.designer.sources import Place
+
+Operation = Callable[[Path], object]
+"""Edits a file, which has the content of another one beside it."""
+
+
+def operation(
+    body: Mapping[str, Any], place: Place, outline: Outline, variants: Mapping[str, str], roots: Sequence[Path]
+) -> tuple[str, Operation]:
+    """Return label and edit of a request for a look of a place; raises LookdevError where it is none."""
+    prim, folder = place.prim, place.file.parent
+
+    def name(layer: object) -> str:
+        found = [each.name for each in outline.entries if each.number == layer]
+        if not found:
+            raise ModelError(f"the look has no layer {shortened(str(layer), 20)}")
+        return found[0]
+
+    match body:
+        case {"op": "add", "preset": str(preset)}:
+            found = find_preset(Path(preset).stem)
+            return f"add {found.name}", lambda file: add_layer(file, found, prim=prim, variants=variants)
+        case {"op": "remove", "layer": int(layer)}:
+            return f"remove {name(layer)}", lambda file: remove_layer(file, str(layer), prim, variants)
+        case {"op": "duplicate", "layer": int(layer)}:
+            return f"duplicate {name(layer)}", lambda file: _above(
+                file, duplicate_layer(file, str(layer), prim, variants), layer + 1, prim, variants
+            )
+        case {"op": "rename", "layer": int(layer), "name": str(new)}:
+            new = new.strip()
+            label = f"rename {name(layer)} to {shortened(new, 40)}"
+            return label, lambda file: rename_layer(file, str(layer), new, prim, variants)
+        case {"op": "move", "layer": int(layer), "to": int(to)}:
+            return f"move {name(layer)}", lambda file: move_layer(file, str(layer), to, prim, variants)
+        case {"op": "enable", "layer": int(layer), "enabled": bool(enabled)}:
+            label = f"{'unmute' if enabled else 'mute'} {name(layer)}"
+            return label, lambda file: enable_layer(file, str(layer), enabled, prim, variants)
+        case {"op": "mode", "layer": int(layer), "mode": "over" | "transmit" as mode}:
+            label = f"lay {name(layer)} {'over' if mode == 'over' else 'as a clear coat over'} what is beneath"
+            return label, lambda file: set_mode(file, str(layer), mode, prim, variants)
+        case {"op": "mask", "layer": int(layer), "mask": str(text), "inputs": dict(inputs)}:
+            given = {str(each): str(value) for each, value in inputs.items() if str(value).strip()}
+            mask = read_mask(text, given, folder, list(roots))
+            return f"mask of {name(layer)}", lambda file: set_mask(file, str(layer), mask, prim, variants)
+        case {"op": "paste", "text": str(text)}:
+            return "paste a layer", lambda file: paste_layer(file, text, prim, variants)
+        case {"op": "variant", "set": str(name_of_set), "choice": str(choice)}:
+            label = f"variant {name_of_set}: {choice}"
+            return label, lambda file: select_variant(file, name_of_set, choice, prim)
+    raise ModelError("an edit of the stack has an op, a layer's number, and what the op needs")
+
+
+def _above(file: Path, number: int, to: int, prim: str, variants: Mapping[str, str]) -> None:
+    if to != number:
+        move_layer(file, str(number), to, prim, variants)

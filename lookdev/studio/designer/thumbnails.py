@@ -1,0 +1,46 @@
+"""Pictures of presets: a sphere in the studio dome by the float64 models, kept in the cache by content."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import threading
+from pathlib import Path
+
+import numpy as np
+from matplotlib.image import imsave
+
+from lookdev.cache import Content, code_digest, derived, file_digest
+from lookdev.material.library import Preset
+from lookdev.plot.figure import picture
+from lookdev.plot.options import Options
+from lookdev.plot.solid import sphere_values
+from lookdev.plot.subject import read_subject
+
+SIZE = 56
+"""Pixels of a side."""
+
+_OPTIONS = Options(size=SIZE)
+_alone = threading.Lock()  # one at a time: the page and its picture come first
+
+
+def thumbnail(preset: Preset) -> Path:
+    """Return the file of a preset's picture, a PNG whose background is transparent.
+
+    Raises LookdevError where the preset is wrong, or the cache cannot be written.
+    """
+    rooms = ("brdf", "light", "plot", "material")
+    key = hashlib.sha256(f"{code_digest(*rooms)} {file_digest(preset.file)} {preset.prim} {SIZE}".encode()).hexdigest()
+    with _alone:
+        return derived("thumbnails", key, lambda: (Content.holding(_drawn(preset), ".png"),))[0].path
+
+
+def _drawn(preset: Preset) -> bytes:
+    found = sphere_values(read_subject(preset.name, preset.file.parent), _OPTIONS)
+    shown = np.zeros((SIZE * SIZE, 4))
+    shown[found["pixel"], :3] = picture(np.asarray(found["dome"]), _OPTIONS)
+    shown[found["pixel"], 3] = 1.0
+    pixels = np.rint(255.0 * shown).astype(np.uint8).reshape(SIZE, SIZE, 4)[::-1]
+    stream = io.BytesIO()
+    imsave(stream, pixels, format="png")
+    return stream.getvalue()

@@ -1,0 +1,117 @@
+"""Jobs whose USD and MaterialX files name absolute paths, moved to another machine: rules of paths find these."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+
+from lookdev.batch.manifest import input_files
+from lookdev.batch.prepare import plan_job
+from lookdev.batch.run import mapped_files, wanted_job
+from lookdev.errors import LookdevError
+from lookdev.job.mapping import PathRules, read_rules
+
+CAR = """#usda 1.0
+( defaultPrim = "Car"
+  upAxis = "Y" )
+def "Car" ( references = @{folder}/parts/body.usda@ ) {{}}
+"""
+BODY = """#usda 1.0
+( defaultPrim = "Body" )
+def Sphere "Body" {}
+"""
+LOOK = """#usda 1.0
+( subLayers = [@{folder}/parts/base.usda@] )
+"""
+BASE = """#usda 1.0
+( defaultPrim = "Look" )
+def Material "Look" {{
+    token outputs:lookdev:surface.connect = </Look/Base.outputs:layer>
+    def Shader "Base" {{
+        uniform token info:id = "LookdevDisney"
+        color3f inputs:baseColor.connect = </Look/Image.outputs:rgb>
+        token outputs:layer
+    }}
+    def Shader "Image" {{
+        uniform token info:id = "UsdUVTexture"
+        asset inputs:file = @{folder}/parts/color.png@
+        token inputs:sourceColorSpace = "sRGB"
+        float2 inputs:st.connect = </Look/Coordinates.outputs:result>
+        float3 outputs:rgb
+    }}
+    def Shader "Coordinates" {{
+        uniform token info:id = "UsdPrimvarReader_float2"
+        string inputs:varname = "st"
+        float2 outputs:result
+    }}
+}}
+"""
+DOCUMENT = """<?xml version="1.0"?>
+<materialx version="1.38" colorspace="lin_rec709">
+  <image name="paint" type="color3">
+    <input name="file" type="filename" value="{folder}/parts/color.png" colorspace="srgb_texture"/>
+  </image>
+  <open_pbr_surface name="surface" type="surfaceshader">
+    <input name="base_color" type="color3" nodename="paint"/>
+  </open_pbr_surface>
+  <surfacematerial name="Metal" type="material">
+    <input name="surfaceshader" type="surfaceshader" nodename="surface"/>
+  </surfacematerial>
+</materialx>
+"""
+JOB = """
+output = "out"
+asset = {{ usd = "{folder}/car.usda" }}
+look = [{{ name = "paint", material = "look.usda" }}, {{ name = "metal", material = "metal.mtlx" }}]
+ibl = [{{ name = "white", builtin = "white" }}]
+turntable = [{{ kind = "element", frames = 2 }}]
+render = {{ resolution = [16, 16], samples = 4 }}
+"""
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> Path:
+    folder = tmp_path / "studio"
+    (folder / "parts").mkdir(parents=True)
+    for name, text in {"car.usda": CAR, "look.usda": LOOK, "parts/base.usda": BASE, "job.toml": JOB}.items():
+        (folder / name).write_text(text.format(folder=folder))
+    (folder / "metal.mtlx").write_text(DOCUMENT.format(folder=folder))
+    (folder / "parts/body.usda").write_text(BODY)
+    picture = oiio.ImageBuf(np.full((4, 4, 3), 0.3, np.float32))
+    assert picture.write(str(folder / "parts/color.png"), oiio.UINT8)
+    return folder
+
+
+def planned(job: Path, rules: PathRules) -> tuple[list[str], set[Path]]:
+    """Return the digests of frames, and all files that the job reads."""
+    with mapped_files(rules):
+        prepared = plan_job(wanted_job(job, rules))
+        return [frame.task.digest for frame in prepared.plan.frames], set(input_files(prepared.job))
+
+
+def rules(folder: Path, source: Path, target: Path) -> PathRules:
+    rule = {"source_path_format": "POSIX", "source_path": str(source), "destination_path": str(target)}
+    (folder / "rules.json").write_text(json.dumps({"version": "pathmapping-1.0", "path_mapping_rules": [rule]}))
+    return read_rules(folder / "rules.json")
+
+
+@pytest.mark.parametrize("place", ["farm", "studio/mounted"], ids=["elsewhere", "inside the source"])
+def test_a_moved_job_finds_what_its_files_name_and_its_frames_are_the_same(
+    studio: Path, tmp_path: Path, place: str
+) -> None:
+    there, files = planned(studio / "job.toml", ())
+    assert {file.name for file in files} == {
+        "job.toml", "car.usda", "body.usda", "look.usda", "base.usda", "color.png", "metal.mtlx"
+    }  # fmt: skip
+    aside = studio.rename(tmp_path / "aside")
+    (tmp_path / place).parent.mkdir(exist_ok=True)
+    farm = aside.rename(tmp_path / place)
+    moved = rules(tmp_path, studio, farm)
+    for _ in range(2):  # in one process, whose layers may still be open
+        assert planned(farm / "job.toml", moved) == (there, {farm / file.relative_to(studio) for file in files})
+    with pytest.raises(LookdevError, match=f"{studio}/parts/base.usda"):  # without rules, what is missing is named
+        plan_job(wanted_job(farm / "job.toml", moved))

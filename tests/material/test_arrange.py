@@ -1,0 +1,157 @@
+"""Arranging layers: order, names, switches, modes, variants; and copying them as USD text."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from lookdev.errors import LookError
+from lookdev.material.library.arrange import enable_layer, move_layer, rename_layer, select_variant, set_mode
+from lookdev.material.library.constants import set_inputs
+from lookdev.material.library.edit import set_mask
+from lookdev.material.library.fragments import copy_layer, duplicate_layer, paste_layer
+from lookdev.material.library.masks import parse_mask
+from lookdev.material.library.stack import outline_of
+from lookdev.material.look import Formula
+from lookdev.material.usd import read_look
+
+pytestmark = pytest.mark.alike
+
+ROOT = Path(__file__).parents[2]
+DUSTY = {"wear": "dusty"}
+
+
+@pytest.fixture
+def car(tmp_path: Path) -> Path:
+    """Return a copy of the car paint, flakes and dust over a base, with a comment at each layer."""
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    file = tmp_path / "car_paint.usda"
+    text = (ROOT / "materials" / "car_paint.usda").read_text()
+    for name in ("Base", "Flakes", "Dust"):
+        text = text.replace(f'    def Shader "{name}"\n', f'    # This is {name}.\n    def Shader "{name}"\n')
+    file.write_text(text)
+    return file
+
+
+def names(file: Path, **variants: str) -> list[str]:
+    return [entry.name for entry in outline_of(file, variants=variants).entries]
+
+
+def test_an_outline_has_all_layers_and_variants(car: Path) -> None:
+    clean, dusty = outline_of(car), outline_of(car, variants=DUSTY)
+    assert [(e.number, e.name, e.enabled) for e in clean.entries] == [(0, "Base", 1), (1, "Flakes", 1), (2, "Dust", 0)]
+    assert all(entry.enabled for entry in dusty.entries)
+    assert clean.variants == {"wear": (("clean", "dusty"), "clean")}
+
+
+def test_layers_are_moved_with_all_that_they_have_in_every_variant(car: Path) -> None:
+    before = read_look(car, variants=DUSTY)
+    move_layer(car, "Dust", 1)
+    after = read_look(car, variants=DUSTY)
+    assert after.layers == (before.layers[0], before.layers[2], before.layers[1])
+    assert names(car) == ["Base", "Dust", "Flakes"]
+    assert [layer.name for layer in read_look(car).layers] == ["Base", "Flakes"]
+    move_layer(car, "1", 2)
+    assert read_look(car, variants=DUSTY) == before
+
+
+def test_a_layer_is_renamed_and_nothing_else(car: Path) -> None:
+    before, text = read_look(car, variants=DUSTY), car.read_text()
+    rename_layer(car, "dust", "Grime")
+    assert [e.name for e in read_look(car, variants=DUSTY).layers] == ["Base", "Flakes", "Grime"]
+    assert [e.inputs for e in read_look(car, variants=DUSTY).layers] == [e.inputs for e in before.layers]
+    old, new = text.replace("/Dust.", "/Grime.").replace('Shader "Dust"', 'Shader "Grime"'), car.read_text()
+    assert new == old
+    rename_layer(car, "0", "Paint")
+    assert names(car)[0] == "Paint"
+
+
+@pytest.mark.parametrize(
+    ("edit", "message"),
+    [
+        (lambda file: move_layer(file, "Dust", 0), "cannot be layer 0"),
+        (lambda file: move_layer(file, "Base", 1), "is the base"),
+        (lambda file: rename_layer(file, "Dust", "a b"), "cannot be the name"),
+        (lambda file: rename_layer(file, "Dust", "Flakes"), "is there already"),
+        (lambda file: enable_layer(file, "Base", False), "is the base"),
+        (lambda file: set_mode(file, "Dust", "transmit"), "cannot be 'transmit'"),
+        (lambda file: select_variant(file, "wear", "dirty"), "did you mean 'dusty'"),
+        (lambda file: paste_layer(file, "#usda 1.0\n"), "has no layer of a look"),
+        (lambda file: paste_layer(file, "roughness"), "has no layer of a look"),
+        (lambda file: duplicate_layer(file, "Dirt"), "no layer 'Dirt'"),
+    ],
+)
+def test_what_cannot_be_is_refused(edit: Callable[[Path], object], message: str, car: Path) -> None:
+    text = car.read_text()
+    with pytest.raises(LookError, match=message):
+        edit(car)
+    assert car.read_text() == text
+
+
+def test_a_switch_is_set_in_the_variant_that_has_it(car: Path) -> None:
+    enable_layer(car, "Dust", True, variants={"wear": "clean"})
+    assert len(read_look(car).layers) == 3
+    enable_layer(car, "Dust", False, variants=DUSTY)
+    assert [len(read_look(car, variants={"wear": each}).layers) for each in ("clean", "dusty")] == [3, 2]
+    enable_layer(car, "Flakes", False)
+    assert [len(read_look(car, variants={"wear": each}).layers) for each in ("clean", "dusty")] == [2, 1]
+
+
+def test_the_file_s_own_variant_is_chosen(car: Path) -> None:
+    text = car.read_text()
+    select_variant(car, "wear", "dusty")
+    assert read_look(car) == read_look(car, variants=DUSTY)
+    assert car.read_text() == text.replace('wear = "clean"', 'wear = "dusty"')
+
+
+def test_a_copy_is_the_same_layer_in_another_look_and_folder(car: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other" / "copper.usda"
+    other.parent.mkdir()
+    shutil.copy(ROOT / "materials" / "presets" / "copper.usda", other)
+    shutil.copy(ROOT / "materials" / "frosted_plastic.usda", other)
+    text = copy_layer(car, "Dust", variants=DUSTY)
+    dust = read_look(car, variants=DUSTY).layers[2]
+    assert paste_layer(other, text) == 1
+    pasted = read_look(other).layers[1]
+    assert (pasted.inputs, pasted.mask, pasted.name) == (dust.inputs, dust.mask, "Dust")
+    assert "@../textures/dirt.png@" in other.read_text()
+
+
+def test_a_copy_of_a_base_has_the_values_of_the_interface(car: Path) -> None:
+    base = read_look(car).layers[0]
+    number = paste_layer(car, copy_layer(car, "Base"))
+    pasted = read_look(car).layers[-1]
+    assert (number, pasted.name, pasted.inputs) == (3, "Base2", base.inputs)
+    assert "paintColor" not in copy_layer(car, "Base")
+
+
+def test_a_duplicate_is_connected_to_the_same_interface(car: Path) -> None:
+    number = duplicate_layer(car, "Base")
+    assert number == 3
+    car.write_text(re.sub(r"inputs:paintColor = [^)]*\)", "inputs:paintColor = (0.125, 0.25, 0.5)", car.read_text()))
+    base, *_, copy = read_look(car).layers
+    assert base.inputs["baseColor"] == copy.inputs["baseColor"] == (0.125, 0.25, 0.5)
+
+
+def test_numbers_of_an_expression_are_set(car: Path) -> None:
+    mask = parse_mask("dirt * amount", ["dirt=textures/dirt.png", "amount=0.5"], car.parent)
+    set_mask(car, "Dust", mask, variants=DUSTY)
+    set_inputs(car, {(2, "mask.amount"): 0.75}, variants=DUSTY)
+    found = read_look(car, variants=DUSTY).layers[2].mask
+    assert isinstance(found, Formula)
+    assert found.inputs["amount"] == 0.75
+    with pytest.raises(LookError, match="did you mean 'amount'"):
+        set_inputs(car, {(2, "mask.amuont"): 0.75}, variants=DUSTY)
+
+
+def test_every_edit_keeps_the_comments_of_what_stays(car: Path) -> None:
+    set_inputs(car, {(0, "roughness"): 0.25, (0, "sheen"): 0.5})
+    move_layer(car, "Dust", 1)
+    rename_layer(car, "Flakes", "Glitter")
+    duplicate_layer(car, "Base")
+    enable_layer(car, "Dust", True)
+    assert all(f"# This is {name}.\n" in car.read_text() for name in ("Base", "Flakes", "Dust"))

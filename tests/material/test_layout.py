@@ -1,0 +1,143 @@
+"""An edited file keeps the layout and the comments of its author."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from pxr import Sdf
+
+from lookdev.material.library.layout import with_layout
+
+pytestmark = pytest.mark.alike
+
+ROOT = Path(__file__).parents[2]
+SHIPPED = sorted(
+    file for folder in ("materials", "jobs", "rigs", "lookdev/shaders") for file in (ROOT / folder).rglob("*.usda")
+)
+EXAMPLES = re.findall(r"```usda\n(#usda.*?)```", (ROOT / "docs" / "looks.md").read_text(), re.DOTALL)
+
+PAINT = '''#usda 1.0
+(
+    # made by hand
+    doc = """Two lines,
+    with a # that is none"""
+    defaultPrim = "Paint"
+)
+
+# Above the material.
+def Material "Paint" (
+    customData = { string category = "paint" }   # of the library
+    prepend variantSets = "wear"
+    variants = { string wear = "clean" }
+) {
+    color3f inputs:tint = (1, 0, 0); float inputs:unknown = 3   # two on a line
+    token outputs:lookdev:surface.connect = </Paint/Base.outputs:layer>
+
+    # Paint itself.
+
+    # Of the base.
+    def Shader "Base"
+    {
+        uniform token info:id = "LookdevDisney"
+        float inputs:roughness = 0.5    # as measured
+        float inputs:metallic = 0       # none
+        float[] userProperties:many = [
+            1, 2,  # inside
+            3
+        ]
+        token outputs:layer
+        # at the end
+    }
+
+    def Scope "Unknown" { custom string note = 'a "quoted" @word@'; }
+    variantSet "wear" = {
+        "clean" {
+        }
+        "dusty" (doc = "worn") {   # the second
+            over "Base" { float inputs:roughness = 0.9; }
+        }
+    }
+}
+# the end
+'''
+
+
+def layer(text: str) -> Sdf.Layer:
+    made = Sdf.Layer.CreateAnonymous(".usda")
+    assert made.ImportFromString(text)
+    return made
+
+
+TEXTS = {
+    **{file.stem: file.read_text() for file in SHIPPED},
+    **{f"example{number}": text for number, text in enumerate(EXAMPLES)},
+    "paint": PAINT,
+}
+
+
+@pytest.mark.parametrize("text", TEXTS.values(), ids=list(TEXTS))
+def test_what_is_not_edited_stays_to_the_letter(text: str) -> None:
+    plain = layer(text).ExportToString()
+    assert with_layout(text, plain, plain) == text
+
+
+def edited(path: str, value: object) -> tuple[str | None, str]:
+    """Return the text with another value of an attribute, and what USD writes of it; None removes the prim."""
+    made = layer(PAINT)
+    before = made.ExportToString()
+    if value is None:
+        edit = Sdf.BatchNamespaceEdit()
+        edit.Add(path, Sdf.Path.emptyPath)
+        made.Apply(edit)
+    else:
+        made.GetAttributeAtPath(path).default = value
+    return with_layout(PAINT, before, made.ExportToString()), made.ExportToString()
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "old", "new"),
+    [
+        ("/Paint/Base.inputs:roughness", 0.25, "roughness = 0.5    # as", "roughness = 0.25    # as"),
+        ("/Paint.inputs:unknown", 4.0, "unknown = 3   # two", "unknown = 4   # two"),
+        ("/Paint{wear=dusty}Base.inputs:roughness", 1.0, "roughness = 0.9;", "roughness = 1;"),
+    ],
+)
+def test_a_value_is_changed_in_its_place(path: str, value: float, old: str, new: str) -> None:
+    text, _ = edited(path, value)
+    assert text == PAINT.replace(old, new)
+
+
+def test_comments_of_what_is_removed_go_with_it_and_no_others() -> None:
+    text, _ = edited("/Paint/Base", None)
+    assert text is not None
+    gone = {"# Of the base.", "# as measured", "# none", "# inside", "# at the end"}
+    kept = set(re.findall(r"# [\w ]+\.?", PAINT)) - gone
+    assert all(each in text for each in kept)
+    assert not any(each in text for each in gone)
+
+
+def test_what_is_added_stands_behind_its_neighbour() -> None:
+    made = layer(PAINT)
+    before = made.ExportToString()
+    Sdf.AttributeSpec(made.GetPrimAtPath("/Paint/Base"), "inputs:sheen", Sdf.ValueTypeNames.Float).default = 0.5
+    Sdf.PrimSpec(made.GetPrimAtPath("/Paint"), "Dust", Sdf.SpecifierDef, "Shader")
+    text = with_layout(PAINT, before, made.ExportToString())
+    assert text is not None
+    assert layer(text).ExportToString() == made.ExportToString()
+    assert [each for each in re.findall(r"#.*", PAINT) if each not in text] == []
+
+
+def test_what_is_nested_too_deep_has_no_layout_of_its_own() -> None:
+    deep = "#usda 1.0\n" + "".join(f'def "p{k}"\n{{\n' for k in range(3000)) + "}\n" * 3000
+    assert with_layout(deep, deep, deep) is None
+
+
+def test_long_values_take_no_longer_than_their_length() -> None:
+    numbers = ", ".join(map(str, range(200_000)))
+    text = f'#usda 1.0\n\ndef "Mesh"\n{{\n    int[] faces = [{numbers}]  # many\n    float a = 1\n}}\n'
+    made = layer(text)
+    before = made.ExportToString()
+    made.GetAttributeAtPath("/Mesh.a").default = 2.0
+    assert with_layout(text, before, made.ExportToString()) == text.replace("a = 1", "a = 2")

@@ -1,0 +1,385 @@
+"""The stack of layers in the Designer, one history of all edits, files on disk, and unsaved work after a crash."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.errors import LookdevError
+from lookdev.material.library import find_preset
+from lookdev.material.look import Formula, Primvar, Texture
+from lookdev.material.usd import read_look
+from lookdev.studio.designer.document import Document
+from lookdev.studio.designer.edits import Edit
+from lookdev.studio.designer.history import LONGEST, History, State
+from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.recovery import Recovery, Work
+from lookdev.studio.designer.snapshots import Snapshots
+from lookdev.studio.designer.sources import ConflictError
+from lookdev.studio.designer.thumbnails import SIZE, thumbnail
+
+pytestmark = pytest.mark.alike
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(autouse=True)
+def _state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LOOKDEV_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def look(tmp_path: Path) -> Path:
+    """Return a copy of car paint: flakes and dust over a base; dust is muted by the variant that the file selects."""
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "looks" / "textures")
+    return Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path / "looks"))
+
+
+@pytest.fixture
+def document(look: Path) -> Document:
+    return open_document(None, "plane", look, recovers=True)
+
+
+def names(document: Document) -> list[str]:
+    return [layer["name"] for layer in document.stacks()[0]["layers"]]
+
+
+def do(document: Document, op: str, **body: Any) -> bool:
+    return document.arrange(0, {"op": op, **body})
+
+
+def shown(document: Document) -> int:
+    """Return the number of the uppermost layer that is not muted."""
+    return max(layer["number"] for layer in document.stacks()[0]["layers"] if layer["enabled"])
+
+
+STEPS: dict[str, Callable[[Document], Any]] = {
+    "mask": lambda d: do(d, "mask", layer=1, mask="0.25", inputs={}),
+    "add": lambda d: do(d, "add", preset="rust"),
+    "remove": lambda d: do(d, "remove", layer=1),
+    "duplicate": lambda d: do(d, "duplicate", layer=1),
+    "rename": lambda d: do(d, "rename", layer=2, name="Grime"),
+    "move": lambda d: do(d, "move", layer=2, to=1),
+    "mute": lambda d: do(d, "enable", layer=shown(d), enabled=False),
+    "variant": lambda d: do(d, "variant", set="wear", choice="dusty"),
+    "paste": lambda d: do(d, "paste", text=d.copy(0, 1)),
+    "slider": lambda d: d.edit(Edit(0, 0, "roughness", 0.75)),
+}
+
+
+def test_everything_is_one_history(document: Document, look: Path) -> None:
+    text, states = look.read_text(), [document.stacks()]
+    for step in STEPS.values():
+        step(document)
+        states.append(document.stacks())
+    assert [a == b for a, b in itertools.pairwise(states)] == [False] * len(STEPS)
+    for state in reversed(states[:-1]):
+        document.undo()
+        assert document.stacks() == state
+    assert document.status()["undoes"] is None
+    for state in states[1:]:
+        document.undo(1)
+        assert document.stacks() == state
+    assert look.read_text() == text
+    document.save()
+    assert read_look(look).layers == document.looks[0].layers
+    assert sorted(each.name for each in look.parent.iterdir()) == ["car_paint.usda", "textures"]
+
+
+@pytest.mark.parametrize("name", STEPS)
+def test_a_step_compiles_where_shaders_differ_and_only_there(name: str, document: Document) -> None:
+    before = document.view().data["looks"][0]
+    compiles = STEPS[name](document)
+    after = document.view().data["looks"][0]
+    assert compiles == (after["relight"] != before["relight"])
+    assert compiles == (name not in ("rename", "slider", "move"))  # the layers that move here are not both shown
+
+
+def test_a_gesture_is_one_step(document: Document) -> None:
+    for value in (0.5, 0.6, 0.7):
+        document.edit(Edit(0, 0, "roughness", value, gesture="drag"))
+    document.edit(Edit(0, 0, "roughness", 0.8, gesture="another"))
+    document.undo()
+    assert document.looks[0].layers[0].inputs["roughness"] == pytest.approx(0.7)
+    document.undo()
+    assert document.status()["undoes"] is None
+
+
+def test_solo_is_of_the_view_alone(document: Document, look: Path) -> None:
+    document.solo(0, 1)
+    (shown,) = document.scene.wears.values()
+    assert [layer.name for layer in shown.layers] == ["Flakes"]
+    assert shown.layers[0].mask == 1.0
+    assert document.status()["undoes"] is None
+    assert not document.unsaved(0)
+    (row,) = [row for row in document.stacks()[0]["layers"][1]["parameters"] if row["name"] == "roughness"]
+    assert row["uniform"] == "layer0_roughness"
+    assert document.view().data["looks"][0]["numbers"]["layer0_roughness"] == [row["value"]]
+    with pytest.raises(LookdevError, match="muted"):
+        document.solo(0, 2)
+    document.solo(0, None)
+    assert len(document.scene.looks[0].layers) == 2
+
+
+@pytest.mark.parametrize(
+    ("mask", "inputs", "kind"),
+    [
+        ("textures/dirt.png:g", {}, Texture),
+        ("primvar:wear", {}, Primvar),
+        ("smoothstep(dirt, edge, .7)", {"dirt": "textures/dirt.png", "edge": "0.25"}, Formula),
+    ],
+)
+def test_masks_are_given_and_shown_as_they_are_typed(
+    mask: str, inputs: dict[str, str], kind: type, document: Document
+) -> None:
+    do(document, "mask", layer=1, mask=mask, inputs=inputs)
+    found = document.looks[0].layers[1].mask
+    assert isinstance(found, kind)
+    row = document.stacks()[0]["layers"][1]["mask"]
+    assert row["text"] == mask
+    assert {name: text.removesuffix(":r") for name, text in row["inputs"].items()} == inputs
+
+
+def test_the_numbers_of_an_expression_are_parameters(document: Document) -> None:
+    do(document, "mask", layer=1, mask="dirt * edge", inputs={"dirt": "textures/dirt.png", "edge": "0.25"})
+    assert document.edit(Edit(0, 1, "mask.edge", 0.5))
+    rows = {row["name"]: row["value"] for row in document.stacks()[0]["layers"][1]["parameters"]}
+    assert rows["mask.edge"] == 0.5
+    # A name that is not typed anew keeps its source.
+    do(document, "mask", layer=1, mask="1 - dirt", inputs={})
+    assert document.stacks()[0]["layers"][1]["mask"]["inputs"] == {"dirt": "textures/dirt.png:r"}
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ({"op": "mask", "layer": 1, "mask": "/etc/hosts.png", "inputs": {}}, "no such image file"),
+        ({"op": "mask", "layer": 1, "mask": "../secret.png", "inputs": {}}, "reads images below"),
+        ({"op": "mask", "layer": 1, "mask": "smothstep(a)", "inputs": {}}, "did you mean 'smoothstep'"),
+        ({"op": "mask", "layer": 1, "mask": "dirt", "inputs": {}}, "'dirt' in the expression has no source"),
+        ({"op": "mask", "layer": 0, "mask": "0.5", "inputs": {}}, "is the base"),
+        ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, r"\[\[look.assign\]\]"),
+        ({"op": "add", "preset": "rsut"}, "did you mean 'rust'"),
+        ({"op": "add", "preset": "../../secret.usda"}, "no preset 'secret'"),
+        ({"op": "remove", "layer": 9}, "has no layer 9"),
+        ({"op": "move", "layer": 1, "to": 0}, "the base stays beneath"),
+        ({"op": "mode", "layer": 1, "mode": "transmit"}, "cannot be 'transmit'"),
+        ({"op": "variant", "set": "wear", "choice": "dirty"}, "did you mean 'dusty'"),
+        ({"op": "paste", "text": "roughness"}, "no layer of a look"),
+        ({"op": "erase"}, "an edit of the stack has"),
+    ],
+)
+def test_what_cannot_be_done_changes_nothing(
+    body: dict[str, Any], message: str, document: Document, tmp_path: Path
+) -> None:
+    for suffix in ("png", "usda"):
+        (tmp_path / f"secret.{suffix}").write_bytes(b"")
+    shutil.copy(ROOT / "materials" / "textures" / "dirt.png", tmp_path / "secret.png")
+    before = document.status()
+    with pytest.raises(LookdevError, match=message):
+        document.arrange(0, body)
+    assert document.status() == before
+
+
+def test_a_scene_that_cannot_be_shown_is_refused(document: Document, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = document.status()
+
+    def fail(*_: object, **__: object) -> None:
+        raise LookdevError("too large")
+
+    monkeypatch.setattr("lookdev.studio.designer.document.view_scene", fail)
+    with pytest.raises(LookdevError, match="too large"):
+        do(document, "add", preset="rust")
+    assert document.status() == before
+
+
+def test_a_file_that_others_changed_is_not_written_over(document: Document, look: Path) -> None:
+    document.edit(Edit(0, 0, "roughness", 0.75))
+    theirs = look.read_text().replace("inputs:specular = 0.5", "inputs:specular = 0.25")
+    look.write_text(theirs)
+    assert document.signs()["changed"] == [str(look)]
+    with pytest.raises(ConflictError):
+        document.save()
+    assert look.read_text() == theirs
+    document.reload()
+    assert document.signs()["changed"] == []
+    assert document.looks[0].layers[0].inputs["specular"] == 0.25
+    assert not document.unsaved(0)
+    document.undo()
+    assert document.looks[0].layers[0].inputs["roughness"] == pytest.approx(0.75)
+    assert document.unsaved(0)
+    document.save()
+    assert "specular = 0.5" in look.read_text()
+
+
+def test_ones_own_edits_are_kept_or_saved_over(document: Document, look: Path) -> None:
+    document.edit(Edit(0, 0, "roughness", 0.75))
+    look.write_text(look.read_text() + "# theirs\n")
+    document.ignore()
+    document.save()
+    assert "theirs" not in look.read_text()
+    look.unlink()
+    with pytest.raises(ConflictError):
+        document.save(0)
+    document.save(0, over=True)
+    assert read_look(look).layers == document.looks[0].layers
+
+
+def test_unsaved_work_is_offered_and_taken_by_the_next(look: Path) -> None:
+    first = open_document(None, "plane", look, recovers=True)
+    do(first, "rename", layer=2, name="Grime")
+    second = open_document(None, "plane", look, recovers=True)
+    assert second.status()["recovery"] is None  # the first one is still there
+    first.close()
+    third = open_document(None, "plane", look, recovers=True)
+    assert [each["file"] for each in third.status()["recovery"]["files"]] == [str(look)]
+    assert names(third)[2] == "Dust"
+    third.recover(take=True)
+    assert names(third)[2] == "Grime"
+    assert third.status()["recovery"] is None
+    third.undo()
+    assert names(third)[2] == "Dust"
+    third.undo(1)
+    third.save()
+    third.close()
+    assert open_document(None, "plane", look, recovers=True).status()["recovery"] is None
+
+
+def test_unsaved_work_on_a_file_that_changed_since_warns(look: Path) -> None:
+    first = open_document(None, "plane", look, recovers=True)
+    do(first, "rename", layer=2, name="Grime")
+    first.close()
+    look.write_text(look.read_text() + "# theirs\n")
+    second = open_document(None, "plane", look, recovers=True)
+    assert second.status()["recovery"]["files"][0]["changed"]
+    second.recover(take=True)
+    with pytest.raises(ConflictError):
+        second.save()
+
+
+def test_discarded_work_is_gone(look: Path, tmp_path: Path) -> None:
+    first = open_document(None, "plane", look, recovers=True)
+    do(first, "rename", layer=2, name="Grime")
+    first.close()
+    second = open_document(None, "plane", look, recovers=True)
+    second.recover(take=False)
+    second.close()
+    assert list((tmp_path / "state" / "designer").iterdir()) == []
+    with pytest.raises(LookdevError, match="no unsaved work"):
+        second.recover(take=True)
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"files": 3}', "[" * 10000])
+def test_a_damaged_record_is_passed_over(text: str, tmp_path: Path) -> None:
+    recovery = Recovery("job")
+    recovery.keep(Work({tmp_path / "a.usda": (b"a", "")}, {}, 1.0))
+    (record,) = (tmp_path / "state" / "designer").glob("*.json")
+    recovery.close()
+    record.write_text(text)
+    assert Recovery("job").work is None
+
+
+def test_a_folder_that_cannot_be_written_is_an_error_in_words(look: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    document = open_document(None, "plane", look)
+
+    def refuse(*_: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(LookdevError, match="copy the look to a folder of your own"):
+        do(document, "add", preset="rust")
+
+
+def test_snapshots_are_gone_back_to(document: Document) -> None:
+    document.keep_snapshot(b"\x89PNG\r\n\x1a\n")
+    do(document, "add", preset="rust")
+    assert [each["name"] for each in document.status()["snapshots"]] == ["snapshot 1"]
+    assert document.show_snapshot(1)
+    assert names(document) == ["Base", "Flakes", "Dust"]
+    document.undo()
+    assert names(document)[-1] == "Rust"
+    with pytest.raises(LookdevError, match="no snapshot 7"):
+        document.show_snapshot(7)
+    with pytest.raises(LookdevError, match="is a PNG"):
+        document.keep_snapshot(b"GIF89a")
+
+
+def test_histories_and_snapshots_have_an_end() -> None:
+    history, snapshots = History(), Snapshots()
+    for number in range(LONGEST + 50):
+        history.push(str(number), State())
+        snapshots.keep(b"\x89PNG\r\n\x1a\n", State(), ("", ""))
+    steps = 0
+    while history.step(-1) is not None:
+        steps += 1
+    assert steps == LONGEST
+    assert len(snapshots.listed()) == 24
+
+
+def test_a_variant_that_the_job_chooses_is_only_shown(look: Path) -> None:
+    job = look.with_name("job.toml")
+    asset = '{ builtin = "plane" }'
+    worn = f'[{{ name = "worn", material = "{look}", variants = {{ wear = "dusty" }} }}]'
+    job.write_text(
+        f'output = "out"\nasset = {asset}\nlook = {worn}\nibl = [{{ name = "studio", builtin = "studio" }}]\n'
+        'turntable = [{ kind = "element", frames = 1 }]\n'
+    )
+    document = open_document(job)
+    (row,) = document.stacks()[0]["variants"]
+    assert (row["chosen"], row["by_job"]) == ("dusty", True)
+    assert do(document, "variant", set="wear", choice="clean")
+    assert len(document.looks[0].layers) == 2
+    assert not document.unsaved(0)
+    document.undo()
+    assert len(document.looks[0].layers) == 3
+
+
+def test_looks_that_cannot_be_edited_say_why() -> None:
+    document = open_document(ROOT / "jobs" / "parts.toml")
+    stack = document.stacks()[0]
+    assert "translated from preview_surface" in stack["locked"]
+    with pytest.raises(LookdevError, match="cannot be edited here"):
+        do(document, "add", preset="rust")
+
+
+def test_a_layer_is_saved_as_a_preset(document: Document, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    library = tmp_path / "library"
+    library.mkdir()
+    monkeypatch.setenv("LOOKDEV_LIBRARY", str(library))
+    file = document.save_preset(0, 1, "blue_flakes", "paint")
+    preset = find_preset("blue_flakes")
+    assert (preset.file, preset.category, preset.doc) == (file, "paint", "Blue flakes.")
+    do(document, "add", preset="blue_flakes")
+    layers = document.looks[0].layers
+    assert (layers[-1].name, layers[-1].inputs) == ("BlueFlakes", layers[1].inputs)
+    assert document.save_preset(0, 0, "base_coat", "").is_file()  # with the value of the interface
+    for name, message in (("blue_flakes", "exists already"), ("../blue", "no name of a preset"), ("", "no name")):
+        with pytest.raises(LookdevError, match=message):
+            document.save_preset(0, 1, name, "paint")
+    assert len(list(library.iterdir())) == 2
+
+
+def test_a_layer_with_a_texture_is_no_preset(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "library").mkdir()
+    monkeypatch.setenv("LOOKDEV_LIBRARY", str(tmp_path / "library"))
+    shutil.copytree(ROOT / "materials", tmp_path / "materials")
+    document = open_document(None, "plane", tmp_path / "materials" / "brushed_metal.usda")
+    with pytest.raises(LookdevError, match="only constants"):
+        document.save_preset(0, 0, "brushed", "metal")
+    assert list((tmp_path / "library").iterdir()) == []
+
+
+def test_pictures_of_presets_are_spheres_on_nothing() -> None:
+    from matplotlib.image import imread
+
+    pixels = imread(thumbnail(find_preset("dust", ROOT / "materials" / "presets")))
+    assert pixels.shape == (SIZE, SIZE, 4)
+    assert pixels[0, 0, 3] == 0.0
+    assert pixels[SIZE // 2, SIZE // 2, 3] == 1.0
+    # Lit from above.
+    assert pixels[SIZE // 4, SIZE // 2, :3].mean() > pixels[-SIZE // 8, SIZE // 2, :3].mean() > 0.0

@@ -1,0 +1,156 @@
+"""A whole edit, played in a browser, saved, opened again, and rendered by the job.
+
+``pytest -m slow tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
+"""
+
+from __future__ import annotations
+
+import logging
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from pxr import Sdf, Usd, UsdGeom
+from served import served
+from test_design_layers_page import run
+from test_design_page import NEEDS_CHROMIUM, Page, start_browser
+
+from lookdev.asset.builtin import make_sphere
+from lookdev.output.exr import read_frame, read_layer
+
+pytestmark = [pytest.mark.slow, pytest.mark.cycles, NEEDS_CHROMIUM]
+
+ROOT = Path(__file__).parents[2]
+SIZE = (48, 36)
+SAMPLES = 1024  # of the viewport
+JOB = """output = "out"
+asset = { usd = "asset.usda" }
+camera = { elevation = 20 }
+
+[[look]]
+name = "dressed"
+assign = [{ prims = ["/Ball/Upper"], material = "upper.usda" }, { prims = ["/Ball/Lower"], material = "lower.usda" }]
+
+[[ibl]]
+name = "studio"
+builtin = "studio"
+
+[[turntable]]                # the light as it is turned on the page
+kind = "lighting"
+frames = 1
+start = 40
+
+[render]
+resolution = [48, 36]
+samples = 256
+bounces = 0                  # a ball reflects nothing of itself, and has no shadow on itself: what the page shows
+"""
+log = logging.getLogger(__name__)
+Floats = NDArray[np.float64]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a job of a ball of two parts, each in a look of its own."""
+    (tmp_path / "job.toml").write_text(JOB)
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path / "upper.usda")
+    shutil.copy(ROOT / "materials" / "brushed_metal.usda", tmp_path / "lower.usda")
+    stage = Usd.Stage.CreateNew(str(tmp_path / "asset.usda"))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/Ball").GetPrim())
+    (mesh,) = make_sphere().meshes
+    corners = np.split(np.arange(len(mesh.corner_points)), np.cumsum(mesh.face_sizes)[:-1])
+    height = np.array([mesh.points[mesh.corner_points[each], 2].mean() for each in corners])
+    for name, taken in (("Upper", height >= 0.0), ("Lower", height < 0.0)):
+        faces = [each for each, here in zip(corners, taken, strict=True) if here]
+        of = np.concatenate(faces)
+        made = UsdGeom.Mesh.Define(stage, f"/Ball/{name}")
+        made.CreatePointsAttr(mesh.points.astype(np.float32))
+        made.CreateFaceVertexCountsAttr([len(each) for each in faces])
+        made.CreateFaceVertexIndicesAttr(mesh.corner_points[of].astype(np.int32))
+        made.CreateSubdivisionSchemeAttr("none")
+        made.CreateNormalsAttr(mesh.normals[of].astype(np.float32))
+        made.SetNormalsInterpolation("faceVarying")
+        st = UsdGeom.PrimvarsAPI(made).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "faceVarying")
+        st.Set(mesh.uvs["st"][of].astype(np.float32))
+    stage.Save()
+    return tmp_path
+
+
+def shown(page: Page, seed: int) -> Floats:
+    """Return the picture of some samples, (H, W, 4)."""
+    pixels = run(
+        page,
+        f"viewport.resize({SIZE[0]}, {SIZE[1]}); viewport.set({{seed: given[0], background: false}});"
+        f"done([...await viewport.accumulated({SAMPLES})]);",
+        seed,
+    )
+    return np.array(pixels).reshape(SIZE[1], SIZE[0], 4)
+
+
+def load(browser: Any, url: str) -> Page:
+    page = Page(browser, url)
+    browser.set_script_timeout(400)
+    run(page, "typed(at('lighting'), 40, 'input'); done();")
+    return page
+
+
+@pytest.fixture
+def browser() -> Iterator[Any]:
+    yield from start_browser()
+
+
+def test_what_is_saved_is_rendered_as_it_was_shown(folder: Path, browser: Any) -> None:
+    with served(str(folder / "job.toml"), verb="design", cwd=folder) as server:
+        page = load(browser, server.url)
+        before = shown(page, 0)
+        run(
+            page,
+            "const pick = async (name) => { typed(at('part'), name); await until(() => at('layer-0')); };"
+            "const add = async (preset) => { const count = shown().length; at('layer-add').click();"
+            " await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
+            " typed(at('adding-search'), preset, 'input'); at('adding-presets').querySelector('button').click();"
+            " await until(() => shown().length > count); };"
+            "await pick('/Ball/Lower'); const slider = document.querySelector('[data-parameter=metallic] input');"
+            "for (const event of ['input', 'change']) typed(slider, 0.25, event);"
+            "await until(() => at('undo').title.includes('metallic'));"
+            "await pick('/Ball/Upper'); await add('dust');"
+            "typed(at('mask-kind'), 'expression'); typed(at('mask-expression'), 'smoothstep(dirt, .2, .6)', 'input');"
+            "typed(document.querySelector('.mask input[data-name=dirt]'), 'textures/dirt.png', 'input');"
+            "at('mask-apply').click(); await until(() => document.querySelector('.tag')?.textContent === 'expression');"
+            "done();",
+        )
+        pictures = [shown(page, seed) for seed in (0, 1)]
+        run(page, "at('save').click(); await until(() => at('status').textContent.startsWith('saved')); done();")
+    with served(str(folder / "job.toml"), verb="design", cwd=folder) as server:
+        again = shown(load(browser, server.url), 0)
+    np.testing.assert_allclose(again, pictures[0], rtol=1e-5, atol=1e-6)
+    assert np.abs(again - before)[..., :3].mean() > 0.05 * np.abs(before)[..., :3].mean()
+    rendered = subprocess.run(
+        [sys.executable, "-m", "lookdev", "render", str(folder / "job.toml")],
+        cwd=folder, capture_output=True, text=True, check=False, timeout=600,
+    )  # fmt: skip
+    assert rendered.returncode == 0, rendered.stdout + rendered.stderr
+    (frame,) = (folder / "out" / "dressed" / "studio").glob("*.exr")
+    beauty, alpha = read_frame(frame)
+    error = read_layer(frame, "error")
+    assert error is not None
+    inside = alpha == 1.0
+    picture = np.mean(pictures, axis=0)[..., :3]
+    noise = np.abs(pictures[0] - pictures[1])[..., :3] / 2.0
+    deviation = np.sqrt(np.square(error) + np.square(noise).mean())[inside]
+    difference = (picture - beauty)[inside]
+    relative = np.abs(difference).mean() / beauty[inside].mean()
+    expected = np.sqrt(2.0 / np.pi) * deviation.mean() / beauty[inside].mean()
+    log.info("difference %.2f %% of the mean, of which noise is %.2f %%", 100 * relative, 100 * expected)
+    log.info("signed difference %.3f %%", 100 * difference.mean() / beauty[inside].mean())
+    # The mean over n pixels of what is noise alone is within four of its standard errors.
+    assert abs(difference.mean()) < 4.0 * np.sqrt(np.square(deviation).sum()) / deviation.size
+    assert relative < 1.5 * expected
