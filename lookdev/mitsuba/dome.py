@@ -11,30 +11,29 @@ import numpy as np
 from lookdev.light.dome import Dome, bins, slots
 from lookdev.light.dome.files import read_exr
 from lookdev.mitsuba import sobol
+from lookdev.mitsuba.files import file_array, read_image
+from lookdev.mitsuba.frozen import held
 
 
 class DomeLight:
-    """The map of a dome light in a variant's arrays, multiplied by the light's colour if `colored`.
+    """The map of a dome light in a variant's arrays.
 
     Directions are by its own axes. A map that is the same all around needs no tables, unless it is `local`: then
     `sampled` is false.
     """
 
-    def __init__(self, mi: Any, dome: Dome, *, colored: bool = True, local: bool = False) -> None:
+    def __init__(self, mi: Any, dome: Dome, *, local: bool = False) -> None:
         self._mi = mi
         self.number = mi.Float
         self.sampled = dome.slots_file is not None and not (dome.constant and not local)
-        texels = np.zeros((dome.height, dome.width, 4), np.float32)
-        color = dome.emission.color if colored else (1.0, 1.0, 1.0)
-        texels[..., :3] = read_exr(dome.radiance_file.path, "RGB") * np.asarray(color, np.float32)
-        self._texels = mi.Float(texels.ravel())
+        self._texels = file_array(mi.Float, dome.radiance_file, read_image)
         self._width, self._height = dome.width, dome.height
         if self.sampled:
             assert dome.points_file and dome.slots_file and dome.bins_file  # noqa: PT018
-            self._points = mi.Float(read_exr(dome.points_file.path, "RGBA").ravel())
-            self._slots = mi.UInt32(np.load(dome.slots_file.path).view(np.uint32).ravel())
-            self._bins = mi.Float(np.load(dome.bins_file.path).ravel())
-            self._cells, self._first = mi.UInt32(bins.CELLS), mi.UInt32(bins.FIRST)
+            self._points = file_array(mi.Float, dome.points_file, lambda path: read_exr(path, "RGBA"))
+            self._slots = file_array(mi.UInt32, dome.slots_file, lambda path: np.load(path).view(np.uint32))
+            self._bins = file_array(mi.Float, dome.bins_file, np.load)
+            self._cells, self._first = held(mi.UInt32, bins.CELLS), held(mi.UInt32, bins.FIRST)
 
     def radiance(self, w: Any, active: Any) -> Any:
         """Return the radiance from directions, bilinear, periodic around, clamped at the poles."""
@@ -49,7 +48,7 @@ class DomeLight:
         bottom = dr.minimum(top + 1, self._height - 1)
 
         def texel(row: Any, column: Any) -> Any:
-            found = dr.gather(mi.Vector4f, self._texels, row * self._width + column, active)
+            found = dr.gather(mi.Vector4f, self._texels.array, row * self._width + column, active)
             return mi.Color3f(found.x, found.y, found.z)
 
         above = dr.lerp(texel(top, left), texel(top, right), s)
@@ -67,14 +66,14 @@ class DomeLight:
         theta = math.pi * (mi.Float(row) + 0.5) / bins.ROWS
         (s, c), (sine, cosine) = dr.sincos(azimuth), dr.sincos(theta)
         number = dr.gather(mi.UInt32, self._first, row) + cell
-        numbers = dr.gather(mi.Vector2f, self._bins, number)
+        numbers = dr.gather(mi.Vector2f, self._bins.array, number)
         return NormalBin(self, number, mi.Vector3f(sine * c, sine * s, cosine), numbers.x, numbers.y)
 
     @property
     def all_around(self) -> NormalBin:
         """The bin of directions from everywhere, for places that have no normal."""
         mi = self._mi
-        numbers = dr.gather(mi.Vector2f, self._bins, mi.UInt32(bins.COUNT))
+        numbers = dr.gather(mi.Vector2f, self._bins.array, mi.UInt32(bins.COUNT))
         return NormalBin(self, mi.UInt32(bins.COUNT), None, numbers.x, numbers.y)
 
 
@@ -112,13 +111,13 @@ class NormalBin:
     def _sample(self, slot: Any, u: Any, active: Any) -> tuple[Any, Any, Any]:
         light = self._light
         mi = light._mi
-        packed = dr.gather(mi.UInt32, light._slots, self._number * slots.SLOTS + slot, active)
+        packed = dr.gather(mi.UInt32, light._slots.array, self._number * slots.SLOTS + slot, active)
         code = packed & ((1 << slots.CODE_BITS) - 1)
         single = code > slots.MOST_POINTS
         count = dr.select(single, 1, code)
         times = dr.select(single, code - slots.MOST_POINTS + 1, 1)
         point = (packed >> slots.CODE_BITS) + dr.minimum(mi.UInt32(mi.Float(count) * u), dr.maximum(count, 1) - 1)
-        found = dr.gather(mi.Vector4f, light._points, point, active)
+        found = dr.gather(mi.Vector4f, light._points.array, point, active)
         s, c = dr.sincos(found.x)
         horizontal = dr.safe_sqrt(1.0 - found.y * found.y)
         w = mi.Vector3f(horizontal * c, horizontal * s, found.y)

@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import drjit as dr
+import numpy as np
+from numpy.typing import ArrayLike
 
 
 @contextmanager
@@ -19,6 +21,20 @@ def nothing_freed() -> Iterator[None]:
         yield
     finally:
         gc.enable()
+
+
+def held(kind: Any, values: ArrayLike) -> Any:
+    """Return numbers, flat, as an array of a kind, `mi.Float` or `mi.UInt32`, in memory of Dr.Jit's own.
+
+    It takes NumPy's memory as it is, and gathers four numbers at once where that happens to be aligned: the kernel of
+    a scene would be another one from time to time, and be compiled.
+    """
+    width = {dr.VarType.Float32: np.float32, dr.VarType.UInt32: np.uint32}[dr.type_v(kind)]
+    given = kind(np.ascontiguousarray(values, width).ravel())
+    own = dr.zeros(kind, len(given))
+    dr.scatter(own, given, dr.arange(dr.uint32_array_t(kind), len(given)))
+    dr.eval(own)
+    return own
 
 
 def held_arrays(root: object) -> list[Any]:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import drjit as dr
-import numpy as np
 
 from lookdev.codegen import ImageBinding
-from lookdev.errors import RenderError
-
-Image: TypeAlias = tuple[Any, int, int]
-"""Texels of four channels in a variant's array, width and height."""
+from lookdev.mitsuba.files import FileArray, file_array, read_image
 
 
 class Images:
@@ -21,7 +16,7 @@ class Images:
     def __init__(self, mi: Any, binding: ImageBinding) -> None:
         self._mi = mi
         self._binding = binding
-        self._tiles = {number: read_image(mi, file.path) for number, file in binding.files.items()}
+        self._tiles = {number: file_array(mi.Float, file, read_image) for number, file in binding.files.items()}
 
     def texels(self, uv: Any, active: Any) -> tuple[Any, Any, Any, Any]:
         """Return the four channels at coordinates of the UV set; without a tile there, all are 0."""
@@ -44,9 +39,9 @@ class Images:
         return texels.x, texels.y, texels.z, texels.w
 
 
-def bilinear(mi: Any, image: Image, s: Any, t: Any, wrap_s: str, wrap_t: str, active: Any) -> Any:
+def bilinear(mi: Any, image: FileArray, s: Any, t: Any, wrap_s: str, wrap_t: str, active: Any) -> Any:
     """Return the four channels of an image at coordinates, (0, 0) lower left."""
-    texels, width, height = image
+    texels, (height, width, _) = image.array, image.shape
     x, y = s * width - 0.5, (1.0 - t) * height - 0.5
     i, j = dr.floor(x), dr.floor(y)
     total = mi.Vector4f(0.0)
@@ -80,20 +75,3 @@ def _slope(place: Any, wrap: str) -> Any:
         half = 0.5 * dr.floor(place)
         return dr.select(half != dr.floor(half), -1.0, 1.0)
     return dr.select((place < 0.0) | (place > 1.0), 0.0, 1.0) if wrap == "clamp" else 1.0
-
-
-def read_image(mi: Any, path: Path) -> Image:
-    """Read the linear RGBA of `lookdev.material.textures`, or the RGB of a light's texture, row 0 at the top."""
-    import OpenImageIO as oiio  # not at the top: looks without textures start sooner
-
-    image = oiio.ImageInput.open(str(path))
-    if image is None:
-        raise RenderError(f"{path}: cannot be read: {oiio.geterror()}")
-    try:
-        pixels = np.asarray(image.read_image(format=oiio.FLOAT), np.float32)
-    finally:
-        image.close()
-    height, width = pixels.shape[:2]
-    if pixels.shape[2] == 3:
-        pixels = np.concatenate([pixels, np.ones((height, width, 1), np.float32)], axis=-1)
-    return mi.Float(pixels.ravel()), width, height

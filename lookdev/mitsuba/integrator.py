@@ -7,7 +7,6 @@ in `lookdev/shaders/surface.osl`. Directions of all samples of a pixel are one s
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,10 +17,9 @@ from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.lights import Arriving, Lighting, Lights
-from lookdev.mitsuba.surface import Looks, Response, Surface
-from lookdev.render.adaptive import Region
-from lookdev.scene import Camera, Pose
+from lookdev.mitsuba.lights import Lighting, Lights
+from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.view import Rectangle, View
 
 LITTLE = 0.1  # of the throughput: with 1, dielectrics had five times the error at the same time
 _NEGLIGIBLE = 1e-20  # of the BSDF: as in the shader
@@ -35,90 +33,14 @@ class Counts:
     light: int
     brdf_onward: int = 1
     light_onward: int = 1
-
-
-@dataclass(frozen=True, eq=False)
-class View:
-    """A camera about the centre of the geometry, and the turns of the lights in radians, as inputs of a kernel.
-
-    The first turn is that of lights that turn with the rig, the second that of those that stay.
-    """
-
-    origin: Any
-    right: Any
-    up: Any
-    back: Any
-    turns: Any
-    width: int
-    height: int
-    aperture: float
-    focus: float
-    near: float
-
-    @classmethod
-    def of(cls, mi: Any, camera: Camera, pose: Pose, resolution: tuple[int, int], center: Any) -> View:
-        """Of a pose: the camera orbits, the light turns, the asset stays (`lookdev.scene.Pose`).
-
-        `right` and `up` span half the frame at depth 1, and `back` is shifted with it.
-        """
-        orbited = camera.orbited(-pose.element)
-        right, up, back = orbited.frame
-        width, height = resolution
-        across, along = camera.reach * right, camera.reach * up
-        shifted = back - 2.0 * camera.shift[0] * across - 2.0 * camera.shift[1] * along
-        vectors = (orbited.position - center, across, along * height / width, shifted)
-        opaque = [dr.opaque(mi.Float, float(x)) for vector in vectors for x in vector]
-        angles = (math.radians(each) for each in (pose.lighting - pose.element, -pose.element))
-        turns = mi.Vector2f(*(dr.opaque(mi.Float, each) for each in angles))
-        lens = camera.lens
-        aperture, focus = (lens.aperture, lens.focus) if lens else (0.0, 1.0)
-        origin, right, up, back = (mi.Vector3f(*opaque[3 * i : 3 * i + 3]) for i in range(4))
-        return cls(origin, right, up, back, turns, width, height, aperture, focus, camera.clip[0])
-
-    def rays(self, mi: Any, x: Any, y: Any, u: Any, v: Any) -> Any:
-        """Return the rays through places of the film, in pixels from the upper left corner; u and v are on the lens."""
-        sx, sy = 2.0 * x / self.width - 1.0, 1.0 - 2.0 * y / self.height
-        direction = sx * self.right + sy * self.up - self.back
-        origin = mi.Point3f(self.origin)
-        if self.aperture > 0.0:
-            radius = 0.5 * self.aperture * dr.sqrt(u)
-            s, c = dr.sincos(2.0 * math.pi * v)
-            within = radius * c * dr.normalize(self.right) + radius * s * dr.normalize(self.up)
-            origin, direction = origin + within, direction - within / self.focus
-        return mi.Ray3f(origin + self.near * direction, dr.normalize(direction))
-
-    def seen(self, mi: Any, geometry: Geometry, pixel: Any, index: Any, place: Any) -> tuple[Any, Any, Any, Any, Any]:
-        """Return triangles, barycentric coordinates and rays of samples of pixels, which hit any, and how far.
-
-        `index` is the number of a sample, `place` scrambles those of a pixel.
-        """
-        u, v = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x9E3779B9))
-        on_lens = sobol.points(mi.Float, index, sobol.hashed(place ^ 0x7F4A7C15)) if self.aperture > 0.0 else (0.0, 0.0)
-        row = pixel // self.width
-        ray = self.rays(mi, mi.Float(pixel - row * self.width) + u, mi.Float(row) + v, *on_lens)
-        triangle, uv, hit, distance = geometry.first_hit(ray)
-        return triangle, uv, ray, hit, distance
-
-
-@dataclass(frozen=True, eq=False)
-class Rectangle:
-    """A part of the frame: its upper left pixel, and its width, as inputs of a kernel."""
-
-    left: Any
-    top: Any
-    width: Any
-
-    @classmethod
-    def of(cls, mi: Any, region: Region) -> Rectangle:
-        left, right = region.columns.start, region.columns.stop
-        return cls(*(dr.opaque(mi.UInt32, each) for each in (left, region.rows.start, right - left)))
+    resampled: bool = False  # of those from the light one is traced
 
 
 class Estimator:
     """A scene: geometry, looks and lights.
 
     Besides the beauty it records parts of it: what the first hit reflects by each of some `groups` of lobes, and, if
-    `direct`, of lights.
+    `direct`, of lights; and what comes from each of the groups of lights that are kept apart.
     """
 
     def __init__(
@@ -153,18 +75,19 @@ class Estimator:
         triangle, uv, ray, hit, before, hidden, index, place = self._seen(view, rectangle, lane, seed, first, shift)
         shown = hit & ~hidden
         radiance, cover, parts = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
-        radiance += before
+        radiance += before[0]
         if self._light.shown:
             cover = dr.select(hit & hidden, 1.0, cover)
-            # What the camera sees of lights came from there, by no lobe: the last part has it.
-            parts = [*parts[:-1], parts[-1] + before] if self._direct else parts
+            # What the camera sees of lights came from there, by no lobe.
+            lobes = len(self._groups)
+            parts = [*parts[:lobes], *_sums(parts[lobes:], [before[0]] * self._direct + before[1:])]
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
     def _seen(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> tuple[Any, ...]:
         """Return what samples of pixels see; arguments as of `pixels`.
 
-        Triangle, place on it, ray, whether it is hit, what lights send along the ray, whether they hide the hit, the
-        number of the sample in its pixel, and the scramble of that.
+        Triangle, place on it, ray, whether it is hit, what lights send along the ray (`Lights.before`), whether they
+        hide the hit, the number of the sample in its pixel, and the scramble of that.
         """
         mi = self._mi
         number = first + (lane >> shift)
@@ -173,7 +96,7 @@ class Estimator:
         index = lane & ((mi.UInt32(1) << shift) - 1)
         place = sobol.hashed(sobol.hashed(seed) ^ pixel)
         triangle, uv, ray, hit, distance = view.seen(mi, self._geometry, pixel, index, place)
-        before, hidden = mi.Color3f(0.0), mi.Bool(False)
+        before, hidden = [mi.Color3f(0.0)], mi.Bool(False)
         if self._light.shown:
             before, hidden = self._light.before(ray.o, ray.d, view.turns, dr.select(hit, distance, 0.0))
         return triangle, uv, ray, hit, before, hidden, index, place
@@ -188,7 +111,7 @@ class Estimator:
         active = mi.Bool(active)
         cover = dr.select(active, mi.Float(1.0), 0.0)
         straight = mi.Bool(active)
-        parts = [mi.Color3f(0.0) for _ in range(len(self._groups) + self._direct)]
+        parts = self._dark()[1:]
         # Of a path after its first reflection: what of its throughput is of each group, by channels.
         shares = [mi.Color3f(0.0) for _ in self._groups]
         while active:
@@ -265,37 +188,72 @@ class Estimator:
         seed: Any,
         active: Any,
     ) -> Any:
-        """Return what directions drawn from the light find, as `_recorded`."""
+        """Return what directions drawn from the light find, as `_recorded`.
+
+        Of a glossy surface, one of them is traced, chosen in proportion to what it brings unless it is occluded (Talbot
+        et al. 2005, "Importance Resampling for Global Illumination"): most directions of the light miss its lobes.
+        """
         mi = self._mi
-        total = [mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct)]
+        total = self._dark()
         if self._light.sampled:
-            j = mi.UInt32(0)
+            j, chosen = mi.UInt32(0), mi.UInt32(0)
+            sum_, own = mi.Float(0.0), mi.Float(0.0)
             while active & (j < lit):
-                w, arriving, distance, density, controls = lighting.draw(index, j, seed, active)
-                wi = surface.to_local(w)
-                response, pdf = surface.respond(wi, active, self._light.split, self._groups)
-                met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
-                met &= dr.max(arriving) > 0.0
-                specular, diffuse = self._passed(surface, w, distance, controls, met)
-                weight = arriving / (mi.Float(drawn) * pdf + density)
-                total = _sums(total, self._recorded(record, response, (weight * specular, weight * diffuse), met))
+                one = self._drawn(surface, lighting, index, j, drawn, seed, active)
+                if self._counts.resampled:
+                    size = one[-1]
+                    sum_ += size
+                    lot = sobol.unit(mi.Float, sobol.hashed(seed ^ (index * lit + j + 1) * 0x85EBCA77))
+                    kept = (size > 0.0) & (lot * sum_ < size)
+                    chosen = dr.select(kept, j, chosen)
+                    own = dr.select(kept, size, own)
+                else:
+                    total = _sums(total, self._shown(surface, record, one, mi.Float(1.0)))
                 j += 1
+            if self._counts.resampled:
+                met = active & (sum_ > 0.0)
+                one = self._drawn(surface, lighting, index, chosen, drawn, seed, met)
+                total = self._shown(surface, record, one, sum_ / own)
         return total
 
-    def _recorded(self, record: _Record, response: Response, arriving: Arriving, active: Any) -> list[Any]:
-        """Return what is reflected of light, and each part of that: as lobes of groups do, and of lights directly."""
-        whole = dr.select(active, record.throughput * response.to(arriving), 0.0)
-        return [
-            whole,
-            *self._parts(record, whole, [record.throughput * e for e in response.parts_to(arriving)], active),
-        ]
+    def _drawn(
+        self, surface: Surface, lighting: Lighting, index: Any, j: Any, drawn: Any, seed: Any, active: Any
+    ) -> tuple[Any, ...]:
+        """Return a direction of the light: with response, light over density, distance, controls, whether met, size."""
+        w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
+        wi = surface.to_local(w)
+        response, pdf = surface.respond(wi, active, self._light.split, self._groups)
+        met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
+        met &= dr.max(sent) > 0.0
+        weight = sent / (self._mi.Float(drawn) * pdf + density)
+        return w, response, weight, distance, controls, met, dr.select(met, dr.mean(response.value * weight), 0.0)
 
-    def _parts(self, record: _Record, whole: Any, of_first: list[Any], active: Any) -> list[Any]:
-        found = [
+    def _shown(self, surface: Surface, record: _Record, drawn: tuple[Any, ...], times: Any) -> list[Any]:
+        """Return what a direction of `_drawn` finds, as `_recorded`."""
+        w, response, weight, distance, controls, met, _ = drawn
+        specular, diffuse = self._passed(surface, w, distance, controls, met)
+        weight = weight * dr.select(met, times, 0.0)
+        arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
+        return self._recorded(record, response, arriving, met)
+
+    def _dark(self) -> list[Any]:
+        """Return no light, and no part of it, as `_recorded`."""
+        return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
+
+    def _recorded(self, record: _Record, response: Response, arriving: list[Arriving], active: Any) -> list[Any]:
+        """Return what is reflected of light, and each part: by lobes of groups, of lights directly, of their groups."""
+        by_lights = [record.throughput * response.to(each) for each in arriving]
+        by_lobes = [record.throughput * each for each in response.parts_to(arriving[0])]
+        return self._divided(record, by_lights, by_lobes, active)
+
+    def _divided(self, record: _Record, by_lights: list[Any], by_lobes: list[Any], active: Any) -> list[Any]:
+        whole, *of_lights = (dr.select(active, each, 0.0) for each in by_lights)
+        of_lobes = [
             dr.select(active, dr.select(record.straight, here, share * whole), 0.0)
-            for here, share in zip(of_first, record.shares, strict=True)
+            for here, share in zip(by_lobes, record.shares, strict=True)
         ]
-        return [*found, dr.select(record.straight, whole, 0.0)] if self._direct else found
+        direct = [dr.select(record.straight, whole, 0.0)] * self._direct
+        return [whole, *of_lobes, *direct, *of_lights]
 
     def _follow(
         self, surface: Surface, lighting: Lighting, record: _Record, active: Any, onward: Any, seed: Any
@@ -309,7 +267,7 @@ class Estimator:
         """
         mi = self._mi
         passed, share = mi.Float(0.0), mi.Float(0.0)
-        found = [mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct)]
+        found = self._dark()
         chosen = (mi.Color3f(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer))
         chosen_straight = mi.Bool(False)
         chosen_shares = [mi.Color3f(each) for each in record.shares]
@@ -319,10 +277,10 @@ class Estimator:
             occluders = self._occluders(surface, w, occluder, blocked)
             unseen = record.straight & passes
             lit = met & ~unseen
-            specular, _ = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
-            whole = dr.select(lit, record.throughput * weight * specular, 0.0)
+            arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
+            by_lights = [record.throughput * weight * specular for specular, _ in arriving]
             ones = [dr.select(group == LOBE_GROUPS.index(name), mi.Color3f(1.0), 0.0) for name in self._groups]
-            found = _sums(found, [whole, *self._parts(record, whole, [one * whole for one in ones], lit)])
+            found = _sums(found, self._divided(record, by_lights, [one * by_lights[0] for one in ones], lit))
             passed += dr.select(met & ~blocked & unseen, weight.x, 0.0)
             size = dr.select(met & blocked & onward, dr.mean(weight), 0.0)
             share += size
@@ -362,7 +320,7 @@ class Estimator:
             return self._mi.Bool(False), self._mi.Float(FAR), surface.triangle, surface.uv
         found = self._geometry.scene.ray_intersect_preliminary(self._ray(surface, w), coherent=False, active=active)
         hit = found.is_valid()
-        return hit, dr.select(hit, found.t, FAR), found.prim_index, found.prim_uv
+        return hit, dr.select(hit, found.t, FAR), self._geometry.met(found), found.prim_uv
 
     def _occluders(self, surface: Surface, w: Any, occluder: Any, blocked: Any) -> list[Any]:
         """Return how far occluders are, by what lights spare, where the first hit of any is known."""

@@ -10,28 +10,32 @@ from numpy.typing import NDArray
 
 from lookdev.codegen.program.lamps import SHADOW_FIELDS, lamp_operations, shadow_operations
 from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
-from lookdev.mitsuba.images import bilinear, read_image
+from lookdev.mitsuba.files import file_array, read_image
+from lookdev.mitsuba.frozen import held
+from lookdev.mitsuba.images import bilinear
 from lookdev.mitsuba.programs import Place, Program
+from lookdev.mitsuba.surface import Arriving
 
-_NUMBERS = {name: number for number, name in enumerate(FIELDS)}
+_NUMBERS = {name: number for number, name in enumerate((*FIELDS, "group"))}
 _SPLIT = ("diffuse", "specular")
 
 
 class Rows:
-    """Lights of a rig: `rows` (n, fields) as `CodedRig.rows`. All places and vectors are of the rig's frame.
+    """Lights of a rig: `rows` (n, fields + 1) as `CodedRig.rows`, and the numbers of their groups behind them.
 
-    `linked` (looks, n) are the looks that each lights, None: each lights all.
+    All places and vectors are of the rig's frame. `linked` (looks, n) are the looks that each
+    lights, None: each lights all.
     """
 
     def __init__(self, mi: Any, rows: NDArray[np.float32], linked: NDArray[np.bool_] | None) -> None:
         self._mi = mi
         self.count = len(rows)
-        self._rows = mi.Float(np.ascontiguousarray(rows, np.float32).ravel())
-        self._linked = None if linked is None else mi.Float(linked.astype(np.float32).ravel())
+        self._rows = held(mi.Float, rows)
+        self._linked = None if linked is None else held(mi.Float, linked)
 
     def field(self, lamp: Any, name: str) -> Any:
         """Return a number of lamps, by their own numbers."""
-        return dr.gather(self._mi.Float, self._rows, lamp * len(FIELDS) + _NUMBERS[name])
+        return dr.gather(self._mi.Float, self._rows, lamp * len(_NUMBERS) + _NUMBERS[name])
 
     def turns(self, lamp: Any) -> Any:
         """Return whether lamps turn with the rig."""
@@ -87,12 +91,12 @@ class Lamps(Rows):
         shapings = [each.shaping for each in rig.emissions if each.shaping]
         steps = max((each.profile.steps for each in shapings if each.profile), default=0)
         operations, outputs = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
-        self._program = Program(operations, outputs, mi.Float, (), [mi.Float(rig.tables())])
+        self._program = Program(operations, outputs, mi.Float, (), [held(mi.Float, rig.tables())])
         self._image = None
         if kind == "picture":
             (light,) = (each for each in rig.pictures if rig.pictures.index(each) == rows[0, _NUMBERS["picture"]])
             assert light.texture, "it is a picture"
-            self._image = read_image(mi, light.texture.path)
+            self._image = file_array(mi.Float, light.texture, read_image)
 
     def weight(self, lamp: Any, p: Any, n: Any) -> Any:
         """Return `lookdev.light.lamps.weight` times the mean radiance."""
@@ -129,13 +133,18 @@ def kinds_of(mi: Any, rig: CodedRig, rows: NDArray[np.float32], linked: NDArray[
 
 
 class Controls:
-    """What lights let through: shadows of parts, of a colour or an end, and factors of diffuse and specular light."""
+    """What lights let through: shadows of parts, of a colour or an end, and factors of diffuse and specular light.
 
-    def __init__(self, mi: Any, rig: CodedRig) -> None:
+    The light of the first `groups` of lights is kept apart.
+    """
+
+    def __init__(self, mi: Any, rig: CodedRig, groups: int) -> None:
         self._mi = mi
+        self.groups = groups
         self.spared = rig.spared or ((),)
         self.shadowed, self.split = rig.shadowed, rig.split
         self._names = (*["spares"] * bool(rig.spared), *(SHADOW_FIELDS * rig.shadowed), *(_SPLIT * rig.split))
+        self._names += ("group",) * bool(groups)
         operations, outputs = shadow_operations()
         self._program = Program(operations, outputs, mi.Float)
 
@@ -146,6 +155,12 @@ class Controls:
     def of(self, rows: Rows, lamp: Any) -> tuple[Any, ...]:
         """Return the numbers of lamps that `let` takes."""
         return tuple(rows.field(lamp, name) for name in self._names)
+
+    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+        """Return light, and what of it is of each group that is kept apart."""
+        specular, diffuse = arriving
+        of_each = [controls[-1] == number for number in range(self.groups)]
+        return [arriving, *((dr.select(here, specular, 0.0), dr.select(here, diffuse, 0.0)) for here in of_each)]
 
     def spares(self, controls: tuple[Any, ...], which: int) -> Any:
         """Return whether lights spare a set of parts, by its number in `spared`."""

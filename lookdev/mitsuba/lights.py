@@ -15,10 +15,7 @@ from lookdev.light.dome import Dome
 from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
-from lookdev.mitsuba.surface import Surface
-
-Arriving = tuple[Any, Any]
-"""Two colours: what specular and what diffuse lobes reflect of."""
+from lookdev.mitsuba.surface import Arriving, Surface
 
 
 class Lighting(Protocol):
@@ -26,8 +23,8 @@ class Lighting(Protocol):
 
     def arriving(
         self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
-    ) -> Arriving:
-        """Return the sum over lights of radiance over density, as far as it passes what occludes them.
+    ) -> list[Arriving]:
+        """Return the sum over lights of radiance over density, as far as it passes what occludes them, `by_group`.
 
         A density is `own_density`, plus that of the directions drawn of the light if `weighed` is 1. Occluders are the
         distances to what is met first of the parts that cast shadows, for each set of `Lights.spared`. Light that is
@@ -49,12 +46,18 @@ class Lights(Protocol):
     shadowed: bool  # what passes an occluder depends on how far it is
     split: bool  # diffuse lobes reflect other light than specular ones
     shown: bool  # the camera sees some
+    groups: int  # of how many groups of lights the light is kept apart
 
     def at(self, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> Lighting:
         """Return the lighting of a surface, of which `lit` directions are drawn, on `both_sides` of it or in front."""
 
-    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[Any, Any]:
-        """Return the radiance of what the camera sees of lights nearer than a distance, and where there is any."""
+    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+        """Return the radiance of what the camera sees of lights nearer than a distance, of all and of each group that
+        is kept apart, and where there is any.
+        """
+
+    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+        """Return light of a light, and what of it is of each group that is kept apart."""
 
     def spares(self, controls: tuple[Any, ...], which: int) -> Any:
         """Return whether a light spares a set of parts, by the set's number."""
@@ -80,6 +83,7 @@ class OneDome:
     sampled: bool
     spared: Sequence[tuple[int, ...]] = ((),)
     shadowed = split = shown = False
+    groups = 0
 
     def __init__(self, mi: Any, dome: Dome) -> None:
         self._mi = mi
@@ -89,8 +93,11 @@ class OneDome:
     def at(self, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> Lighting:
         return _OfOneDome(self._mi, self._dome, surface, turns.x, lit, both_sides and self.sampled)
 
-    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[Any, Any]:
-        return self._mi.Color3f(0.0), self._mi.Bool(False)
+    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
+        return [self._mi.Color3f(0.0)], self._mi.Bool(False)
+
+    def by_group(self, controls: tuple[Any, ...], arriving: Arriving) -> list[Arriving]:
+        return [arriving]
 
     def spares(self, controls: tuple[Any, ...], which: int) -> Any:
         return self._mi.Bool(True)
@@ -111,13 +118,13 @@ class _OfOneDome:
 
     def arriving(
         self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
-    ) -> Arriving:
+    ) -> list[Arriving]:
         active = active & (occluders[0] >= FAR)
         local = turned(w, -self._turn)
         radiance = self._dome.radiance(local, active)
         density = own_density + weighed * self._density(local, radiance)
         found = dr.select(active, radiance / density, 0.0)
-        return found, found
+        return [(found, found)]
 
     def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
         start = sobol.hashed(seed ^ 0x2545F491)

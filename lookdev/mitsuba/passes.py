@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from lookdev.light.mapping import rotate_z
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import View
 from lookdev.mitsuba.surface import Looks, Surface
+from lookdev.mitsuba.view import View
 from lookdev.render.cryptomatte import RANKS, filled, matte_id, matte_samples
 from lookdev.render.frame import FEATURE_SAMPLES, Image
 from lookdev.render.passes import MATTES

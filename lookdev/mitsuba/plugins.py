@@ -22,6 +22,7 @@ from lookdev.errors import ModelError
 from lookdev.material import Layer, Look
 from lookdev.material.textures import image_file
 from lookdev.material.usd import read_look
+from lookdev.mitsuba.frozen import held
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Place, Program
 
@@ -100,7 +101,7 @@ def _class(variant: str) -> Any:
             mi.BSDF.__init__(self, properties)
             self._title = look.name
             self._source = source
-            tables = [mi.Float(np.load(each.path).ravel()) for each in source.tables]
+            tables = [held(mi.Float, np.load(each.path)) for each in source.tables]
             self._constants = [mi.Float(value) for value in source.constants]
             self._program = Program(source.operations, source.outputs, mi.Float, self._constants, tables)
             self._images = {each.name: Images(mi, each) for each in source.look_ups}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -19,13 +19,15 @@ from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.errors import RenderError
 from lookdev.mitsuba.frozen import held_arrays, nothing_freed
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import Counts, Estimator, Rectangle, View
+from lookdev.mitsuba.integrator import Counts, Estimator
 from lookdev.mitsuba.passes import CENTRAL, Features
 from lookdev.mitsuba.rig import lights_of
 from lookdev.mitsuba.surface import Looks
+from lookdev.mitsuba.view import Rectangle, View
 from lookdev.render.adaptive import Region
 from lookdev.render.frame import Denoiser, Image, Progress, RenderedFrame, render_halves
 from lookdev.render.oidn import denoiser
+from lookdev.render.passes import LIGHTS, PASSES, light_layer, parts_of_light
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.scene import Sampling
 
@@ -53,17 +55,22 @@ class MitsubaScene:
             self._geometry = Geometry(mi, read_asset(task.asset.path))
         self._geometry.dress(task.worn, task.groups)
         looks = self._looks = Looks(mi, sources, self._geometry)
-        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot)
+        of_lights = task.light_groups[: len(task.lights)]
+        names = list(dict.fromkeys(of_lights))
+        groups = [names.index(each) for each in of_lights]
+        light = lights_of(mi, task.lights, task.lit, self._geometry.center, task.camera.pivot, groups)
         for spared in light.spared:
             self._geometry.casting(spared)  # made before it is used in a kernel
         shadows = any(source.shadows for source in sources)
         glossy = all(source.glossy for source in sources)
         counts = counts_of(task.sampling, light.sampled, glossy)
-        self._groups = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
         wanted, bounces = task.sampling.passes, task.sampling.bounces
+        lobes = [group for group in LOBE_GROUPS if any(group in source.recorded for source in sources)]
+        sets = {"lobes": lobes, "direct": [*PASSES["direct"].arrays], LIGHTS: [light_layer(name) for name in names]}
+        self._sets = [parts for name, parts in sets.items() if name in wanted and parts]
         # The last of a set of parts is what the others leave.
-        recorded, direct = self._groups[:-1] if "lobes" in wanted else [], "direct" in wanted
-        self._recorded = (*recorded, *(["direct"] * direct))
+        self._recorded = [name for parts in self._sets for name in parts[:-1]]
+        recorded, direct = lobes[:-1] if "lobes" in wanted else [], "direct" in wanted
         self._features = Features(mi, self._geometry, looks, bounces)
         self._estimator = Estimator(mi, self._geometry, looks, light, counts, bounces, shadows, recorded, direct)
         # Traced once: for many looks and lights this takes longer than the kernel.
@@ -106,7 +113,7 @@ class MitsubaScene:
                 sums[pixels] = part
                 progress(*last)
             means = (sums / region.samples).reshape(height, width, -1)
-            parts = self._parts(task.scene.sampling.passes, means)
+            parts = self._parts(task.scene, means)
             return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
         with nothing_freed():
@@ -122,17 +129,16 @@ class MitsubaScene:
             raw_seconds=None if frame.raw_seconds is None else frame.raw_seconds + seconds,
         )
 
-    def _parts(self, wanted: Sequence[str], means: Floats) -> dict[str, Image]:
+    def _parts(self, task: SceneTask, means: Floats) -> dict[str, Image]:
         """Return the parts of the light of means (H, W, 4 + 3 n): colour, coverage, and what was recorded."""
-        beauty, parts = means[..., :3], {}
+        beauty = means[..., :3]
+        # Lobes that no look has, and lights that reach nothing, are black.
+        names = parts_of_light(task.sampling.passes, task.names_of_light)
+        parts = dict.fromkeys(sorted(names), np.zeros_like(beauty))
         for number, name in enumerate(self._recorded):
             parts[name] = means[..., 4 + 3 * number : 7 + 3 * number]
-        if "lobes" in wanted:
-            if self._groups:
-                parts[self._groups[-1]] = beauty - sum(parts[group] for group in self._groups[:-1])
-            parts |= {group: np.zeros_like(beauty) for group in LOBE_GROUPS if group not in self._groups}
-        if "direct" in wanted:
-            parts["indirect"] = beauty - parts["direct"]
+        for *others, last in self._sets:
+            parts[last] = beauty - sum(parts[each] for each in others)
         return {name: part.astype(np.float32) for name, part in parts.items()}
 
     def _passes(self, task: FrameTask, view: View, frame: RenderedFrame) -> tuple[dict[str, Image], Mapping[str, Any]]:
@@ -196,16 +202,21 @@ def _out_of_memory(error: BaseException | None) -> bool:
 
 # In recesses a path that goes on adds one sample of what other parts reflect, however many directions were drawn where
 # it began, as in `lookdev.codegen.osl.directions`: glossy looks take few at the first hit.
-_COUNTS, _GLOSSY = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4)
+_COUNTS, _GLOSSY, _RESAMPLED = Counts(2, 4, 1, 4), Counts(1, 2, 1, 4), Counts(1, 4, 1, 8, resampled=True)
 
 
-def counts_of(sampling: Sampling, sampled: bool, glossy: bool) -> Counts:
-    """Return the numbers of directions: those of the job, or those that take the least time to an error."""
-    usual = _GLOSSY if glossy and sampling.bounces > 0 else _COUNTS
+def counts_of(sampling: Sampling, sampled: bool, glossy: bool, resampled: bool = True) -> Counts:
+    """Return the numbers of directions: those of the job, or those that take the least time to an error.
+
+    `resampled`: the estimator can trace one of the light's directions for all.
+    """
+    usual = _COUNTS
+    if glossy and sampling.bounces > 0:
+        usual = _RESAMPLED if resampled and sampling.ibl_samples is None else _GLOSSY
     brdf = usual.brdf if sampling.brdf_samples is None else sampling.brdf_samples
     light = usual.light if sampling.ibl_samples is None else sampling.ibl_samples
     if not sampled or light == 0:
         return Counts(max(brdf, 1), 0, 1, 0)
     onward = usual.light_onward if sampling.ibl_samples is None else -(-light // 2)
     # A path goes on as long as there is a direction of the BSDF.
-    return Counts(brdf, light, 1, onward)
+    return Counts(brdf, light, 1, onward, usual.resampled)

@@ -19,20 +19,26 @@ from lookdev.light.shape import FAR, INFINITE
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.dome import DomeLight, NormalBin
 from lookdev.mitsuba.lamps import Controls, Lamps, Rows, kinds_of
-from lookdev.mitsuba.lights import Arriving, Lighting, Lights, OneDome, divided, turned
+from lookdev.mitsuba.lights import Lighting, Lights, OneDome, divided, turned
 from lookdev.mitsuba.programs import Program
-from lookdev.mitsuba.surface import Surface
+from lookdev.mitsuba.surface import Arriving, Surface
 
 
 def lights_of(
-    mi: Any, lights: Sequence[Light], lit: Sequence[Sequence[int]], center: Any, pivot: tuple[float, float]
+    mi: Any,
+    lights: Sequence[Light],
+    lit: Sequence[Sequence[int]],
+    center: Any,
+    pivot: tuple[float, float],
+    groups: Sequence[int] = (),
 ) -> Lights:
     """Return the lights of a scene about a centre, which turn about the vertical through `pivot`.
 
-    `lit` are the numbers of the lights of each look; (): each has all.
+    `lit` are the numbers of the lights of each look; (): each has all. `groups` are the numbers of the lights' groups:
+    the light of all but the last is kept apart.
     """
     alone = None if lit else coded(lights)
-    return OneDome(mi, alone) if isinstance(alone, Dome) else Rig(mi, lights, lit, center, pivot)
+    return OneDome(mi, alone) if isinstance(alone, Dome) else Rig(mi, lights, lit, center, pivot, groups)
 
 
 class Rig:
@@ -41,15 +47,22 @@ class Rig:
     sampled = True
 
     def __init__(
-        self, mi: Any, lights: Sequence[Light], lit: Sequence[Sequence[int]], center: Any, pivot: tuple[float, float]
+        self,
+        mi: Any,
+        lights: Sequence[Light],
+        lit: Sequence[Sequence[int]],
+        center: Any,
+        pivot: tuple[float, float],
+        groups: Sequence[int] = (),
     ) -> None:
         self._mi = mi
         rig = CodedRig.of(lights)
         x, y, z = (float(each) for each in center)
         numbers = rig.rows(Stand((x, y, z), pivot))
         self.offset = mi.Vector3f(*(float(each) for each in numbers[:3]))
-        rows = numbers[3:].reshape(-1, len(FIELDS))
         order = [n for kind in (False, True) for n, each in enumerate(lights) if isinstance(each, AnyDome) is kind]
+        grouped = np.array([groups[n] for n in order] if groups else np.zeros(len(order)), np.float32)
+        rows = np.column_stack((numbers[3:].reshape(-1, len(FIELDS)), grouped))
         linked = np.array([[n in each for n in order] for each in lit], np.bool_) if lit else None
 
         def links(which: slice) -> NDArray[np.bool_] | None:
@@ -60,20 +73,21 @@ class Rig:
         self.domes = [
             _PlacedDome(mi, dome, rows[n : n + 1], links(slice(n, n + 1))) for n, dome in enumerate(rig.domes, count)
         ]
-        self._controls = Controls(mi, rig)
+        self._controls = Controls(mi, rig, max(groups, default=0))
         self.spared: Sequence[tuple[int, ...]] = self._controls.spared
         self.shadowed, self.split = rig.shadowed, rig.split
         self.shown = any(each.emission.camera for each in rig.lamps)
         self.spares, self.let = self._controls.spares, self._controls.let
         self.controls, self.none = self._controls.of, self._controls.none
+        self.groups, self.by_group = self._controls.groups, self._controls.by_group
 
     def at(self, surface: Surface, turns: Any, lit: Any, both_sides: bool) -> Lighting:
         return _OfRig(self._mi, self, surface, turns, lit, both_sides)
 
     @dr.syntax
-    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[Any, Any]:
+    def before(self, start: Any, w: Any, turns: Any, distance: Any) -> tuple[list[Any], Any]:
         mi = self._mi
-        radiance, hidden = mi.Color3f(0.0), mi.Bool(False)
+        radiance, hidden = self.dark(), mi.Bool(False)
         here = _Here(mi, self, start, turns)
         for lamps in self.lamps:
             lamp = mi.UInt32(0)
@@ -81,10 +95,15 @@ class Rig:
                 p, local = here.seen(lamps, lamp, w)
                 away, _ = lamps.meet(lamp, p, local)
                 met = (lamps.field(lamp, "camera") > 0.0) & (away < distance)
-                radiance += dr.select(met, lamps.sent(lamp, p, local), 0.0)
+                sent = dr.select(met, lamps.sent(lamp, p, local), 0.0)
+                radiance = _sums(radiance, self.by_group(self.controls(lamps, lamp), (sent, sent)))
                 hidden |= met
                 lamp += 1
-        return radiance, hidden
+        return [each[0] for each in radiance], hidden
+
+    def dark(self) -> list[Arriving]:
+        """Return no light, `by_group`."""
+        return [(self._mi.Color3f(0.0), self._mi.Color3f(0.0)) for _ in range(1 + self.groups)]
 
 
 class _PlacedDome(Rows):
@@ -94,7 +113,7 @@ class _PlacedDome(Rows):
         super().__init__(mi, rows, linked)
         self.local_one = isinstance(dome, LocalDome)
         of_map = dome.dome if isinstance(dome, LocalDome) else dome
-        self.map = DomeLight(mi, of_map, colored=False, local=self.local_one)
+        self.map = DomeLight(mi, of_map, local=self.local_one)
         self.first = mi.UInt32(0)
         self.radiance_factor = self.color(self.first)
         if not isinstance(dome, LocalDome) and dome.constant:
@@ -219,29 +238,27 @@ class _OfRig:
     @dr.syntax
     def arriving(
         self, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
-    ) -> Arriving:
-        mi = self._mi
-        specular, diffuse = mi.Color3f(0.0), mi.Color3f(0.0)
+    ) -> list[Arriving]:
+        total = self._rig.dark()
         for number in range(len(self._rig.domes)):
             found = self._of_dome_arriving(number, w, own_density, weighed, occluders, active, straight)
-            specular += found[0]
-            diffuse += found[1]
+            total = _sums(total, found)
         for lamps in self._rig.lamps:
             found = self._of_lamps_arriving(lamps, w, own_density, weighed, occluders, active, straight)
-            specular += found[0]
-            diffuse += found[1]
-        return specular, diffuse
+            total = _sums(total, found)
+        return total
 
     def _of_dome_arriving(
         self, number: int, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
-    ) -> Arriving:
+    ) -> list[Arriving]:
         dome = self._rig.domes[number]
         local = self._here.into(dome, dome.first, w)
         distance, radiance_seen, density_seen = self._along_dome(number, local, w, active)
         density = own_density + (density_seen if weighed else 0.0)
         found = dr.select(active, radiance_seen / density, 0.0) * dome.linked(dome.first, self._surface.source)
-        shares = self._rig.let(self._rig.controls(dome, dome.first), distance, occluders, straight)
-        return found * shares[0], found * shares[1]
+        controls = self._rig.controls(dome, dome.first)
+        shares = self._rig.let(controls, distance, occluders, straight)
+        return self._rig.by_group(controls, (found * shares[0], found * shares[1]))
 
     def _along_dome(self, number: int, local: Any, w: Any, active: Any) -> tuple[Any, Any, Any]:
         """Return the distance of a dome's map along directions, its radiance, and the density of those drawn."""
@@ -258,21 +275,20 @@ class _OfRig:
     @dr.syntax
     def _of_lamps_arriving(
         self, lamps: Lamps, w: Any, own_density: Any, weighed: float, occluders: list[Any], active: Any, straight: bool
-    ) -> Arriving:
-        mi = self._mi
-        specular, diffuse = mi.Color3f(0.0), mi.Color3f(0.0)
-        lamp = mi.UInt32(0)
+    ) -> list[Arriving]:
+        total = self._rig.dark()
+        lamp = self._mi.UInt32(0)
         while active & (lamp < lamps.count):
             p, local = self._here.seen(lamps, lamp, w)
             distance, pdf = lamps.meet(lamp, p, local)
             density = own_density + weighed * self._density_of_lamp(lamps, lamp, pdf)
             found = dr.select(distance < FAR, lamps.sent(lamp, p, local) / density, 0.0)
             found *= lamps.linked(lamp, self._surface.source)
-            shares = self._rig.let(self._rig.controls(lamps, lamp), distance, occluders, straight)
-            specular += found * shares[0]
-            diffuse += found * shares[1]
+            controls = self._rig.controls(lamps, lamp)
+            shares = self._rig.let(controls, distance, occluders, straight)
+            total = _sums(total, self._rig.by_group(controls, (found * shares[0], found * shares[1])))
             lamp += 1
-        return specular, diffuse
+        return total
 
     def draw(self, index: Any, number: Any, seed: Any, active: Any) -> tuple[Any, Any, Any, Any, tuple[Any, ...]]:
         mi = self._mi
@@ -344,3 +360,7 @@ class _OfRig:
         w = self._here.out_of(dome, dome.first, local)
         density = self._density_of_dome(place, onto, w, mapped) * around
         return w, ratio * mapped * self._shares[place] * dome.radiance_factor, distance, density, controls
+
+
+def _sums(one: list[Arriving], other: list[Arriving]) -> list[Arriving]:
+    return [(a + c, b + d) for (a, b), (c, d) in zip(one, other, strict=True)]

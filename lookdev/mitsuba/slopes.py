@@ -23,12 +23,13 @@ from lookdev.codegen import ProgramSource
 from lookdev.codegen.program.look import slope_name
 from lookdev.mitsuba import sobol
 from lookdev.mitsuba.geometry import Geometry
-from lookdev.mitsuba.integrator import LITTLE, Counts, Estimator, Rectangle, View
-from lookdev.mitsuba.lights import Arriving, Lighting
+from lookdev.mitsuba.integrator import LITTLE, Counts, Estimator
+from lookdev.mitsuba.lights import Lighting
 from lookdev.mitsuba.programs import Place
 from lookdev.mitsuba.render import counts_of
 from lookdev.mitsuba.rig import lights_of
-from lookdev.mitsuba.surface import Looks, Response, Surface
+from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
+from lookdev.mitsuba.view import Rectangle, View
 from lookdev.render.adaptive import Region
 from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import SceneTask
@@ -52,7 +53,7 @@ class SlopeScene:
         for spared in self._light.spared:
             self._geometry.casting(spared)  # made before it is used in a kernel
         glossy = all(source.glossy for source in self._sources)
-        self._counts = counts_of(task.sampling, self._light.sampled, glossy)
+        self._counts = counts_of(task.sampling, self._light.sampled, glossy, resampled=False)
 
     def render(self, task: SlopeTask, progress: Callable[[int, int], None]) -> NDArray[np.float32]:
         """Return halves (2, 1 + P, H, W, 4): radiance and coverage, and their derivatives by `task.symbols`."""
@@ -160,7 +161,7 @@ class SlopeEstimator(Estimator):
         shown = hit & ~hidden
         radiance, cover = self._reflected_dual(triangle, uv, -ray.d, shown, view.turns, index, place)
         # Lamps that the camera sees have no derivative.
-        radiance[0] += before
+        radiance[0] += before[0]
         cover[0] = dr.select(hit & hidden, 1.0, cover[0])
         whole = dr.zeros(mi.Float, count)  # what is 0 everywhere is one number
         return [part + whole for color, alpha in zip(radiance, cover, strict=True) for part in (*color, alpha)]
@@ -201,7 +202,7 @@ class SlopeEstimator(Estimator):
                 density = mi.Float(drawn) * pdf
                 blocked, occluder, other, other_uv = self._trace(surface, w, met)
                 occluders = self._occluders(surface, w, occluder, blocked)
-                arriving = lighting.arriving(w, density, 1.0, occluders, met, straight=False)
+                (arriving,) = lighting.arriving(w, density, 1.0, occluders, met, straight=False)
                 radiance = _sum(radiance, _where(met, _product(throughput, _reflected(response, arriving))))
                 weight = _where(met & blocked & onward, [each.value / density for each in response])
                 size = _size(weight)
@@ -262,7 +263,7 @@ class SlopeEstimator(Estimator):
             unseen = straight & passes
             lit = met & ~unseen
             occluders = self._occluders(surface, w, occluder, blocked)
-            specular, _ = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
+            ((specular, _),) = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
             direct = _sum(direct, _where(lit, _scaled(weight, specular)))
             passed = _sum(passed, _where(met & ~blocked & unseen, weight))
             size = dr.select(met & blocked & onward, _size(weight), 0.0)

@@ -10,9 +10,13 @@ import drjit as dr
 import numpy as np
 
 from lookdev.codegen import ProgramSource
+from lookdev.mitsuba.frozen import held
 from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
 from lookdev.mitsuba.programs import Place, Program
+
+Arriving = tuple[Any, Any]
+"""Two colours: what specular and what diffuse lobes reflect of."""
 
 
 class Looks:
@@ -29,7 +33,7 @@ class Looks:
         self.geometry = geometry
         # Looks that are lit by different lights may have one program.
         alike = {source.digest: source for source in sources}
-        self._numbers = mi.UInt32([list(alike).index(source.digest) for source in sources])
+        self._numbers = held(mi.UInt32, [list(alike).index(source.digest) for source in sources])
         sources = self.sources = list(alike.values())
         self.programs = [_program(mi, source) for source in sources]
         self.images = [{each.name: Images(mi, each) for each in source.look_ups} for source in sources]
@@ -72,7 +76,7 @@ def _text(source: ProgramSource) -> ProgramSource:
 
 def _program(mi: Any, source: ProgramSource) -> Program:
     constants = [dr.opaque(mi.Float, value) for value in source.constants]
-    tables = [mi.Float(np.load(each.path).ravel()) for each in source.tables]
+    tables = [held(mi.Float, np.load(each.path)) for each in source.tables]
     return Program(source.operations, source.outputs, mi.Float, constants, tables)
 
 
@@ -86,11 +90,11 @@ class Response:
         self.value, self.diffuse = whole
         self._parts, self._split = parts, split
 
-    def to(self, arriving: tuple[Any, Any]) -> Any:
-        """Return what is reflected of light for specular and for diffuse lobes."""
+    def to(self, arriving: Arriving) -> Any:
+        """Return what is reflected of light."""
         return self._reflected((self.value, self.diffuse), arriving)
 
-    def parts_to(self, arriving: tuple[Any, Any]) -> list[Any]:
+    def parts_to(self, arriving: Arriving) -> list[Any]:
         """Return what each group of lobes reflects."""
         return [self._reflected(part, arriving) for part in self._parts]
 
@@ -99,7 +103,7 @@ class Response:
         safe = dr.select(self.value > 0.0, self.value, 1.0)
         return [dr.select(self.value > 0.0, value / safe, 0.0) for value, _ in self._parts]
 
-    def _reflected(self, part: tuple[Any, Any], arriving: tuple[Any, Any]) -> Any:
+    def _reflected(self, part: tuple[Any, Any], arriving: Arriving) -> Any:
         value, diffuse = part
         specular_light, diffuse_light = arriving
         if not self._split:

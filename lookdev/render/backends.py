@@ -15,7 +15,7 @@ from lookdev.errors import CodegenError, RenderError
 from lookdev.light import Light, called, native_gaps
 from lookdev.light.lamps import is_plain
 from lookdev.render.llvm import check_device
-from lookdev.render.passes import LIGHTS, PASSES
+from lookdev.render.passes import PASSES
 from lookdev.scene import Sampling
 from lookdev.space import OCIO_NAMES, REC709, Space
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
-MITSUBA_VERSION = 3
+MITSUBA_VERSION = 4
 """Raised when `lookdev.mitsuba` does."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")
@@ -235,7 +235,7 @@ BACKENDS: dict[str, Backend] = {
             cannot_light=lambda lights: (),
             directions=True,
             features=True,
-            passes=tuple(name for name in PASSES if name != LIGHTS),
+            passes=tuple(PASSES),
             check_device=check_device,
             apart=True,
             spaces=tuple(OCIO_NAMES),

@@ -102,13 +102,25 @@ CASES = {
         "suzanne", "courtyard", shader("Disney", baseColor=(0.3, 0.3, 0.3), roughness=0.8, clearcoat=0.3, sheen=0.2),
         {"baseColor": (0.55, 0.08, 0.06), "roughness": (0.5,), "clearcoat": (0.85,)},
     ),
+    "pixar_plastic": Case(
+        "suzanne", "interior", shader("Pixar", surfaceColor=(0.6, 0.6, 0.6), roughness=0.6),
+        {"surfaceColor": (0.25, 0.45, 0.2), "roughness": (0.35,), "specularScale": (0.6,)},
+    ),
+    "car_paint": Case(
+        "shaderball", "three_point", "car_paint",
+        {"Base.baseColor": (0.3, 0.03, 0.05), "Base.roughness": (0.3,), "Flakes.roughness": (0.35,)}, "rig",
+    ),
+    "ashikhmin-shirley": Case(
+        "shaderball", "sunset", shader("AshikhminShirley", diffuse=(0.2, 0.2, 0.2), exponentU=100.0, exponentV=60.0),
+        {"diffuse": (0.5, 0.3, 0.1), "specular": (0.1, 0.2, 0.3), "exponentU": (20.0,)},
+    ),
 }  # fmt: skip
 
 
 def scene(folder: Path, case: Case, size: int, samples: int) -> tuple[Path, Path]:
     """Write the job, and render its second frame with the true values by Cycles; return the job and the picture."""
     before = folder / "before.usda"
-    if case.look in ("robot_paint",):
+    if case.look in ("robot_paint", "car_paint"):
         before = MATERIALS / f"{case.look}.usda"
         write_changed(before, folder / "before.usda", [])
     else:

@@ -160,10 +160,10 @@ def images(folder: Path) -> Scene:
 @pytest.mark.parametrize("made", [images, split_row, lambda folder: row_of_three()], ids=["images", "split", "linked"])
 def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path, made: Callable[[Path], Scene]) -> None:
     """Both follow the same paths, but for the rounding by which few of them part."""
-    from lookdev.mitsuba.integrator import Rectangle, View
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.render import MitsubaScene
     from lookdev.mitsuba.slopes import SlopeScene
+    from lookdev.mitsuba.view import Rectangle, View
 
     mi, scene, samples = load_mitsuba("cpu"), made(tmp_path), 16
     (plain,) = {id(look): look for look in scene.looks}.values()

@@ -14,7 +14,7 @@ from light_rigs import grey, near
 
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.batch.frame_file import store
-from lookdev.light import Light
+from lookdev.light import Emission, Light, RectLight, SphereLight
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.render.cryptomatte import matte_id
@@ -31,7 +31,11 @@ COATED = Look(
     "coated", (Layer("p", "disney", {"baseColor": (0.7, 0.3, 0.1), "clearcoat": 1.0, "roughness": 0.3, "sheen": 0.5}),)
 )
 NET = Look("net", (Layer("p", "pixar", {"surfaceColor": (0.6, 0.5, 0.4), "roughness": 0.5, "presence": 0.25}),))
-PARTS = (("diffuse", "specular", "clearcoat", "sheen", "transmission"), ("direct", "indirect"))
+PARTS = (
+    ("diffuse", "specular", "clearcoat", "sheen", "transmission"),
+    ("direct", "indirect"),
+    ("light_key", "light_fi_ll", "light_sky"),
+)
 
 
 def pair() -> Asset:
@@ -48,17 +52,34 @@ def pair() -> Asset:
     return make_asset("pair", meshes, instances, slots)
 
 
-def task_of(looks: tuple[Look, Look], passes: tuple[str, ...], pose: Pose = POSE, **given: object) -> FrameTask:
+def task_of(
+    looks: tuple[Look, Look],
+    passes: tuple[str, ...],
+    pose: Pose = POSE,
+    lights: tuple[Light, ...] | None = None,
+    **given: object,
+) -> FrameTask:
     asset = pair()
     camera = orbit_camera(asset.center, 0.8 * asset.radius)
     wears = {slot.path: look for slot, look in zip(asset.slots, looks, strict=True)}
-    scene = Scene(asset, wears, (near_the_pair(), grey()), camera, Film(SIZE))
+    scene = Scene(asset, wears, lights or (near_the_pair(), grey()), camera, Film(SIZE))
     sampling = Sampling(**{"samples": 64, "bounces": 2, "passes": passes} | given)  # type: ignore[arg-type]
     return one_frame(scene_task(scene, sampling, "mitsuba"), pose, f"{passes} {given}")
 
 
 def near_the_pair() -> Light:
     return replace(near("sphere"), position=(3.6, -4.0, 1.8))  # type: ignore[type-var,return-value]
+
+
+def rig() -> tuple[Light, ...]:
+    """Return lamps about the pair, two of one group, one of which the camera sees, and a dome."""
+    key, fill = near_the_pair(), Emission((1.0, 2.0, 6.0), specular=0.5, group="fi.ll")
+    return (
+        replace(key, emission=replace(key.emission, group="key")),
+        RectLight(width=1.0, height=1.0, position=(4.5, -2.0, 3.0), emission=fill),
+        SphereLight(radius=0.3, position=(4.3, -2.6, 2.4), emission=replace(fill, specular=1.0, camera=True)),
+        replace(grey(), emission=Emission(group="sky")),
+    )
 
 
 def rendered(worker: Worker, task: FrameTask) -> Rendered:
@@ -103,8 +124,8 @@ def test_places_are_those_that_rays_meet(worker: Worker) -> None:
 
 
 def test_parts_of_the_light_sum_up_to_it_and_leave_it_as_it_is(worker: Worker) -> None:
-    plain = rendered(worker, task_of((COATED, NET), ()))
-    frame = rendered(worker, task_of((COATED, NET), ("lobes", "direct")))
+    plain = rendered(worker, task_of((COATED, NET), (), lights=rig()))
+    frame = rendered(worker, task_of((COATED, NET), ("lobes", "direct", "lights"), lights=rig()))
     np.testing.assert_array_equal(plain.alpha, frame.alpha)
     np.testing.assert_allclose(frame.a, plain.a, rtol=1e-4, atol=1e-6)
     beauty = 0.5 * (frame.a + frame.b)
@@ -113,9 +134,38 @@ def test_parts_of_the_light_sum_up_to_it_and_leave_it_as_it_is(worker: Worker) -
         for name in parts:
             assert (frame.passes[name] >= -1e-5 * (1.0 + beauty)).all(), name
     assert not frame.passes["transmission"].any()
-    assert frame.passes["clearcoat"].mean() > 1e-3 * beauty.mean()
-    assert frame.passes["sheen"].mean() > 1e-3 * beauty.mean()
+    for name in ("clearcoat", "sheen", *PARTS[2]):
+        assert frame.passes[name].mean() > 1e-3 * beauty.mean(), name
     assert 0.01 < frame.passes["indirect"].mean() / beauty.mean() < 0.5
+
+
+def test_a_groups_light_is_that_of_a_scene_with_its_lights_alone(worker: Worker) -> None:
+    """Also where it came through a look that can be seen through, by way of the asset, and straight to the camera."""
+    lights = rig()
+
+    def frames(shown: tuple[Light, ...], passes: tuple[str, ...]) -> list[Rendered]:
+        return [rendered(worker, task_of((COATED, NET), passes, lights=shown, samples=512, seed=n)) for n in range(4)]
+
+    together = frames(lights, ("lights",))
+    for group, number in (("key", 1), ("fi_ll", 2), ("sky", 1)):
+        alone = tuple(each for each in lights if each.emission.group.replace(".", "_") == group)
+        assert len(alone) == number
+        part = np.array([each.passes[f"light_{group}"].mean(axis=(0, 1)) for each in together])
+        single = np.array([(0.5 * (each.a + each.b)).mean(axis=(0, 1)) for each in frames(alone, ())])
+        noise = np.sqrt((part.var(axis=0, ddof=1) + single.var(axis=0, ddof=1)) / len(part))
+        # Student's t of 3 degrees of freedom and more: beyond 12 by chance once in a thousand.
+        assert (np.abs(part.mean(axis=0) - single.mean(axis=0)) < 12.0 * noise).all(), group
+        assert (noise < 0.01 * single.mean(axis=0)).all(), "the test would not notice one percent"
+
+
+def test_light_of_one_group_is_all_there_is_and_what_reaches_nothing_is_black(worker: Worker) -> None:
+    # It sends its light along -z, away from the pair.
+    idle = RectLight(width=1.0, height=1.0, position=(3.0, -2.0, -9.0), emission=Emission(group="idle"))
+    for lit in (grey(), near_the_pair()):
+        frame = rendered(worker, task_of((COATED, NET), ("lights",), lights=(idle, lit), samples=16))
+        assert {*frame.passes} == {"light_idle", f"light_{lit.kind}"}
+        assert not frame.passes["light_idle"].any()
+        np.testing.assert_array_equal(frame.passes[f"light_{lit.kind}"], 0.5 * (frame.a + frame.b))
 
 
 def test_a_lobes_light_is_that_of_a_look_with_this_lobe_alone(worker: Worker) -> None:

@@ -9,6 +9,7 @@ that are lost go to others. Files go to a worker that lacks them, once.
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import math
 import pickle
@@ -136,6 +137,10 @@ class DaskExecutor:
                 )
                 target = stack.enter_context(cluster)
             try:
+                # A client that fails to connect is closed when it is collected, which waits for ever where another
+                # one starts meanwhile.
+                if self._address:
+                    asyncio.run(_reach(self._address))
                 client = Client(target, timeout=_CONNECT, set_as_default=False, name="lookdev")
             except ValueError as error:
                 raise LookdevError(
@@ -371,6 +376,15 @@ class DaskExecutor:
         if futures:
             with suppress(Exception):
                 self._client.cancel(futures, force=True)
+
+
+async def _reach(address: str) -> None:
+    """Raise ValueError where an address is malformed, OSError where no scheduler answers there."""
+    from distributed.comm import connect
+    from distributed.security import Security
+
+    comm = await connect(address, timeout=_CONNECT, **Security().get_connection_args("client"))
+    await comm.close()
 
 
 def _brief(error: BaseException) -> str:

@@ -1,0 +1,90 @@
+"""Instances of one mesh show what meshes of their own show: mirrored, stretched, far from the origin of the mesh."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from frames import orbit_camera
+from light_rigs import grey, near
+
+from lookdev.asset import Asset, Instance, load_asset, make_asset
+from lookdev.light import Light
+from lookdev.light.link import Link
+from lookdev.material import Layer, Look
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Rendered, Worker
+from lookdev.scene import Film, Pose, Sampling, Scene
+from lookdev.scene.linking import link_lights
+
+pytestmark = pytest.mark.mitsuba
+
+POSE, SIZE = Pose(40.0, 15.0), (48, 36)
+PLACES = {"/left": (1.0, 1.0, 1.0), "/middle": (-0.8, 1.4, 1.1), "/right": (0.7, 0.7, -0.7)}
+METAL = {"baseColor": (0.7, 0.5, 0.3), "metallic": 1.0, "roughness": 0.3, "anisotropic": 0.8}
+BRUSHED = Look("brushed", (Layer("p", "disney", METAL),))
+
+
+def row(*, instances: bool) -> Asset:
+    """Return heads side by side, of a mesh whose points lie 40 m from its origin, and a ball."""
+    head, ball = load_asset(builtin="suzanne"), load_asset(builtin="sphere")
+    far = replace(head.meshes[0], points=head.meshes[0].points + np.float32(40.0))
+    placed = []
+    for number, (path, sizes) in enumerate(PLACES.items()):
+        angle = 0.4 * number
+        turn = np.array([[np.cos(angle), -np.sin(angle), 0.0], [np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+        matrix = np.eye(4)
+        matrix[:3, :3] = turn @ np.diag(sizes)
+        matrix[:3, 3] = np.array((2.3 * number - 2.3, 0.0, 0.0)) - matrix[:3, :3] @ np.full(3, 40.0)
+        placed.append(Instance(0 if instances else number, matrix, path))
+    meshes = [replace(far, name=f"m{number}") for number in range(1 if instances else len(placed))]
+    matrix = np.diag([0.4, 0.4, 0.4, 1.0])
+    matrix[:3, 3] = 0.0, 0.5, 1.6
+    placed.append(Instance(len(meshes), matrix, "/ball"))
+    slots = [replace(head.slots[0], path="/left"), replace(ball.slots[0], path="/ball")]
+    ball_mesh = replace(ball.meshes[0], face_slots=np.ones(len(ball.meshes[0].face_sizes), np.int32))
+    return make_asset("row", [*meshes, ball_mesh], placed, slots)
+
+
+def rendered(worker: Worker, asset: Asset, lights: tuple[Light, ...], passes: tuple[str, ...]) -> Rendered:
+    linked = link_lights(asset, {slot.path: BRUSHED for slot in asset.slots}, lights)
+    camera = orbit_camera(linked.asset.center, linked.asset.radius)
+    scene = Scene(linked.asset, linked.wears, linked.lights, camera, Film(SIZE), linked.lit, linked.groups)
+    task = scene_task(scene, Sampling(samples=64, bounces=2, passes=passes), "mitsuba")
+    worker.start()
+    return worker.render(one_frame(task, POSE, f"{asset.digest} {passes}"), lambda progress: None)
+
+
+def agree(one: Rendered, other: Rendered) -> None:
+    """Check light along the same paths: float32 of two ways to a point takes some to another place."""
+    a, b = (0.5 * (frame.a + frame.b) for frame in (one, other))
+    covered = one.alpha > 0.0
+    assert np.count_nonzero(covered) > 300
+    off = np.abs(a - b).max(axis=-1) / (1e-3 + a.mean(axis=-1))
+    assert (off[covered] < 1e-2).mean() > 0.95
+    assert a[covered].mean() == pytest.approx(b[covered].mean(), rel=2e-3)
+
+
+def test_instances_show_what_meshes_show(worker: Worker) -> None:
+    passes = ("depth", "position", "normal", "uv", "cryptomatte")
+    lights = (near("rect"), grey())
+    one, other = (rendered(worker, row(instances=each), lights, passes) for each in (True, False))
+    np.testing.assert_allclose(one.alpha, other.alpha, atol=1 / 64)
+    same = (one.passes["depth"] < 1e9)[..., 0] & (other.passes["depth"] < 1e9)[..., 0]
+    for name in ("depth", "position", "uv", "normal"):
+        # Points of the mesh are some 40 m from its origin: float32 has 4e-6 m there.
+        np.testing.assert_allclose(one.passes[name][same], other.passes[name][same], atol=5e-4, err_msg=name)
+    assert one.names == other.names
+    assert set(one.names["CryptoObject"]) == {*PLACES, "/ball"}
+    for matte in one.names:
+        np.testing.assert_allclose(one.passes[matte][..., 0::2], other.passes[matte][..., 0::2])
+    agree(one, other)
+
+
+def test_shadow_links_of_instances_are_those_of_meshes(worker: Worker) -> None:
+    sparing = Link((("/", "expandPrims"), ("/ball", "exclude")))
+    rect = near("rect")
+    lights = (replace(rect, emission=replace(rect.emission, shadow_link=sparing)), grey())
+    agree(*(rendered(worker, row(instances=each), lights, ()) for each in (True, False)))
