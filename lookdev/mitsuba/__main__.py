@@ -5,6 +5,7 @@ The end of the input, also by the death of the parent, ends the process at once.
 
 from __future__ import annotations
 
+import gc
 import os
 import queue
 import sys
@@ -46,6 +47,8 @@ class _Scenes:
         def progress(samples: int, of: int, relmse: float | None) -> None:
             self._answers.progress(task.digest, samples, of, relmse)
 
+        if self.shown is None:
+            gc.freeze()  # what was imported stays: collections, one a frame, need not look through it
         if self.shown is None or not self.shown.fits(task.scene):
             self.shown = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.shown)
         frame = self.shown.render(task, progress)
