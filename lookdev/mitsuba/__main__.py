@@ -5,6 +5,7 @@ The end of the input, also by the death of the parent, ends the process at once.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import threading
@@ -47,6 +48,8 @@ class _Scenes:
             self._requests.check(task.digest)
             self._answers.progress(task.digest, samples, of, relmse)
 
+        if self.shown is None:
+            gc.freeze()  # what was imported stays: collections, one a frame, need not look through it
         if self.shown is None or not (self.shown.fits(task.scene) or self.shown.take(task.scene)):
             self.shown = MitsubaScene(load_mitsuba(task.scene.device), task.scene, self.shown)
         frame = self.shown.render(task, progress)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 import importlib
 import os
 from functools import cache
@@ -27,5 +26,4 @@ def load_mitsuba(device: str) -> Any:
         mi.Float(0.0, 1.0) + 1.0  # the first array starts the device
     except (ImportError, RuntimeError) as error:
         raise RenderError(f"Mitsuba does not render on device '{device}' here: {error}") from error
-    gc.freeze()  # what was imported stays: collections, one a frame, need not look through it
     return mi
