@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import logging
 from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import cache
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import anyio.to_thread
@@ -27,7 +28,6 @@ from lookdev.studio.designer.lights import Lights, setting_of
 from lookdev.studio.designer.pictures import Pictures
 from lookdev.studio.designer.snapshots import LARGEST
 from lookdev.studio.designer.sources import ConflictError
-from lookdev.studio.designer.thumbnails import thumbnail
 from lookdev.studio.designer.turntable import Turntable
 from lookdev.studio.scripts import Scripts
 
@@ -192,6 +192,9 @@ def application(document: Document) -> Starlette:
         name = request.path_params["name"]
 
         def drawn() -> bytes | None:
+            # Plots take as long to import as the rest of the page.
+            from lookdev.studio.designer.thumbnails import thumbnail
+
             found = next((each for each in library().presets if each.name == name), None)
             return thumbnail(found).read_bytes() if found else None
 
@@ -263,6 +266,8 @@ def application(document: Document) -> Starlette:
 
     @asynccontextmanager
     async def lifespan(app: Starlette) -> AsyncIterator[None]:
+        # Made while the browser starts; a request says what is wrong with it.
+        Thread(target=_tried, args=(document.view,), daemon=True).start()
         try:
             yield
         finally:
@@ -295,6 +300,11 @@ def application(document: Document) -> Starlette:
             Mount("/", Scripts(directory=STATIC, html=True)),
         ],
     )
+
+
+def _tried(make: Callable[[], Any]) -> None:
+    with suppress(LookdevError, OSError):
+        make()
 
 
 def _number(body: Mapping[str, Any], name: str) -> int:
