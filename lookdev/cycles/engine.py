@@ -99,7 +99,7 @@ def fill_tables(scene: Any) -> None:
     # Cycles renders the first sample by itself, and whether it sorts mattes after it goes by the render before. Where
     # that is the whole of a render without mattes after one with them, it sorts what lies behind the pixels.
     scene.cycles.sample_offset, scene.cycles.sample_subset_length = 0, 2
-    with _bordered(scene.render, (0, 0, SMALLEST, SMALLEST)):
+    with _bordered(scene.render, (0, 0, SMALLEST, SMALLEST)), _untold():
         _render(scene, seed=0)
 
 
@@ -128,6 +128,18 @@ def _bordered(render: Any, box: Box) -> Iterator[None]:
         yield
     finally:
         render.use_border = render.use_crop_to_border = False
+
+
+@contextmanager
+def _untold() -> Iterator[None]:
+    """Keep a render's statistics from those who report the progress of frames."""
+    told = bpy.app.handlers.render_stats
+    kept = list(told)
+    told.clear()
+    try:
+        yield
+    finally:
+        told.extend(kept)
 
 
 def _render(scene: Any, seed: int) -> dict[str, NDArray[np.float32]]:

@@ -10,8 +10,6 @@ from pxr import Sdf
 
 from lookdev.material.library.layout import with_layout
 
-pytestmark = pytest.mark.alike
-
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(
     file for folder in ("materials", "jobs", "rigs", "lookdev/shaders") for file in (ROOT / folder).rglob("*.usda")
