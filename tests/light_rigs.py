@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from frames import orbit_camera
+from numpy.typing import NDArray
 
+from lookdev.asset import Instance, load_asset, make_asset
 from lookdev.light import (
     LIGHT_KINDS,
     CylinderLight,
@@ -27,7 +30,9 @@ from lookdev.light import (
     prepare_light,
     prepare_texture,
 )
-from lookdev.material import Layer
+from lookdev.material import Layer, Look
+from lookdev.scene import Film, Scene
+from lookdev.scene.linking import link_lights
 
 FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))
 """Axes of a light that shines along +y."""
@@ -129,3 +134,19 @@ RIGS: dict[str, Callable[[Path], tuple[Light, ...]]] = {
     ),
     "everything": lambda folder: (*map(near, (*KINDS, "dome")), grey()),
 }
+
+
+def row_of(placed: Mapping[str, NDArray[np.float64]], lights: tuple[Light, ...], size: int) -> Scene:
+    """Return instances of one mesh side by side under linked lights."""
+    ball = load_asset(builtin="suzanne")
+    instances = []
+    for number, (path, matrix) in enumerate(placed.items()):
+        matrix = matrix.copy()
+        matrix[0, 3] += 2.6 * number - 1.3
+        instances.append(Instance(0, matrix, f"{path}/ball"))
+    first = instances[0].path
+    slots = tuple(replace(slot, path=first) for slot in ball.slots)
+    row = make_asset("row", (replace(ball.meshes[0], name=first),), tuple(instances), slots)
+    linked = link_lights(row, {first: Look("look", (RIG_LOOKS["plastic"],))}, lights)
+    camera = orbit_camera(linked.asset.center, linked.asset.radius)
+    return Scene(linked.asset, linked.wears, linked.lights, camera, Film((size, size)), linked.lit, linked.groups)

@@ -130,14 +130,14 @@ def render_frame_passes(scene: Scene, task: FrameTask, alpha: Image, samples: in
     with _few_bounces(scene):
         if central := wanted & {*_OF_CYCLES}:
             arrays |= _central(scene, task, central)
-        surfaces = wanted & {"albedo", "cryptomatte"}
-        albedo, mattes = _surfaces(scene, task, surfaces, alpha > 0.0, matte_samples(samples))
-        if "albedo" in wanted:
-            arrays["albedo"] = albedo
-        for kind, matte in mattes.items():
-            known = _names(scene, kind)
-            arrays[MATTES[kind]] = filled(renamed(matte, known), alpha)
-            names[MATTES[kind]] = tuple(sorted({*known.values()}))
+        if surfaces := wanted & {"albedo", "cryptomatte"}:
+            albedo, mattes = _surfaces(scene, task, surfaces, alpha > 0.0, matte_samples(samples))
+            if "albedo" in surfaces:
+                arrays["albedo"] = albedo
+            for kind, matte in mattes.items():
+                known = _names(scene, kind)
+                arrays[MATTES[kind]] = filled(renamed(matte, known), alpha)
+                names[MATTES[kind]] = tuple(sorted({*known.values()}))
     return Passes(arrays, names)
 
 
@@ -176,8 +176,6 @@ def _surfaces(
     `wanted` is what of ``albedo`` and ``cryptomatte`` is rendered, in one render with `samples` for both. The albedo of
     closures is theirs; coverage is as `renamed` takes it.
     """
-    if not wanted:
-        return np.empty(0, np.float32), {}
     matted, colored = "cryptomatte" in wanted, "albedo" in wanted
     scene.control(task.pose, 0, ALBEDOS if colored else MATTE)
     settings: dict[str, Any] = {}

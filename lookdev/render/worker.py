@@ -370,6 +370,12 @@ def last_line(log: Path) -> str:
     return next((line.strip() for line in reversed(lines) if line.strip() and not line.startswith(_FRAME)), "")
 
 
+def explained(error: Exception, log: Path) -> str:
+    """Return an error in words, with the last line of a worker's log file where they lack it."""
+    line = last_line(log)
+    return str(error) if line in str(error) else f"{error}: {line}"
+
+
 def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
     """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
     width, height = scene.resolution

@@ -85,6 +85,30 @@ def _is_local(host: str) -> bool:
         return host == "localhost"
 
 
+def serve_page(
+    app: Callable[[], ASGIApp],
+    address: Address,
+    uploads: Sequence[str],
+    *,
+    browser: bool,
+    say: Callable[[str], None],
+) -> None:
+    """Serve the application that `app` makes once the address is listened at, and `say` where; errors as `bind`.
+
+    Otherwise as `serve`; the user's `browser` is opened at the page.
+    """
+    bound = bind(address)
+    if not bound.as_wanted:
+        say(f"port {bound.wanted} is taken by another program, so this is another one:")
+
+    def started() -> None:
+        say(f"{bound.url}  (Ctrl-C ends it)")
+        if browser:
+            open_browser(bound.url)
+
+    serve(app(), bound, uploads, started)
+
+
 class _Server(uvicorn.Server):
     @contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from frames import orbit_camera
-from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, sent
+from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, row_of, sent
 from numpy.typing import NDArray
 
 from lookdev.asset import load_asset
-from lookdev.asset.mesh import Instance
-from lookdev.asset.store import make_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.codegen import ShaderSource
@@ -130,20 +128,7 @@ def linked_frames(
     worker: Worker, placed: dict[str, NDArray[np.float64]], lights: tuple[Light, ...]
 ) -> tuple[Scene, Callable[..., Finding]]:
     """Render instances of one mesh side by side under linked lights; return what compares them with the reference."""
-    ball = load_asset(builtin="suzanne")
-    instances = []
-    for number, (path, matrix) in enumerate(placed.items()):
-        matrix = matrix.copy()
-        matrix[0, 3] += 2.6 * number - 1.3
-        instances.append(Instance(0, matrix, f"{path}/ball"))
-    first = instances[0].path
-    slots = tuple(replace(slot, path=first) for slot in ball.slots)
-    mesh = replace(ball.meshes[0], name=first)
-    row = make_asset("row", (mesh,), tuple(instances), slots)
-    linked = link_lights(row, {first: Look("look", (RIG_LOOKS["plastic"],))}, lights)
-    asset, size = linked.asset, (SIZE, SIZE)
-    camera = orbit_camera(asset.center, asset.radius)
-    scene = Scene(asset, linked.wears, linked.lights, camera, Film(size), linked.lit, linked.groups)
+    scene = row_of(placed, lights, SIZE)
     task = scene_task(scene, Sampling(bounces=1, samples=SAMPLES, error=None))
     worker.start()
     frames = [worker.render(one_frame(task, POSE, f"linked {n}", seed=n), lambda progress: None) for n in range(SEEDS)]
@@ -151,8 +136,8 @@ def linked_frames(
     pixels = choose_pixels(frames[0].alpha, 100, seed=1)
 
     def found(lit_by: tuple[tuple[int, ...], ...], groups: tuple[int, ...]) -> Finding:
-        shape = MeshScene(asset, scene.looks, lit_by, groups)
-        reference = frame_pixels(shape, scene.lights, camera, POSE, size, pixels, bounces=1, samples=256)
+        shape, size = MeshScene(scene.asset, scene.looks, lit_by, groups), scene.film.resolution
+        reference = frame_pixels(shape, scene.lights, scene.camera, POSE, size, pixels, bounces=1, samples=256)
         return check_frame("row", halves, frames[0].alpha, SEEDS * SAMPLES, pixels, reference)
 
     return scene, found

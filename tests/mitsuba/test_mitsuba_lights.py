@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 from frames import orbit_camera
-from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near
-from numpy.typing import NDArray
+from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, row_of
 
-from lookdev.asset import Instance, load_asset, make_asset
+from lookdev.asset import load_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.errors import CodegenError
@@ -29,7 +28,6 @@ from lookdev.render.slopes import SlopeTask, live_inputs
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
-from lookdev.scene.linking import link_lights
 
 pytestmark = pytest.mark.mitsuba
 
@@ -85,22 +83,6 @@ def test_rigs_agree(worker: Worker, tmp_path: Path, rig: str, asset: str, look: 
     assert_passed(agreement(worker, asset, RIGS[rig](tmp_path), look))
 
 
-def row_of(placed: dict[str, NDArray[np.float64]], lights: tuple[Light, ...]) -> Scene:
-    """Return instances of one mesh side by side under linked lights."""
-    ball = load_asset(builtin="suzanne")
-    instances = []
-    for number, (path, matrix) in enumerate(placed.items()):
-        matrix = matrix.copy()
-        matrix[0, 3] += 2.6 * number - 1.3
-        instances.append(Instance(0, matrix, f"{path}/ball"))
-    first = instances[0].path
-    slots = tuple(replace(slot, path=first) for slot in ball.slots)
-    row = make_asset("row", (replace(ball.meshes[0], name=first),), tuple(instances), slots)
-    linked = link_lights(row, {first: Look("look", (RIG_LOOKS["plastic"],))}, lights)
-    camera = orbit_camera(linked.asset.center, linked.asset.radius)
-    return Scene(linked.asset, linked.wears, linked.lights, camera, Film((SIZE, SIZE)), linked.lit, linked.groups)
-
-
 def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
     left, right = (Link(((f"/{side}", "expandPrims"),)) for side in ("Left", "Right"))
     lights = (
@@ -108,7 +90,7 @@ def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
         replace(near("sphere"), emission=Emission((60.0, 40.0, 20.0), light_link=right)),
         grey(),
     )
-    scene = row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights)
+    scene = row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights, SIZE)
     agreed, found = compared(worker, scene, scene.lit_by)
     assert_passed(agreed)
     assert not found(tuple(reversed(scene.lit_by))).passed
@@ -132,7 +114,7 @@ def row_of_three() -> Scene:
         grey(),
     )
     placed = {"/Left": np.eye(4), "/Middle": np.diag([-0.8, 1.4, 1.1, 1.0]), "/Right": np.eye(4)}
-    return row_of(placed, lights)
+    return row_of(placed, lights, SIZE)
 
 
 def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
@@ -147,7 +129,7 @@ def split_row(folder: Path) -> Scene:
     left = Link((("/Left", "expandPrims"),))
     controlled = [light for rig in QUICK["controls"] for light in RIGS[rig](folder)]
     lights = (*controlled, replace(near("disk"), emission=Emission((60.0, 40.0, 20.0), light_link=left)))
-    return row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights)
+    return row_of({"/Left": np.eye(4), "/Right": np.eye(4)}, lights, SIZE)
 
 
 def images(folder: Path) -> Scene:

@@ -26,7 +26,7 @@ from lookdev.render.backends import BACKENDS
 from lookdev.render.scene import scene_task
 from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.wire import Cancelled
-from lookdev.render.worker import Rendered, Worker, last_line
+from lookdev.render.worker import Rendered, Worker, explained
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]
@@ -150,14 +150,11 @@ class Exact:
         while made.samples < _MOST and not (made.rounds and made.relmse <= _ERROR):
             samples = _SAMPLES[min(made.rounds, len(_SAMPLES) - 1)]
             try:
-                if first:
-                    made.add(self._round(small, wanted, samples, 0, ticket, deliver))
-                else:
-                    made.add(self._round(task, wanted, samples, made.rounds, ticket, deliver))
+                made.add(self._round(small if first else task, wanted, samples, made.rounds, ticket, deliver))
             except WorkerError as error:
                 ticket.check()
                 failures += 1
-                said = f"{error}: {last_line(self._log)}" if last_line(self._log) not in str(error) else str(error)
+                said = explained(error, self._log)
                 if self._closed or failures >= _TRIES:
                     raise WorkerError(said) from error
                 deliver({"state": f"{said}; it is started anew"}, {})

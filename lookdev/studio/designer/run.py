@@ -10,7 +10,7 @@ from lookdev.errors import LookdevError, nearest_hint
 from lookdev.studio import Address
 from lookdev.studio.designer.app import PICTURE, application
 from lookdev.studio.designer.opening import open_document
-from lookdev.studio.server import bind, open_browser, serve
+from lookdev.studio.server import serve_page
 
 
 def design(what: str, material: Path | None, address: Address, *, browser: bool, say: Callable[[str], None]) -> None:
@@ -29,17 +29,8 @@ def design(what: str, material: Path | None, address: Address, *, browser: bool,
     document = open_document(
         None if what in BUILTINS else file, what if what in BUILTINS else None, material, recovers=True
     )
-    bound = bind(address)
-    if not bound.as_wanted:
-        say(f"port {bound.wanted} is taken by another program, so this is another one:")
-
-    def started() -> None:
-        say(f"{bound.url}  (Ctrl-C ends it)")
-        if browser:
-            open_browser(bound.url)
-
     try:
-        serve(application(document), bound, uploads=[PICTURE], started=started)
+        serve_page(lambda: application(document), address, [PICTURE], browser=browser, say=say)
     finally:
         if document.close():
             say("unsaved edits are kept: the same command offers them")

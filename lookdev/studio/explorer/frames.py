@@ -18,7 +18,7 @@ from lookdev.plot.angles import Values
 from lookdev.render.backends import BACKENDS
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Progress, Worker, last_line
+from lookdev.render.worker import Progress, Worker, explained
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
@@ -67,8 +67,7 @@ class Frames:
             return self._rendered(look, ticket, report)
         except WorkerError as error:
             _check(ticket)  # a worker that is killed for it died of no fault
-            line = last_line(self._log)
-            raise WorkerError(str(error) if line in str(error) else f"{error}: {line}") from error
+            raise WorkerError(explained(error, self._log)) from error
         finally:
             self._current = None
             self._one.release()

@@ -11,7 +11,7 @@ from lookdev.studio import Address
 from lookdev.studio.explorer.app import UPLOAD, application
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.roots import Roots
-from lookdev.studio.server import bind, open_browser, serve
+from lookdev.studio.server import serve_page
 
 FIRST = ("disney:baseColor=.72/.12/.08,roughness=.35", "pixar:surfaceColor=.72/.12/.08,roughness=.35")
 """What a page shows that is asked for nothing: the two models of film, alike in colour and roughness."""
@@ -38,16 +38,7 @@ def explore(
         first = [named_words(each, roots) for each in what]
         for words in first:
             surfaces.subject(words)
-        bound = bind(address)
-        if not bound.as_wanted:
-            say(f"port {bound.wanted} is taken by another program, so this is another one:")
-
-        def started() -> None:
-            say(f"{bound.url}  (Ctrl-C ends it)")
-            if browser:
-                open_browser(bound.url)
-
-        serve(application(surfaces, first or FIRST), bound, [UPLOAD], started)
+        serve_page(lambda: application(surfaces, first or FIRST), address, [UPLOAD], browser=browser, say=say)
 
 
 def named_words(words: str, roots: Roots) -> str:
