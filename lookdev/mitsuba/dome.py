@@ -11,7 +11,7 @@ import numpy as np
 from lookdev.light.dome import Dome, bins, slots
 from lookdev.light.dome.files import read_exr
 from lookdev.mitsuba import sobol
-from lookdev.mitsuba.files import file_array, read_image
+from lookdev.mitsuba.files import file_array, padded
 from lookdev.mitsuba.frozen import held
 
 
@@ -26,7 +26,7 @@ class DomeLight:
         self._mi = mi
         self.number = mi.Float
         self.sampled = dome.slots_file is not None and not (dome.constant and not local)
-        self._texels = file_array(mi.Float, dome.radiance_file, read_image)
+        self._texels = file_array(mi.Float, dome.radiance_file, lambda path: padded(read_exr(path, "RGB")))
         self._width, self._height = dome.width, dome.height
         if self.sampled:
             assert dome.points_file and dome.slots_file and dome.bins_file  # noqa: PT018

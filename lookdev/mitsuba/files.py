@@ -47,6 +47,13 @@ def read_image(path: Path) -> NDArray[np.float32]:
         pixels = np.asarray(image.read_image(format=oiio.FLOAT), np.float32)
     finally:
         image.close()
-    if pixels.shape[2] == 3:
-        pixels = np.concatenate([pixels, np.ones((*pixels.shape[:2], 1), np.float32)], axis=-1)
-    return pixels
+    return padded(pixels)
+
+
+def padded(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return pixels of four channels, which are gathered at once."""
+    if pixels.shape[2] == 4:
+        return pixels
+    wide = np.ones((*pixels.shape[:2], 4), np.float32)
+    wide[..., :3] = pixels
+    return wide

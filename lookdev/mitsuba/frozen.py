@@ -11,6 +11,8 @@ import drjit as dr
 import numpy as np
 from numpy.typing import ArrayLike
 
+from lookdev.mitsuba.programs import Program
+
 
 @contextmanager
 def nothing_freed() -> Iterator[None]:
@@ -31,7 +33,7 @@ def held(kind: Any, values: ArrayLike) -> Any:
     """
     width = {dr.VarType.Float32: np.float32, dr.VarType.UInt32: np.uint32}[dr.type_v(kind)]
     given = kind(np.ascontiguousarray(values, width).ravel())
-    own = dr.zeros(kind, len(given))
+    own = dr.empty(kind, len(given))
     dr.scatter(own, given, dr.arange(dr.uint32_array_t(kind), len(given)))
     dr.eval(own)
     return own
@@ -39,22 +41,22 @@ def held(kind: Any, values: ArrayLike) -> Any:
 
 def held_arrays(root: object) -> list[Any]:
     """Return the arrays of Dr.Jit and the scenes of Mitsuba that the objects of this package hold, each once."""
+    found: list[Any] = []
     seen: set[int] = set()
-    return list(_reached(root, seen))
-
-
-def _reached(value: Any, seen: set[int]) -> Iterator[Any]:
-    if id(value) in seen:
-        return
-    seen.add(id(value))
-    if dr.is_array_v(value) or type(value).__name__ == "Scene":
-        yield value
-    elif isinstance(value, Mapping):
-        for each in value.values():
-            yield from _reached(each, seen)
-    elif isinstance(value, list | tuple | set):
-        for each in value:
-            yield from _reached(each, seen)
-    elif type(value).__module__.startswith("lookdev.mitsuba") and hasattr(value, "__dict__"):
-        for each in vars(value).values():
-            yield from _reached(each, seen)
+    left = [root]
+    while left:
+        value = left.pop()
+        if id(value) in seen:
+            continue
+        seen.add(id(value))
+        if dr.is_array_v(value) or type(value).__name__ == "Scene":
+            found.append(value)
+        elif isinstance(value, Program):
+            left += (*value.constants, *value.tables)  # its operations are thousands
+        elif isinstance(value, list | tuple | set):
+            left += value
+        elif isinstance(value, Mapping):
+            left += value.values()
+        elif type(value).__module__.startswith("lookdev.mitsuba") and hasattr(value, "__dict__"):
+            left += vars(value).values()
+    return found

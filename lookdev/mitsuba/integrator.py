@@ -16,6 +16,7 @@ import drjit as dr
 from lookdev.codegen.source import LOBE_GROUPS
 from lookdev.light.shape import FAR
 from lookdev.mitsuba import sobol
+from lookdev.mitsuba.dual import Dual, less, product, size, summed, where
 from lookdev.mitsuba.geometry import Geometry
 from lookdev.mitsuba.lights import Lighting, Lights
 from lookdev.mitsuba.surface import Arriving, Looks, Response, Surface
@@ -74,13 +75,13 @@ class Estimator:
         """
         triangle, uv, ray, hit, before, hidden, index, place = self._seen(view, rectangle, lane, seed, first, shift)
         shown = hit & ~hidden
-        radiance, cover, parts = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
+        (radiance, *parts), (cover,) = self._reflected(triangle, uv, -ray.d, shown, view.turns, index, place)
         radiance += before[0]
         if self._light.shown:
             cover = dr.select(hit & hidden, 1.0, cover)
             # What the camera sees of lights came from there, by no lobe.
             lobes = len(self._groups)
-            parts = [*parts[:lobes], *_sums(parts[lobes:], [before[0]] * self._direct + before[1:])]
+            parts = [*parts[:lobes], *summed(parts[lobes:], [before[0]] * self._direct + before[1:])]
         return [*radiance, cover, *(channel for part in parts for channel in part)]
 
     def _seen(self, view: View, rectangle: Rectangle, lane: Any, seed: Any, first: Any, shift: Any) -> tuple[Any, ...]:
@@ -103,151 +104,170 @@ class Estimator:
 
     @dr.syntax
     def _reflected(self, triangle: Any, uv: Any, viewer: Any, active: Any, turns: Any, index: Any, place: Any) -> Any:
-        """Return the radiance that comes back from triangles along directions, how much is covered, and the parts."""
+        """Return what comes back from triangles along directions, as `_recorded`, and how much is covered.
+
+        What loops only read is no state of theirs: else Dr.Jit traces their bodies again without it.
+        """
         mi = self._mi
-        radiance = mi.Color3f(0.0)
-        throughput = mi.Color3f(1.0)
+        found, throughput = self._dark(), self._constant(1.0)
         depth = mi.UInt32(0)
         active = mi.Bool(active)
-        cover = dr.select(active, mi.Float(1.0), 0.0)
-        straight = mi.Bool(active)
-        parts = self._dark()[1:]
+        whole = [dr.select(active, mi.Float(1.0), 0.0), *(mi.Float(0.0) for _ in throughput[1:])]
+        # Of looks that can be seen through: how much of the background is, and whether a path has only passed them.
+        seen = [mi.Float(0.0) for _ in throughput if self._looks.see_through]
+        through = [mi.Bool(active)] * self._looks.see_through
         # Of a path after its first reflection: what of its throughput is of each group, by channels.
         shares = [mi.Color3f(0.0) for _ in self._groups]
-        while active:
-            surface = Surface(self._looks, triangle, uv, viewer, active)
+        while dr.hint(active, exclude=[index, place, turns]):
+            surface = self._surface(triangle, uv, viewer, active)
             seed = sobol.hashed(place + depth)
             first = depth == 0
             drawn = dr.select(first, mi.UInt32(self._counts.brdf), mi.UInt32(self._counts.brdf_onward))
             lit = dr.select(first, mi.UInt32(self._counts.light), mi.UInt32(self._counts.light_onward))
             lighting = self._light.at(surface, turns, lit, self._looks.transmits)
             onward = depth < self._bounces
-            record = _Record(throughput, straight, shares)
+            straight = through[0] if self._looks.see_through else first
+            record = Record(throughput, straight, shares)
 
-            path, found, passed = self._follow(surface, lighting, record, active, onward, seed ^ index)
-            radiance += found[0]
-            parts = _sums(parts, found[1:])
-            cover -= dr.mean(throughput) * passed
-            share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_straight, chosen_shares = path
+            path, here, passed = self._follow(surface, lighting, record, active, onward, seed ^ index)
+            found = summed(found, here)
+            seen = summed(seen, [dr.mean(each) for each in product(throughput, passed)] if passed else [])
+            share, chosen, chosen_triangle, chosen_uv, chosen_ray, chosen_through, chosen_shares = path
 
             # Directions of the BSDF.
             k = mi.UInt32(0)
-            while active & (k < drawn):
+            while dr.hint(active & (k < drawn), exclude=[index, drawn, seed, onward, straight, active]):
                 number = index * drawn + k
                 u1, u2 = sobol.points(mi.Float, number, seed)
                 wi = surface.draw(u1, u2, active)
-                response, pdf = surface.respond(wi, active, self._light.split, self._groups)
+                responses, pdf = surface.respond(wi, active, self._light.split, self._groups)
                 w = surface.to_world(wi)
-                met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE) & (pdf > 0.0)
+                met = active & self._agree(surface, wi, w) & _matters(responses) & (pdf > 0.0)
                 density = mi.Float(drawn) * pdf
                 blocked, occluder, other, other_uv = self._trace(surface, w, met)
                 occluders = self._occluders(surface, w, occluder, blocked)
                 arriving = lighting.arriving(w, density, 1.0, occluders, met, straight=False)
-                found = self._recorded(record, response, arriving, met)
-                radiance += found[0]
-                parts = _sums(parts, found[1:])
+                found = summed(found, self._recorded(record, responses, arriving, met))
                 # Weighted reservoir: each hit is kept with probability proportional to its luminance.
-                weight = dr.select(met & blocked & onward, response.value / density, 0.0)
-                size = dr.mean(weight)
-                share += size
-                kept = (size > 0.0) & (
-                    sobol.unit(mi.Float, sobol.hashed(seed ^ (number + 1) * 0x3504F333)) * share < size
+                weight = where(met & blocked & onward, [each.value / density for each in responses])
+                share += size(weight)
+                kept = (size(weight) > 0.0) & (
+                    sobol.unit(mi.Float, sobol.hashed(seed ^ (number + 1) * 0x3504F333)) * share < size(weight)
                 )
-                chosen = dr.select(kept, weight / size, chosen)
+                chosen = dr.select(kept, [each / size(weight) for each in weight], chosen)
                 chosen_triangle = dr.select(kept, other, chosen_triangle)
                 chosen_uv = dr.select(kept, other_uv, chosen_uv)
                 chosen_ray = dr.select(kept, -w, chosen_ray)
-                chosen_straight &= ~kept
-                chosen_shares = dr.select(kept & straight, response.shares(), chosen_shares)
+                chosen_through = [each & ~kept for each in chosen_through]
+                chosen_shares = dr.select(kept & straight, responses[0].shares(), chosen_shares)
                 k += 1
 
-            found = self._from_light(surface, lighting, record, index, drawn, lit, seed, active)
-            radiance += found[0]
-            parts = _sums(parts, found[1:])
+            found = summed(found, self._from_light(surface, lighting, record, index, drawn, lit, seed, active))
 
-            throughput *= chosen * share
+            throughput = product(throughput, [each * share for each in chosen])
             # Russian roulette: paths of little throughput end, and others stand for them.
-            survival = dr.minimum(dr.mean(throughput) / LITTLE, 1.0)
+            survival = dr.minimum(size(throughput) / LITTLE, 1.0)
             lucky = sobol.unit(mi.Float, sobol.hashed(seed ^ index * 0x2545F491 ^ 0x1B873593)) < survival
-            throughput = dr.select(lucky, throughput / survival, 0.0)
+            throughput = where(lucky, [each / survival for each in throughput])
             active &= onward & lucky & (share > 0.0)
-            triangle, uv, viewer, straight = chosen_triangle, chosen_uv, chosen_ray, chosen_straight
+            triangle, uv, viewer, through = chosen_triangle, chosen_uv, chosen_ray, chosen_through
             shares = chosen_shares
             depth += 1
-        return radiance, cover, parts
+        return found, less(whole, seen) if seen else whole
+
+    def _surface(self, triangle: Any, uv: Any, viewer: Any, active: Any) -> Surface:
+        return Surface(self._looks, triangle, uv, viewer, active)
+
+    def _constant(self, value: float) -> Dual:
+        return [self._mi.Color3f(value)]
+
+    def _from_light(self, surface: Surface, *arguments: Any) -> list[Any]:
+        """Return what directions drawn from the light find, as `_recorded`."""
+        if not self._light.sampled:
+            return self._dark()
+        found = self._one_of_light if self._counts.resampled else self._all_of_light
+        return found(surface, *arguments)  # type: ignore[no-any-return]
 
     @dr.syntax
-    def _from_light(
+    def _all_of_light(
         self,
         surface: Surface,
         lighting: Lighting,
-        record: _Record,
+        record: Record,
         index: Any,
         drawn: Any,
         lit: Any,
         seed: Any,
         active: Any,
     ) -> Any:
-        """Return what directions drawn from the light find, as `_recorded`.
+        total, j = self._dark(), self._mi.UInt32(0)
+        while dr.hint(active & (j < lit), exclude=[index, drawn, lit, seed, active]):
+            one = self._drawn(surface, lighting, index, j, drawn, seed, active)
+            total = summed(total, self._shown(surface, record, one, self._mi.Float(1.0)))
+            j += 1
+        return total
 
-        Of a glossy surface, one of them is traced, chosen in proportion to what it brings unless it is occluded (Talbot
-        et al. 2005, "Importance Resampling for Global Illumination"): most directions of the light miss its lobes.
+    @dr.syntax
+    def _one_of_light(
+        self,
+        surface: Surface,
+        lighting: Lighting,
+        record: Record,
+        index: Any,
+        drawn: Any,
+        lit: Any,
+        seed: Any,
+        active: Any,
+    ) -> Any:
+        """Trace one of the directions, chosen in proportion to what it brings unless it is occluded.
+
+        For glossy surfaces, whose lobes most directions of the light miss (Talbot et al. 2005, "Importance Resampling
+        for Global Illumination").
         """
         mi = self._mi
-        total = self._dark()
-        if self._light.sampled:
-            j, chosen = mi.UInt32(0), mi.UInt32(0)
-            sum_, own = mi.Float(0.0), mi.Float(0.0)
-            while active & (j < lit):
-                one = self._drawn(surface, lighting, index, j, drawn, seed, active)
-                if self._counts.resampled:
-                    size = one[-1]
-                    sum_ += size
-                    lot = sobol.unit(mi.Float, sobol.hashed(seed ^ (index * lit + j + 1) * 0x85EBCA77))
-                    kept = (size > 0.0) & (lot * sum_ < size)
-                    chosen = dr.select(kept, j, chosen)
-                    own = dr.select(kept, size, own)
-                else:
-                    total = _sums(total, self._shown(surface, record, one, mi.Float(1.0)))
-                j += 1
-            if self._counts.resampled:
-                met = active & (sum_ > 0.0)
-                one = self._drawn(surface, lighting, index, chosen, drawn, seed, met)
-                total = self._shown(surface, record, one, sum_ / own)
-        return total
+        j, chosen = mi.UInt32(0), mi.UInt32(0)
+        sum_, own = mi.Float(0.0), mi.Float(0.0)
+        while dr.hint(active & (j < lit), exclude=[index, drawn, lit, seed, active]):
+            brought = self._drawn(surface, lighting, index, j, drawn, seed, active)[-1]
+            sum_ += brought
+            lot = sobol.unit(mi.Float, sobol.hashed(seed ^ (index * lit + j + 1) * 0x85EBCA77))
+            kept = (brought > 0.0) & (lot * sum_ < brought)
+            chosen = dr.select(kept, j, chosen)
+            own = dr.select(kept, brought, own)
+            j += 1
+        one = self._drawn(surface, lighting, index, chosen, drawn, seed, active & (sum_ > 0.0))
+        return self._shown(surface, record, one, sum_ / own)
 
     def _drawn(
         self, surface: Surface, lighting: Lighting, index: Any, j: Any, drawn: Any, seed: Any, active: Any
     ) -> tuple[Any, ...]:
-        """Return a direction of the light: with response, light over density, distance, controls, whether met, size."""
+        """Return a direction of the light: responses, light over density, distance, controls, whether met, its gain."""
         w, sent, distance, density, controls = lighting.draw(index, j, seed, active)
         wi = surface.to_local(w)
-        response, pdf = surface.respond(wi, active, self._light.split, self._groups)
-        met = active & self._agree(surface, wi, w) & (dr.max(response.value) > _NEGLIGIBLE)
+        responses, pdf = surface.respond(wi, active, self._light.split, self._groups)
+        met = active & self._agree(surface, wi, w) & _matters(responses)
         met &= dr.max(sent) > 0.0
         weight = sent / (self._mi.Float(drawn) * pdf + density)
-        return w, response, weight, distance, controls, met, dr.select(met, dr.mean(response.value * weight), 0.0)
+        brought = dr.select(met, dr.mean(responses[0].value * weight), 0.0)
+        return w, responses, weight, distance, controls, met, brought
 
-    def _shown(self, surface: Surface, record: _Record, drawn: tuple[Any, ...], times: Any) -> list[Any]:
+    def _shown(self, surface: Surface, record: Record, drawn: tuple[Any, ...], times: Any) -> list[Any]:
         """Return what a direction of `_drawn` finds, as `_recorded`."""
-        w, response, weight, distance, controls, met, _ = drawn
+        w, responses, weight, distance, controls, met, _ = drawn
         specular, diffuse = self._passed(surface, w, distance, controls, met)
         weight = weight * dr.select(met, times, 0.0)
         arriving = self._light.by_group(controls, (weight * specular, weight * diffuse))
-        return self._recorded(record, response, arriving, met)
+        return self._recorded(record, responses, arriving, met)
 
     def _dark(self) -> list[Any]:
         """Return no light, and no part of it, as `_recorded`."""
         return [self._mi.Color3f(0.0) for _ in range(1 + len(self._groups) + self._direct + self._light.groups)]
 
-    def _recorded(self, record: _Record, response: Response, arriving: list[Arriving], active: Any) -> list[Any]:
+    def _recorded(self, record: Record, responses: list[Response], arriving: list[Arriving], active: Any) -> list[Any]:
         """Return what is reflected of light, and each part: by lobes of groups, of lights directly, of their groups."""
-        by_lights = [record.throughput * response.to(each) for each in arriving]
-        by_lobes = [record.throughput * each for each in response.parts_to(arriving[0])]
-        return self._divided(record, by_lights, by_lobes, active)
-
-    def _divided(self, record: _Record, by_lights: list[Any], by_lobes: list[Any], active: Any) -> list[Any]:
-        whole, *of_lights = (dr.select(active, each, 0.0) for each in by_lights)
+        (throughput, *_), (response, *_) = record.throughput, responses
+        whole, *of_lights = where(active, [throughput * response.to(each) for each in arriving])
+        by_lobes = [throughput * each for each in response.parts_to(arriving[0])]
         of_lobes = [
             dr.select(active, dr.select(record.straight, here, share * whole), 0.0)
             for here, share in zip(by_lobes, record.shares, strict=True)
@@ -256,51 +276,58 @@ class Estimator:
         return [whole, *of_lobes, *direct, *of_lights]
 
     def _follow(
-        self, surface: Surface, lighting: Lighting, record: _Record, active: Any, onward: Any, seed: Any
+        self, surface: Surface, lighting: Lighting, record: Record, active: Any, onward: Any, seed: Any
     ) -> tuple[Any, Any, Any]:
         """Follow single directions: no direction of the light is ever one of them.
 
         Where the surface is absent, a path goes straight on, from the camera to a black background. Returns a path
         onward: the sum of weights, its own weight over that, triangle, coordinates, direction back, whether it is still
         straight from the camera, and the shares of groups. Then the light that comes back, as `_recorded`, and how much
-        of the background is seen.
+        of the background is seen, if looks can be seen through.
         """
-        mi = self._mi
-        passed, share = mi.Float(0.0), mi.Float(0.0)
-        found = self._dark()
-        chosen = (mi.Color3f(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer))
-        chosen_straight = mi.Bool(False)
+        mi, see_through = self._mi, self._looks.see_through
+        found, share = self._dark(), mi.Float(0.0)
+        passed = self._constant(0.0) if see_through else []
+        chosen = (
+            self._constant(0.0), mi.UInt32(surface.triangle), mi.Point2f(surface.uv), mi.Vector3f(surface.viewer)
+        )  # fmt: skip
+        chosen_through = [mi.Bool(False)] * see_through
         chosen_shares = [mi.Color3f(each) for each in record.shares]
-        for number, (w, weight, group, passes) in enumerate(self._singles(surface)):
-            met = active & (dr.max(weight) > 0.0)
+        for number, (w, responses, passes) in enumerate(self._singles(surface)):
+            weight = [each.value for each in responses]
+            met = active & (dr.max(weight[0]) > 0.0)
             blocked, occluder, triangle, uv = self._trace(surface, w, met)
             occluders = self._occluders(surface, w, occluder, blocked)
             unseen = record.straight & passes
             lit = met & ~unseen
             arriving = lighting.arriving(w, mi.Float(1.0), 0.0, occluders, lit, straight=passes)
-            by_lights = [record.throughput * weight * specular for specular, _ in arriving]
-            ones = [dr.select(group == LOBE_GROUPS.index(name), mi.Color3f(1.0), 0.0) for name in self._groups]
-            found = _sums(found, self._divided(record, by_lights, [one * by_lights[0] for one in ones], lit))
-            passed += dr.select(met & ~blocked & unseen, weight.x, 0.0)
-            size = dr.select(met & blocked & onward, dr.mean(weight), 0.0)
-            share += size
+            found = summed(found, self._recorded(record, responses, arriving, lit))
+            if see_through:
+                passed = summed(passed, where(met & ~blocked & unseen, weight))
+            followed = dr.select(met & blocked & onward, size(weight), 0.0)
+            share += followed
             lot = sobol.unit(mi.Float, sobol.hashed(seed + (number + 1) * 0x1B873593))
-            kept = (size > 0.0) & (lot * share < size)
-            chosen = dr.select(kept, (weight / size, triangle, uv, -w), chosen)
-            chosen_straight = dr.select(kept, unseen, chosen_straight)
-            chosen_shares = dr.select(kept & record.straight & ~unseen, ones, chosen_shares)
-        return (share, *chosen, chosen_straight, chosen_shares), found, passed
+            kept = (followed > 0.0) & (lot * share < followed)
+            chosen = dr.select(kept, ([each / followed for each in weight], triangle, uv, -w), chosen)
+            chosen_through = [dr.select(kept, unseen, each) for each in chosen_through]
+            chosen_shares = dr.select(kept & record.straight & ~unseen, responses[0].shares(), chosen_shares)
+        return (share, *chosen, chosen_through, chosen_shares), found, passed
 
-    def _singles(self, surface: Surface) -> list[tuple[Any, Any, Any, bool]]:
-        """Return directions of the world, what light from there is multiplied by, groups, and whether they pass."""
-        found: list[tuple[Any, Any, Any, bool]] = []
+    def _singles(self, surface: Surface) -> list[tuple[Any, list[Response], bool]]:
+        """Return directions of the world, the responses to light from there, and whether they pass the surface."""
+        black = self._mi.Color3f(0.0)
+        found: list[tuple[Any, list[Response], bool]] = []
         for number in range(self._looks.deltas):
             wi, value, group = surface.delta(number)
             w = surface.to_world(wi)
-            found.append((w, dr.select(self._agree(surface, wi, w), value, 0.0), group, False))
+            value = where(self._agree(surface, wi, w), value)
+            groups = [group == LOBE_GROUPS.index(name) for name in self._groups]
+            parts = [(each, black) for each in (dr.select(here, value[0], 0.0) for here in groups)]
+            found.append((w, [Response((each, black), parts, False) for each in value], False))
         if self._looks.see_through:
-            absent = self._mi.Color3f(1.0 - surface.presence())
-            found.append((-surface.viewer, absent, self._mi.Float(-1.0), True))
+            parts = [(black, black)] * len(self._groups)
+            absent = [Response((each, black), parts, False) for each in surface.absence()]
+            found.append((-surface.viewer, absent, True))
         return found
 
     def _agree(self, surface: Surface, wi: Any, w: Any) -> Any:
@@ -352,7 +379,7 @@ class Estimator:
         return dr.select(found.is_valid(), found.t, FAR)
 
 
-class _Record:
+class Record:
     """A path where it has come to: throughput, whether straight from the camera, else what of it is of each group.
 
     It is no dataclass: those are state of Dr.Jit's loops, which a record does not change in.
@@ -362,5 +389,10 @@ class _Record:
         self.throughput, self.straight, self.shares = throughput, straight, shares
 
 
-def _sums(one: list[Any], other: list[Any]) -> list[Any]:
-    return [a + b for a, b in zip(one, other, strict=True)]
+def _matters(responses: list[Response]) -> Any:
+    """Return where light from a direction is reflected, or changes with an input."""
+    first, *slopes = responses
+    found = dr.max(first.value) > _NEGLIGIBLE
+    for each in slopes:
+        found |= dr.max(dr.abs(each.value)) > _NEGLIGIBLE
+    return found

@@ -278,7 +278,7 @@ class _OfRig:
     ) -> list[Arriving]:
         total = self._rig.dark()
         lamp = self._mi.UInt32(0)
-        while active & (lamp < lamps.count):
+        while dr.hint(active & (lamp < lamps.count), exclude=[w, own_density, weighed, occluders, active, straight]):
             p, local = self._here.seen(lamps, lamp, w)
             distance, pdf = lamps.meet(lamp, p, local)
             density = own_density + weighed * self._density_of_lamp(lamps, lamp, pdf)
@@ -322,7 +322,7 @@ class _OfRig:
         chosen, start, length = mi.UInt32(0), mi.Float(0.0), mi.Float(0.0)
         end = mi.Float(before)
         lamp = mi.UInt32(0)
-        while active & (lamp < lamps.count):
+        while dr.hint(active & (lamp < lamps.count), exclude=[wanted, back, active]):
             side = dr.select(back, -self._surface.normal, self._surface.normal)
             weight = self._lamp_weight(lamps, lamp, side)
             here = (wanted >= end) & (wanted < end + weight)

@@ -10,6 +10,7 @@ import drjit as dr
 import numpy as np
 
 from lookdev.codegen import ProgramSource
+from lookdev.mitsuba.dual import Dual
 from lookdev.mitsuba.frozen import held
 from lookdev.mitsuba.geometry import Geometry, Hit
 from lookdev.mitsuba.images import Images
@@ -154,8 +155,8 @@ class Surface:
         """The number of what is worn: of the source, which is lit by lights of its own."""
         return self.looks.geometry.worn(self.triangle)
 
-    def respond(self, wi: Any, active: Any, split: bool, groups: Sequence[str]) -> tuple[Response, Any]:
-        """Return the response to light from local directions, and the pdf of `draw` there.
+    def respond(self, wi: Any, active: Any, split: bool, groups: Sequence[str]) -> tuple[list[Response], Any]:
+        """Return the response to light from local directions, with its derivatives, and the pdf of `draw` there.
 
         The diffuse parts are wanted if light is `split`, and what lobes of some `groups` reflect.
         """
@@ -172,7 +173,7 @@ class Surface:
             return pdf, *found
 
         pdf, value, diffuse, *parts = self._called(respond, wi, active=active)
-        return Response((value, diffuse), list(zip(parts[::2], parts[1::2], strict=True)), split), pdf
+        return [Response((value, diffuse), list(zip(parts[::2], parts[1::2], strict=True)), split)], pdf
 
     def draw(self, u1: Any, u2: Any, active: Any) -> Any:
         """Draw local directions."""
@@ -187,7 +188,11 @@ class Surface:
 
         return self._called(presence, active=self.active)
 
-    def delta(self, number: int) -> tuple[Any, Any, Any]:
+    def absence(self) -> Dual:
+        """Return what light from behind is multiplied by, with derivatives."""
+        return [self.looks.mi.Color3f(1.0 - self.presence())]
+
+    def delta(self, number: int) -> tuple[Any, Dual, Any]:
         """Return a single direction, local, what light from there is multiplied by, 0 for none, and its group."""
         mi = self.looks.mi
 
@@ -197,7 +202,8 @@ class Surface:
             found = place.values(f"delta{number}")
             return mi.Vector3f(*found[:3]), mi.Color3f(*found[3:6]), mi.Float(found[6])
 
-        return self._called(delta, active=self.active)  # type: ignore[no-any-return]
+        wi, value, group = self._called(delta, active=self.active)
+        return wi, [value], group
 
     def guide(self) -> tuple[Any, Any]:
         """Return albedo and normal, of the world, for a denoiser."""

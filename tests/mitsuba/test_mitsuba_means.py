@@ -1,0 +1,145 @@
+"""Means of frames against the float64 reference, to .1 %: every kind of light and control, textured stacks, all models.
+
+The mean of a frame is the frame of a single pixel. The reference makes that of one low-discrepancy set, so that its
+error is a tenth of what it has of as many points in sets of the pixels' own.
+
+    python -m pytest -n 0 -m slow tests/mitsuba/test_mitsuba_means.py --log-cli-level INFO
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from frames import orbit_camera
+from light_rigs import RIG_LOOKS, RIGS, row_of_three
+from painted import embossed, painted, sparkling
+
+from lookdev.asset import load_asset
+from lookdev.brdf import CONTINUOUS, MODELS
+from lookdev.light import Dome, Light
+from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
+from lookdev.reference.render import frame_pixels
+from lookdev.render.backends import BACKENDS
+from lookdev.render.scene import scene_task
+from lookdev.render.task import one_frame
+from lookdev.render.worker import Worker
+from lookdev.scene import Film, Pose, Sampling, Scene
+
+pytestmark = [pytest.mark.mitsuba, pytest.mark.slow]
+
+POSE = Pose(0.0, 20.0)  # lamps shine on what the camera sees
+SIZE, SAMPLES, POINTS = 16, 2048, 1 << 18
+LEAST, MOST, ENOUGH = 8, 64, 3e-4
+"""Of independent values of a mean, and the standard error at which there are enough."""
+
+LightOf = Callable[[str], Dome]
+
+
+def worn(asset: str, layers: tuple[Layer, ...], *lights: Light) -> Scene:
+    shape = load_asset(builtin=asset)
+    camera, look = orbit_camera(shape.center, shape.radius), Look("look", layers)
+    return Scene(shape, {slot.path: look for slot in shape.slots}, lights, camera, Film((SIZE, SIZE)))
+
+
+def scene_of(name: str, light_of: LightOf, folder: Path) -> Scene:
+    """Return the scene of a case: `kind` and `of`, in one name."""
+    kind, _, of = name.partition(": ")
+    match kind:
+        case "dome":
+            return worn("sphere", (RIG_LOOKS["plastic"],), light_of(of))
+        case "light":
+            return worn("sphere", (RIG_LOOKS["plastic"],), *RIGS[of](folder))
+        case "links":
+            return row_of_three(SIZE)
+        case "model":
+            return worn("sphere", (Layer("Layer", of, MODELS[of].probe),), light_of("city"))
+    layers = {"painted": painted, "sparkling": sparkling, "embossed": embossed}[of](folder)
+    return worn("suzanne", layers, light_of("city"))
+
+
+CASES = (
+    *(f"dome: {each}" for each in ("white", "slopes", "city", "studio")),
+    *(f"light: {each}" for each in RIGS),
+    "links: three heads, shadows of some",
+    *(f"stack: {each}" for each in ("painted", "sparkling", "embossed")),
+    *(f"model: {each}" for each in CONTINUOUS),
+)
+
+
+@pytest.fixture(scope="module")
+def scene(light_of: LightOf, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Scene]:
+    folder = tmp_path_factory.mktemp("scenes")
+    return cache(lambda name: scene_of(name, light_of, folder))
+
+
+@pytest.fixture(scope="module")
+def reference(scene: Callable[[str], Scene]) -> Callable[[str], tuple[float, float]]:
+    """Return a function that returns the mean of a case's frame over pixels and channels, and its standard error."""
+
+    @cache
+    def mean(name: str) -> tuple[float, float]:
+        case = scene(name)
+        shape = MeshScene(case.asset, case.looks, case.lit_by, case.grouped)
+
+        def pixel(seed: int) -> list[float]:
+            found = frame_pixels(
+                shape, case.lights, case.camera, POSE, (1, 1), np.array([[0, 0]]),
+                bounces=bounces_of(name), samples=POINTS, scrambles=2, seed=seed,
+            )  # fmt: skip
+            return [float(found.value.mean())]
+
+        return settled(pixel)
+
+    return mean
+
+
+def settled(values: Callable[[int], list[float]]) -> tuple[float, float]:
+    """Return the mean of independent values of seeds, and its standard error, `ENOUGH` of it or less."""
+    found: list[float] = []
+    for seed in range(MOST):
+        found += values(seed)
+        error = np.std(found, ddof=1) / np.sqrt(len(found)) if len(found) >= LEAST else np.inf
+        if error < ENOUGH * abs(np.mean(found)):
+            return float(np.mean(found)), float(error)
+    raise AssertionError(f"{MOST} seeds leave an error of {error}")
+
+
+def bounces_of(name: str) -> int:
+    return 2 if name.startswith("stack") else 0
+
+
+@pytest.fixture(scope="module", params=["mitsuba", pytest.param("exact", marks=pytest.mark.cycles)])
+def renderer(
+    request: pytest.FixtureRequest, llvm: str, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[str, Worker]]:
+    folder = tmp_path_factory.mktemp(request.param)
+    with Worker(BACKENDS[request.param].command, folder / "worker.log", folder) as process:
+        yield request.param, process
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_means_are_those_of_the_reference(
+    name: str,
+    renderer: tuple[str, Worker],
+    scene: Callable[[str], Scene],
+    reference: Callable[[str], tuple[float, float]],
+) -> None:
+    backend, process = renderer
+    task = scene_task(scene(name), Sampling(bounces=bounces_of(name), samples=SAMPLES), backend)
+    process.start()
+
+    def halves(seed: int) -> list[float]:
+        frame = process.render(one_frame(task, POSE, f"{seed}", seed=seed), lambda progress: None)
+        return [float(half.astype(np.float64).mean()) for half in (frame.a, frame.b)]
+
+    (found, noise), (expected, own) = settled(halves), reference(name)
+    difference, error = 100.0 * (found / expected - 1.0), 100.0 * np.hypot(noise, own) / expected
+    logging.getLogger(__name__).info("| %s | %s | %+.3f (%.3f) |", name, backend, difference, error)
+    # Five standard errors: of Student's t of few values, and of as many cases.
+    assert abs(difference) < min(0.1, 5.0 * error)
