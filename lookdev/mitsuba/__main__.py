@@ -5,6 +5,7 @@ The end of the input, also by the death of the parent, ends the process at once.
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 import sys
@@ -81,6 +82,7 @@ class _Scenes:
 def main() -> None:
     """Serve tasks until the input ends."""
     end_with_parent()
+    atexit.register(gc.unfreeze)  # nanobind reports what the end of the process cannot collect as leaked
     answers = Answers()
     from lookdev.render.wire import Cancelled, Requests
 

@@ -7,6 +7,8 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -14,10 +16,12 @@ import numpy as np
 import pytest
 from frames import POSE, orbit_camera
 from looks import LOOKS
+from painted import painted
 
 from lookdev.asset import load_asset
+from lookdev.cache import Content
 from lookdev.errors import RenderError
-from lookdev.material import Look
+from lookdev.material import Layer, Look
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
 from lookdev.render.llvm import check_device
@@ -28,12 +32,10 @@ from lookdev.scene import Film, Sampling, Scene
 pytestmark = pytest.mark.mitsuba
 
 
-def task_of(light: Any, **given: Any) -> FrameTask:
+def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["coated"], **given: Any) -> FrameTask:
     asset = load_asset(builtin="suzanne")
     camera = orbit_camera(asset.center, asset.radius)
-    scene = Scene(
-        asset, {slot.path: Look("l", LOOKS["coated"]) for slot in asset.slots}, (light,), camera, Film((16, 16))
-    )
+    scene = Scene(asset, {slot.path: Look("l", layers) for slot in asset.slots}, (light,), camera, Film((16, 16)))
     return one_frame(scene_task(scene, Sampling(**{"samples": 32, "bounces": 1} | given), "mitsuba"), POSE, "frame")
 
 
@@ -106,3 +108,23 @@ def test_the_worker_ends_at_once_in_the_middle_of_a_frame(llvm: str, light_of: A
         process.wait(timeout=60.0)
         # A launch takes .2 s on an idle machine.
         assert time.perf_counter() - started < 5.0
+
+
+def test_an_interrupted_worker_reports_no_leaks(llvm: str, light_of: Any, tmp_path: Path) -> None:
+    """What it keeps from collection after an error has OpenImageIO's types, which nanobind looks for at the end."""
+    good = task_of(light_of("city"), layers=painted(tmp_path), samples=4)
+    bad = replace(good, digest="bad", scene=replace(good.scene, asset=Content("none", ".npz")))
+    with subprocess.Popen(
+        BACKENDS["mitsuba"].command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin
+        assert process.stdout
+        assert process.stderr
+        for task, end in ((good, '"done"'), (bad, '"failed"'), (good, '"done"')):
+            print(wire.encode(task), file=process.stdin, flush=True)
+            while end not in (line := process.stdout.readline()):
+                assert line, "the worker died"
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read()
+    assert "KeyboardInterrupt" in said
+    assert "leaked" not in said
