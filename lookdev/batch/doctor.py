@@ -16,7 +16,7 @@ from importlib import import_module, metadata
 
 from lookdev.cache import atomic_path, cache_dir
 from lookdev.errors import OutputError, RenderError
-from lookdev.render.llvm import NEWEST_DEBIAN, find_llvm
+from lookdev.render.llvm import NEWEST_DEBIAN, find_llvm, lacking_gpu
 
 BLENDER_PYTHONS = {(3, 11): "4.5", (3, 13): "5.2"}
 """A bpy wheel fits exactly one Python: the VFX Reference Platform's CY2025 and CY2026."""
@@ -149,8 +149,10 @@ def _mitsuba() -> Finding:
     """Look for what the backend of the same name needs: an extra, which all others do without."""
     if importlib.util.find_spec("mitsuba") is None:
         return Finding("Mitsuba", "not installed; only backend 'mitsuba' needs it", good=True)
+    gpu = lacking_gpu() or "an NVIDIA GPU is there"
     try:
-        return Finding("Mitsuba", f"{metadata.version('mitsuba')}, {find_llvm()}", good=True)
+        found = f"""{metadata.version("mitsuba")}, {find_llvm()}; device = "cuda": {gpu}"""
+        return Finding("Mitsuba", found, good=True)
     except RenderError as error:
         return Finding("Mitsuba", str(error), good=False, remedy=f"sudo apt-get install libllvm{NEWEST_DEBIAN}")
 

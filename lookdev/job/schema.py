@@ -230,10 +230,11 @@ class JobRender(Table):
     def _device_of_the_backend(cls, value: str, info: ValidationInfo) -> str:
         backend = BACKENDS.get(info.data.get("backend", ""))
         if backend is not None and value not in backend.devices:
+            own = " or ".join(f'"{each}"' for each in backend.devices)
             others = " or ".join(f'"{name}"' for name, each in job_backends().items() if value in each.devices)
             raise wrong(
                 f"backend '{backend.name}' cannot run on '{value}': it is {backend.help}",
-                f'device = "{backend.devices[0]}", or backend = {others}',
+                f"device = {own}, or backend = {others}",
             )
         return value
 

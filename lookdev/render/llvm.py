@@ -27,12 +27,12 @@ def check_device(device: str) -> None:
     """Raise RenderError unless Mitsuba is installed and kernels for a device, ``"cpu"`` or ``"cuda"``, run here."""
     if device == "cpu":
         find_llvm()
-    elif (fault := _lacking_gpu()) is not None:
+    elif (fault := lacking_gpu()) is not None:
         raise RenderError(f'device = "{device}": {fault}; device = "cpu" would be right')
 
 
-def _lacking_gpu() -> str | None:
-    """Return why there is no GPU of NVIDIA, by its driver's own functions."""
+def lacking_gpu() -> str | None:
+    """Return why there is no GPU of NVIDIA, by its driver's own functions; None: there is one."""
     count = ctypes.c_int(0)
     try:
         driver = ctypes.CDLL("libcuda.so.1")

@@ -132,11 +132,17 @@ def test_the_newest_llvm_is_taken_and_an_old_one_is_refused(tmp_path: Path, monk
     assert find_llvm(tmp_path) == str(folder / "libLLVM.so.19.1")
 
 
-def test_mitsuba_without_llvm_names_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_mitsuba_needs_llvm_by_its_package_and_says_whether_a_gpu_is_there(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("mitsuba")
 
     def missing() -> str:
         raise RenderError("found: none")
 
+    monkeypatch.setattr(doctor, "find_llvm", lambda: "libLLVM.so.19")
+    for fault, words in (("no driver here", "no driver here"), (None, "an NVIDIA GPU is there")):
+        monkeypatch.setattr(doctor, "lacking_gpu", lambda fault=fault: fault)
+        found = look()["Mitsuba"]
+        assert found.good
+        assert found.found.endswith(f'libLLVM.so.19; device = "cuda": {words}')
     monkeypatch.setattr(doctor, "find_llvm", missing)
     assert look()["Mitsuba"] == Finding("Mitsuba", "found: none", False, "sudo apt-get install libllvm19")

@@ -369,6 +369,12 @@ def test_one_fault_is_reported_alone_with_its_place(folder: Path, old: str, new:
     assert what in found[place][0]
 
 
+def test_a_wrong_device_is_told_all_that_the_backend_has(folder: Path) -> None:
+    render = '[render]\nbackend = "mitsuba"\ndevice = "hip"'
+    (fault,) = faults(MINIMAL.replace("frames = 4", f"frames = 4\n{render}", 1), folder)["render.device"][1:]
+    assert fault == 'device = "cpu" or "cuda", or backend = "nodes" or "nodes-exact"'
+
+
 def test_a_turntable_without_name_has_that_of_its_kind(folder: Path) -> None:
     second = '[[turntable]]\nkind = "element"\nframes = 8\n'
     assert list(faults(MINIMAL + second, folder)) == ["turntable[1].name"]

@@ -19,6 +19,7 @@ from looks import LOOKS
 from painted import painted
 
 from lookdev.asset import load_asset
+from lookdev.batch.run import render_job
 from lookdev.cache import Content
 from lookdev.errors import RenderError
 from lookdev.material import Layer, Look
@@ -30,6 +31,8 @@ from lookdev.render.task import FrameTask, one_frame
 from lookdev.scene import Film, Sampling, Scene
 
 pytestmark = pytest.mark.mitsuba
+
+MATERIALS = Path(__file__).parents[2] / "materials"
 
 
 def task_of(light: Any, layers: tuple[Layer, ...] = LOOKS["coated"], **given: Any) -> FrameTask:
@@ -75,7 +78,7 @@ def test_launches_shrink_where_memory_ends_until_nothing_is_left(drjit: Any, lig
         scene.render(task, lambda *progress: None)
 
 
-def test_a_missing_gpu_is_named_before_rendering(monkeypatch: pytest.MonkeyPatch, llvm: str) -> None:
+def test_a_missing_gpu_is_named_before_rendering(monkeypatch: pytest.MonkeyPatch, llvm: str, tmp_path: Path) -> None:
     check_device("cpu")
 
     def none(name: str) -> Any:
@@ -88,6 +91,21 @@ def test_a_missing_gpu_is_named_before_rendering(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(ctypes, "CDLL", lambda name: empty)
     with pytest.raises(RenderError, match="the driver finds no NVIDIA GPU here"):
         check_device("cuda")
+    job = tmp_path / "job.toml"
+    job.write_text(
+        f"""output = "out"
+asset = {{ builtin = "sphere" }}
+look = [{{ name = "paint", material = "{MATERIALS / "car_paint.usda"}" }}]
+ibl = [{{ name = "city", builtin = "city" }}]
+turntable = [{{ kind = "element", frames = 1 }}]
+render = {{ backend = "mitsuba", device = "cuda" }}
+"""
+    )
+    with pytest.raises(
+        RenderError, match=r'device = "cuda": the driver finds no NVIDIA GPU .* device = "cpu" would be'
+    ):
+        render_job(job)
+    assert not list((tmp_path / "out").rglob("*.exr"))
 
 
 def test_the_worker_ends_at_once_in_the_middle_of_a_frame(llvm: str, light_of: Any) -> None:
