@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import itertools
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,33 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter
 
-from lookdev.errors import LookdevError, ModelError, WorkerError, nearest_hint
+from lookdev.batch.live_frame import BACKEND, JobFrame, LiveFrame, live_frame
+from lookdev.errors import LookdevError, ModelError
 from lookdev.fit.picture import Found, Photo, Search, Settings, Target, Unknown, read_photo, unknowns_of
 from lookdev.fit.picture.page import Pictures, Row, numbers, rows_of, write_page
 from lookdev.fit.picture.search import Point
 from lookdev.fit.picture.target import block_of, blocks
 from lookdev.fit.picture.unknowns import exposure_unknown
-from lookdev.job import Job, JobTurntable, load_job
-from lookdev.job.parts import JobLook
+from lookdev.job import load_job
 from lookdev.job.scenes import job_scenes
 from lookdev.material import Look
-from lookdev.material.change import live_look
 from lookdev.material.library.constants import check_writable, write_changed
 from lookdev.material.library.edit import check_suffix
-from lookdev.plan import Setup, make_setup
 from lookdev.render.backends import BACKENDS
-from lookdev.render.slopes import SlopeTask, live_inputs
-from lookdev.render.task import SceneTask
-from lookdev.render.worker import Worker, last_line
-from lookdev.scene import Pose, Scene
+from lookdev.scene import Scene
 
 Floats = NDArray[np.float64]
 
 _PAGE_PIXELS = 1 << 18
 _PAGE_SAMPLES = 1 << 19
 """Of a picture of the page, over all of its pixels."""
-
-_BACKEND = "mitsuba"
 
 
 @dataclass(frozen=True)
@@ -107,12 +97,15 @@ class PictureFit:
             "seconds": found.seconds, "written": [str(each) for each in self.written],
         }  # fmt: skip
 
+    @property
+    def _state(self) -> str:
+        return "interrupted" if self.found.interrupted else "converged" if self.found.converged else "not converged"
+
     def lines(self) -> list[str]:
         """Return what the page says below its title."""
         found, wish = self.found, self.wish
-        state = "interrupted" if found.interrupted else "converged" if found.converged else "not converged"
         return [
-            f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {state} in {found.seconds:.0f} s.",
+            f"{wish.picture.name}, as frame {self.frame} of {wish.job.name}; {self._state} in {found.seconds:.0f} s.",
             f"Difference {_percent(found.before)} before, {_percent(found.after)} after, of which the picture's noise "
             f"is {_percent(found.noise)}. Noise: by {self.noise_from}.",
         ]
@@ -127,9 +120,8 @@ class PictureFit:
             remark = f"  ({row.remark})" if row.remark else ""
             lines.append(f"  {row.name:<{width}} = {numbers(row.after)}{error}  (was {numbers(row.before)}){remark}")
         lines += [f"  {a} and {b} change the picture alike: correlation {value:.3f}" for a, b, value in found.alike]
-        state = "interrupted" if found.interrupted else "converged" if found.converged else "not converged"
         lines.append(
-            f"{state}: difference {_percent(found.before)} before, {_percent(found.after)} after, of which the "
+            f"{self._state}: difference {_percent(found.before)} before, {_percent(found.after)} after, of which the "
             f"picture's noise is {_percent(found.noise)}; {found.seconds:.0f} s"
         )
         lines += [f"wrote {each}" for each in self.written]
@@ -148,17 +140,17 @@ def fit_picture(wish: Wish, report: Callable[[Point], None] = lambda point: None
     WorkerError, RenderError
         The renderer fails; pip names the extra where it is not installed.
     """
-    BACKENDS[_BACKEND].version()  # raises where it is not installed
+    BACKENDS[BACKEND].version()  # raises where it is not installed
     photo = read_photo(wish.picture, wish.mask)
     job = load_job(wish.job).model_copy(update={"wedge": ()})
     scenes = job_scenes(job)
-    frame = _Frame.named(wish.frame, scenes.job, scenes.scenes)
+    frame = JobFrame.named(wish.frame, scenes.job, scenes.scenes)
     look, unknowns = _searched(frame.scene, wish.parameters)
     wish, notes = _checked(wish, photo, frame, look)
     if wish.exposure:
         unknowns = (*unknowns, exposure_unknown())
     block = block_of(photo.size, wish.pixels)
-    with _renderer(job, frame, look, unknowns) as shown:
+    with live_frame(job, frame, look, unknowns) as shown:
         wide = shown.scene_of(photo.size, block)
         first = shown.render(wide, shown.given, False, wish.settings.samples, (0, 1))
         see_through = any(source.see_through for source in wide.shaders)
@@ -189,51 +181,12 @@ def fit_picture(wish: Wish, report: Callable[[Point], None] = lambda point: None
     return result
 
 
-def _written_look(wish: Wish, frame: _Frame, unknowns: tuple[Unknown, ...], found: Found) -> Iterator[Path]:
+def _written_look(wish: Wish, frame: JobFrame, unknowns: tuple[Unknown, ...], found: Found) -> Iterator[Path]:
     """Write the look that was found, if one is wanted; yield its file."""
     if wish.look is not None and frame.table.material is not None:
         changed = [replace(each.constant, value=found.values[each.name]) for each in unknowns if not each.is_exposure]
         write_changed(frame.table.material, wish.look, changed, frame.table.prim, frame.table.variants)
         yield wish.look
-
-
-@dataclass(frozen=True, eq=False)
-class _Frame:
-    """A frame of a job: its look, its light, its turntable and pose."""
-
-    table: JobLook
-    rig: Any
-    turntable: JobTurntable
-    number: int
-    scene: Scene
-
-    @classmethod
-    def named(cls, name: str, job: Job, scenes: Mapping[tuple[str, str], Scene]) -> _Frame:
-        """Return the frame of a name, or of its beginning; raises LookdevError where there is none."""
-        look, light, last = (*name.split("/"), "", "")[:3] if name.count("/") < 3 else ("", "", "")
-        stem, _, digits = last.rpartition(".") if last.rpartition(".")[2].isdigit() else (last, "", "1")
-        looks = {each.name: each for each in job.look}
-        rigs = {each.name: each for each in job.rigs}
-        turntables = {each.name: each for each in job.turntable}
-        chosen = []
-        for what, given, known in (("look", look, looks), ("light", light, rigs), ("turntable", stem, turntables)):
-            if given and given not in known:
-                raise LookdevError(f"{job.file}: has no {what} '{given}' ({nearest_hint(given, list(known))})")
-            chosen.append(given or next(iter(known)))
-        turntable, number = turntables[chosen[2]], int(digits)
-        if not 1 <= number <= turntable.frames:
-            raise LookdevError(f"{job.file}: turntable '{chosen[2]}' has frames 1 to {turntable.frames}, not {number}")
-        scene = scenes[chosen[0], chosen[1]]
-        return cls(looks[chosen[0]], rigs[chosen[1]], turntable, number, scene)
-
-    @property
-    def name(self) -> str:
-        return f"{self.table.name}/{self.rig.name}/{self.turntable.name}.{self.number:04d}"
-
-    @property
-    def gain(self) -> float:
-        """The exposure of the light, which renders lack."""
-        return float(2.0**self.rig.exposure)
 
 
 def _searched(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Unknown, ...]]:
@@ -258,7 +211,7 @@ def _searched(scene: Scene, parameters: tuple[str, ...]) -> tuple[Look, tuple[Un
     return found[0]
 
 
-def _checked(wish: Wish, photo: Photo, frame: _Frame, look: Look) -> tuple[Wish, tuple[str, ...]]:
+def _checked(wish: Wish, photo: Photo, frame: JobFrame, look: Look) -> tuple[Wish, tuple[str, ...]]:
     """Return the wish, without a look that cannot be written unless it was named, and notes.
 
     Raises LookdevError where picture and job do not belong together, or a file cannot be written.
@@ -286,7 +239,7 @@ def _checked(wish: Wish, photo: Photo, frame: _Frame, look: Look) -> tuple[Wish,
     return wish, tuple(notes)
 
 
-def _check_look(file: Path | None, frame: _Frame, look: Look) -> None:
+def _check_look(file: Path | None, frame: JobFrame, look: Look) -> None:
     """Raise LookdevError where a look with other parameters cannot be written."""
     material = frame.table.material
     if material is None or look.name != frame.table.name:
@@ -298,72 +251,9 @@ def _check_look(file: Path | None, frame: _Frame, look: Look) -> None:
     check_writable(material, frame.table.prim, frame.table.variants)
 
 
-class _Renderer:
-    """A worker, and a frame whose look has live inputs by numbers of the unknowns."""
-
-    def __init__(self, worker: Worker, setup: Setup, pose: Pose, unknowns: tuple[Unknown, ...]) -> None:
-        self._worker, self._setup, self._pose = worker, setup, pose
-        self._own = {str(n): each for n, each in enumerate(unknowns) if not each.is_exposure}
-        self._live = live_inputs(setup.task)
-        self._numbers = itertools.count()
-        self.given = {each.name: each.constant.value for each in self._own.values()}
-
-    def scene_of(self, size: tuple[int, int], block: int) -> SceneTask:
-        """Return the scene with blocks of pixels as its pixels."""
-        return replace(self._setup.task, resolution=(size[0] // block, size[1] // block))
-
-    def render(
-        self,
-        scene: SceneTask,
-        values: Mapping[str, tuple[float, ...]],
-        slopes: bool,
-        samples: int,
-        seeds: tuple[int, int],
-    ) -> Floats:
-        """Return halves (2, 1 + P, H, W, 4), with zeros for numbers that no look reads."""
-        bindings = {key: self._live[key] for key in self._own if key in self._live}
-        given = {binding.parameter: values[self._own[key].name] for key, binding in bindings.items()}
-        symbols = [symbol for binding in bindings.values() for symbol in binding.symbols] if slopes else []
-        digest = f"picture {next(self._numbers)}"
-        task = SlopeTask(scene, self._pose, given, tuple(symbols), samples, seeds, digest)
-        try:
-            found = self._worker.slopes(task, lambda progress: None).astype(np.float64)
-        except WorkerError as error:
-            raise WorkerError(f"{error}\n{last_line(self._worker.log)}") from error
-        if not slopes or len(bindings) == len(self._own):
-            return found
-        parts, place = [found[:, :1]], 1
-        for key, each in self._own.items():
-            read = key in bindings
-            parts.append(found[:, place : place + each.width] if read else np.zeros((2, each.width, *found.shape[2:])))
-            place += each.width * read
-        return np.concatenate(parts, axis=1)
-
-
-@contextmanager
-def _renderer(job: Job, frame: _Frame, look: Look, unknowns: tuple[Unknown, ...]) -> Iterator[_Renderer]:
-    constants = {str(n): each.constant for n, each in enumerate(unknowns) if not each.is_exposure}
-    live = live_look(look, constants)
-    wears = {path: live if each is look else each for path, each in frame.scene.wears.items()}
-    scene = replace(frame.scene, wears=wears)
-    sampling = replace(job.render.sampling, denoise="off", error=None, passes=())
-    backend = BACKENDS[_BACKEND]
-    device = job.render.device if job.render.device in backend.devices else "cpu"
-    backend.check_device(device)
-    setup = make_setup(frame.table.name, frame.rig.name, scene, sampling, _BACKEND, device)
-    setup = replace(setup, exposure=frame.rig.exposure, rotation=frame.rig.rotation)
-    pose = setup.poses(frame.turntable, job.camera.azimuth)[frame.number - 1]
-    with (
-        tempfile.TemporaryDirectory(prefix="lookdev-worker-") as scratch,
-        Worker(backend.command, Path(scratch, "worker.log"), Path(scratch)) as worker,
-    ):
-        worker.start()
-        yield _Renderer(worker, setup, pose, unknowns)
-
-
 def _pictures(
     photo: Photo,
-    shown: _Renderer,
+    shown: LiveFrame,
     target: Target,
     result: PictureFit,
     before: Mapping[str, tuple[float, ...]],

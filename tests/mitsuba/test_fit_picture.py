@@ -224,7 +224,7 @@ def test_what_is_wrong_is_said_before_rendering(
     change: dict[str, Any], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("lookdev.batch.fit_picture.Worker", lambda *args: pytest.fail("a worker is started"))
+    monkeypatch.setattr("lookdev.batch.live_frame.Worker", lambda *args: pytest.fail("a worker is started"))
     Path("before.usda").write_text(TINY.look)
     Path("job.toml").write_text(
         JOB.format(look="before", asset="sphere", kind="ibl", light="city", size=32, samples=16)
