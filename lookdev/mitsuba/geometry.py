@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import drjit as dr
@@ -74,8 +73,9 @@ class Geometry:
         self._lifts = held(mi.Float, LIFT * _lengths(sides).max(axis=-1))
         self._position = held(mi.Float, position)
         self._index = held(mi.UInt32, index)
+        # Of any length: normals are interpolated in the mesh's own space, which may be stretched where it is placed.
         self._normals = self._over_corners(
-            lambda body, mesh: _unit(mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3])), 3
+            lambda body, mesh: mesh.normals.astype(np.float64) @ np.linalg.inv(body.matrix[:3, :3]), 3
         )
         self._carried: dict[AttributeBinding, Any] = {}
         self._vertices, self._first = index, first
@@ -202,9 +202,8 @@ class Hit:
 
     @property
     def normal(self) -> Any:
-        # Means of unit vectors, as a copy may be stretched.
-        turned = partial(self._copies.normal, self._copy)
-        return dr.normalize(self._mean(self._geometry._normals, self._geometry._corners, 3, turned))
+        mean = self._mean(self._geometry._normals, self._geometry._corners, 3)
+        return dr.normalize(mean) if self._copy is None else self._copies.normal(self._copy, mean)
 
     @property
     def facet(self) -> Any:
@@ -231,12 +230,12 @@ class Hit:
         value = self._mean(self._geometry.attribute(binding), self._geometry._corners, width)
         return self._copies.vector(self._copy, value) if binding.attribute == TANGENT else value
 
-    def _mean(self, values: Any, corners: Any, width: int, each: Callable[[Any], Any] = lambda value: value) -> Any:
+    def _mean(self, values: Any, corners: Any, width: int) -> Any:
         mi = self._geometry._mi
         kind = {1: mi.Float, 2: mi.Vector2f, 3: mi.Vector3f}[width]
         numbers = dr.gather(mi.Vector3u, corners, self._triangle, self._active)
         return sum(
-            weight * each(dr.gather(kind, values, number, self._active))
+            weight * dr.gather(kind, values, number, self._active)
             for weight, number in zip(self._weights, numbers, strict=True)
         )
 

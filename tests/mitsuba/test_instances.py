@@ -12,11 +12,13 @@ from light_rigs import grey, near
 from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.light import Light
 from lookdev.light.link import Link
+from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
+from lookdev.reference.mesh import MeshScene
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
 from lookdev.render.worker import Rendered, Worker
-from lookdev.scene import Film, Pose, Sampling, Scene
+from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 from lookdev.scene.linking import link_lights
 
 pytestmark = pytest.mark.mitsuba
@@ -81,6 +83,24 @@ def test_instances_show_what_meshes_show(worker: Worker) -> None:
     for matte in one.names:
         np.testing.assert_allclose(one.passes[matte][..., 0::2], other.passes[matte][..., 0::2])
     agree(one, other)
+
+
+@pytest.mark.parametrize("instances", [True, False])
+def test_normals_are_those_of_the_reference(worker: Worker, instances: bool) -> None:
+    """They are interpolated in the mesh's own space: in one that is stretched, their mean has another direction."""
+    asset = row(instances=instances)
+    frame = rendered(worker, asset, (grey(),), ("normal", "depth"))
+    camera, scene = orbit_camera(asset.center, asset.radius), MeshScene(asset, [BRUSHED] * len(asset.slots))
+    x, y = (each.ravel() + 0.5 for each in np.meshgrid(*map(np.arange, SIZE)))
+    origin, direction = camera_rays(camera, POSE, SIZE, x, y)
+    hit, place = scene.hit(origin, direction)
+    hit &= frame.passes["depth"].ravel() < 1e9
+    assert np.count_nonzero(hit) > 300
+    normals = scene.frame(place[hit], -direction[hit])[0][:, 2]
+    expected = rotate_z(normals, POSE.element)
+    # Float32 of points that lie 40 m from their origin takes some to the neighbour of a triangle.
+    off = np.linalg.norm(frame.passes["normal"].reshape(-1, 3)[hit] - expected, axis=-1)
+    assert np.quantile(off, 0.99) < 5e-4
 
 
 def test_shadow_links_of_instances_are_those_of_meshes(worker: Worker) -> None:
