@@ -11,9 +11,10 @@ from test_passes import CENTER, COATED, GREY, POSE, SIZE, balls, covered, light_
 from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.render.passes import arrays_of, light_layer
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
