@@ -15,9 +15,10 @@ from lookdev.light.link import Link
 from lookdev.light.mapping import rotate_z
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 from lookdev.scene.linking import link_lights
 
