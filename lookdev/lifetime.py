@@ -5,8 +5,10 @@ from __future__ import annotations
 import ctypes
 import os
 import signal
+import sys
 import threading
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -20,6 +22,22 @@ _PR_SET_PDEATHSIG = 1  # <linux/prctl.h>
 def end_with_parent() -> None:
     """Have the kernel kill this process when the thread that started it ends, however it ends."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+
+
+@contextmanager
+def leaving() -> Iterator[None]:
+    """End the process after the block: with exit code 0, or with 1 and a traceback after an exception.
+
+    The interpreter's own end can hang where Blender is loaded, or where threads of Dr.Jit or one that reads are left.
+    """
+    try:
+        yield
+    except BaseException:  # noqa: BLE001
+        traceback.print_exc()
+        sys.stderr.flush()
+        os._exit(1)
+    sys.stdout.flush()
+    os._exit(0)
 
 
 def _imports(frame: FrameType | None) -> bool:

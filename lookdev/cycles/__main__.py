@@ -17,8 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from lookdev.cycles.leave import leaving
-from lookdev.lifetime import end_with_parent
+from lookdev.lifetime import end_with_parent, leaving
 from lookdev.render.answers import Answers, save_arrays
 
 if TYPE_CHECKING:

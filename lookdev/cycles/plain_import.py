@@ -14,8 +14,8 @@ from typing import Any
 
 import bpy
 
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.plain_sequence import light_by_texture
+from lookdev.lifetime import leaving
 from lookdev.render.answers import Answers, peak_memory
 
 

@@ -23,8 +23,8 @@ from lookdev.asset.mesh import Asset, Mesh
 from lookdev.asset.store import read_asset
 from lookdev.codegen import PrincipledSource
 from lookdev.cycles import version
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.principled import principled_material
+from lookdev.lifetime import leaving
 
 
 def render(request: dict[str, Any]) -> None:

@@ -5,7 +5,6 @@ The end of the input, also by the death of the parent, ends the process at once.
 
 from __future__ import annotations
 
-import atexit
 import gc
 import os
 import sys
@@ -14,7 +13,7 @@ import time
 import traceback
 from typing import TYPE_CHECKING
 
-from lookdev.lifetime import end_with_parent
+from lookdev.lifetime import end_with_parent, leaving
 from lookdev.render.answers import Answers, save_arrays, save_named
 
 if TYPE_CHECKING:
@@ -82,8 +81,11 @@ class _Scenes:
 def main() -> None:
     """Serve tasks until the input ends."""
     end_with_parent()
-    atexit.register(gc.unfreeze)  # nanobind reports what the end of the process cannot collect as leaked
-    answers = Answers()
+    with leaving():
+        _serve(Answers())
+
+
+def _serve(answers: Answers) -> None:
     from lookdev.render.wire import Cancelled, Requests
 
     requests = Requests()

@@ -12,7 +12,7 @@ import numpy as np
 
 from lookdev.cycles import engine
 from lookdev.cycles.geometry import add_asset
-from lookdev.cycles.leave import leaving
+from lookdev.lifetime import leaving
 
 _FIELDS = {"FLOAT": "value", "INT": "value", "FLOAT_VECTOR": "vector", "FLOAT2": "vector", "FLOAT4X4": "value"}
 

@@ -18,9 +18,9 @@ from mathutils import Vector
 from pydantic import TypeAdapter
 
 from lookdev.cycles import engine, version
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.lights import add_lights
 from lookdev.cycles.world import build_world
+from lookdev.lifetime import leaving
 from lookdev.light import AnyLight, Light
 
 SIDE = 0.004

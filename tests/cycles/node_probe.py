@@ -17,10 +17,10 @@ from pydantic import TypeAdapter
 from lookdev.asset import load_asset, save_asset
 from lookdev.cache import Content
 from lookdev.cycles import engine
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.nodes import Groups, build_material
 from lookdev.cycles.scene import Scene
 from lookdev.cycles.world import build_world
+from lookdev.lifetime import leaving
 from lookdev.light import Dome
 from lookdev.render.task import SceneTask
 from lookdev.scene import Camera, Pose, Sampling

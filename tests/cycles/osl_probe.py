@@ -84,7 +84,7 @@ def main(request: str, answer: str) -> None:
 
 
 if __name__ == "__main__":
-    from lookdev.cycles.leave import leaving
+    from lookdev.lifetime import leaving
 
     with leaving():
         main(*sys.argv[1:])

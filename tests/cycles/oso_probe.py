@@ -8,8 +8,8 @@ from pathlib import Path
 import bpy  # noqa: F401  (brings the modules of Cycles)
 import numpy as np
 
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.shaders import array_text, with_arrays
+from lookdev.lifetime import leaving
 
 if __name__ == "__main__":
     with leaving(), np.load(sys.argv[1]) as stored:

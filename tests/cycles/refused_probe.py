@@ -8,9 +8,9 @@ from pathlib import Path
 import bpy  # noqa: F401  (brings the modules of Cycles)
 
 from lookdev.codegen import ShaderSource
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.shaders import compile_osl
 from lookdev.errors import RenderError
+from lookdev.lifetime import leaving
 
 if __name__ == "__main__":
     with leaving():

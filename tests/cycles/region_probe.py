@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.cycles import engine
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.scene import Scene
+from lookdev.lifetime import leaving
 
 
 def main(request: str, out: str) -> None:

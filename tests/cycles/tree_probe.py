@@ -14,9 +14,9 @@ import numpy as np
 
 from lookdev.codegen import NodeSource
 from lookdev.cycles import engine
-from lookdev.cycles.leave import leaving
 from lookdev.cycles.nodes import build_material
 from lookdev.cycles.points import add_plane
+from lookdev.lifetime import leaving
 
 SIDE = 32
 
