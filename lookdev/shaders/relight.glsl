@@ -1,5 +1,5 @@
 // The light that the seen surface reflects: directions of its BSDF and of the lights, weighed by the balance heuristic
-// (Veach 1997), one set of low-discrepancy points over all frames of a pixel. Nothing occludes, nothing else reflects.
+// (Veach 1997), one set of low-discrepancy points over all frames of a pixel. What they meet occludes, and reflects nothing.
 
 //@ section surface
 uniform highp sampler2D corners;  // STRIDE texels of each corner of each triangle, in rows of CORNERS_WIDTH
@@ -96,17 +96,19 @@ void main() {
         return;
     }
 #endif
+    vec3 diffuse_light;
     rig_meet_surface(surface_point, surface_axes[0], surface_axes[1], surface_axes[2], surface_slot);
     for (int k = 0; k < DRAWN + LIT; ++k) {
         bool of_light = k >= DRAWN;
         vec3 w, wi, arriving = vec3(0.0);
-        float density = 0.0;
+        float density = 0.0, distance;
+        int light;
         if (of_light) {
             int j = k - DRAWN, front = LIT - TRANSMITS * (LIT / 2), side = j >= front ? 1 : 0;
             int count = side == 1 ? LIT / 2 : front;
             float v1, v2;
             sobol_2d(sample_number * count + j - side * front, sobol_hash(start + 0x1b873593 + side), v1, v2);
-            arriving = rig_draw(side, v1, v2, w, density);
+            arriving = rig_draw(side, v1, v2, w, density, light, distance);
             wi = surface_local(w);
         } else {
             sobol_2d(sample_number * DRAWN + k, start, u1, u2);
@@ -119,11 +121,29 @@ void main() {
         wi_z = wi.z;
         vec3 value;
         float pdf;
+#if RIG_SPLIT
+        vec3 diffuse;
+        look_evaluate(value, pdf, diffuse);
+#else
         look_evaluate(value, pdf);
+#endif
         if (max(value.r, max(value.g, value.b)) <= 1e-20) continue;
         float own = float(DRAWN) * pdf;
-        if (of_light) radiance += value * arriving / (own + density);
-        else if (pdf > 0.0) radiance += value * rig_arriving(w, own, 1.0);
+        if (of_light) {
+            if (max(arriving.r, max(arriving.g, arriving.b)) <= 0.0) continue;
+            arriving *= rig_let(light, w, distance) / (own + density);
+#if RIG_SPLIT
+            diffuse_light = rig_field(light, LAMP_diffuse) * arriving;
+            arriving *= rig_field(light, LAMP_specular);
+#endif
+        } else {
+            if (pdf <= 0.0) continue;
+            arriving = rig_arriving(w, own, 1.0, diffuse_light);
+        }
+        radiance += value * arriving;
+#if RIG_SPLIT
+        radiance += diffuse * (diffuse_light - arriving);
+#endif
     }
 //@ deltas
 #if SEE_THROUGH

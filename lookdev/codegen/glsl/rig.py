@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.codegen.glsl.functions import function_text
-from lookdev.codegen.program.lamps import lamp_operations
+from lookdev.codegen.program.lamps import Functions, ball_operations, lamp_operations, shadow_operations
 from lookdev.codegen.source import Operation
-from lookdev.light import Dome, Light, Stand
+from lookdev.light import Dome, Light, LocalDome, RectLight, Stand
 from lookdev.light.dome import bins
-from lookdev.light.lamps import FIELDS, SHAPES, CodedRig
+from lookdev.light.lamps import FIELDS, SHAPES, AnyDome, CodedRig
 
 RIG_WIDTH = 2048
 """Numbers of a row of the texture of a rig's numbers, R32F: they follow each other over all rows."""
@@ -28,6 +28,32 @@ _P, _W = "int light, vec3 p", "vec3 w"
 _MEET = f"{_P}, {_W}, out float distance, out float pdf"
 _WEIGHT, _SENT = f"{_P}, vec3 n, out float weight", f"{_P}, {_W}, out vec3 sent"
 _DRAW = f"{_P}, float u1, float u2, out vec3 w, out float distance, out float pdf"
+_PASSED, _PLACE = "int light, float distance, out vec3 passed", f"{_P}, {_W}, out float s, out float t"
+_BALL = {
+    "share": (f"{_P}, out float share", {"share": 1}),
+    "meet": (
+        f"{_P}, {_W}, out float within, out float distance, out float around",
+        {"within": 1, "distance": 1, "around": 1},
+    ),
+    "draw": (f"{_P}, vec3 onto, out vec3 w", {"w": 3}),
+}
+
+_BILINEAR = """// A texture of a rectangle, bilinear and clamped, from its first column and its first row on.
+vec3 picture_look_up(highp sampler2D picture, vec2 place) {
+    ivec2 last = textureSize(picture, 0) - 1;
+    place = place * vec2(last + 1) - 0.5;
+    vec2 corner = floor(place), share = place - corner;
+    ivec2 low = clamp(ivec2(corner), ivec2(0), last), high = clamp(ivec2(corner) + 1, ivec2(0), last);
+    vec3 upper = mix(texelFetch(picture, low, 0).rgb, texelFetch(picture, ivec2(high.x, low.y), 0).rgb, share.x);
+    vec3 lower = mix(texelFetch(picture, ivec2(low.x, high.y), 0).rgb, texelFetch(picture, high, 0).rgb, share.x);
+    return mix(upper, lower, share.y);
+}"""
+_PICTURE_SENT = f"""void picture_sent({_SENT}) {{
+    float s, t;
+    picture_rest(light, p, w, sent);
+    picture_place(light, p, w, s, t);
+    sent *= picture_texel(int(rig_field(light, LAMP_picture)), vec2(1.0 - s, 1.0 - t));
+}}"""
 
 
 @dataclass(frozen=True)
@@ -35,17 +61,26 @@ class RigFunctions:
     """The text of a rig's functions, after `functions.PRELUDE`, and what they read.
 
     Globals are set before a call: ``rig_place`` and the shading frame by ``rig_meet_surface``. ``rig_arriving`` is the
-    light from a direction over the density of all that draw it; ``rig_draw`` draws a direction. Uniforms are
-    ``vec4 turns``, sine and cosine of the turns of the lights that turn with the rig and of those that stay, and
-    ``sampler2D rig_numbers``, rows of `RIG_WIDTH`, the numbers of which are `numbers`. A dome `k` of `domes` that is
-    not constant has ``dome<k>_map`` and ``dome<k>_points``, RGBA32F, and ``isampler2D dome<k>_slots``. With
-    `tables`, those of IES profiles, there is ``sampler2D rig_tables``, rows of `functions.TABLE_WIDTH`.
+    light from a direction over the density of all that draw it; ``rig_draw`` draws a direction, and ``rig_let`` is the
+    share of its light that is not occluded. Where ``SHADOWS`` is not 0, both call ``float occluder_distance(vec3 w,
+    float reach, int spared, bool any)``. Uniforms are ``vec4 turns``, sine and cosine of the turns of the lights that
+    turn with the rig and of those that stay, and ``sampler2D rig_numbers``, rows of `RIG_WIDTH`, the numbers of which
+    are `numbers`. Dome `k` of `domes`, None where it is the same all around, has ``dome<k>_map`` and
+    ``dome<k>_points``, RGBA32F, and ``isampler2D dome<k>_slots``; picture `k` of `pictures` is ``picture<k>``, RGBA32F.
+    With `tables`, those of IES profiles and pictures, there is ``sampler2D rig_tables``, rows of
+    `functions.TABLE_WIDTH`.
+
+    A rig that is `split` has lights whose diffuse and specular light have factors; one that is `plain` is occluded in
+    whole, by whatever is met.
     """
 
     text: str
     numbers: NDArray[np.float32]
-    domes: tuple[Dome, ...]
+    domes: tuple[Dome | None, ...]
+    pictures: tuple[RectLight, ...] = ()
     tables: NDArray[np.float32] | None = None
+    split: bool = False
+    plain: bool = True
 
 
 @dataclass(frozen=True)
@@ -57,27 +92,40 @@ class _Function:
     constants: tuple[float, ...] = ()
 
 
-def rig_functions(lights: Sequence[Light], lit: Sequence[Sequence[int]], stand: Stand) -> RigFunctions:
-    """Return the functions of lights; `lit` has the numbers of the lights of each slot."""
+def rig_functions(
+    lights: Sequence[Light], lit: Sequence[Sequence[int]], stand: Stand, groups: Sequence[int] = ()
+) -> RigFunctions:
+    """Return the functions of lights; `lit` has the numbers of the lights of each slot, `groups` the slots' groups."""
     rig = CodedRig.of(lights)
-    domes = tuple(each for each in rig.domes if isinstance(each, Dome))
-    assert len(rig.lamps) + len(domes) == len(lights), "local domes are left out before"
+    maps = [each.dome if isinstance(each, LocalDome) else each for each in rig.domes]
+    domes = tuple(None if each.constant else map_ for each, map_ in zip(rig.domes, maps, strict=True))
     numbers = [rig.rows(stand).astype(np.float64)]
     starts = []
     for dome in domes:
         starts.append(sum(map(len, numbers)))
-        if not dome.constant:
+        if dome is not None:
             assert dome.bins_file is not None, "it is sampled"
             numbers.append(np.load(dome.bins_file.path).astype(np.float64).ravel())
     marks = sum(map(len, numbers))
-    order = [next(k for k, light in enumerate(lights) if light is each) for each in (*rig.lamps, *domes)]
+    order = [next(k for k, light in enumerate(lights) if light is each) for each in (*rig.lamps, *rig.domes)]
     numbers.append(np.array([[number in each for number in order] for each in lit], np.float64).ravel())
+    casting = sum(map(len, numbers))
+    groups = groups or [0] * len(lit)
+    numbers.append(np.array([[group not in each for group in groups] for each in rig.spared], np.float64).ravel())
+    near = any(each.kind != "distant" for each in rig.lamps) or any(isinstance(each, LocalDome) for each in rig.domes)
     constants = {
         "RIG_LAMPS": len(rig.lamps),
         "RIG_DOMES": len(domes),
         "RIG_LIGHTS": len(lights),
+        "RIG_LOCAL_DOMES": int(any(isinstance(each, LocalDome) for each in rig.domes)),
         "RIG_MARKS": marks,
+        "RIG_CASTING": casting,
+        "RIG_SLOTS": len(lit),
+        "RIG_SPARED": len(rig.spared),
         "RIG_SEEN": int(any(each.emission.camera for each in rig.lamps)),
+        "RIG_SHADOWED": int(rig.shadowed),
+        "RIG_SPLIT": int(rig.split),
+        "RIG_NEAREST": int(near or rig.shadowed),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
     }
@@ -85,36 +133,53 @@ def rig_functions(lights: Sequence[Light], lit: Sequence[Sequence[int]], stand: 
     shaders = files("lookdev") / "shaders"
     if domes:
         lines += [line for line in Dome.table_constants() if "{" not in line]
-        lines += [_array("dome_cells", bins.CELLS), _array("dome_first", bins.FIRST)]
-        lines += [_array("dome_starts", starts), _array("dome_constant", [int(each.constant) for each in domes], "int")]
+        lines += [_array("dome_cells", bins.CELLS), _array("dome_first", bins.FIRST), _array("dome_starts", starts)]
+        lines += [_array("dome_constant", [int(each.constant) for each in rig.domes])]
+        lines += [_array("dome_local", [int(isinstance(each, LocalDome)) for each in rig.domes])]
         lines += (shaders / "dome.glsl").read_text(encoding="utf-8").splitlines()
-    own = {"//@ lamp_functions": lambda: _lamp_functions(rig), "//@ dome_functions": lambda: _dome_functions(domes)}
+    own = {"//@ lamp_functions": lambda: _lamp_functions(rig), "//@ dome_functions": lambda: _dome_functions(rig.domes)}
     for line in (shaders / "rig.glsl").read_text(encoding="utf-8").splitlines():
         lines += own[line]() if line in own else [line]
-    text, tables = "\n".join(lines) + "\n", rig.tables() if rig.profiled else None
-    return RigFunctions(text, np.concatenate(numbers).astype(np.float32), domes, tables)
+    return RigFunctions(
+        "\n".join(lines) + "\n",
+        np.concatenate(numbers).astype(np.float32),
+        domes,
+        rig.pictures,
+        rig.tables() if rig.profiled or rig.pictures else None,
+        rig.split,
+        plain=not (near or rig.shadowed or rig.spared),
+    )
 
 
-def _array(name: str, values: Sequence[int], kind: str = "int") -> str:
-    return f"const {kind} {name}[{len(values)}] = {kind}[{len(values)}]({', '.join(map(str, values))});"
+def _array(name: str, values: Sequence[int]) -> str:
+    return f"const int {name}[{len(values)}] = int[{len(values)}]({', '.join(map(str, values))});"
 
 
 def _lamp_functions(rig: CodedRig) -> Iterator[str]:
     """Yield the functions of each kind of lamp, and those of any lamp, which call the ones of its kind."""
     profiles = [each.shaping.profile for each in rig.emissions if each.shaping and each.shaping.profile]
     steps = max((each.steps for each in profiles), default=0)
-    if profiles:
+    if profiles or rig.pictures:
         yield "uniform highp sampler2D rig_tables;"
+    if rig.pictures:
+        yield from _pictured(len(rig.pictures))
+    if rig.shadowed:
+        named, passed = _named(shadow_operations())
+        yield from _function(_Function(named, passed), f"lamp_passed({_PASSED})", ("passed",))
     for kind in rig.kinds:
-        operations, results = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
-        named = [replace(each, name=f"lamp_{each.name}") if each.name in FIELDS else each for each in operations]
+        named, results = _named(lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps))
         met, drawn = results["meet"], results["draw"]
         meeting = _Function(named, {"distance": met[:1], "pdf": met[1:]})
         drawing = _Function(named, {"w": drawn[:3], "distance": drawn[3:4], "pdf": drawn[4:]})
         yield from _function(meeting, f"{kind}_meet({_MEET})", ("distance", "pdf"))
         yield from _function(drawing, f"{kind}_draw({_DRAW})", ("w", "distance", "pdf"))
         for name, head in (("weight", _WEIGHT), ("sent", _SENT)):
-            yield from _function(_Function(named, {name: results[name]}), f"{kind}_{name}({head})", (name,))
+            own = f"{kind}_rest({head})" if (kind, name) == ("picture", "sent") else f"{kind}_{name}({head})"
+            yield from _function(_Function(named, {name: results[name]}), own, (name,))
+        if kind == "picture":
+            s, t = results["place"]
+            yield from _function(_Function(named, {"s": (s,), "t": (t,)}), f"picture_place({_PLACE})", ("s", "t"))
+            yield from _PICTURE_SENT.splitlines()
     for name, head in {"meet": _MEET, "draw": _DRAW, "weight": _WEIGHT, "sent": _SENT}.items():
         if rig.lamps:
             yield f"void lamp_{name}({head}) {{"
@@ -124,6 +189,22 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
                 test = f"if (kind == {list(SHAPES).index(kind)}) " if number + 1 < len(rig.kinds) else ""
                 yield f"    {'else ' if number else ''}{test}{kind}_{name}({given});"
             yield "}"
+
+
+def _named(functions: Functions) -> Functions:
+    """Return functions whose symbols of a light's row have names of their own."""
+    operations, results = functions
+    return [replace(each, name=f"lamp_{each.name}") if each.name in FIELDS else each for each in operations], results
+
+
+def _pictured(count: int) -> Iterator[str]:
+    """Yield the samplers of pictures, and a function that looks up the one of a number."""
+    yield from (f"uniform highp sampler2D picture{k};" for k in range(count))
+    yield from _BILINEAR.splitlines()
+    yield "vec3 picture_texel(int number, vec2 place) {"
+    yield from (f"    if (number == {k}) return picture_look_up(picture{k}, place);" for k in range(count))
+    yield "    return vec3(1.0);"
+    yield "}"
 
 
 def _function(program: _Function, head: str, outputs: Sequence[str]) -> Iterator[str]:
@@ -136,8 +217,16 @@ def _function(program: _Function, head: str, outputs: Sequence[str]) -> Iterator
     yield from (line.replace("(look_table0,", "(rig_tables,") for line in rest)
 
 
-def _dome_functions(domes: Sequence[Dome]) -> Iterator[str]:
-    """Yield the samplers of domes, and functions that read those of the dome of a number."""
+def _dome_functions(domes: Sequence[AnyDome]) -> Iterator[str]:
+    """Yield the samplers of domes, and functions that read those of the dome of a number, and of local domes."""
+    if not domes:
+        return
+    if any(isinstance(each, LocalDome) for each in domes):
+        operations, results = _named(ball_operations())
+        for name, (head, widths) in _BALL.items():
+            left = iter(results[name])
+            outputs = {each: tuple(next(left) for _ in range(width)) for each, width in widths.items()}
+            yield from _function(_Function(operations, outputs), f"ball_{name}({head})", tuple(widths))
     varied = [number for number, each in enumerate(domes) if not each.constant]
     for k in varied:
         yield f"uniform highp sampler2D dome{k}_map, dome{k}_points;"

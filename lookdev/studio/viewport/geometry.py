@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError
+from lookdev.studio.viewport.hierarchy import MOST_TEXELS_EACH, hierarchy_texels
 
 WIDTH = 4096
 """Texels of a row of the texture of corners."""
@@ -35,11 +36,11 @@ class Range:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """The corners of all triangles, slot by slot in the given order: `texels` (corners * `stride`, 4) float32.
+    """The corners of all triangles, slot by slot in the given order: `texels` (n, 4) float32, `stride` of each corner.
 
     The first texel of a corner is its place in metres about the asset's centre, and -1 where its instance is reflected,
     else 1; the second its unit normal, and the number of its slot; then come `attributes`, each at a texel and a
-    component.
+    component. From texel `occluders` on follows the hierarchy of all triangles (`hierarchy_texels`); 0: there is none.
 
     The camera sees triangles of `vertices` (v,), a place and a ``number`` each, by `indices` (triangles, 3): the last
     vertex of each triangle has its number. In WebGL no shader knows the number otherwise.
@@ -51,11 +52,18 @@ class Corners:
     stride: int
     ranges: tuple[Range, ...]
     attributes: dict[AttributeBinding, tuple[int, int]]
+    occluders: int = 0
 
     def read(self, binding: AttributeBinding) -> str:
         """Return GLSL for an attribute where `carried(texel)` interpolates."""
         texel, start = self.attributes[binding]
         return f"carried({texel}).{'xyzw'[start : start + _width(binding)]}"
+
+    def occluding(self) -> Corners:
+        """Return the same with the hierarchy by which rays find occluders."""
+        triangles = self.texels.reshape(-1, 3, self.stride, 4)
+        hierarchy = hierarchy_texels(triangles[:, :, 0, :3], triangles[:, 0, 1, 3])
+        return replace(self, texels=np.concatenate([self.texels, hierarchy]), occluders=len(self.texels))
 
 
 def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeBinding]) -> Corners:
@@ -69,8 +77,7 @@ def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeB
     stride, places = _placed(dict.fromkeys(bindings))
     split = [corner_triangles(mesh) for mesh in asset.meshes]
     count = sum(len(split[each.mesh][1]) for each in asset.instances)
-    if 3 * count * stride > MOST_TEXELS:
-        most = MOST_TEXELS // (3 * stride)
+    if count > (most := MOST_TEXELS // (3 * stride + MOST_TEXELS_EACH)):
         raise AssetError(
             f"{asset.name}: {count} triangles, instances counted one by one; the viewport has room for {most}: a "
             "lighter purpose or level of the asset would be right"

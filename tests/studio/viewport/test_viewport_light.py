@@ -82,9 +82,12 @@ class Compared:
         assert ratio < 2.0, ratio
 
 
-def compare(page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4) -> Compared:
+def compare(
+    page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4, shadows: bool = True
+) -> Compared:
     """Compare pixels that the asset covers in part or whole."""
-    page.js("viewport.set({element: given[0], lighting: given[1]}); done();", POSE.element, POSE.lighting)
+    turned = {"element": POSE.element, "lighting": POSE.lighting, "shadows": shadows}
+    page.js("viewport.set(given[0]); done();", turned)
     page.show(view_scene(scene))
     found = []
     for seed in range(seeds):
@@ -92,7 +95,7 @@ def compare(page: Page, scene: Scene, count: int, pixels: int, *, samples: int, 
         found.append(page.accumulated(count).astype(np.float64))
     covered = np.argwhere(found[0][..., 3] > 0.0)
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
-    reference = MeshScene(scene.asset, scene.looks, scene.lit_by, shadows=False)
+    reference = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped, shadows=shadows)
     expected = frame_pixels(
         reference,
         scene.lights,
