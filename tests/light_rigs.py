@@ -30,6 +30,7 @@ from lookdev.light import (
     prepare_light,
     prepare_texture,
 )
+from lookdev.light.link import Link
 from lookdev.material import Layer, Look
 from lookdev.scene import Film, Scene
 from lookdev.scene.linking import link_lights
@@ -150,3 +151,24 @@ def row_of(placed: Mapping[str, NDArray[np.float64]], lights: tuple[Light, ...],
     linked = link_lights(row, {first: Look("look", (RIG_LOOKS["plastic"],))}, lights)
     camera = orbit_camera(linked.asset.center, linked.asset.radius)
     return Scene(linked.asset, linked.wears, linked.lights, camera, Film((size, size)), linked.lit, linked.groups)
+
+
+def row_of_three(size: int) -> Scene:
+    """Of three heads, one is mirrored and stretched; each light spares another, and a light in their row spares two."""
+    casting = [
+        Link((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
+        for sides in (("Left",), ("Middle",), ("Left", "Right"))
+    ]
+    bright = (300.0, 200.0, 100.0)
+    coloured = Shadow(True, (0.2, 0.1, 0.0), 2.0, 1.0)
+    beside = RectLight(
+        width=1.0, height=1.0, emission=Emission(bright, shadow_link=casting[2]), position=(-3.5, 0.0, 0.5)
+    )
+    lights = (
+        replace(near("rect"), emission=Emission(bright, shadow_link=casting[0])),
+        replace(near("sphere"), emission=Emission(bright, shadow_link=casting[1], shadow=coloured)),
+        replace(beside, axes=((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))),
+        grey(),
+    )
+    placed = {"/Left": np.eye(4), "/Middle": np.diag([-0.8, 1.4, 1.1, 1.0]), "/Right": np.eye(4)}
+    return row_of(placed, lights, size)

@@ -7,7 +7,7 @@ uniform int sample_number, seed;
 
 vec4 corner_texel(int corner, int k) {
     int place = corner * STRIDE + k;
-    return texelFetch(corners, ivec2(place & (CORNERS_WIDTH - 1), place / CORNERS_WIDTH), 0);
+    return texelFetch(corners, ivec2(place & (CORNERS_WIDTH - 1), place >> CORNERS_SHIFT), 0);
 }
 
 vec3 surface_weights;

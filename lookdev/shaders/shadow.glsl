@@ -8,7 +8,7 @@ uniform float lift;    // metres above its facet at which a ray leaves a surface
 
 vec4 occluder_texel(int place) {
     place += OCCLUDERS;
-    return texelFetch(corners, ivec2(place & (CORNERS_WIDTH - 1), place / CORNERS_WIDTH), 0);
+    return texelFetch(corners, ivec2(place & (CORNERS_WIDTH - 1), place >> CORNERS_SHIFT), 0);
 }
 
 // The distance along w to an occluder before `reach`, of a set of parts that a light spares: to the nearest one, or to
@@ -25,16 +25,21 @@ float occluder_distance(vec3 w, float reach, int spared, bool any) {
     vec3 start = surface_point + (side < 0.0 ? -lift : lift) * surface_facet;
     // Along an axis w is 0 a ray stays within a box, or outside: no quotient is NaN, as 0 times infinity is.
     vec3 slope = 1.0 / mix(w, vec3(1e-20), lessThan(abs(w), vec3(1e-20)));
+    vec4 grid = occluder_texel(0);
+    vec3 origin = (start - grid.xyz) / grid.w, step = grid.w * slope;
     float nearest = reach;
     int leaving = surface_corner / 3, node = 0;
-    do {
-        vec4 low = occluder_texel(2 * node), high = occluder_texel(2 * node + 1);
-        vec3 a = (low.xyz - start) * slope, b = (high.xyz - start) * slope, near = min(a, b), far = max(a, b);
+    while (node < OCCLUDER_NODES) {
+        vec4 texel = occluder_texel(1 + node);
+        uvec3 cells = floatBitsToUint(texel.xyz) - FIRST_BITS;
+        vec3 a = (vec3(cells & 0x7fffu) - origin) * step, b = (vec3(cells >> 15) - origin) * step;
+        vec3 near = min(a, b), far = max(a, b);
         float entry = max(max(near.x, near.y), max(near.z, 0.0)), exit = min(min(far.x, far.y), min(far.z, nearest));
         // Widened by the rounding of both (Ize, "Robust BVH Ray Traversal", 2013).
         bool met = entry <= exit * 1.0000006;
-        if (met && high.w > 0.0) {
-            int place = int(high.w);
+        node = met || texel.w < 0.0 ? node + 1 : int(texel.w);
+        if (met && texel.w < 0.0) {
+            int place = 1 + OCCLUDER_NODES - 3 * int(1.0 + texel.w);
             float last;
             do {  // Moeller and Trumbore 1997
                 vec4 corner = occluder_texel(place), one = occluder_texel(place + 1), other = occluder_texel(place + 2);
@@ -50,8 +55,7 @@ float occluder_distance(vec3 w, float reach, int spared, bool any) {
                 place += 3;
             } while (last == 0.0);
         }
-        node = met && high.w == 0.0 ? node + 1 : int(low.w);
-    } while (node > 0);
+    }
     return nearest < reach ? nearest : RIG_FAR;
 #endif
 }

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 from frames import orbit_camera
-from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, row_of
+from light_rigs import FACING, RIG_LOOKS, RIGS, grey, near, row_of, row_of_three
 
 from lookdev.asset import load_asset
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
 from lookdev.errors import CodegenError
-from lookdev.light import Emission, Light, RectLight, Shadow
+from lookdev.light import Emission, Light
 from lookdev.light.link import Link
 from lookdev.material import Look
 from lookdev.material.change import constant_of, live_look
@@ -96,29 +96,8 @@ def test_linked_lights_light_their_parts_alone(worker: Worker) -> None:
     assert not found(tuple(reversed(scene.lit_by))).passed
 
 
-def row_of_three() -> Scene:
-    """Of three heads, one is mirrored and stretched; each light spares another, and a light in their row spares two."""
-    casting = [
-        Link((("/", "expandPrims"), *((f"/{side}", "exclude") for side in sides)))
-        for sides in (("Left",), ("Middle",), ("Left", "Right"))
-    ]
-    bright = (300.0, 200.0, 100.0)
-    coloured = Shadow(True, (0.2, 0.1, 0.0), 2.0, 1.0)
-    beside = RectLight(
-        width=1.0, height=1.0, emission=Emission(bright, shadow_link=casting[2]), position=(-3.5, 0.0, 0.5)
-    )
-    lights = (
-        replace(near("rect"), emission=Emission(bright, shadow_link=casting[0])),
-        replace(near("sphere"), emission=Emission(bright, shadow_link=casting[1], shadow=coloured)),
-        replace(beside, axes=((0.0, 1.0, 0.0), (0.0, 0.0, -1.0), (-1.0, 0.0, 0.0))),
-        grey(),
-    )
-    placed = {"/Left": np.eye(4), "/Middle": np.diag([-0.8, 1.4, 1.1, 1.0]), "/Right": np.eye(4)}
-    return row_of(placed, lights, SIZE)
-
-
 def test_linked_shadows_are_cast_by_their_parts_alone(worker: Worker) -> None:
-    scene = row_of_three()
+    scene = row_of_three(SIZE)
     agreed, found = compared(worker, scene, scene.lit_by, scene.grouped)
     assert_passed(agreed)
     assert not found(scene.lit_by, (*scene.grouped[1:], scene.grouped[0])).passed
@@ -139,7 +118,7 @@ def images(folder: Path) -> Scene:
     return Scene(ball, looks, lights, orbit_camera(ball.center, ball.radius), Film((SIZE, SIZE)))
 
 
-@pytest.mark.parametrize("made", [images, split_row, lambda folder: row_of_three()], ids=["images", "split", "linked"])
+@pytest.mark.parametrize("made", [images, split_row, lambda folder: row_of_three(SIZE)], ids=["images", "split", "linked"])
 def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path, made: Callable[[Path], Scene]) -> None:
     """Both follow the same paths, but for the rounding by which few of them part."""
     from lookdev.mitsuba.load import load_mitsuba

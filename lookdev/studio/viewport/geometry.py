@@ -14,7 +14,7 @@ from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError
-from lookdev.studio.viewport.hierarchy import MOST_TEXELS_EACH, hierarchy_texels
+from lookdev.studio.viewport.hierarchy import MOST_TEXELS_EACH, Hierarchy
 
 WIDTH = 4096
 """Texels of a row of the texture of corners."""
@@ -40,7 +40,7 @@ class Corners:
 
     The first texel of a corner is its place in metres about the asset's centre, and -1 where its instance is reflected,
     else 1; the second its unit normal, and the number of its slot; then come `attributes`, each at a texel and a
-    component. From texel `occluders` on follows the hierarchy of all triangles (`hierarchy_texels`); 0: there is none.
+    component. From texel `occluders` on follows the `Hierarchy` of all triangles, of `nodes` nodes; 0: there is none.
 
     The camera sees triangles of `vertices` (v,), a place and a ``number`` each, by `indices` (triangles, 3): the last
     vertex of each triangle has its number. In WebGL no shader knows the number otherwise.
@@ -53,6 +53,7 @@ class Corners:
     ranges: tuple[Range, ...]
     attributes: dict[AttributeBinding, tuple[int, int]]
     occluders: int = 0
+    nodes: int = 0
 
     def read(self, binding: AttributeBinding) -> str:
         """Return GLSL for an attribute where `carried(texel)` interpolates."""
@@ -62,8 +63,9 @@ class Corners:
     def occluding(self) -> Corners:
         """Return the same with the hierarchy by which rays find occluders."""
         triangles = self.texels.reshape(-1, 3, self.stride, 4)
-        hierarchy = hierarchy_texels(triangles[:, :, 0, :3], triangles[:, 0, 1, 3])
-        return replace(self, texels=np.concatenate([self.texels, hierarchy]), occluders=len(self.texels))
+        found = Hierarchy.of(triangles[:, :, 0, :3], triangles[:, 0, 1, 3])
+        texels = np.concatenate([self.texels, found.texels])
+        return replace(self, texels=texels, occluders=len(self.texels), nodes=found.nodes)
 
 
 def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeBinding]) -> Corners:

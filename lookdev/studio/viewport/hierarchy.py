@@ -18,14 +18,18 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 Ints = NDArray[np.int64]
 
-MOST_TEXELS_EACH = 7
+MOST_TEXELS_EACH = 5
 """Texels of a triangle: its own three, and at most two nodes."""
+
+FIRST_BITS = 0x00800000
+"""The bits of the least normal float32."""
 
 _NEIGHBOURS = 8  # along the curve, on each side, among which a cluster looks for its nearest
 _LEAST = 32  # one of so many clusters joins another in each step: where boxes are alike, few are each other's nearest
 _MOST = 4  # triangles of a leaf
 _TRIANGLE = 1.2  # what meeting a triangle costs, by what meeting a box does
 _CELLS = 1 << 10  # of the curve along each axis
+_BINS = 1 << 15  # cells of the grid along the longest axis
 
 
 @dataclass(frozen=True)
@@ -46,33 +50,46 @@ class _Tree:
         return self.steps[0]
 
 
-def hierarchy_texels(corners: Floats, slots: Floats) -> Floats:
-    """Return the texels (n, 4) of the hierarchy of triangles (t, 3, 3) of slots (t,), at least one triangle.
+@dataclass(frozen=True, eq=False)
+class Hierarchy:
+    """The hierarchy of triangles as `texels` (n, 4): a grid, `nodes` nodes, and triangles, three texels each.
 
-    A node is two texels, the lowest corner of its box and the node that follows where it is missed or a leaf, counted
-    from 0, which stands for the end; and the highest corner and, of a leaf, its first triangle's texel, else 0: the
-    next node is then its first child. A triangle is three texels: a corner and the triangle's number, an edge and its
-    slot, the other edge and 1 for the last one of a leaf. float32 has all numbers exactly, up to 2^24.
+    The grid is its lowest corner and its cells' size. A node's x, y and z have the first and the last cell of its box
+    along an axis, 15 bits each, as bits of a float from `FIRST_BITS` on, so that all are normal numbers; its w is the
+    node that follows where the box is missed, and of a leaf, which the next one follows, -1 less its first triangle's
+    place. Else its first child is the next node. The walk ends at the place behind the last node. A triangle is a
+    corner and the triangle's number, an edge and its slot, the other edge and 1 for the last one of a leaf. float32 has
+    all numbers exactly, up to 2^24.
     """
-    tree = _clustered(corners)
-    order, places, sizes, first = _laid_out(tree)
-    kept = np.flatnonzero(places >= 0)
-    nodes = len(kept)
-    texels = np.zeros((2 * nodes + 3 * len(corners), 4), np.float32)
-    boxes = texels[: 2 * nodes].reshape(nodes, 2, 4)
-    at = places[kept]
-    boxes[at, 0, :3], boxes[at, 1, :3] = tree.low[:, kept].T, tree.high[:, kept].T
-    boxes[at, 0, 3] = (at + sizes[kept]) % nodes
-    ends = sizes[kept] == 1
-    boxes[at[ends], 1, 3] = 2 * nodes + 3 * first[kept[ends]]
-    triangles = texels[2 * nodes :].reshape(-1, 3, 4)
-    placed = corners[order]
-    triangles[:, 0, :3] = placed[:, 0]
-    triangles[:, 1:, :3] = placed[:, 1:] - placed[:, :1]
-    triangles[:, 0, 3], triangles[:, 1, 3] = order, slots[order]
-    starts = np.sort(first[kept[ends]])
-    triangles[np.append(starts[1:], len(corners)) - 1, 2, 3] = 1.0
-    return texels
+
+    texels: Floats
+    nodes: int
+
+    @classmethod
+    def of(cls, corners: Floats, slots: Floats) -> Hierarchy:
+        """Return the hierarchy of triangles (t, 3, 3) of slots (t,), at least one."""
+        tree = _clustered(corners)
+        order, places, sizes, first = _laid_out(tree)
+        kept = np.argsort(places, kind="stable")[np.count_nonzero(places < 0) :]
+        nodes, size = len(kept), sizes[kept]
+        texels = np.zeros((1 + nodes + 3 * len(corners), 4), np.float32)
+        start = tree.low[:, -1]
+        cell = max(float((tree.high[:, -1] - start).max()) / (_BINS - 2), float(np.finfo(np.float32).tiny))
+        texels[0] = (*start, cell)
+        # A hundredth of a cell more than the rounding of a ray to float32.
+        low, high = ((each[:, kept].T.astype(np.float64) - start) / np.float32(cell) for each in (tree.low, tree.high))
+        low, high = np.floor(np.maximum(low - 0.01, 0.0)), np.ceil(high + 0.01)
+        bits = low.astype(np.uint32) | (high.astype(np.uint32) << np.uint32(_BINS.bit_length() - 1))
+        texels[1 : 1 + nodes, :3] = (bits + np.uint32(FIRST_BITS)).view(np.float32)
+        texels[1 : 1 + nodes, 3] = np.where(size == 1, -1 - first[kept], np.arange(nodes) + size)
+        triangles = texels[1 + nodes :].reshape(-1, 3, 4)
+        placed = corners[order]
+        triangles[:, 0, :3] = placed[:, 0]
+        triangles[:, 1:, :3] = placed[:, 1:] - placed[:, :1]
+        triangles[:, 0, 3], triangles[:, 1, 3] = order, slots[order]
+        starts = first[kept[size == 1]]
+        triangles[np.append(starts[1:], len(corners)) - 1, 2, 3] = 1.0
+        return cls(texels, nodes)
 
 
 def _clustered(corners: Floats) -> _Tree:

@@ -14,6 +14,7 @@ from lookdev.codegen.glsl.functions import PRELUDE
 from lookdev.codegen.glsl.look import LOOK_UPS, LookFunctions
 from lookdev.codegen.glsl.rig import RigFunctions
 from lookdev.studio.viewport.geometry import WIDTH, Corners
+from lookdev.studio.viewport.hierarchy import FIRST_BITS
 
 _HEAD = """#version 300 es
 precision highp float;
@@ -99,8 +100,11 @@ def look_shaders(
         "SHADOWS": int(shadows),
         "CONVEX": int(convex),
         "OCCLUDERS": corners.occluders,
+        "OCCLUDER_NODES": corners.nodes,
+        "FIRST_BITS": f"{FIRST_BITS}u",
         "STRIDE": corners.stride,
         "CORNERS_WIDTH": WIDTH,
+        "CORNERS_SHIFT": WIDTH.bit_length() - 1,
     }
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     read = "\n".join(

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from light_rigs import RIGS, row_of_three
 from looks import LOOKS
 from numpy.typing import NDArray
 from viewport_page import NEEDS_CHROMIUM, Page, served, start_browser
@@ -153,6 +154,21 @@ def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: Page) ->
     compared = compare(page, scene, 128, 40, samples=64)
     compared.assert_agrees()
     assert np.abs(compared.mean - plain.mean).mean() > 0.05 * plain.mean.mean()
+
+
+def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
+    """Return Suzanne, who occludes herself, under lights."""
+    asset, worn = load_asset(builtin="suzanne"), Look("look", tuple(LOOKS[look]))
+    return replace(Scene.of_look(asset, worn, lights[0], (16, 16)), lights=tuple(lights))
+
+
+@pytest.mark.parametrize("rig", ["texture", "local_dome", "local grey", "response", "shadow"])
+def test_a_rig_casts_shadow(rig: str, page: Page, tmp_path: Path) -> None:
+    compare(page, monkey(RIGS[rig](tmp_path), "leaf"), 64, 40, samples=64).assert_agrees()
+
+
+def test_parts_cast_the_shadow_of_linked_lights(page: Page) -> None:
+    compare(page, row_of_three(16), 64, 40, samples=64).assert_agrees()
 
 
 def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
