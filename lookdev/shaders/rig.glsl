@@ -4,6 +4,8 @@
 #define RIG_FAR 1e30
 #define RIG_INFINITE 1e20  // the distance of what is infinitely far
 #define RIG_SIDES (TRANSMITS + 1)
+#define RIG_SETS (RIG_SPARED > 0 ? RIG_SPARED : 1)
+#define RIG_PLAIN (RIG_NEAREST == 0 && RIG_SPARED == 0)
 
 uniform highp sampler2D rig_numbers;
 uniform vec4 turns;
@@ -47,7 +49,7 @@ bool rig_casts(int slot, int spared) {
     return true;
 #endif
 }
-#if SHADOWS
+#if SHADOWS == 1
 float occluder_distance(vec3 w, float reach, int spared, bool any);
 #endif
 
@@ -55,9 +57,9 @@ float occluder_distance(vec3 w, float reach, int spared, bool any);
 vec3 rig_place, rig_axes[3];
 int rig_slot;
 float rig_weights[RIG_SIDES * RIG_LIGHTS + 1], rig_sums[RIG_SIDES];  // no array has length 0
-#if SHADOWS
-// Along a direction, for each set of parts that some light spares.
-float rig_occluders[RIG_SPARED > 0 ? RIG_SPARED : 1];
+#if SHADOWS == 1
+// Distances along a direction, for each set of parts that some light spares; RIG_FAR, as long as none are looked for.
+float rig_occluders[RIG_SETS];
 #endif
 #if RIG_DOMES > 0
 vec3 rig_bin_axes[RIG_SIDES * RIG_DOMES];
@@ -75,6 +77,9 @@ void rig_meet_surface(vec3 place, vec3 tangent, vec3 bitangent, vec3 normal, int
     rig_axes[1] = bitangent;
     rig_axes[2] = normal;
     rig_slot = slot;
+#if SHADOWS == 1
+    for (int k = 0; k < RIG_SETS; ++k) rig_occluders[k] = RIG_FAR;
+#endif
     for (int side = 0; side < RIG_SIDES; ++side) {
         rig_sums[side] = 0.0;
         for (int light = 0; light < RIG_LIGHTS; ++light) {
@@ -162,16 +167,6 @@ vec3 rig_dome_onto(int dome, vec3 place, vec3 local, out float share, out float 
 }
 #endif
 
-// The share of a light, at a distance, that passes an occluder, which may be RIG_FAR.
-vec3 rig_passed(int light, float distance, float occluder) {
-    if (distance <= occluder) return vec3(1.0);
-    vec3 passed = vec3(0.0);
-#if RIG_SHADOWED
-    lamp_passed(light, occluder, passed);
-#endif
-    return passed;
-}
-
 int rig_spares(int light) {
 #if RIG_SPARED > 0
     return int(rig_field(light, LAMP_spares));
@@ -180,24 +175,31 @@ int rig_spares(int light) {
 #endif
 }
 
-// The share of a light, at a distance along w, that no occluder takes.
-vec3 rig_let(int light, vec3 w, float distance) {
-#if SHADOWS
-    return rig_passed(light, distance, occluder_distance(w, distance, rig_spares(light), RIG_SHADOWED == 0));
-#else
-    return vec3(1.0);
-#endif
+#if SHADOWS == 1
+// Find the occluders of a light at a distance along w; or those of all lights, -1.
+void rig_meet_occluders(vec3 w, int light, float distance) {
+    int first = light < 0 ? 0 : rig_spares(light), last = light < 0 ? RIG_SETS - 1 : first;
+    bool any = RIG_NEAREST == 0 || (light >= 0 && RIG_SHADOWED == 0);
+    for (int k = first; k <= last; ++k) rig_occluders[k] = occluder_distance(w, distance, k, any);
 }
+
+// The share of a light, at a distance, that passes the occluders that were met.
+vec3 rig_passed(int light, float distance) {
+    float occluder = rig_occluders[rig_spares(light)];
+    if (distance <= occluder) return vec3(1.0);
+    vec3 passed = vec3(0.0);
+#if RIG_SHADOWED
+    lamp_passed(light, occluder, passed);
+#endif
+    return passed;
+}
+#endif
 
 // The sum over lights of the radiance from w over the density of all that draws it: `own`, and that of directions drawn
 // of the light if `weighed` is 1. What diffuse lobes have of it is `diffuse`, the rest what others have.
 vec3 rig_arriving(vec3 w, float own, float weighed, out vec3 diffuse) {
     vec3 total = vec3(0.0);
     diffuse = vec3(0.0);
-#if SHADOWS
-    for (int k = 0; k < (RIG_SPARED > 0 ? RIG_SPARED : 1); ++k)
-        rig_occluders[k] = occluder_distance(w, RIG_INFINITE, k, RIG_NEAREST == 0);
-#endif
     for (int light = 0; light < RIG_LIGHTS; ++light) {
         if (rig_lit(light) == 0.0) continue;
         vec3 local = rig_inside(light, w), found = vec3(0.0);
@@ -223,8 +225,8 @@ vec3 rig_arriving(vec3 w, float own, float weighed, out vec3 diffuse) {
             found = share * radiance * rig_vector(light, LAMP_red) / density;
         }
 #endif
-#if SHADOWS
-        found *= rig_passed(light, distance, rig_occluders[rig_spares(light)]);
+#if SHADOWS == 1
+        found *= rig_passed(light, distance);
 #endif
 #if RIG_SPLIT
         diffuse += rig_field(light, LAMP_diffuse) * found;

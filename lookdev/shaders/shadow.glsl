@@ -1,10 +1,8 @@
 // Rays from a surface to its occluders, by the hierarchy of lookdev/studio/viewport/hierarchy.py: its texels are those of
-// `corners` from OCCLUDERS on. SHADOWS is 0 where nothing occludes, and 2 of a closed convex surface, which occludes all
-// that comes from behind it.
+// `corners` from OCCLUDERS on.
 
-#if SHADOWS
-uniform int shadowed;  // 0: no shadow is shown
-uniform float lift;    // metres above its facet at which a ray leaves a surface
+#if SHADOWS == 1
+uniform float lift;  // metres above its facet at which a ray leaves a surface
 
 vec4 occluder_texel(int place) {
     place += OCCLUDERS;
@@ -14,14 +12,10 @@ vec4 occluder_texel(int place) {
 // The distance along w to an occluder before `reach`, of a set of parts that a light spares: to the nearest one, or to
 // `any`; RIG_FAR: there is none.
 float occluder_distance(vec3 w, float reach, int spared, bool any) {
-    if (shadowed == 0) return RIG_FAR;
     float side = dot(w, surface_facet);
 #if CONVEX
     if (side * (1.0 - 2.0 * inside) > 0.0) return RIG_FAR;
 #endif
-#if SHADOWS == 2
-    return 0.0;
-#else
     vec3 start = surface_point + (side < 0.0 ? -lift : lift) * surface_facet;
     // Along an axis w is 0 a ray stays within a box, or outside: no quotient is NaN, as 0 times infinity is.
     vec3 slope = 1.0 / mix(w, vec3(1e-20), lessThan(abs(w), vec3(1e-20)));
@@ -57,6 +51,5 @@ float occluder_distance(vec3 w, float reach, int spared, bool any) {
         }
     }
     return nearest < reach ? nearest : RIG_FAR;
-#endif
 }
 #endif

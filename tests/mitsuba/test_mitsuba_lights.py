@@ -118,7 +118,9 @@ def images(folder: Path) -> Scene:
     return Scene(ball, looks, lights, orbit_camera(ball.center, ball.radius), Film((SIZE, SIZE)))
 
 
-@pytest.mark.parametrize("made", [images, split_row, lambda folder: row_of_three(SIZE)], ids=["images", "split", "linked"])
+@pytest.mark.parametrize(
+    "made", [images, split_row, lambda folder: row_of_three(SIZE)], ids=["images", "split", "linked"]
+)
 def test_pictures_with_derivatives_are_lit_as_frames(drjit: Any, tmp_path: Path, made: Callable[[Path], Scene]) -> None:
     """Both follow the same paths, but for the rounding by which few of them part."""
     from lookdev.mitsuba.load import load_mitsuba

@@ -80,10 +80,10 @@ class Shadows(IntEnum):
         """Return how light is occluded on a look of an asset: a convex one occludes none that comes from before it."""
         if not asset.convex:
             return cls.TRACED
-        if asset.sheet:
+        if asset.sheet or not (look.transmits or look.see_through):
             return cls.NONE
         # How far behind the surface the occluder is matters to lights that are not plain.
-        return cls.TRACED if not rig.plain and (look.transmits or look.see_through) else cls.BEHIND
+        return cls.BEHIND if rig.plain else cls.TRACED
 
 
 def look_shaders(
@@ -97,7 +97,9 @@ def look_shaders(
         "SEE_THROUGH": int(look.see_through),
         "DRAWN": DRAWN,
         "LIT": LIT * (1 + look.transmits),
+        "DIRECTIONS": f"(DRAWN + LIT + {look.deltas})",
         "SHADOWS": int(shadows),
+        "TRACED": (1 + look.transmits) * (shadows == Shadows.TRACED),
         "CONVEX": int(convex),
         "OCCLUDERS": corners.occluders,
         "OCCLUDER_NODES": corners.nodes,
@@ -113,13 +115,11 @@ def look_shaders(
     )
     surface = relight["surface"].replace("//@ attributes", read)
     deltas = "".join(
-        f"    look_delta{k}(wi_of_one, of_one);\n    w_of_one = surface_world(wi_of_one);\n"
-        "    if (max(of_one.r, max(of_one.g, of_one.b)) > 0.0 && agree(wi_of_one, w_of_one))\n"
-        "        radiance += of_one * rig_arriving(w_of_one, 1.0, 0.0, diffuse_light);\n"
-        for k in range(look.deltas)
+        f"            if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.deltas)
     )
     if deltas:
-        deltas = "    vec3 wi_of_one, w_of_one, of_one;\n" + deltas
+        deltas += "            if (k >= DRAWN + LIT) {\n                here.w = surface_world(wi);\n"
+        deltas += "                here.diffuse = vec3(0.0);\n            }\n"
     parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), LOOK_UPS, look.text]
     own = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
     if look.see_through:

@@ -1,4 +1,4 @@
-"""What the viewport shows, against direct light without shadows in float64."""
+"""What the viewport shows, against direct light with its shadows in float64."""
 
 from __future__ import annotations
 
