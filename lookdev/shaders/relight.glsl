@@ -178,7 +178,7 @@ void main() {
         }
 #if SHADOWS == 1
         else {
-            side = k - DIRECTIONS;
+            side = TRACED == 1 ? 0 : k - DIRECTIONS;
             if (shadowed == 0) break;
             if (sum[side] <= 0.0) continue;
             here = chosen[side];
@@ -189,10 +189,8 @@ void main() {
                 here.diffuse_arriving *= passed;
             }
         }
-        if (here.light < 0 && (k < DIRECTIONS || !RIG_PLAIN))
-#else
-        if (here.light < 0)
 #endif
+        if (here.light < 0 && (k < DIRECTIONS || !RIG_PLAIN))
             here.arriving = rig_arriving(here.w, here.own, here.weighed, here.diffuse_arriving);
         vec3 found = reflected_from(here);
 #if SHADOWS == 1

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -60,16 +60,15 @@ class Corners:
         texel, start = self.attributes[binding]
         return f"carried({texel}).{'xyzw'[start : start + _width(binding)]}"
 
-    def occluding(self) -> Corners:
-        """Return the same with the hierarchy by which rays find occluders."""
-        triangles = self.texels.reshape(-1, 3, self.stride, 4)
-        found = Hierarchy.of(triangles[:, :, 0, :3], triangles[:, 0, 1, 3])
-        texels = np.concatenate([self.texels, found.texels])
-        return replace(self, texels=texels, occluders=len(self.texels), nodes=found.nodes)
 
-
-def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeBinding]) -> Corners:
+@lru_cache(maxsize=1)
+def corners_of(
+    asset: Asset, order: tuple[int, ...], bindings: tuple[AttributeBinding, ...], *, occluding: bool = False
+) -> Corners:
     """Return the corners of an asset, by `order` of its slots, with the attributes of `bindings`.
+
+    Those that are `occluding` have the hierarchy by which rays find them. The last ones are kept: a look is edited more
+    often than what it reads.
 
     Raises
     ------
@@ -115,7 +114,12 @@ def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeB
     ranges = tuple(Range(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
     sorted_rows = np.concatenate(rows)[np.argsort(ranks, kind="stable")]
     vertices, indices = _numbered(sorted_rows[:, :, 0, :3])
-    return Corners(sorted_rows.reshape(-1, 4), vertices, indices, stride, ranges, places)
+    made = np.asarray(sorted_rows.reshape(-1, 4), np.float32)
+    if not occluding:
+        return Corners(made, vertices, indices, stride, ranges, places)
+    found = Hierarchy.of(sorted_rows[:, :, 0, :3], sorted_rows[:, 0, 1, 3])
+    texels = np.concatenate([made, found.texels], dtype=np.float32)
+    return Corners(texels, vertices, indices, stride, ranges, places, len(made), found.nodes)
 
 
 def _numbered(places: NDArray[np.float32]) -> tuple[NDArray[np.void], NDArray[np.uint32]]:

@@ -89,12 +89,10 @@ def view_scene(
     stand = Stand(scene.asset.center, scene.camera.pivot)
     rig = rig_functions(scene.lights, scene.lit_by, stand, scene.grouped)
     functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
-    order = sorted(range(len(worn)), key=lambda slot: (worn[slot], slot))
-    bindings = [binding for each in functions for binding in each.attributes]
-    corners = corners_of(scene.asset, order, bindings)
+    order = tuple(sorted(range(len(worn)), key=lambda slot: (worn[slot], slot)))
+    bindings = tuple(binding for each in functions for binding in each.attributes)
     shadows = [Shadows.of(scene.asset, each, rig) for each in functions]
-    if Shadows.TRACED in shadows:
-        corners = corners.occluding()
+    corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
     holes = [_HOLES] * any(each.see_through for each in functions)
     ranges = {each.slot: each for each in corners.ranges}
     parts = [

@@ -86,10 +86,9 @@ def test_a_walk_meets_what_a_ray_meets(shape: str) -> None:
 def test_few_boxes_are_tested() -> None:
     """From a surface of 15744 triangles: a ray passes others close by."""
     asset = load_asset(builtin="suzanne")
-    made = corners_of(asset, range(len(asset.slots)), [])
-    triangles = made.texels.reshape(-1, 3, made.stride, 4)
+    found, rng = corners_of(asset, tuple(range(len(asset.slots))), (), occluding=True), np.random.default_rng(4)
+    triangles = found.texels[: found.occluders].reshape(-1, 3, found.stride, 4)
     places, normals = triangles[:, :, 0, :3].astype(np.float64), triangles[:, :, 1, :3].astype(np.float64)
-    found, rng = made.occluding(), np.random.default_rng(4)
     hierarchy = Hierarchy(found.texels[found.occluders :], found.nodes)
     counts = []
     for number in rng.integers(0, len(places), 200):
