@@ -15,20 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lookdev.codegen.glsl.functions import function_text
-from lookdev.codegen.program.lamps import Functions, ball_operations, lamp_operations, shadow_operations
+from lookdev.codegen.program.lamps import (
+    Functions,
+    ball_operations,
+    lamp_operations,
+    part_operations,
+    shadow_operations,
+)
 from lookdev.codegen.source import Operation
 from lookdev.light import Dome, Light, LocalDome, RectLight, Stand
 from lookdev.light.dome import bins
 from lookdev.light.lamps import FIELDS, SHAPES, AnyDome, CodedRig
+from lookdev.light.picture import LEVELS
 
 RIG_WIDTH = 2048
 """Numbers of a row of the texture of a rig's numbers, R32F: they follow each other over all rows."""
 
 _P, _W = "int light, vec3 p", "vec3 w"
-_MEET = f"{_P}, {_W}, out float distance, out float pdf"
-_WEIGHT, _SENT = f"{_P}, vec3 n, out float weight", f"{_P}, {_W}, out vec3 sent"
-_DRAW = f"{_P}, float u1, float u2, out vec3 w, out float distance, out float pdf"
-_PASSED, _PLACE = "int light, float distance, out vec3 passed", f"{_P}, {_W}, out float s, out float t"
+_PASSED = "int light, float distance, out vec3 passed"
+_PART = "float part_s, float part_t, float size"
 _BALL = {
     "share": (f"{_P}, out float share", {"share": 1}),
     "meet": (
@@ -38,22 +43,25 @@ _BALL = {
     "draw": (f"{_P}, vec3 onto, out vec3 w", {"w": 3}),
 }
 
-_BILINEAR = """// A texture of a rectangle, bilinear and clamped, from its first column and its first row on.
-vec3 picture_look_up(highp sampler2D picture, vec2 place) {
-    ivec2 last = textureSize(picture, 0) - 1;
-    place = place * vec2(last + 1) - 0.5;
-    vec2 corner = floor(place), share = place - corner;
-    ivec2 low = clamp(ivec2(corner), ivec2(0), last), high = clamp(ivec2(corner) + 1, ivec2(0), last);
-    vec3 upper = mix(texelFetch(picture, low, 0).rgb, texelFetch(picture, ivec2(high.x, low.y), 0).rgb, share.x);
-    vec3 lower = mix(texelFetch(picture, ivec2(low.x, high.y), 0).rgb, texelFetch(picture, high, 0).rgb, share.x);
-    return mix(upper, lower, share.y);
-}"""
-_PICTURE_SENT = f"""void picture_sent({_SENT}) {{
-    float s, t;
-    picture_rest(light, p, w, sent);
-    picture_place(light, p, w, s, t);
-    sent *= picture_texel(int(rig_field(light, LAMP_picture)), vec2(1.0 - s, 1.0 - t));
-}}"""
+_PICTURE = {
+    "angle": (f"{_P}, {_PART}, out float angle", {"angle": 1}),
+    "place": (f"{_P}, {_W}, out float distance, out float s, out float t", {"distance": 1, "s": 1, "t": 1}),
+    "density": (f"{_P}, {_W}, {_PART}, out float pdf", {"pdf": 1}),
+    "part": (
+        f"{_P}, {_PART}, float u1, float u2, out vec3 w, out float distance, out float pdf",
+        {"w": 3, "distance": 1, "pdf": 1},
+    ),
+}
+_LAMP = {
+    "weight": (f"{_P}, vec3 n, out float weight", {"weight": 1}),
+    "meet": (f"{_P}, {_W}, out float distance, out float pdf", {"distance": 1, "pdf": 1}),
+    "draw": (
+        f"{_P}, float u1, float u2, out vec3 w, out float distance, out float pdf",
+        {"w": 3, "distance": 1, "pdf": 1},
+    ),
+    "sent": (f"{_P}, {_W}, out vec3 sent", {"sent": 3}),
+}
+"""Heads of functions, and the widths of what they set."""
 
 
 @dataclass(frozen=True)
@@ -125,6 +133,7 @@ def rig_functions(
         "RIG_SEEN": int(any(each.emission.camera for each in rig.lamps)),
         "RIG_SHADOWED": int(rig.shadowed),
         "RIG_SPLIT": int(rig.split),
+        "PICTURE_LEVELS": LEVELS,
         "RIG_NEAREST": int(near or rig.shadowed),
         "LAMP_FIELDS": len(FIELDS),
         **{f"LAMP_{name}": number for number, name in enumerate(FIELDS)},
@@ -161,26 +170,18 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
     steps = max((each.steps for each in profiles), default=0)
     if profiles or rig.pictures:
         yield "uniform highp sampler2D rig_tables;"
-    if rig.pictures:
-        yield from _pictured(len(rig.pictures))
     if rig.shadowed:
-        named, passed = _named(shadow_operations())
-        yield from _function(_Function(named, passed), f"lamp_passed({_PASSED})", ("passed",))
+        yield from _traced(shadow_operations(), "lamp", {"passed": (_PASSED, {"passed": 3})})
     for kind in rig.kinds:
-        named, results = _named(lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps))
-        met, drawn = results["meet"], results["draw"]
-        meeting = _Function(named, {"distance": met[:1], "pdf": met[1:]})
-        drawing = _Function(named, {"w": drawn[:3], "distance": drawn[3:4], "pdf": drawn[4:]})
-        yield from _function(meeting, f"{kind}_meet({_MEET})", ("distance", "pdf"))
-        yield from _function(drawing, f"{kind}_draw({_DRAW})", ("w", "distance", "pdf"))
-        for name, head in (("weight", _WEIGHT), ("sent", _SENT)):
-            own = f"{kind}_rest({head})" if (kind, name) == ("picture", "sent") else f"{kind}_{name}({head})"
-            yield from _function(_Function(named, {name: results[name]}), own, (name,))
+        functions = lamp_operations(kind, shaped=rig.shaped, falling=rig.falling, steps=steps)
         if kind == "picture":
-            s, t = results["place"]
-            yield from _function(_Function(named, {"s": (s,), "t": (t,)}), f"picture_place({_PLACE})", ("s", "t"))
-            yield from _PICTURE_SENT.splitlines()
-    for name, head in {"meet": _MEET, "draw": _DRAW, "weight": _WEIGHT, "sent": _SENT}.items():
+            untextured = functions[0], {**functions[1], "untextured": functions[1]["sent"]}
+            yield from _traced(untextured, kind, {"weight": _LAMP["weight"], "untextured": _LAMP["sent"]})
+            yield from _traced(part_operations(), kind, _PICTURE)
+            yield from _pictured(len(rig.pictures))
+        else:
+            yield from _traced(functions, kind, _LAMP)
+    for name, (head, _) in _LAMP.items():
         if rig.lamps:
             yield f"void lamp_{name}({head}) {{"
             yield "    int kind = int(rig_field(light, LAMP_kind));"
@@ -191,20 +192,27 @@ def _lamp_functions(rig: CodedRig) -> Iterator[str]:
             yield "}"
 
 
-def _named(functions: Functions) -> Functions:
-    """Return functions whose symbols of a light's row have names of their own."""
-    operations, results = functions
-    return [replace(each, name=f"lamp_{each.name}") if each.name in FIELDS else each for each in operations], results
+def _traced(functions: Functions, of: str, heads: Mapping[str, tuple[str, Mapping[str, int]]]) -> Iterator[str]:
+    """Yield functions ``<of>_<name>``, which set their results one after the other."""
+    operations = [replace(each, name=f"lamp_{each.name}") if each.name in FIELDS else each for each in functions[0]]
+    for name, (head, widths) in heads.items():
+        left = iter(functions[1][name])
+        outputs = {each: tuple(next(left) for _ in range(width)) for each, width in widths.items()}
+        yield from _function(_Function(operations, outputs), f"{of}_{name}({head})", tuple(widths))
 
 
 def _pictured(count: int) -> Iterator[str]:
-    """Yield the samplers of pictures, and a function that looks up the one of a number."""
+    """Yield the functions of pictures, and their textures."""
+    text = (files("lookdev") / "shaders" / "picture.glsl").read_text(encoding="utf-8")
     yield from (f"uniform highp sampler2D picture{k};" for k in range(count))
-    yield from _BILINEAR.splitlines()
-    yield "vec3 picture_texel(int number, vec2 place) {"
-    yield from (f"    if (number == {k}) return picture_look_up(picture{k}, place);" for k in range(count))
-    yield "    return vec3(1.0);"
-    yield "}"
+    for line in text.splitlines():
+        if line != "//@ textures":
+            yield line
+            continue
+        yield "vec3 picture_texel(int number, vec2 place) {"
+        yield from (f"    if (number == {k}) return picture_look_up(picture{k}, place);" for k in range(count))
+        yield "    return vec3(1.0);"
+        yield "}"
 
 
 def _function(program: _Function, head: str, outputs: Sequence[str]) -> Iterator[str]:
@@ -222,11 +230,7 @@ def _dome_functions(domes: Sequence[AnyDome]) -> Iterator[str]:
     if not domes:
         return
     if any(isinstance(each, LocalDome) for each in domes):
-        operations, results = _named(ball_operations())
-        for name, (head, widths) in _BALL.items():
-            left = iter(results[name])
-            outputs = {each: tuple(next(left) for _ in range(width)) for each, width in widths.items()}
-            yield from _function(_Function(operations, outputs), f"ball_{name}({head})", tuple(widths))
+        yield from _traced(ball_operations(), "ball", _BALL)
     varied = [number for number, each in enumerate(domes) if not each.constant]
     for k in varied:
         yield f"uniform highp sampler2D dome{k}_map, dome{k}_points;"

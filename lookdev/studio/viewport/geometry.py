@@ -118,7 +118,7 @@ def corners_of(
     if not occluding:
         return Corners(made, vertices, indices, stride, ranges, places)
     found = Hierarchy.of(sorted_rows[:, :, 0, :3], sorted_rows[:, 0, 1, 3])
-    texels = np.concatenate([made, found.texels], dtype=np.float32)
+    texels = np.concatenate([made, found.texels]).astype(np.float32, copy=False)
     return Corners(texels, vertices, indices, stride, ranges, places, len(made), found.nodes)
 
 

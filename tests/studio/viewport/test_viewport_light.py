@@ -162,6 +162,17 @@ def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
     return replace(Scene.of_look(asset, worn, lights[0], (16, 16)), lights=tuple(lights))
 
 
+def test_shadow_is_switched_while_nothing_compiles(page: Page) -> None:
+    scene = monkey([dome()])
+    shaded = compare(page, scene, 128, 40, samples=64)
+    compiled = page.js("done(viewport.programs.compiled);")
+    lit = compare(page, scene, 128, 40, samples=64, shadows=False)
+    assert page.js("done(viewport.programs.compiled);") == compiled
+    shaded.assert_agrees()
+    lit.assert_agrees()
+    assert shaded.mean.sum() < 0.9 * lit.mean.sum()
+
+
 @pytest.mark.parametrize("rig", ["texture", "local_dome", "local grey", "response", "shadow"])
 def test_a_rig_casts_shadow(rig: str, page: Page, tmp_path: Path) -> None:
     compare(page, monkey(RIGS[rig](tmp_path), "leaf"), 64, 40, samples=64).assert_agrees()
