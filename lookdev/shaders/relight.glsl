@@ -126,78 +126,58 @@ void main() {
     vec2 chance, sum = vec2(0.0), share = vec2(0.0);
     sobol_2d(sample_number, sobol_hash(start + 0x7feb352d), chance.x, chance.y);
 #endif
-    for (int k = 0; k < DIRECTIONS + TRACED; ++k) {
+    for (int k = 0; k < DIRECTIONS; ++k) {
         int side = 0;
-        if (k < DIRECTIONS) {
-            vec3 wi;
-            float density = 0.0;
-            here.light = -1;
-            here.own = 1.0;
-            here.weighed = 0.0;
-            here.distance = RIG_INFINITE;
-            if (k < DRAWN) {
-                sobol_2d(sample_number * DRAWN + k, start, u1, u2);
-                look_draw(wi);
-                here.w = surface_world(wi);
-            } else if (k < DRAWN + LIT) {
-                int j = k - DRAWN, front = LIT - TRANSMITS * (LIT / 2);
-                side = j >= front ? 1 : 0;
-                int count = side == 1 ? LIT / 2 : front;
-                float v1, v2;
-                sobol_2d(sample_number * count + j - side * front, sobol_hash(start + 0x1b873593 + side), v1, v2);
-                here.arriving = rig_draw(side, v1, v2, here.w, density, here.light, here.distance);
-                wi = surface_local(here.w);
-                if (max(here.arriving.r, max(here.arriving.g, here.arriving.b)) <= 0.0) continue;
-            }
+        vec3 wi;
+        float density = 0.0;
+        here.light = -1;
+        here.own = 1.0;
+        here.weighed = 0.0;
+        here.distance = RIG_INFINITE;
+        if (k < DRAWN) {
+            sobol_2d(sample_number * DRAWN + k, start, u1, u2);
+            look_draw(wi);
+            here.w = surface_world(wi);
+        } else if (k < DRAWN + LIT) {
+            int j = k - DRAWN, front = LIT - TRANSMITS * (LIT / 2);
+            side = j >= front ? 1 : 0;
+            int count = side == 1 ? LIT / 2 : front;
+            float v1, v2;
+            sobol_2d(sample_number * count + j - side * front, sobol_hash(start + 0x1b873593 + side), v1, v2);
+            here.arriving = rig_draw(side, v1, v2, here.w, density, here.light, here.distance);
+            wi = surface_local(here.w);
+            if (max(here.arriving.r, max(here.arriving.g, here.arriving.b)) <= 0.0) continue;
+        }
 //@ deltas
-            if (!agree(wi, here.w)) continue;
-            side = TRANSMITS == 1 && wi.z < 0.0 ? 1 : 0;
-            if (k < DRAWN + LIT) {
-                float pdf;
-                wi_x = wi.x;
-                wi_y = wi.y;
-                wi_z = wi.z;
+        if (!agree(wi, here.w)) continue;
+        if (k < DRAWN + LIT) {
+            float pdf;
+            wi_x = wi.x;
+            wi_y = wi.y;
+            wi_z = wi.z;
 #if RIG_SPLIT
-                look_evaluate(here.value, pdf, here.diffuse);
+            look_evaluate(here.value, pdf, here.diffuse);
 #else
-                look_evaluate(here.value, pdf);
+            look_evaluate(here.value, pdf);
 #endif
-                here.own = float(DRAWN) * pdf;
-                here.weighed = 1.0;
-            }
-            if (max(here.value.r, max(here.value.g, here.value.b)) <= 1e-20) continue;
-            if (here.light >= 0) {
-                here.arriving /= here.own + density;
+            here.own = float(DRAWN) * pdf;
+            here.weighed = 1.0;
+        }
+        if (max(here.value.r, max(here.value.g, here.value.b)) <= 1e-20) continue;
+        if (here.light >= 0) {
+            here.arriving /= here.own + density;
 #if RIG_SPLIT
-                here.diffuse_arriving = rig_field(here.light, LAMP_diffuse) * here.arriving;
-                here.arriving *= rig_field(here.light, LAMP_specular);
+            here.diffuse_arriving = rig_field(here.light, LAMP_diffuse) * here.arriving;
+            here.arriving *= rig_field(here.light, LAMP_specular);
 #endif
-            } else if (here.own <= 0.0) {
-                continue;
-            }
-        }
-#if SHADOWS == 1
-        else {
-            side = TRACED == 1 ? 0 : k - DIRECTIONS;
-            if (shadowed == 0) break;
-            if (sum[side] <= 0.0) continue;
-            here = chosen[side];
-            rig_meet_occluders(here.w, here.light, here.distance);
-            if (RIG_PLAIN || here.light >= 0) {
-                vec3 passed = rig_passed(max(here.light, 0), here.distance);
-                here.arriving *= passed;
-                here.diffuse_arriving *= passed;
-            }
-        }
-#endif
-        if (here.light < 0 && (k < DIRECTIONS || !RIG_PLAIN))
+        } else {
+            if (here.own <= 0.0) continue;
             here.arriving = rig_arriving(here.w, here.own, here.weighed, here.diffuse_arriving);
-        vec3 found = reflected_from(here);
-#if SHADOWS == 1
-        if (k >= DIRECTIONS) {
-            radiance += found * sum[side] / share[side];
-            continue;
         }
+        vec3 found = reflected_from(here);
+        radiance += found;
+#if SHADOWS == 1
+        side = TRANSMITS == 1 && wi.z < 0.0 ? 1 : 0;
         float part = found.r + found.g + found.b;
         if (part <= 0.0) continue;
         sum[side] += part;
@@ -209,10 +189,28 @@ void main() {
             chosen[side] = here;
             share[side] = part;
         }
-        if (shadowed == 1) continue;
 #endif
-        radiance += found;
     }
+#if SHADOWS == 1
+    if (shadowed == 1) {
+        radiance = vec3(0.0);
+        for (int side = 0; side < TRACED; ++side) {
+            if (sum[side] <= 0.0) continue;
+            here = chosen[side];
+            rig_meet_occluders(here.w, here.light, here.distance);
+            if (RIG_PLAIN || here.light >= 0) {
+                vec3 passed = rig_passed(max(here.light, 0), here.distance);
+                here.arriving *= passed;
+                here.diffuse_arriving *= passed;
+            }
+#if !RIG_PLAIN
+            if (here.light < 0)
+                here.arriving = rig_arriving(here.w, here.own, here.weighed, here.diffuse_arriving);
+#endif
+            radiance += reflected_from(here) * sum[side] / share[side];
+        }
+    }
+#endif
 #if SEE_THROUGH
     // The surface is seen as often as it is present.
     float presence;

@@ -24,30 +24,32 @@ float occluder_distance(vec3 w, float reach, int spared, bool any) {
     float nearest = reach;
     int leaving = surface_corner / 3, node = 0;
     while (node < OCCLUDER_NODES) {
-        vec4 texel = occluder_texel(1 + node);
-        uvec3 cells = floatBitsToUint(texel.xyz) - FIRST_BITS;
-        vec3 a = (vec3(cells & 0x7fffu) - origin) * step, b = (vec3(cells >> 15) - origin) * step;
-        vec3 near = min(a, b), far = max(a, b);
-        float entry = max(max(near.x, near.y), max(near.z, 0.0)), exit = min(min(far.x, far.y), min(far.z, nearest));
-        // Widened by the rounding of both (Ize, "Robust BVH Ray Traversal", 2013).
-        bool met = entry <= exit * 1.0000006;
-        node = met || texel.w < 0.0 ? node + 1 : int(texel.w);
-        if (met && texel.w < 0.0) {
-            int place = 1 + OCCLUDER_NODES - 3 * int(1.0 + texel.w);
-            float last;
-            do {  // Moeller and Trumbore 1997
-                vec4 corner = occluder_texel(place), one = occluder_texel(place + 1), other = occluder_texel(place + 2);
-                vec3 p = cross(w, other.xyz), from = start - corner.xyz, q = cross(from, one.xyz);
-                float scale = 1.0 / dot(one.xyz, p), w1 = dot(from, p) * scale, w2 = dot(w, q) * scale;
-                float distance = dot(other.xyz, q) * scale;
-                if (w1 >= 0.0 && w2 >= 0.0 && w1 + w2 <= 1.0 && distance > 0.0 && distance < nearest
-                    && int(corner.w) != leaving && rig_casts(int(one.w), spared)) {
-                    if (any) return distance;
-                    nearest = distance;
-                }
-                last = other.w;
-                place += 3;
-            } while (last == 0.0);
+        // To the next leaf that is met: neighbouring pixels then test triangles together (Aila and Laine 2009).
+        int place = 0;
+        while (place == 0 && node < OCCLUDER_NODES) {
+            vec4 texel = occluder_texel(1 + node);
+            uvec3 cells = floatBitsToUint(texel.xyz) - FIRST_BITS;
+            vec3 a = (vec3(cells & 0x7fffu) - origin) * step, b = (vec3(cells >> 15) - origin) * step;
+            vec3 near = min(a, b), far = max(a, b);
+            float entry = max(max(near.x, near.y), max(near.z, 0.0)), exit = min(min(far.x, far.y), min(far.z, nearest));
+            // Widened by the rounding of both (Ize, "Robust BVH Ray Traversal", 2013).
+            bool met = entry <= exit * 1.0000006, leaf = texel.w < 0.0;
+            node = met || leaf ? node + 1 : int(texel.w);
+            if (met && leaf) place = 1 + OCCLUDER_NODES - 3 * int(1.0 + texel.w);
+        }
+        bool left = place > 0;
+        while (left) {  // Moeller and Trumbore 1997
+            vec4 corner = occluder_texel(place), one = occluder_texel(place + 1), other = occluder_texel(place + 2);
+            vec3 p = cross(w, other.xyz), from = start - corner.xyz, q = cross(from, one.xyz);
+            float scale = 1.0 / dot(one.xyz, p), w1 = dot(from, p) * scale, w2 = dot(w, q) * scale;
+            float distance = dot(other.xyz, q) * scale;
+            if (w1 >= 0.0 && w2 >= 0.0 && w1 + w2 <= 1.0 && distance > 0.0 && distance < nearest
+                && int(corner.w) != leaving && rig_casts(int(one.w), spared)) {
+                if (any) return distance;
+                nearest = distance;
+            }
+            left = other.w == 0.0;
+            place += 3;
         }
     }
     return nearest < reach ? nearest : RIG_FAR;
