@@ -25,7 +25,7 @@ from lookdev.material import Layer, Look
 from lookdev.metrics import EPSILON
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
-from lookdev.render.worker import Rendered
+from lookdev.render.results import Rendered
 from lookdev.scene import Pose
 
 Ints = NDArray[np.int64]

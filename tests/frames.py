@@ -8,9 +8,10 @@ from typing import Any
 from lookdev.asset import Asset, load_asset
 from lookdev.light import Light
 from lookdev.material import Layer, Look
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 RenderScene = Callable[..., Rendered]

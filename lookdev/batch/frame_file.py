@@ -18,8 +18,8 @@ from lookdev.output.exr import write_frame
 from lookdev.render.cryptomatte import matte_header
 from lookdev.render.executors import Stored
 from lookdev.render.passes import CATCHER, parts_of_light
+from lookdev.render.results import Rendered
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Rendered
 from lookdev.scene.charts import STRIP, Strip
 from lookdev.space import REC709
 

@@ -41,8 +41,8 @@ from lookdev.render.executors import (
     Started,
     Stored,
 )
+from lookdev.render.results import Rendered
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Rendered
 
 _NAMED = 5  # frames in a message
 

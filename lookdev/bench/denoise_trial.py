@@ -28,9 +28,10 @@ from lookdev.checks.images import flip
 from lookdev.material import Look
 from lookdev.material.usd import read_look
 from lookdev.render.backends import BACKENDS
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, SceneTask, one_frame
-from lookdev.render.worker import Rendered, renderer
+from lookdev.render.worker import renderer
 from lookdev.scene import Pose, Sampling, Scene
 from lookdev.shipped import shipped_folder
 

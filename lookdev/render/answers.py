@@ -1,6 +1,6 @@
 """The answers of a render worker to its parent: one JSON object per line on standard output.
 
-`lookdev.render.worker` reads them, and defines the fields of each.
+`lookdev.render.results` reads them, and defines the fields of each.
 """
 
 from __future__ import annotations

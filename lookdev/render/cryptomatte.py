@@ -72,12 +72,24 @@ def renamed(mattes: Floats, names: Mapping[str, str]) -> Floats:
     new = np.array([matte_id(name) for name in names.values()], np.uint32)
     order = np.argsort(old)
     old, new = old[order], new[order]
-    height, width, channels = mattes.shape
-    bits = np.ascontiguousarray(mattes[..., 0::2]).view(np.uint32).reshape(-1, channels // 2)
-    coverage = mattes[..., 1::2].reshape(bits.shape)
+    deepest = np.flatnonzero(mattes[..., 1::2].any(axis=(0, 1))).max(initial=0) + 1
+    bits = np.ascontiguousarray(mattes[..., 0 : 2 * deepest : 2]).view(np.uint32)
+    coverage = mattes[..., 1 : 2 * deepest : 2]
     place = np.minimum(np.searchsorted(old, bits), len(old) - 1)
     known = (old[place] == bits) & (coverage > 0.0)
-    ids, coverage = np.where(known, new[place], 0), np.where(known, coverage, 0.0)
+    ids, coverage = np.where(known, new[place], 0), np.where(known, coverage, np.float32(0.0))
+    shown = np.zeros((*known.shape[:2], RANKS, 2), np.float32)
+    # Most pixels show one thing, or none.
+    most = np.argmax(coverage, axis=-1)[..., None]
+    shown[..., 0, 0] = np.take_along_axis(ids, most, -1)[..., 0].view(np.float32)
+    shown[..., 0, 1] = np.take_along_axis(coverage, most, -1)[..., 0]
+    several = np.count_nonzero(known, axis=-1) > 1
+    shown[several] = _summed(ids[several], coverage[several])
+    return shown.reshape(*known.shape[:2], 2 * RANKS)
+
+
+def _summed(ids: NDArray[np.uint32], coverage: Floats) -> Floats:
+    """Return ids and coverages (P, `RANKS`, 2), the largest first, with those of equal ids (P, n) summed up."""
     order = np.argsort(ids, axis=1, kind="stable")
     ids, coverage = np.take_along_axis(ids, order, 1), np.take_along_axis(coverage, order, 1)
     # Of equal ids the last has the sum of all.
@@ -87,13 +99,11 @@ def renamed(mattes: Floats, names: Mapping[str, str]) -> Floats:
     before = np.concatenate([np.zeros((len(ids), 1)), before[:, :-1]], axis=1)
     total = np.where(last & (ids != 0), sums - before, 0.0)
     most = np.argsort(-total, axis=1, kind="stable")[:, :RANKS]
-    shown = np.zeros((len(ids), RANKS, 2), np.float32)
     kept = np.take_along_axis(total, most, 1).astype(np.float32)
+    shown = np.zeros((len(ids), RANKS, 2), np.float32)
     shown[:, : most.shape[1], 1] = kept
-    shown[:, : most.shape[1], 0] = (
-        np.where(kept > 0.0, np.take_along_axis(ids, most, 1), 0).astype(np.uint32).view(np.float32)
-    )
-    return shown.reshape(height, width, 2 * RANKS)
+    shown[:, : most.shape[1], 0] = np.where(kept > 0.0, np.take_along_axis(ids, most, 1), 0).view(np.float32)
+    return shown
 
 
 def filled(mattes: Floats, alpha: Floats) -> Floats:

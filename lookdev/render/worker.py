@@ -7,33 +7,26 @@ when stdin ends, also after a crash of this process.
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import tempfile
 import threading
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext, suppress
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Literal, Self
+from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import BaseModel, Field, TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from lookdev.errors import OutputError, RenderError, WorkerError
 from lookdev.render import wire
 from lookdev.render.backends import BACKENDS
+from lookdev.render.results import MESSAGES, Done, Failed, Floats, Message, Progress, Ready, Rendered, arrays_in, loaded
 from lookdev.render.slopes import SlopeTask
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.threads import on_cores
-
-Floats = NDArray[np.float32]
 
 PATIENCE = 600.0
 """Seconds without an answer after which a worker counts as hung; longer than a slow round of samples."""
@@ -43,63 +36,6 @@ _FRAME = "lookdev: frame "
 
 LONGEST_MESSAGE = 1 << 20
 """Bytes; a longer line is refused, so that it does not fill the memory."""
-
-
-class Ready(BaseModel):
-    type: Literal["ready"]
-    blender: str
-
-
-class Progress(BaseModel):
-    type: Literal["progress"]
-    digest: str
-    samples: int
-    of: int
-    relmse: float | None
-
-
-class Done(BaseModel):
-    type: Literal["done"]
-    digest: str
-    arrays: Path
-    samples: int
-    seconds: float
-    relmse: float
-    memory: int
-    notes: tuple[str, ...] = ()
-    raw_relmse: float | None = None
-    raw_seconds: float | None = None
-
-
-class Failed(BaseModel):
-    type: Literal["failed"]
-    digest: str
-    message: str
-    unwritable: bool = False
-
-
-Message = Ready | Progress | Done | Failed
-_MESSAGES: TypeAdapter[Message] = TypeAdapter(Annotated[Message, Field(discriminator="type")])
-
-
-@dataclass(frozen=True, eq=False)
-class Rendered:
-    """A frame as the worker renders it: independent halves (H, W, 3), premultiplied, without exposure."""
-
-    a: NDArray[np.float32]
-    b: NDArray[np.float32]
-    alpha: NDArray[np.float32]  # (H, W)
-    samples: int  # per pixel over both halves
-    seconds: float  # in the worker
-    relmse: float  # estimated from the halves
-    blender: str
-    memory: int  # peak of the worker so far, bytes
-    notes: tuple[str, ...] = ()  # for the user
-    raw: NDArray[np.float32] | None = None  # of a denoised frame: the mean of the halves before
-    raw_relmse: float | None = None
-    raw_seconds: float | None = None  # without features and denoising
-    passes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)  # (H, W, channels) by their arrays' names
-    names: Mapping[str, tuple[str, ...]] = field(default_factory=dict)  # in each matte
 
 
 class Worker:
@@ -210,7 +146,7 @@ class Worker:
         or sent an invalid answer, and was killed; OutputError where it cannot write a file, as on a full disk.
         """
         with self._killed_on_error():
-            return _load(self._finish(task, progress), task.scene, self._blender)
+            return loaded(self._finish(task, progress), task.scene, self._blender)
 
     def cancel(self, digest: str) -> None:
         """Ask the process, from any thread, to end a frame soon: `render` then raises RenderError, and all else stays.
@@ -229,7 +165,7 @@ class Worker:
         width, height = task.scene.resolution
         shape = (2, 1 + len(task.symbols), height, width, 4)
         with self._killed_on_error():
-            return _arrays(self._finish(task, progress), {"slopes": shape})[0]["slopes"]
+            return arrays_in(self._finish(task, progress), {"slopes": shape})[0]["slopes"]
 
     def _finish(self, task: FrameTask | SlopeTask, progress: Callable[[Progress], None]) -> Done:
         """Send a task, and return the answer that ends it."""
@@ -315,7 +251,7 @@ class Worker:
             if not line.endswith(b"\n") and len(line) < LONGEST_MESSAGE:
                 raise WorkerError(self._ending(process, hung))
         try:
-            return _MESSAGES.validate_json(line)
+            return MESSAGES.validate_json(line)
         except ValidationError:
             shown = line[:80].decode(errors="replace").strip()
             raise WorkerError(f"the render worker sent an invalid message: {shown!r}") from None
@@ -374,47 +310,6 @@ def explained(error: Exception, log: Path) -> str:
     """Return an error in words, with the last line of a worker's log file where they lack it."""
     line = last_line(log)
     return str(error) if line in str(error) else f"{error}: {line}"
-
-
-def _load(done: Done, scene: SceneTask, blender: str) -> Rendered:
-    """Read and remove the arrays of a result; raises WorkerError unless they are finite and of the right shape."""
-    width, height = scene.resolution
-    shapes = {"a": (height, width, 3), "b": (height, width, 3), "alpha": (height, width)}
-    shapes |= {"raw": (height, width, 3)} if done.raw_relmse is not None else {}
-    passes = scene.arrays
-    shapes |= {f"pass {name}": (height, width, len(channels)) for name, channels in passes.items()}
-    found, names = _arrays(done, shapes)
-    shown = {name: found.pop(f"pass {name}") for name in passes}
-    return Rendered(
-        **found,
-        passes=shown,
-        names={name: tuple(each) for name, each in names.items()},
-        samples=done.samples,
-        seconds=done.seconds,
-        relmse=done.relmse,
-        blender=blender,
-        memory=done.memory,
-        notes=done.notes,
-        raw_relmse=done.raw_relmse,
-        raw_seconds=done.raw_seconds,
-    )
-
-
-def _arrays(done: Done, shapes: Mapping[str, tuple[int, ...]]) -> tuple[dict[str, Floats], dict[str, list[str]]]:
-    """Read and remove the arrays of a result, and the names of mattes; errors as `_load`."""
-    try:
-        with done.arrays.open("rb") as stream, np.load(stream, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in shapes}
-            names = json.loads(stored["names"].tobytes()) if "names" in stored else {}
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise WorkerError(f"the render worker's result cannot be read: {error}") from error
-    done.arrays.unlink(missing_ok=True)
-    for name, shape in shapes.items():
-        if arrays[name].shape != shape:
-            raise WorkerError(f"the render worker's array '{name}' is {arrays[name].shape}, should be {shape}")
-        if not np.isfinite(arrays[name]).all():
-            raise WorkerError(f"the render worker's array '{name}' has pixels that are not finite")
-    return {name: array.astype(np.float32, copy=False) for name, array in arrays.items()}, names
 
 
 def _kill_group(process: subprocess.Popen[bytes]) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lookdev.batch.sanity import doubts
-from lookdev.render.worker import Rendered
+from lookdev.render.results import Rendered
 
 
 def frame(a: Any, b: Any, alpha: Any = 1.0) -> Rendered:

@@ -18,8 +18,8 @@ from lookdev.bench.looks import different
 from lookdev.bench.matrix import Options
 from lookdev.errors import RenderError
 from lookdev.render.backends import BACKENDS
+from lookdev.render.results import Rendered
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Rendered
 
 
 class FakeProcesses:

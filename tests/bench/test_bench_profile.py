@@ -16,8 +16,8 @@ from lookdev.bench.kinds import KINDS
 from lookdev.bench.matrix import Cell, Options, parse_options, restricted
 from lookdev.bench.profile import FEW, PARTS, run_profile, stages
 from lookdev.errors import LookdevError, RenderError
+from lookdev.render.results import Rendered
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Rendered
 
 DEFAULTS = KINDS["profile"].defaults
 FIXED, FILM = 0.01, 0.001  # seconds of a frame, and of a sample

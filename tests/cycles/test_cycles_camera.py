@@ -14,9 +14,10 @@ from lookdev.light import Dome
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import frame_pixels
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene, frame_fill
 
 pytestmark = pytest.mark.cycles

@@ -12,7 +12,7 @@ from looks import LOOKS
 
 from lookdev.material import Layer
 from lookdev.material.usd import read_look
-from lookdev.render.worker import Rendered
+from lookdev.render.results import Rendered
 
 pytestmark = pytest.mark.cycles
 

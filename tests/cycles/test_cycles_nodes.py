@@ -23,8 +23,9 @@ from lookdev.codegen import Link, NodeSource, NodeTree, PrincipledSource, Shader
 from lookdev.errors import RenderError
 from lookdev.light import Dome
 from lookdev.metrics import relmse
+from lookdev.render.results import Rendered
 from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Pose, Sampling
 
 pytestmark = pytest.mark.cycles

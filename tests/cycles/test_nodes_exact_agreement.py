@@ -18,7 +18,7 @@ from lookdev.asset import load_asset
 from lookdev.light import Dome
 from lookdev.material import Coordinates, Formula, Layer
 from lookdev.material.expression import parse
-from lookdev.render.worker import Rendered
+from lookdev.render.results import Rendered
 
 pytestmark = pytest.mark.cycles
 

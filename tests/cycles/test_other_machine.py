@@ -12,9 +12,10 @@ import pytest
 from lookdev.asset import load_asset
 from lookdev.material import Layer, Look, Texture
 from lookdev.render.backends import job_backends
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import contents, one_frame
-from lookdev.render.worker import Rendered, renderer
+from lookdev.render.worker import renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles

@@ -6,14 +6,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_passes import CENTER, COATED, GREY, POSE, SIZE, balls, rendered, task_of
+from test_passes import CENTER, COATED, GREY, POSE, SIZE, balls, covered, light_of_balls, rendered, task_of
 
 from lookdev.light import Emission, Light, RectLight, SphereLight, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.render.passes import arrays_of, light_layer
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles
@@ -91,6 +92,16 @@ def test_sets_that_do_not_fit_one_render_are_shared_by_the_halves(given: dict[st
     assert not frame.passes["transmission"].any()
     assert frame.passes["indirect"].mean() > 3e-4
     assert {*frame.passes} == {*arrays_of(passes, GROUPS)}
+
+
+def test_light_belongs_to_the_lobe_of_the_first_hit(worker: Worker) -> None:
+    """A ball without a diffuse lobe shows no diffuse light, whatever the lobes are that its light has left before."""
+    metal = Look("metal", (Layer("m", "disney", {"metallic": 1.0, "baseColor": (0.8,) * 3, "roughness": 0.4}),))
+    on_ball = covered(("/set/ball", "/set/left", "/set/top"), SIZE, 24)["/set/ball"] == 1.0
+    frame = light_of_balls(worker, metal, GREY, ("lobes", "direct"), "white", bounces=3)
+    assert frame.passes["indirect"][on_ball].mean() > 1e-3
+    assert frame.passes["diffuse"][~on_ball].mean() > 1e-3
+    assert not frame.passes["diffuse"][on_ball].any()
 
 
 @pytest.mark.slow

@@ -19,9 +19,10 @@ from lookdev.material import Layer, Look
 from lookdev.metrics import standard_error
 from lookdev.reference.mesh import MeshScene
 from lookdev.render.passes import PASSES
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling, Scene
 from lookdev.scene.rays import camera_rays
 

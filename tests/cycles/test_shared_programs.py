@@ -14,9 +14,10 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.codegen.osl.share import shared_programs
 from lookdev.light import Dome
 from lookdev.material import Layer, Look
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Sampling, Scene
 
 pytestmark = pytest.mark.cycles

@@ -52,10 +52,12 @@ def start(job: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(command, **pipes, text=True, start_new_session=True)
 
 
-def finish(batch: subprocess.Popen[str], code: int) -> str:
-    """Wait for the end of a batch; return its output."""
+def finish(batch: subprocess.Popen[str], code: int, retries: int = 0) -> str:
+    """Wait for the end of a batch, which renders a frame again as often as expected; return its output."""
     output, _ = batch.communicate(timeout=120)
     assert batch.returncode == code, output
+    # Each of them may be a worker that crashed, which the frames do not show.
+    assert output.count("retry ") == retries, output
     return output
 
 

@@ -10,9 +10,10 @@ from lookdev.asset import Asset
 from lookdev.light import EnvironmentMap, prepare_light
 from lookdev.material import Look
 from lookdev.render.backends import WORKER_COMMAND
+from lookdev.render.results import Progress, Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Progress, Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Pose, Sampling, Scene
 
 # Samples of the light alone keep the generated shader, and its compilation, small.

@@ -62,7 +62,7 @@ def test_a_worker_killed_in_a_frame_costs_a_retry(tmp_path: Path) -> None:
     batch = batches.start(job)
     wait_until(lambda: batches.frames(job))
     os.kill(batches.worker_of(batch), signal.SIGKILL)
-    output = batches.finish(batch, 0)
+    output = batches.finish(batch, 0, retries=1)
     assert output.count("the render worker died of SIGKILL") == 1
     assert "8 of 8 frames are done, 8 of them rendered now." in output
     assert batches.leftovers(job) == []

@@ -16,7 +16,7 @@ from lookdev.errors import OutputError
 from lookdev.light import load_environment
 from lookdev.material import Layer, Look
 from lookdev.render.backends import WORKER_COMMAND
-from lookdev.render.worker import Progress, Rendered
+from lookdev.render.results import Progress, Rendered
 from lookdev.scene import Camera
 
 pytestmark = pytest.mark.cycles

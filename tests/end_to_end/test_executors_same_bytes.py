@@ -60,6 +60,7 @@ def lookdev(*arguments: object) -> None:
         [sys.executable, "-m", "lookdev", *map(str, arguments)], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
+    assert "retry " not in done.stdout + done.stderr, "a worker crashed"
 
 
 def openjd(job: Path, out: Path) -> str:

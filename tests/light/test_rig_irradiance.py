@@ -15,9 +15,10 @@ from lookdev.asset import load_asset
 from lookdev.light import CylinderLight, DiskLight, DistantLight, Emission, Falloff, Light, RectLight, SphereLight
 from lookdev.light.placement import checked_axes, to_world, vector
 from lookdev.material import Layer, Look
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Rendered, renderer
+from lookdev.render.worker import renderer
 from lookdev.scene import Pose, Sampling, Scene
 
 pytestmark = pytest.mark.cycles

@@ -13,9 +13,10 @@ from lookdev.asset import Asset, Instance, load_asset, make_asset
 from lookdev.light import Light
 from lookdev.light.link import Link
 from lookdev.material import Layer, Look
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.linking import link_lights
 

@@ -18,9 +18,10 @@ from lookdev.light import Emission, Light, RectLight, SphereLight
 from lookdev.material import Layer, Look
 from lookdev.reference.mesh import MeshScene
 from lookdev.render.cryptomatte import matte_id
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import FrameTask, one_frame
-from lookdev.render.worker import Rendered, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 from lookdev.scene.rays import camera_rays
 

@@ -11,8 +11,9 @@ import pytest
 
 from lookdev.errors import OutputError, RenderError
 from lookdev.render.answers import save_arrays
+from lookdev.render.results import Progress
 from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.worker import Progress, Worker
+from lookdev.render.worker import Worker
 from lookdev.scene import Pose
 
 # Frames with an exposure fail; others allocate and free 300 MB.

@@ -52,9 +52,9 @@ from lookdev.render.executors.protocol import (
 )
 from lookdev.render.executors.shares import ChunkShares
 from lookdev.render.executors.versions import mismatch, versions
+from lookdev.render.results import Progress
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.threads import cores
-from lookdev.render.worker import Progress
 
 _CONNECT = 10.0  # seconds
 _PIECE = 32 << 20  # bytes of a file in a message

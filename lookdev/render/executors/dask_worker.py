@@ -24,9 +24,10 @@ from lookdev.render.backends import BACKENDS
 from lookdev.render.executors.protocol import GivenUp, Retried, Store, Stored
 from lookdev.render.executors.tries import rendered_in_tries
 from lookdev.render.executors.versions import mismatch, versions
+from lookdev.render.results import Progress, Rendered
 from lookdev.render.task import FrameTask, contents
 from lookdev.render.threads import share_of_cores
-from lookdev.render.worker import Progress, Rendered, Worker
+from lookdev.render.worker import Worker
 
 IDLE = 300.0
 """Seconds without a chunk after which a renderer is ended: its memory serves others."""

@@ -25,9 +25,10 @@ from lookdev.render.executors.protocol import (
 )
 from lookdev.render.executors.shares import Shares
 from lookdev.render.executors.tries import rendered_in_tries
+from lookdev.render.results import Progress, Rendered
 from lookdev.render.task import FrameTask, SceneTask
 from lookdev.render.threads import share_of_cores
-from lookdev.render.worker import Progress, Rendered, Worker
+from lookdev.render.worker import Worker
 
 _WATCHED = 4.0
 """Seconds over which is measured what workers leave unused."""

@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from lookdev.render.results import Progress, Rendered
 from lookdev.render.task import FrameTask, SceneTask
-from lookdev.render.worker import PATIENCE, Progress, Rendered
+from lookdev.render.worker import PATIENCE
 
 CRASH_TRIES = 3
 """Tries of a frame whose worker dies, hangs or sends no valid answer: the frame before may be the cause."""

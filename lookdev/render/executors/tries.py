@@ -6,8 +6,9 @@ from collections.abc import Callable
 
 from lookdev.errors import RenderError, WorkerError
 from lookdev.render.executors.protocol import CLEAN_TRIES, CRASH_TRIES, GivenUp, Retried
+from lookdev.render.results import Progress, Rendered
 from lookdev.render.task import FrameTask
-from lookdev.render.worker import Progress, Rendered, Worker, last_line
+from lookdev.render.worker import Worker, last_line
 
 
 def rendered_in_tries(

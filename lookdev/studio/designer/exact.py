@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from lookdev.errors import LookdevError, RenderError, WorkerError
 from lookdev.metrics import relmse_of_halves
 from lookdev.render.backends import BACKENDS
+from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import SceneTask, one_frame
 from lookdev.render.wire import Cancelled
-from lookdev.render.worker import Rendered, Worker, explained
+from lookdev.render.worker import Worker, explained
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
 
 Floats = NDArray[np.float64]

@@ -16,9 +16,10 @@ from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.plot.angles import Values
 from lookdev.render.backends import BACKENDS
+from lookdev.render.results import Progress
 from lookdev.render.scene import scene_task
 from lookdev.render.task import one_frame
-from lookdev.render.worker import Progress, Worker, explained
+from lookdev.render.worker import Worker, explained
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
