@@ -114,7 +114,9 @@ def look_shaders(
         for each in look.attributes
     )
     surface = relight["surface"].replace("//@ attributes", read)
-    deltas = "".join(f"        if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.deltas))
+    deltas = "".join(
+        f"        if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.deltas)
+    )
     if deltas:
         deltas += "        if (k >= DRAWN + LIT) {\n            here.w = surface_world(wi);\n"
         deltas += "            here.diffuse = vec3(0.0);\n        }\n"

@@ -162,8 +162,9 @@ def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
     return replace(Scene.of_look(asset, worn, lights[0], (16, 16)), lights=tuple(lights))
 
 
-def test_shadow_is_switched_while_nothing_compiles(page: Page) -> None:
-    scene = monkey([dome()])
+@pytest.mark.parametrize("look", ["painted", "glassy"])
+def test_shadow_is_switched_while_nothing_compiles(look: str, page: Page) -> None:
+    scene = monkey([dome()], look)
     shaded = compare(page, scene, 128, 40, samples=64)
     compiled = page.js("done(viewport.programs.compiled);")
     lit = compare(page, scene, 128, 40, samples=64, shadows=False)
