@@ -6,7 +6,7 @@ import { askConflict, compareSnapshots, showNotices } from "./files.js";
 import { follow } from "./hand.js";
 import { choose, chosenLayer, showLayers } from "./layers.js";
 import { LightList } from "./lights.js";
-import { at, fileName, opened } from "./made.js";
+import { at, fileName, made, opened } from "./made.js";
 import { Turntable } from "./turntable.js";
 import { Viewport } from "./viewport/viewport.js";
 
@@ -56,7 +56,7 @@ Object.assign(window, { viewport, exact, lights, turntable }); // for tests
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
-  at("progress").textContent = scale > 1 ? "…" : `${count} samples · direct light, no shadows`;
+  at("progress").textContent = scale > 1 ? "…" : `${count} samples · direct light${castable() ? (viewport.settings.shadows ? " with cast shadow" : ", no shadow") : ""}`;
 });
 
 /** Fetch and show the scene, which the server has made anew. */
@@ -76,9 +76,19 @@ async function load(what) {
   select(at("look"), next.choices.looks, next.chosen.look);
   select(at("rig"), next.choices.rigs, next.chosen.rig);
   select(at("part"), next.parts.map((each) => each.path), next.parts[Math.min(picked, next.parts.length - 1)].path);
-  at("left-out").querySelector("ul").replaceChildren(...next.left_out.map((each) => Object.assign(document.createElement("li"), { textContent: each })));
+  at("shadows").disabled = !next.shadows;
+  at("shadows").parentElement.title = next.shadows ? "What the asset takes of the light that arrives on it" : "This asset casts no shadow on itself: it is convex";
+  leftOut();
   panel();
   say(`${next.view.name}`);
+}
+
+const castable = () => scene?.shadows ?? false;
+
+/** Name what the picture leaves out, as it is now. */
+function leftOut() {
+  const switched = castable() && !viewport.settings.shadows ? ["cast shadow: switched off"] : [];
+  at("left-out").querySelector("ul").replaceChildren(...[...scene.left_out, ...switched].map((each) => made("li", { textContent: each })));
 }
 
 function select(element, names, chosen) {
@@ -260,7 +270,8 @@ function view() {
   at("exposure-value").textContent = exposure.toFixed(1);
   at("lighting-value").textContent = `${Math.round(lighting)}°`;
   at("element-value").textContent = `${Math.round(element)}°`;
-  viewport.set({ exposure, lighting, element, background: at("background").checked });
+  viewport.set({ exposure, lighting, element, background: at("background").checked, shadows: at("shadows").checked });
+  if (scene) leftOut();
 }
 
 follow(canvas, viewport, {
@@ -274,7 +285,7 @@ follow(canvas, viewport, {
     panel();
   },
 });
-for (const id of ["exposure", "lighting", "element", "background"]) at(id).addEventListener("input", view);
+for (const id of ["exposure", "lighting", "element", "background", "shadows"]) at(id).addEventListener("input", view);
 at("part").addEventListener("change", () => {
   picked = at("part").selectedIndex;
   panel();
@@ -325,9 +336,12 @@ addEventListener("keydown", (event) => {
     event.preventDefault();
   } else if (typing(event.target)) return;
   else if ((event.target.tagName !== "BUTTON" || event.key !== " ") && (turntable.key(event.key) || exact.key(event.key))) event.preventDefault();
-  else if (event.key === "b") {
-    at("background").checked = !at("background").checked;
-    view();
+  else {
+    const box = at({ b: "background", h: "shadows" }[event.key]);
+    if (box && !box.disabled) {
+      box.checked = !box.checked;
+      view();
+    }
   }
 });
 addEventListener("beforeunload", (event) => {
