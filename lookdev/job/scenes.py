@@ -47,15 +47,17 @@ class JobScenes:
     charts: Mapping[str, Scene] = field(default_factory=dict)  # of reference props, by rig
 
 
-def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None) -> JobScenes:
+def job_scenes(job: Job, ahead: Ahead = lambda job, look, lights: None, assets: Assets | None = None) -> JobScenes:
     """Read the files of a job; raises FaultsError with all faults of all files.
+
+    `assets` are those of the job's asset, where they were read before.
 
     Lights and materials are read first: `ahead` is called with a look and a rig before the asset is, unless there are
     faults, no look has a material of its own, or every rig waits for the size of the asset.
     """
     notes: list[str] = []
     faults: list[Fault] = []
-    assets = Assets(job.asset)
+    assets = assets or Assets(job.asset)
     job, places = _every_variant(job, assets, faults)
     of_shaders: list[Fault] = []
     on_shaders: list[str] = []

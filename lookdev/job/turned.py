@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 from lookdev.asset import Asset, load_asset
 from lookdev.asset.usd import read_usd
-from lookdev.asset.usd.collections import collection_members, prim_at
+from lookdev.asset.usd.collections import collection_members, collections_above, prim_at
 from lookdev.errors import AssetError
 from lookdev.job.parts import JobAsset, JobLook
 from lookdev.material.usd.bound import BoundLook, read_bound
@@ -29,6 +31,15 @@ class Turned:
     def paths(self) -> tuple[str, ...]:
         """The path of every part."""
         return tuple(part.path for own in self.parts.values() for part in own)
+
+    @cached_property
+    def collections(self) -> Mapping[str, frozenset[str]]:
+        """The parts that each collection includes which the prims at and above parts have, and which is valid."""
+        found: dict[str, frozenset[str]] = {}
+        for each in collections_above(self.composed.stage, self.paths) if self.composed else ():
+            with suppress(AssetError):
+                found[each] = self.members(each)
+        return found
 
     def members(self, pattern: str) -> frozenset[str]:
         """Return the parts that a collection includes; raises AssetError where there is no such collection."""

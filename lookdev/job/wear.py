@@ -52,19 +52,12 @@ def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: P
     `materials` are the looks of each `assign`, and last that of `material`, if the look has one. Errors as
     `Turned.bound`.
     """
-    assigned = [
-        (f"assign[{number}].prims", pattern) for number, each in enumerate(given.assign) for pattern in each.prims
-    ]
-    owners = [number for number, each in enumerate(given.assign) for _ in each.prims]
-    first = _fit(assigned, turned, place, faults)
-    covered = _fit([("parts", pattern) for pattern in given.parts or ()], turned, place, faults)
+    covered = covering(given, turned, place, faults)
 
     def own_material(part: Part) -> int | None:
         """Return the number of the material of the job that covers a part."""
-        if part.path in first:
-            return owners[first[part.path]]
-        covers = given.material is not None and (given.parts is None or part.path in covered)
-        return len(given.assign) if covers else None
+        cover = covered.get(part.path)
+        return None if cover is None else len(given.assign) if cover.assign is None else cover.assign
 
     parts = [part for own in turned.parts.values() for part in own]
     left = [part for part in parts if own_material(part) is None]
@@ -82,9 +75,9 @@ def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: P
     looks |= {path: each.look for path, each in bound.items()}
     looks |= {name: display_color_look(_COLOR, opacity=name == _OPACITY) for name in (_COLOR, _OPACITY)}
     notes = list(lost_notes(fault for each in bound.values() for fault in each.lost))
-    covering = {own_material(part) for part in parts}
+    worn = {own_material(part) for part in parts}
     for number in range(len(materials)):
-        if number not in covering:
+        if number not in worn:
             which = f"assign[{number}]" if number < len(given.assign) else "'material'"
             notes.append(f"look '{given.name}': {which} covers no part: others come first for all that it fits")
     if bare := [part.path for part in left if choose(part) is None]:
@@ -92,6 +85,30 @@ def dress_as(given: JobLook, materials: Sequence[Look], turned: Turned, place: P
         notes.append(f"look '{given.name}': nothing covers {bare[0]}{more} rendered neutral grey")
     own = frozenset(path for path, key in chosen.items() if isinstance(key, str))
     return Dressed(asset, {path: looks[key] for path, key in chosen.items()}, own, tuple(notes))
+
+
+@dataclass(frozen=True)
+class Cover:
+    """What of a look of a job covers a part: the number of an `assign` and its pattern, or the look's `material`."""
+
+    assign: int | None = None
+    pattern: str = ""
+
+
+def covering(given: JobLook, turned: Turned, place: Place, faults: list[Fault]) -> dict[str, Cover]:
+    """Return what covers each part that wears a material of the job; adds patterns that fit nothing to `faults`."""
+    assigned = [
+        (f"assign[{number}].prims", pattern) for number, each in enumerate(given.assign) for pattern in each.prims
+    ]
+    owners = [number for number, each in enumerate(given.assign) for _ in each.prims]
+    first = _fit(assigned, turned, place, faults)
+    whole = _fit([("parts", pattern) for pattern in given.parts or ()], turned, place, faults)
+    found = {path: Cover(owners[number], assigned[number][1]) for path, number in first.items()}
+    if given.material is not None:
+        found |= {
+            path: Cover() for path in turned.paths if path not in first and (given.parts is None or path in whole)
+        }
+    return found
 
 
 def lost_notes(lost: Iterable[Fault]) -> Iterator[str]:

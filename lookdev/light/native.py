@@ -1,4 +1,4 @@
-"""What Cycles' own lights, Mitsuba and the viewport cannot show: why, for a light, and which images it reads."""
+"""What Cycles' own lights and Mitsuba cannot show: why, for a light, and which images it reads."""
 
 from __future__ import annotations
 
@@ -48,18 +48,6 @@ def gap_of_placed(light: PlacedLight) -> str | None:
     profile = ["an IES profile"] if shaping and shaping.profile else []
     known = (*_ANYWHERE, "shadow", "shaping")
     return _all((*profile, *_shadow(emission), *_beyond(emission, known)))
-
-
-def gap_of_viewport(light: Any) -> str | None:
-    """Return what of a light the page's viewport does not show, which leaves the light out; None: it shows the light.
-
-    Shadows are left out of all lights: their controls are no gap.
-    """
-    emission = light.emission
-    gaps = ["a place and a radius of its image"] if light.kind == "local_dome" else []
-    gaps += ["a texture"] if getattr(light, "texture", None) else []
-    shown = ("shaping", "falloff", "camera", "light_link", "shadow", "shadow_link", "spared")
-    return _all((*gaps, *_beyond(emission, (*_ANYWHERE, *shown))))
 
 
 def dome_images(light: Any) -> tuple[Content, ...]:

@@ -1,5 +1,5 @@
 // The light that the seen surface reflects: directions of its BSDF and of the lights, weighed by the balance heuristic
-// (Veach 1997), one set of low-discrepancy points over all frames of a pixel. Nothing occludes, nothing else reflects.
+// (Veach 1997), one set of low-discrepancy points over all frames of a pixel. What they meet occludes, and reflects nothing.
 
 //@ section surface
 uniform highp sampler2D corners;  // STRIDE texels of each corner of each triangle, in rows of CORNERS_WIDTH
@@ -7,7 +7,7 @@ uniform int sample_number, seed;
 
 vec4 corner_texel(int corner, int k) {
     int place = corner * STRIDE + k;
-    return texelFetch(corners, ivec2(place & (CORNERS_WIDTH - 1), place / CORNERS_WIDTH), 0);
+    return texelFetch(corners, ivec2(place & (CORNERS_WIDTH - 1), place >> CORNERS_SHIFT), 0);
 }
 
 vec3 surface_weights;
@@ -67,12 +67,34 @@ bool absent() {
 //@ section main
 uniform highp usampler2D visible;
 uniform ivec2 triangles;
+uniform int shadowed;  // 0: no shadow is shown
 uniform int places;  // of a pixel along each axis, at which is known what is seen
 layout(location = 0) out vec4 reflected;
+
+// A direction: the BSDF times the cosine, of which `diffuse` is of diffuse lobes, and the light over the density of all
+// that draws it. It is of the light of a number, at a distance; or of all, -1: then `own` and `weighed` are those of
+// rig_arriving.
+struct Direction {
+    vec3 w, value, diffuse, arriving, diffuse_arriving;
+    float own, weighed, distance;
+    int light;
+};
+
+vec3 reflected_from(Direction here) {
+#if RIG_SPLIT
+    return (here.value - here.diffuse) * here.arriving + here.diffuse * here.diffuse_arriving;
+#else
+    return here.value * here.arriving;
+#endif
+}
 
 // Whether the shading normal and the facet agree on which side a direction is, and the look lets light be there.
 bool agree(vec3 wi, vec3 w) {
     float height = dot(w, surface_facet);
+#if SHADOWS == 2
+    // A closed convex surface occludes what comes from inside it.
+    if (shadowed == 1 && height * (1.0 - 2.0 * inside) < 0.0) return false;
+#endif
 #if TRANSMITS
     return wi.z * height > 0.0;
 #else
@@ -97,35 +119,98 @@ void main() {
     }
 #endif
     rig_meet_surface(surface_point, surface_axes[0], surface_axes[1], surface_axes[2], surface_slot);
-    for (int k = 0; k < DRAWN + LIT; ++k) {
-        bool of_light = k >= DRAWN;
-        vec3 w, wi, arriving = vec3(0.0);
+    Direction here;
+#if SHADOWS == 1
+    // A ray is traced along one direction of each side, chosen in proportion to the light where nothing occludes.
+    Direction chosen[TRACED];
+    vec2 chance, sum = vec2(0.0), share = vec2(0.0);
+    sobol_2d(sample_number, sobol_hash(start + 0x7feb352d), chance.x, chance.y);
+#endif
+    for (int k = 0; k < DIRECTIONS; ++k) {
+        int side = 0;
+        vec3 wi;
         float density = 0.0;
-        if (of_light) {
-            int j = k - DRAWN, front = LIT - TRANSMITS * (LIT / 2), side = j >= front ? 1 : 0;
+        here.light = -1;
+        here.own = 1.0;
+        here.weighed = 0.0;
+        here.distance = RIG_INFINITE;
+        if (k < DRAWN) {
+            sobol_2d(sample_number * DRAWN + k, start, u1, u2);
+            look_draw(wi);
+            here.w = surface_world(wi);
+        } else if (k < DRAWN + LIT) {
+            int j = k - DRAWN, front = LIT - TRANSMITS * (LIT / 2);
+            side = j >= front ? 1 : 0;
             int count = side == 1 ? LIT / 2 : front;
             float v1, v2;
             sobol_2d(sample_number * count + j - side * front, sobol_hash(start + 0x1b873593 + side), v1, v2);
-            arriving = rig_draw(side, v1, v2, w, density);
-            wi = surface_local(w);
-        } else {
-            sobol_2d(sample_number * DRAWN + k, start, u1, u2);
-            look_draw(wi);
-            w = surface_world(wi);
+            here.arriving = rig_draw(side, v1, v2, here.w, density, here.light, here.distance);
+            wi = surface_local(here.w);
+            if (max(here.arriving.r, max(here.arriving.g, here.arriving.b)) <= 0.0) continue;
         }
-        if (!agree(wi, w)) continue;
-        wi_x = wi.x;
-        wi_y = wi.y;
-        wi_z = wi.z;
-        vec3 value;
-        float pdf;
-        look_evaluate(value, pdf);
-        if (max(value.r, max(value.g, value.b)) <= 1e-20) continue;
-        float own = float(DRAWN) * pdf;
-        if (of_light) radiance += value * arriving / (own + density);
-        else if (pdf > 0.0) radiance += value * rig_arriving(w, own, 1.0);
-    }
 //@ deltas
+        if (!agree(wi, here.w)) continue;
+        if (k < DRAWN + LIT) {
+            float pdf;
+            wi_x = wi.x;
+            wi_y = wi.y;
+            wi_z = wi.z;
+#if RIG_SPLIT
+            look_evaluate(here.value, pdf, here.diffuse);
+#else
+            look_evaluate(here.value, pdf);
+#endif
+            here.own = float(DRAWN) * pdf;
+            here.weighed = 1.0;
+        }
+        if (max(here.value.r, max(here.value.g, here.value.b)) <= 1e-20) continue;
+        if (here.light >= 0) {
+            here.arriving /= here.own + density;
+#if RIG_SPLIT
+            here.diffuse_arriving = rig_field(here.light, LAMP_diffuse) * here.arriving;
+            here.arriving *= rig_field(here.light, LAMP_specular);
+#endif
+        } else {
+            if (here.own <= 0.0) continue;
+            here.arriving = rig_arriving(here.w, here.own, here.weighed, here.diffuse_arriving);
+        }
+        vec3 found = reflected_from(here);
+        radiance += found;
+#if SHADOWS == 1
+        side = TRANSMITS == 1 && wi.z < 0.0 ? 1 : 0;
+        float part = found.r + found.g + found.b;
+        if (part <= 0.0) continue;
+        sum[side] += part;
+        // What is left of the number is uniform again.
+        float wanted = chance[side] * sum[side];
+        bool taken = wanted < part;
+        chance[side] = clamp(taken ? wanted / part : (wanted - part) / (sum[side] - part), 0.0, 0.99999994);
+        if (taken) {
+            chosen[side] = here;
+            share[side] = part;
+        }
+#endif
+    }
+#if SHADOWS == 1
+    if (shadowed == 1) {
+        radiance = vec3(0.0);
+        for (int side = 0; side < TRACED; ++side) {
+            if (sum[side] <= 0.0) continue;
+            here = chosen[side];
+            rig_meet_occluders(here.w, here.light, here.distance);
+            if (RIG_PLAIN || here.light >= 0) {
+                vec3 passed = rig_passed(max(here.light, 0), here.distance);
+                here.arriving *= passed;
+                here.diffuse_arriving *= passed;
+            }
+#if !RIG_PLAIN
+            if (here.light < 0)
+                here.arriving = rig_arriving(here.w, here.own, here.weighed, here.diffuse_arriving);
+#endif
+            radiance += reflected_from(here) * sum[side] / share[side];
+        }
+    }
+#endif
 #if SEE_THROUGH
     // The surface is seen as often as it is present.
     float presence;

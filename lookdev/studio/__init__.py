@@ -24,5 +24,5 @@ class Address:
 
 def checked_packages() -> None:
     """Raise LookdevError where a package of the page is not installed."""
-    if missing := [name for name in ("starlette", "uvicorn", "websockets") if find_spec(name) is None]:
+    if missing := [name for name in ("starlette", "tomlkit", "uvicorn", "websockets") if find_spec(name) is None]:
         raise LookdevError(f"the page needs {' and '.join(missing)}: pip install 'lookdev[studio]'")

@@ -274,7 +274,7 @@ def test_the_view_needs_no_source(paint: Path, take: Take) -> None:
         ("dirt * 2", ["drit=1"], "--input: drit=1: 'drit' is no name in the expression (did you mean 'dirt'?)"),
         ("dirt * 2", ["dirt"], "--input: dirt: names no source of the value"),
         ("1", ["dirt=1"], "--input: dirt=1: only an expression has inputs"),
-        ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a mask is a float: use luminance())"),
+        ("dirt", ["dirt=dirt.png:rgb"], "the result is a color (a float is needed: use luminance())"),
         ("dirt[0]", ["dirt=dirt.png:r"], "only colors have channels"),
     ],
 )

@@ -1,12 +1,14 @@
-"""The Designer's server is killed at random moments of a scripted edit: what is saved stays, what is not is offered.
+"""The Designer's server, and its browser, are killed at random moments of an edit: what is saved stays, and what is not
+is offered, or is still there. `test_design_exact.py` kills the renderer.
 
-``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes five to ten minutes.
+``pytest -m chaos tests/studio/test_design_chaos.py --log-cli-level=INFO`` takes ten to twenty minutes.
 """
 
 from __future__ import annotations
 
 import json
 import logging
+import os
 import random
 import shutil
 import signal
@@ -18,7 +20,9 @@ from pathlib import Path
 
 import pytest
 from served import Served, served
+from test_design_page import NEEDS_CHROMIUM, Page, start_browser
 
+from lookdev.job import load_job
 from lookdev.material.usd import read_look
 from lookdev.studio.designer.opening import open_document
 
@@ -39,6 +43,9 @@ class Script:
     asked: int = 0
     edited: list[float] = field(default_factory=list)  # when each edit was answered
     saved: int = 0  # the last state whose saving was answered
+    dressed: int = 0  # how often the job was asked for an assign more
+    worn: int = 0  # how often it was answered
+    kept: int = 0  # assigns of the job whose saving was answered
     counts: dict[str, int] = field(default_factory=dict)
 
     def run(self) -> None:
@@ -53,9 +60,15 @@ class Script:
                 if self.asked % 7 == 0:
                     self.send("/stack", {"look": 0, "op": "duplicate", "layer": 1})
                     self.send("/history", {"redo": False})
+                if self.asked % 11 == 0:
+                    self.dressed += 1
+                    # Each fits the part; their number is the state of the job.
+                    wear = {"part": "/plane", "prims": [f"/plane{'*' * self.dressed}"], "material": "car_paint.usda"}
+                    self.send("/wear", wear)
+                    self.worn += 1
                 if self.asked % 9 == 0:
                     self.send("/save", {"over": False})
-                    self.saved = self.asked
+                    self.saved, self.kept = self.asked, self.worn
         except (OSError, HTTPException):
             return
 
@@ -70,16 +83,23 @@ def state_of(layers: object) -> int:
     return round((layers[0].inputs["roughness"] - 0.2) / STEP)  # type: ignore[index]
 
 
+def assigns_on_disk(job: Path) -> int:
+    return len(load_job(job).look[0].assign) if job.exists() else 0
+
+
 def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("LOOKDEV_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(tmp_path)
+    job = tmp_path / "plane.toml"
     rng, lost, counts, offered, in_flight = random.Random(25), [], {}, 0, 0
     shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
     for number in range(KILLS):
         look = tmp_path / "car_paint.usda"
         shutil.copy(ROOT / "materials" / "car_paint.usda", look)
-        with served("plane", "--material", str(look), verb="design") as server:
+        job.unlink(missing_ok=True)
+        with served("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
             script = Script(server)
             client = threading.Thread(target=script.run)
             client.start()
@@ -89,11 +109,18 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
             client.join()
         on_disk = state_of(read_look(look).layers) if script.saved or look.read_text().count("0.42") == 0 else 0
         assert script.saved <= on_disk <= script.asked, number
+        assert script.kept <= assigns_on_disk(job) <= script.dressed, number
         document = open_document(None, "plane", look, recovers=True)
         if document.status()["recovery"] is not None:
             offered += 1
             document.recover(take=True)
         found = state_of(document.looks[0].layers) if script.edited or document.unsaved(0) else 0
+        worn = (
+            assigns_on_disk(job)
+            if document.status()["job"]["new"] and job.exists()
+            else len(document.job.look[0].assign)
+        )
+        assert script.worn <= worn <= script.dressed, number
         answered = len(script.edited)
         assert found <= script.asked, number
         in_flight += found > answered
@@ -114,3 +141,39 @@ def test_nothing_saved_is_lost_and_at_most_two_seconds_of_the_rest(
         max(lost),
     )
     log.info("%d times an edit was kept whose answer did not arrive", in_flight)
+
+
+def browser_of(driver: int) -> int:
+    """Return the process of the browser that a driver has started."""
+    tasks = Path(f"/proc/{driver}/task").glob("*/children")
+    (found,) = (each for task in tasks for each in task.read_text().split())
+    return int(found)
+
+
+@NEEDS_CHROMIUM
+def test_a_browser_that_is_killed_loses_at_most_two_seconds_of_a_slider_that_is_held(tmp_path: Path) -> None:
+    """The slider moves by a step each tenth of a second, so that its value on the server tells when it was moved."""
+    rng, lost = random.Random(26), []
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
+    look = Path(shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path))
+    with served("plane", "--material", str(look), verb="design", cwd=tmp_path) as server:
+        for number in range(KILLS):
+            for browser in start_browser():
+                page = Page(browser, server.url)
+                page.js(
+                    "at('layer-0').click(); const slider = at('p-0-roughness'); let step = 0; done(slider.max);"
+                    "setInterval(() => { step += 1; slider.value = 0.005 * step;"
+                    " slider.dispatchEvent(new Event('input')); }, 100);"
+                )
+                began = time.monotonic()
+                time.sleep(rng.uniform(2.5, 8.0))
+                os.kill(browser_of(browser.service.process.pid), signal.SIGKILL)
+                killed = time.monotonic()
+                time.sleep(0.3)  # what was on its way arrives
+                rows = json.loads(server.ask("/status?whole")[1])["stacks"][0]["layers"][0]["parameters"]
+                value = next(row["value"] for row in rows if row["name"] == "roughness")
+                lost.append(killed - began - 0.1 * round(value / 0.005))
+                assert lost[-1] <= MOST_LOST, number
+    log.info(
+        "%d kills; lost of a held slider: median %.2f s, at most %.2f s", KILLS, sorted(lost)[KILLS // 2], max(lost)
+    )

@@ -24,6 +24,19 @@ def prim_at(stage: Usd.Stage, path: str) -> Usd.Prim | None:
     return (stage.GetPrimAtPath(path) or None) if valid else None
 
 
+def collections_above(stage: Usd.Stage, paths: Iterable[str]) -> tuple[str, ...]:
+    """Return the paths of the collections of the prims at and above `paths`, sorted."""
+    known: set[str] = set()
+    found: set[str] = set()
+    for path in paths:
+        while path and path not in known:
+            known.add(path)
+            if prim := prim_at(stage, path):
+                found.update(f"{path}{_MARK}{each.GetName()}" for each in Usd.CollectionAPI.GetAll(prim))
+            path = path.rpartition("/")[0]
+    return tuple(sorted(found))
+
+
 def collection_members(stage: Usd.Stage, collection: str, paths: Iterable[str]) -> frozenset[str]:
     """Return those of `paths` that the collection of a path includes.
 

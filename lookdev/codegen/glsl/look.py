@@ -73,8 +73,12 @@ class LookFunctions:
     deltas: int = 0
 
 
-def look_functions(look: Look, resolve: Callable[[Texture | Bump], Path], live: Live) -> LookFunctions:
+def look_functions(
+    look: Look, resolve: Callable[[Texture | Bump], Path], live: Live, *, split: bool = False
+) -> LookFunctions:
     """Return the functions of a look, whose `live` constants are uniforms; arguments as of `generate_program`.
+
+    With `split`, ``look_evaluate(value, pdf, diffuse)`` also sets what of the value is of diffuse lobes.
 
     Raises TextureError where an image is missing or unreadable.
     """
@@ -92,7 +96,9 @@ def look_functions(look: Look, resolve: Callable[[Texture | Bump], Path], live: 
     lines += ["void look_read() {", *(f"    {line}" for each in program.look_ups for line in _read(each)), "}"]
     frame = "tangent", "bitangent", "normal", "facet"
     lines += function_text(program, f"look_frame({', '.join(f'out vec3 {name}' for name in frame)})", frame)
-    lines += function_text(program, "look_evaluate(out vec3 value, out float pdf)", ("value", "pdf"))
+    parts = "value", "pdf", *["diffuse"] * split
+    head = ", ".join(f"out {'float' if name == 'pdf' else 'vec3'} {name}" for name in parts)
+    lines += function_text(program, f"look_evaluate({head})", parts)
     lines += function_text(program, "look_draw(out vec3 wi)", ("wi",))
     for number in range(program.deltas):
         found = program.outputs[f"delta{number}"]

@@ -18,8 +18,10 @@ from lookdev.light.dome.local import meet_ball, share_within, towards_ball
 from lookdev.light.emission import DEGREES, azimuth, cone_factor, falloff_factor, focus_factor, off_axis, shadow_passed
 from lookdev.light.ies import profile_factor
 from lookdev.light.lamps import SHAPES, weight
-from lookdev.light.plane import meet_plane
+from lookdev.light.picture import CELL_SEGMENTS
+from lookdev.light.plane import meet_plane, seen_part, towards_plane
 from lookdev.light.rect import Picture
+from lookdev.light.spherical_rectangle import Point, density, draw
 
 SHADOW_FIELDS = ("shadow", "limit", "zone", "gamma", "shadow0", "shadow1", "shadow2")
 """The numbers of a row that `shadow_operations` reads."""
@@ -91,6 +93,37 @@ def shadow_operations() -> Functions:
     enable, limit, zone, gamma = (symbol(graph, name) for name in SHADOW_FIELDS[:4])
     passed = shadow_passed(symbol(graph, "distance"), enable, limit, zone, gamma, symbols(graph, SHADOW_FIELDS[4:]))
     return _written({"passed": lambda: elements_of(passed)})
+
+
+@cache
+def part_operations() -> Functions:
+    """Return the functions of a part of a picture, from fractions part_s and part_t on, of a size in both.
+
+    ``angle`` is roughly its solid angle from p (`lookdev.light.picture`); ``part`` a direction to it by u1 and u2, its
+    distance and density; ``density`` that of a direction w that meets it. ``place`` is the distance along w to the
+    whole, and where that is met.
+    """
+    graph = Graph()
+    width, height, s, t, size = (symbol(graph, name) for name in ("a", "b", "part_s", "part_t", "size"))
+    p, w = (_vector(graph, name) for name in "pw")
+    seen = seen_part(p, width, height, s, t, size)
+
+    def pdf(point: Point) -> Any:
+        within = [np.clip((each - start) / size, 0.0, 1.0) for each, start in ((point.s, s), (point.t, t))]
+        return density(seen, Point(within[0], within[1], point.x, point.y))
+
+    distance, met = meet_plane(p, w, width, height)
+    drawn = towards_plane(p, draw(seen, symbols(graph, ["u1", "u2"])))
+    away, point = meet_plane(p, drawn, width, height)
+    angle = seen_part(p, width, height, s, t, size, CELL_SEGMENTS).solid_angle
+    return _written(
+        {
+            "angle": lambda: elements_of(angle),
+            "place": lambda: [*elements_of(distance), *elements_of(met.s), *elements_of(met.t)],
+            "density": lambda: elements_of(pdf(met)),
+            "part": lambda: [*elements_of(drawn), *elements_of(away), *elements_of(pdf(point))],
+        }
+    )
 
 
 @cache

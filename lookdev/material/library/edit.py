@@ -23,6 +23,7 @@ from lookdev.brdf import Mode, Model
 from lookdev.brdf.measured import MEASURED, grid_of
 from lookdev.cache import atomic_path
 from lookdev.errors import Fault, LookError
+from lookdev.material.expression import Kind
 from lookdev.material.library import SUFFIXES, Preset
 from lookdev.material.library.layout import with_layout
 from lookdev.material.library.masks import Held, Mask, MaskWriter
@@ -188,13 +189,29 @@ def set_mask(
     with edited(file, prim, variants) as material:
         stack = stack_of(material)
         number, name = stack.find(layer)
-        attribute = stack.input(number, "Mask", _TYPES.Float)
-        old, used = _inputs(stack.network.follow(attribute)), upstream(material, [attribute])
-        clear_input(attribute)
-        prune(material, used, [path for held in old.values() for path in held.connections])
-        MaskWriter(stack.stage, stack.scope, old).write(attribute, f"{name}Mask", mask)
-        prune(material, used)
+        replace_source(material, stack.input(number, "Mask", _TYPES.Float), stack.scope, f"{name}Mask", mask)
     return number, name
+
+
+def replace_source(
+    material: UsdShade.Material,
+    attribute: Usd.Attribute,
+    scope: Sdf.Path,
+    name: str,
+    source: Mask | None,
+    kind: Kind = "float",
+) -> None:
+    """Give an input another source, whose nodes are children of `scope`, or none; nodes that only the old one used go.
+
+    Names of an expression without a new source keep the one that they have in the old expression.
+    """
+    old = _inputs(Network(Path()).follow(attribute)) if source is not None else {}
+    used = upstream(material, [attribute])
+    clear_input(attribute)
+    prune(material, used, [path for held in old.values() for path in held.connections])
+    if source is not None:
+        MaskWriter(attribute.GetStage(), scope, old, kind).write(attribute, name, source)
+        prune(material, used)
 
 
 def write_preview(file: Path, prim: str | None = None) -> str:

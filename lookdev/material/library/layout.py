@@ -6,6 +6,7 @@ author's, and what USD writes of it before and after the edit. Where the latter 
 
 from __future__ import annotations
 
+import difflib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -174,13 +175,22 @@ def _merged(own: _Block | None, before: _Block | None, after: _Block | None) -> 
         else:
             same = was is not None and was.head == now.head
             kept[key] = replace(each, lead=lead) if same else replace(each, lead=lead, head=now.head)
-    order, last = list(kept), ""
+    moved = _moved([renamed.get(each.key, each.key) for each in before.statements], [*new])
+    order, last = [key for key in kept if key not in moved], ""
     for each in after.statements:
-        if each.key not in kept:
-            kept[each.key] = each
+        if each.key not in order:
+            kept.setdefault(each.key, each)
             order.insert(order.index(last) + 1 if last else len(order), each.key)
         last = each.key
     return _Block([kept[key] for key in order], header + own.close)
+
+
+def _moved(before: Sequence[str], after: Sequence[str]) -> set[str]:
+    """Return the keys that both have, and that stand elsewhere among those."""
+    both = {*before} & {*after}
+    old, new = ([key for key in keys if key in both] for keys in (before, after))
+    same = difflib.SequenceMatcher(None, old, new, autojunk=False).get_matching_blocks()
+    return both - {key for block in same for key in old[block.a : block.a + block.size]}
 
 
 def _renamed(before: Sequence[_Statement], after: Sequence[_Statement]) -> dict[str, str]:

@@ -59,8 +59,10 @@ class Computed:
 Mask: TypeAlias = Source | Computed
 
 
-def parse_mask(text: str, inputs: Iterable[str] = (), folder: Path = Path()) -> Mask:
-    """Parse a mask.
+def parse_mask(
+    text: str, inputs: Iterable[str] = (), folder: Path = Path(), what: str = "mask", kind: Kind = "float"
+) -> Mask:
+    """Parse a mask, or what gives a parameter of another name its value: a float or a colour.
 
     Parameters
     ----------
@@ -70,13 +72,15 @@ def parse_mask(text: str, inputs: Iterable[str] = (), folder: Path = Path()) -> 
         Names of an expression: ``"dirt=dirt.png:g"``, ``:rgb`` for a colour, ``"p=uv:st"`` for coordinates.
     folder
         Images are relative to it.
+    what, kind
+        ``"mask"``, or the name of a parameter, and what it is. The image of a colour is read as ``:rgb``.
 
     Raises
     ------
     LookError
         `text` is none of these, or an input is not a name of the expression.
     """
-    source = _parse_source(text, "mask", ("r", "g", "b", "a"), folder)
+    source = _parse_source(text, what, ("r", "g", "b", "a") if kind == "float" else ("rgb",), folder)
     if source is not None:
         if extra := list(inputs):
             raise LookError([Fault("--input", extra[0], "only an expression has inputs")])
@@ -84,7 +88,7 @@ def parse_mask(text: str, inputs: Iterable[str] = (), folder: Path = Path()) -> 
     try:
         expression = parse(text)
     except ExpressionError as error:
-        raise LookError([Fault("mask", "", f"is not {_FORMS}: {error}")]) from error
+        raise LookError([Fault(what, "", f"is not {_FORMS}: {error}")]) from error
     return Computed(expression, dict(_parse_inputs(inputs, expression, folder)))
 
 
@@ -109,12 +113,12 @@ def _parse_source(text: str, what: str, channels: tuple[str, ...], folder: Path)
             raise LookError([Fault(what, "", f"{text} is out of range", "it must be within [0, 1]")])
         return value
     kind, _, name = text.partition(":")
-    if kind == "primvar" or (kind == "uv" and what != "mask"):
+    if kind == "primvar" or (kind == "uv" and what.startswith("--input")):
         if not Sdf.Path.IsValidNamespacedIdentifier(name):
             raise LookError([Fault(what, "", f"'{name}' cannot be the name of a primvar", "for instance primvar:wear")])
         return PrimvarName(name) if kind == "primvar" else UvName(name)
     if match := _IMAGE.fullmatch(text):
-        channel = match["channel"] if match["channel"] is not None else "r"
+        channel = match["channel"] if match["channel"] is not None else channels[0]
         if channel not in channels:
             raise LookError([Fault(what, "", f"unknown channel '{channel}'", nearest_hint(channel, channels))])
         file = (folder / match["file"]).absolute()
@@ -134,13 +138,13 @@ class Held:
 
 
 class MaskWriter:
-    """Writes the nodes of a mask as children of `scope`.
+    """Writes the nodes of a mask, or of what gives another float or colour its value, as children of `scope`.
 
     `held` are inputs of the expression that is replaced: a name without a new source keeps the old one.
     """
 
-    def __init__(self, stage: Usd.Stage, scope: Sdf.Path, held: Mapping[str, Held]) -> None:
-        self._stage, self._scope, self._held = stage, scope, held
+    def __init__(self, stage: Usd.Stage, scope: Sdf.Path, held: Mapping[str, Held], kind: Kind = "float") -> None:
+        self._stage, self._scope, self._held, self._kind = stage, scope, held, kind
 
     def write(self, attribute: Usd.Attribute, name: str, mask: Mask) -> None:
         """Make `mask` the source of an input; the node has the name `name`, with a number where that is in use.
@@ -157,7 +161,8 @@ class MaskWriter:
             case Image():
                 attribute.SetConnections([self._image(name, mask)])
             case PrimvarName():
-                attribute.SetConnections([self._reader(name, "float", mask.name)])
+                color = attribute.GetTypeName() == _TYPES.Color3f
+                attribute.SetConnections([self._reader(name, "float3" if color else "float", mask.name)])
             case UvName():
                 attribute.SetConnections([self._coordinates(mask.name)])
             case Computed():
@@ -186,10 +191,10 @@ class MaskWriter:
                     return prim.GetPath().AppendProperty("outputs:result")
         return self._reader(name[:1].upper() + name[1:].replace(":", "_"), "float2", name)
 
-    def _reader(self, name: str, kind: Literal["float", "float2"], primvar: str) -> Sdf.Path:
+    def _reader(self, name: str, kind: Literal["float", "float2", "float3"], primvar: str) -> Sdf.Path:
         node = self._node(name, f"UsdPrimvarReader_{kind}")
         node.CreateInput("varname", _TYPES.String).Set(primvar)
-        return _output(node, "result", _TYPES.Float if kind == "float" else _TYPES.Float2)
+        return _output(node, "result", {"float": _TYPES.Float, "float2": _TYPES.Float2}.get(kind, _TYPES.Float3))
 
     def _expression(self, name: str, mask: Computed) -> Sdf.Path:
         node = self._node(name, "LookdevExpression")
@@ -213,10 +218,11 @@ class MaskWriter:
                 attribute.SetConnections(held.connections)
             elif held is not None:
                 attribute.Set(held.value)
-        if mask.expression.check(kinds) == "color":
-            hint = "a mask is a float: use luminance()"
+        result = mask.expression.check(kinds)
+        if result == "color" and self._kind == "float":
+            hint = "a float is needed: use luminance()"
             raise ExpressionError(mask.expression.text, 0, "the result is a color", hint)
-        return _output(node, "result", _TYPES.Float)
+        return _output(node, "result", _TYPES.Float if result == "float" else _TYPES.Color3f)
 
     def _node(self, name: str, shader_id: str) -> UsdShade.Shader:
         shader = UsdShade.Shader.Define(self._stage, free_path(self._stage, self._scope, name))

@@ -48,7 +48,7 @@ def application(document: Document) -> Starlette:
         Mapping[str, bytes]
     ] = []  # the buffers of the last two scenes: one may be fetched while the next is made
 
-    exact, lights, turntable = Exact(), Lights(), Turntable(document.job)
+    exact, lights, turntable = Exact(), Lights(), Turntable(lambda: document.job)
 
     def lit() -> Scene:
         return lights.applied(document.chosen[1], document.scene)
@@ -112,6 +112,13 @@ def application(document: Document) -> Starlette:
             return answered(document.arrange(look, body))
 
         return await _answer(arranged)
+
+    async def wear(request: Request) -> Response:
+        body = await _body(request)
+        return await _answer(lambda: answered(document.wear(body)))
+
+    async def wearables(request: Request) -> Response:
+        return await _answer(document.wearables)
 
     async def history(request: Request) -> Response:
         body = await _body(request)
@@ -281,6 +288,8 @@ def application(document: Document) -> Starlette:
             Route("/buffers/{name}", buffer),
             Route("/edit", edit, methods=["POST"]),
             Route("/stack", stack, methods=["POST"]),
+            Route("/wear", wear, methods=["POST"]),
+            Route("/wearables", wearables),
             Route("/history", history, methods=["POST"]),
             Route("/disk", disk, methods=["POST"]),
             Route("/status", status),

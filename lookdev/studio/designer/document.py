@@ -10,18 +10,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lookdev.brdf import MODELS
 from lookdev.errors import LookdevError, ModelError, nearest_hint
 from lookdev.job import Job
-from lookdev.job.scenes import JobScenes
 from lookdev.material import Look
 from lookdev.material.library import LIBRARY_VARIABLE, library_folders
 from lookdev.material.library.constants import set_inputs
 from lookdev.material.library.fragments import copy_layer, save_preset
-from lookdev.material.library.stack import Entry, Outline
 from lookdev.scene import Scene
+from lookdev.studio.designer.dressing import Dressing, Read, shipped_lights
 from lookdev.studio.designer.edits import Edit, checked, shape_of
 from lookdev.studio.designer.history import State
+from lookdev.studio.designer.looks import Looks, looks_of
 from lookdev.studio.designer.operations import Operation, operation
 from lookdev.studio.designer.recovery import Recovery
 from lookdev.studio.designer.rows import layer_rows
@@ -30,7 +29,6 @@ from lookdev.studio.designer.sources import Opened, Place, images_below
 from lookdev.studio.designer.workspace import Workspace
 from lookdev.studio.viewport import SceneView, view_scene
 
-_SOURCE = re.compile(r"(?P<file>.+)<(?P<prim>/[^<>]*)>")
 _PRESET = re.compile(r"[a-z][a-z0-9_]{0,63}")
 
 
@@ -40,41 +38,64 @@ class Document:
     Looks have the numbers that they have in the shown scene. All methods can be called by several threads.
     """
 
-    def __init__(self, job: Job, scenes: JobScenes, recovery: Recovery | None = None) -> None:
-        self.job = job
-        self.chosen = next(iter(scenes.scenes))
+    def __init__(self, dressing: Dressing, recovery: Recovery | None = None) -> None:
+        self.chosen = next(iter(dressing.read({}).scenes.scenes))
         self.snapshots = Snapshots()
-        self._scenes = scenes
+        self._dressing = dressing
         self._lock = threading.RLock()
         self._work = Workspace(recovery)
+        self._work.sources.add(dressing.file, dressing.content)
+        self._looks = Looks(dressing, self._work.sources)
         self._solo: tuple[Place, int] | None = None
-        self._places: dict[tuple[str, int], Place | str] = {}
-        self._view: tuple[Any, SceneView] | None = None
+        self._view: tuple[Scene, tuple[Look, ...], SceneView] | None = None
         self._revision = 0
 
     @property
+    def _read(self) -> Read:
+        """The job as it is edited, with the light that is shown."""
+        files = self._work.state.files
+        own = self._dressing.read(files)
+        return own if self.chosen in own.scenes.scenes else self._dressing.read(files, self.chosen[1])
+
+    @property
+    def job(self) -> Job:
+        """The job as it is edited."""
+        with self._lock:
+            return self._read.job
+
+    @property
     def choices(self) -> dict[str, list[str]]:
-        """The names of looks and of rigs."""
-        looks, rigs = (list(dict.fromkeys(names)) for names in zip(*self._scenes.scenes, strict=True))
-        return {"looks": looks, "rigs": rigs}
+        """The names of looks and of rigs of the job, and of the lights that ship beside them."""
+        with self._lock:
+            own = self._dressing.read(self._work.state.files)
+        looks, rigs = (list(dict.fromkeys(names)) for names in zip(*own.scenes.scenes, strict=True))
+        return {"looks": looks, "rigs": rigs, "shipped": [*shipped_lights(own.job)]}
 
     def choose(self, look: str, rig: str) -> None:
-        """Show another scene; raises LookdevError where the job has none of these names."""
-        for kind, name in (("looks", look), ("rigs", rig)):
-            if name not in self.choices[kind]:
-                hint = nearest_hint(name, self.choices[kind])
-                raise LookdevError(f"the job has no {kind[:-1]} '{name}' ({hint})")
+        """Show another scene; raises LookdevError where there is no look or light of these names."""
         with self._lock:
-            self.chosen = (look, rig)
+            choices = self.choices
+            for kind, name, known in (
+                ("look", look, choices["looks"]),
+                ("rig", rig, [*choices["rigs"], *choices["shipped"]]),
+            ):
+                if name not in known:
+                    raise LookdevError(f"the job has no {kind} '{name}' ({nearest_hint(name, known)})")
+            before, self.chosen = self.chosen, (look, rig)
+            try:
+                self._scene  # noqa: B018
+            except LookdevError:
+                self.chosen = before
+                raise
             self._revision += 1
 
     @property
     def _scene(self) -> Scene:
-        return self._scenes.scenes[self.chosen]
+        return self._read.scenes.scenes[self.chosen]
 
     @property
     def _originals(self) -> list[Look]:
-        return list({id(look): look for look in self._scene.looks}.values())
+        return looks_of(self._scene)
 
     @property
     def scene(self) -> Scene:
@@ -102,10 +123,10 @@ class Document:
         """Return the shown scene for the page."""
         with self._lock:
             scene = self.scene
-            key = (self.chosen, tuple(self._shown()))
-            if self._view is None or self._view[0] != key:
-                self._view = key, view_scene(scene, view=self.job.outputs.shown("png"))
-            return self._view[1]
+            read, shown = self._scene, tuple(self._shown())
+            if self._view is None or self._view[0] is not read or self._view[1] != shown:
+                self._view = read, shown, view_scene(scene, view=self.job.outputs.shown("png"))
+            return self._view[2]
 
     def place(self, number: int) -> Place | None:
         """Return where a look is edited; None where it cannot be."""
@@ -114,40 +135,10 @@ class Document:
 
     def _place(self, number: int) -> Place | str:
         """Return the place of a look, or why it cannot be edited."""
-        if not 0 <= number < len(self._originals):
-            raise ModelError(f"there are {len(self._originals)} looks, none of number {number}")
-        look = self._originals[number]
-        key = (self.chosen[0], id(look))
-        if key not in self._places:
-            self._places[key] = self._placed(look)
-        return self._places[key]
+        return self._looks.place(self._read, self.chosen, number)
 
-    def _placed(self, look: Look) -> Place | str:
-        found = _SOURCE.fullmatch(look.source)
-        if not found or not Path(found["file"]).is_file():
-            return f"look '{look.name}' is of no file"
-        if foreign := [layer for layer in look.layers if layer.model not in MODELS]:
-            return f"look '{look.name}' is translated from {foreign[0].model}: it has no layers of its own"
-        file = Path(found["file"]).absolute()
-        place = Place(file, found["prim"], _variants(self.job, self.chosen[0], file))
-        try:
-            self._work.sources.take(file)
-            opened = self._work.sources.opened(place, {}, {}, look)
-        except LookdevError as error:
-            return str(error)
-        if opened.look.layers != look.layers:
-            return f"look '{look.name}' is composed of several files: {file} alone is another look"
-        return place
-
-    def _opened(self, number: int, state: State | None = None) -> Opened:
-        state, place, original = state or self._work.state, self._place(number), self._originals[number]
-        if isinstance(place, str):
-            entries = (Entry(number, layer.name) for number, layer in enumerate(original.layers))
-            return Opened(original, Outline(tuple(entries), {}))
-        variants = state.variants.get(place.key, {})
-        opened = self._work.sources.opened(place, state.files, variants, original)
-        untouched = place.file not in state.files and not variants
-        return replace(opened, look=original) if untouched else opened
+    def _opened(self, number: int) -> Opened:
+        return self._looks.opened(self._read, self.chosen, number, self._work.state)
 
     def edit(self, edit: Edit) -> bool:
         """Change a constant of a look; return whether shaders change, not only a uniform of them.
@@ -176,9 +167,33 @@ class Document:
             place = self._editable(number)
             if body.get("op") == "variant" and str(body.get("set")) in place.variants:
                 return self._show_variant(number, place, str(body.get("set")), str(body.get("choice")))
-            outline = self._opened(number).outline
-            label, edit = operation(body, place, outline, self._variants_of(place), self._roots(place))
+            opened = self._opened(number)
+            label, edit = operation(body, place, opened, self._variants_of(place), self._roots(place))
             return self._apply(number, label, edit)
+
+    def wear(self, body: Mapping[str, Any]) -> bool:
+        """Dress parts as a page asks for (`Dressing.wear`), in the job; return whether shaders change.
+
+        A request with a `preset` and a `file` makes a new look of them first, which stays.
+        """
+        with self._lock:
+            made = None
+            if isinstance(preset := body.get("preset"), str):
+                made = self._dressing.create(preset, str(body.get("file")))
+                body = {**body, "material": made.name}
+            try:
+                file, state = self._dressing.file, self._work.state
+                label, content = self._dressing.wear(self._read, self.chosen[0], self._work.content(file), body)
+                return self._push(label, replace(state, files={**state.files, file: content}))
+            except LookdevError:
+                if made is not None:
+                    made.unlink(missing_ok=True)
+                raise
+
+    def wearables(self) -> dict[str, Any]:
+        """Return what parts can wear (`Dressing.wearables`)."""
+        with self._lock:
+            return self._dressing.wearables(self._read)
 
     def copy(self, number: int, layer: int) -> str:
         """Return a layer as USD text."""
@@ -220,10 +235,10 @@ class Document:
     def undo(self, by: int = -1) -> bool:
         """Undo (-1) or redo (1) the last step; return whether shaders change."""
         with self._lock:
-            before = self._shown()
+            before = self._scene, self._shown()
             if self._work.history.step(by) is None:
                 raise LookdevError(f"there is nothing to {'undo' if by < 0 else 'do again'}")
-            return self._adopted(before)
+            return self._adopted(*before)
 
     def _editable(self, number: int) -> Place:
         place = self._place(number)
@@ -235,7 +250,7 @@ class Document:
         return {**place.variants, **self._work.state.variants.get(place.key, {})}
 
     def _roots(self, place: Place) -> list[Path]:
-        return list(dict.fromkeys([place.file.parent, self.job.file.absolute().parent, Path.cwd()]))
+        return list(dict.fromkeys([place.file.parent, self._dressing.file.parent, Path.cwd()]))
 
     def _apply(self, number: int, label: str, edit: Operation, gesture: str = "") -> bool:
         """Edit the content of a look's file; nothing changes where that fails, or the scene cannot be shown then."""
@@ -253,18 +268,26 @@ class Document:
         )
 
     def _push(self, label: str, state: State, gesture: str = "") -> bool:
-        before, revision, history = self._shown(), self._revision, self._work.history.copy()
+        before, revision, history, chosen = (
+            (self._scene, self._shown()),
+            self._revision,
+            self._work.history.copy(),
+            self.chosen,
+        )
         self._work.history.push(label, state, gesture)
         try:
-            return self._adopted(before)
+            return self._adopted(*before)
         except LookdevError:
-            self._work.history, self._revision = history, revision
+            self._work.history, self._revision, self.chosen = history, revision, chosen
             raise
 
-    def _adopted(self, before: list[Look]) -> bool:
-        """Keep the present state, and make the view where shaders change."""
+    def _adopted(self, scene: Scene, before: list[Look]) -> bool:
+        """Keep the present state, and make the view where shaders change, or what parts wear."""
+        choices = self.choices
+        if not self._has(self.chosen):
+            self.chosen = (choices["looks"][0], choices["rigs"][0])
         shown = self._shown()
-        compiles = [shape_of(look) for look in before] != [shape_of(look) for look in shown]
+        compiles = self._scene is not scene or [shape_of(look) for look in before] != [shape_of(look) for look in shown]
         if compiles:
             self.view()
         self._revision += 1
@@ -277,7 +300,9 @@ class Document:
         return place is not None and self._work.unsaved(place.file)
 
     def save(self, number: int | None = None, name: str | None = None, *, over: bool = False) -> list[Path]:
-        """Write the edited files, or that of a look, or a new one of a name beside it; return what was written.
+        """Write the edited files, or that of a look; with a name a new one beside that, or beside the job.
+
+        Returns what was written.
 
         Raises
         ------
@@ -288,7 +313,8 @@ class Document:
         """
         with self._lock:
             if name is not None:
-                return [self._work.save_as(self._editable(number or 0).file, name)]
+                file = self._dressing.file if number is None else self._editable(number).file
+                return [self._work.save_as(file, name)]
             saved = self._work.save(None if number is None else self._editable(number).file, over=over)
             self._revision += 1
             self._work.keep(self.chosen)
@@ -316,11 +342,15 @@ class Document:
             compiles, work = False, self._work.offered
             if take and work is not None:
                 state, before = self._work.recovered(), self.chosen
-                self.chosen = work.shown if work.shown in self._scenes.scenes else before
+                self.chosen = work.shown if self._has(work.shown) else before
                 compiles = self._push("restore unsaved work", state) or before != self.chosen
             self._work.forget()
             self._revision += 1
             return compiles
+
+    def _has(self, shown: tuple[str, str]) -> bool:
+        choices = self.choices
+        return shown[0] in choices["looks"] and shown[1] in [*choices["rigs"], *choices["shipped"]]
 
     def keep_snapshot(self, picture: bytes) -> None:
         """Keep a picture of what is shown, and the state of the looks."""
@@ -371,6 +401,11 @@ class Document:
             return {
                 "revision": self._revision,
                 "stacks": self.stacks(),
+                "job": {
+                    **self._dressing.worn(self._read, self.chosen),
+                    "unsaved": self._work.unsaved(self._dressing.file),
+                    "new": not self._work.sources.known(self._dressing.file),
+                },
                 "undoes": self._work.history.undoes,
                 "redoes": self._work.history.redoes,
                 "changed": [str(file) for file in self._work.sources.changed()],
@@ -386,13 +421,3 @@ class Document:
         """Return by what a page sees that it must ask for the status."""
         with self._lock:
             return {"revision": self._revision, "changed": [str(file) for file in self._work.sources.changed()]}
-
-
-def _variants(job: Job, name: str, file: Path) -> dict[str, str]:
-    """Return the variants in which a look of a job wears a material of a file."""
-    look = next((each for each in job.look if each.name == name), None)
-    if look is None:
-        return {}
-    given = [(look.material, look.variants), *((each.material, each.variants) for each in look.assign)]
-    of_asset = {} if look.material is not None else dict(look.variants)
-    return next((dict(variants) for material, variants in given if material and material.samefile(file)), of_asset)

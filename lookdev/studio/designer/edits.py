@@ -19,7 +19,8 @@ from lookdev.material.look import Bump, Layer, Primvar
 class Edit:
     """Another constant of a parameter of a layer of a look; the layer is numbered from the base, without those muted.
 
-    ``"mask"`` is the layer's mask, ``"mask.dirt"`` an input of its expression. Edits of one `gesture` are one step.
+    ``"mask"`` is the layer's mask, ``"mask.dirt"`` an input of its expression, ``"roughness.dirt"`` one of a
+    parameter's. Edits of one `gesture` are one step.
     """
 
     look: int
@@ -50,9 +51,11 @@ def checked(layer: Layer, edit: Edit) -> Value:
         if not isinstance(value, float) or not 0.0 <= value <= 1.0:
             raise ModelError(f"a mask is a number from 0 to 1, not {value!r}")
         return value
-    if name.startswith("mask."):
-        inputs = layer.mask.inputs if isinstance(layer.mask, Formula) else {}
-        if not isinstance(inputs.get(name.partition(".")[2]), float) or not isinstance(value, float):
+    if "." in name:
+        of, _, inner = name.partition(".")
+        formula = layer.mask if of == "mask" else layer.inputs.get(of)
+        inputs = formula.inputs if isinstance(formula, Formula) else {}
+        if not isinstance(inputs.get(inner), float) or not isinstance(value, float):
             raise ModelError(f"{layer.name}.{name} is no number of an expression, or {value!r} is none")
         return value
     if layer.model not in MODELS:

@@ -75,7 +75,6 @@ class Lights:
         """Return the list of a rig's lights for the page, and the numbers by which the viewport shows them."""
         with self._lock:
             settings = dict(self._settings.get(rig, {}))
-        rows, left_out = light_rows(self.applied(rig, scene))
         return {
             "lights": [
                 {
@@ -83,12 +82,11 @@ class Lights:
                     "kind": light.kind.replace("_", " "),
                     "path": light.emission.path,
                     "color": list(light.emission.color),
-                    "left_out": left_out.get(number, ""),
                     **asdict(settings.get(number, Setting())),
                 }
                 for number, light in enumerate(scene.lights)
             ],
-            "rows": rows.tolist(),
+            "rows": light_rows(self.applied(rig, scene)).tolist(),
             "kelvin": [COLDEST, HOTTEST],
             "stops": MOST_STOPS,
         }

@@ -6,24 +6,32 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from lookdev.brdf import MODELS
 from lookdev.errors import ModelError, shortened
+from lookdev.material.expression import Kind
 from lookdev.material.library import find_preset
 from lookdev.material.library.arrange import enable_layer, move_layer, rename_layer, select_variant, set_mode
 from lookdev.material.library.edit import add_layer, remove_layer, set_mask
 from lookdev.material.library.fragments import duplicate_layer, paste_layer
-from lookdev.material.library.stack import Outline
-from lookdev.studio.designer.rows import read_mask
-from lookdev.studio.designer.sources import Place
+from lookdev.material.library.parameters import set_source, unset_parameter
+from lookdev.studio.designer.rows import read_source
+from lookdev.studio.designer.sources import Opened, Place
 
 Operation = Callable[[Path], object]
 """Edits a file, which has the content of another one beside it."""
 
 
 def operation(
-    body: Mapping[str, Any], place: Place, outline: Outline, variants: Mapping[str, str], roots: Sequence[Path]
+    body: Mapping[str, Any], place: Place, opened: Opened, variants: Mapping[str, str], roots: Sequence[Path]
 ) -> tuple[str, Operation]:
     """Return label and edit of a request for a look of a place; raises LookdevError where it is none."""
-    prim, folder = place.prim, place.file.parent
+    prim, folder, outline = place.prim, place.file.parent, opened.outline
+
+    def kind_of(parameter: str, layer: int) -> Kind:
+        shown = [each.number for each in outline.entries if each.enabled]
+        model = opened.look.layers[shown.index(layer)].model if layer in shown else ""
+        known = MODELS[model].parameters if model in MODELS else {}
+        return "color" if parameter in known and known[parameter].kind == "color" else "float"
 
     def name(layer: object) -> str:
         found = [each.name for each in outline.entries if each.number == layer]
@@ -55,8 +63,15 @@ def operation(
             return label, lambda file: set_mode(file, str(layer), mode, prim, variants)
         case {"op": "mask", "layer": int(layer), "mask": str(text), "inputs": dict(inputs)}:
             given = {str(each): str(value) for each, value in inputs.items() if str(value).strip()}
-            mask = read_mask(text, given, folder, list(roots))
+            mask = read_source(text, given, folder, list(roots))
             return f"mask of {name(layer)}", lambda file: set_mask(file, str(layer), mask, prim, variants)
+        case {"op": "source", "layer": int(layer), "parameter": str(each), "source": str(text), "inputs": dict(inputs)}:
+            given = {str(key): str(value) for key, value in inputs.items() if str(value).strip()}
+            source = read_source(text, given, folder, list(roots), each, kind_of(each, layer))
+            return f"{name(layer)} {each}", lambda file: set_source(file, str(layer), each, source, prim, variants)
+        case {"op": "unstate", "layer": int(layer), "parameter": str(each)}:
+            label = f"{name(layer)} {shortened(each, 40)} back to its default"
+            return label, lambda file: unset_parameter(file, str(layer), each, prim, variants)
         case {"op": "paste", "text": str(text)}:
             return "paste a layer", lambda file: paste_layer(file, text, prim, variants)
         case {"op": "variant", "set": str(name_of_set), "choice": str(choice)}:

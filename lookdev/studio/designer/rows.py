@@ -11,14 +11,15 @@ from lookdev.brdf import MASK, MODELS, Parameter
 from lookdev.codegen.program.look import live_name
 from lookdev.errors import LookdevError
 from lookdev.material import Formula, Look, Texture
+from lookdev.material.expression import Kind
 from lookdev.material.library.masks import Computed, Image, Mask, parse_mask
 from lookdev.material.library.stack import Entry, Outline
 from lookdev.material.look import Bump, Coordinates, Layer, Primvar
 from lookdev.material.usd import MODES
 
 NO_PART = (
-    "a look does not know which part wears it: give the part a look of its own, by [[look.assign]] of the job, or the "
-    "asset a primvar, and the mask primvar:NAME"
+    "a look does not know which part wears it: dress the part in a look of its own, or give the asset a primvar, and "
+    "the mask primvar:NAME"
 )
 
 
@@ -47,24 +48,31 @@ def layer_rows(look: Look, outline: Outline | None, folder: Path | None, solo: i
             "modes": [each for each in MODES if ours and each in MODELS[layer.model].modes],
             "own": ours,
             "title": MODELS[layer.model].title if ours else layer.model,
-            "parameters": [*_parameters(place, layer, uniform)],
-            "mask": _mask_words(layer.mask, folder) if place else None,
+            "parameters": [*_parameters(place, layer, uniform, folder)],
+            "mask": _words(layer.mask, folder) if place else None,
         }
         place += 1
 
 
-def _parameters(place: int, layer: Layer, uniform: int | None) -> Iterator[dict[str, Any]]:
+def _parameters(place: int, layer: Layer, uniform: int | None, folder: Path | None) -> Iterator[dict[str, Any]]:
     if place > 0:
         # The only layer that is shown is shown whole.
         yield _row(uniform if uniform else None, MASK, layer.mask)
-        if isinstance(layer.mask, Formula):
-            for name, value in layer.mask.inputs.items():
-                if isinstance(value, float | int):
-                    wide = Parameter(f"mask.{name}", "float", float(value), (0.0, max(1.0, 2.0 * abs(value))))
-                    yield _row(None, wide, float(value))
+        yield from _numbers("mask", layer.mask)
     if layer.model in MODELS:
-        known = MODELS[layer.model].parameters.values()
-        yield from (_row(uniform, each, layer.inputs.get(each.name)) for each in known if each.file is None)
+        for each in MODELS[layer.model].parameters.values():
+            if each.file is None:
+                value = layer.inputs.get(each.name)
+                yield {**_row(uniform, each, value), "source": _words(value, folder)}
+                yield from _numbers(each.name, value)
+
+
+def _numbers(of: str, value: Any) -> Iterator[dict[str, Any]]:
+    """Yield the numbers of an expression."""
+    for name, number in value.inputs.items() if isinstance(value, Formula) else ():
+        if isinstance(number, float | int):
+            wide = Parameter(f"{of}.{name}", "float", float(number), (0.0, max(1.0, 2.0 * abs(number))))
+            yield _row(None, wide, float(number))
 
 
 def _row(uniform: int | None, parameter: Parameter, value: Any) -> dict[str, Any]:
@@ -98,13 +106,13 @@ def varies(value: Any) -> str:
     return "varies"
 
 
-def _mask_words(mask: Any, folder: Path | None) -> dict[str, Any]:
-    """Return a mask as `parse_mask` reads it, with the sources of its names."""
+def _words(mask: Any, folder: Path | None) -> dict[str, Any]:
+    """Return a mask, or what a parameter has, as `parse_mask` reads it, with the sources of its names."""
     inputs = mask.inputs if isinstance(mask, Formula) else {}
     kind = {Texture: "texture", Primvar: "primvar", Formula: "expression"}.get(type(mask), "number")
     return {
         "kind": kind,
-        "text": _source(mask, folder),
+        "text": "" if mask is None else _source(mask, folder),
         "inputs": {name: _source(each, folder) for name, each in inputs.items()},
     }
 
@@ -126,17 +134,27 @@ def _source(source: Any, folder: Path | None) -> str:
     return "the view"
 
 
-def read_mask(text: str, inputs: Mapping[str, str], folder: Path, roots: list[Path]) -> Mask:
-    """Return a mask of a page's words, whose images are relative to the look's folder.
+def read_source(
+    text: str,
+    inputs: Mapping[str, str],
+    folder: Path,
+    roots: list[Path],
+    what: str = "mask",
+    kind: Kind = "float",
+) -> Mask:
+    """Return a mask of a page's words, or the source of a parameter; images are relative to the look's folder.
 
     Raises LookdevError where it is none, or an image is outside of the folders that the page may read.
     """
-    if text.strip().startswith("part:"):
+    if what == "mask" and text.strip().startswith("part:"):
         raise LookdevError(NO_PART)
-    mask = parse_mask(text.strip(), [f"{name}={value.strip()}" for name, value in inputs.items()], folder)
-    sources = [mask] if not isinstance(mask, Computed) else list(mask.inputs.values())
+    given = [f"{name}={value.strip()}" for name, value in inputs.items()]
+    source = parse_mask(text.strip(), given, folder, what, kind)
+    if what != "mask" and isinstance(source, float):
+        raise LookdevError(f"{what}: {text.strip()} is a constant: its slider sets it")
+    sources = [source] if not isinstance(source, Computed) else list(source.inputs.values())
     for each in sources:
         if isinstance(each, Image) and not any(each.file.resolve().is_relative_to(root.resolve()) for root in roots):
             below = ", ".join(map(str, roots))
             raise LookdevError(f"{each.file}: this page reads images below {below} alone; copy it there")
-    return mask
+    return source

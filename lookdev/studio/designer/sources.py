@@ -81,6 +81,11 @@ class Sources:
         self._first[file] = file.read_bytes()
         self._known[file] = digest(self._first[file])
 
+    def add(self, file: Path, content: bytes) -> None:
+        """Note a file that is no look, with the content that was read, or that it has first where there is no file."""
+        self._first[file] = content
+        self._known[file] = self.on_disk(file) and digest(content)
+
     @property
     def files(self) -> list[Path]:
         """The files that were read."""
@@ -91,8 +96,10 @@ class Sources:
         return files.get(file, self._first[file])
 
     def unsaved(self, files: Mapping[Path, bytes], file: Path) -> bool:
-        """Return whether what is edited is not what is known to be on disk."""
-        return file in self._first and digest(self.content(files, file)) != self._known[file]
+        """Return whether what is edited is not what is known to be on disk; no file is unsaved that is not edited."""
+        if file not in self._first or (not self._known[file] and file not in files):
+            return False
+        return digest(self.content(files, file)) != self._known[file]
 
     def known(self, file: Path) -> str:
         """Return the digest of what is known to be on disk."""

@@ -22,18 +22,18 @@ from lookdev.scene import Scene
 log = logging.getLogger("lookdev.studio")
 
 FOLDER = "designer"
-"""The folder of turntables, in the output of a job, else in ``out``."""
-
-FRAMES = 24
-"""Of a turntable of an asset that no job turns."""
+"""The folder of turntables, in the output of a job."""
 
 _PATIENCE = 2.0  # seconds for a run to end at the end of the server
 
 
 class Turntable:
-    """At most one run at a time, in a thread of its own. All methods can be called by several threads."""
+    """At most one run at a time, in a thread of its own, of the job as it is when the run starts.
 
-    def __init__(self, job: Job) -> None:
+    All methods can be called by several threads.
+    """
+
+    def __init__(self, job: Callable[[], Job]) -> None:
         self._job = job
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
@@ -42,16 +42,6 @@ class Turntable:
         self._number = 0
         self._state: dict[str, Any] = {"state": "none"}
 
-    @property
-    def turns(self) -> Turns:
-        """The turntables that are rendered, and their folder."""
-        job = self._job
-        of_job = job.file.suffix == ".toml"
-        output = job.output / FOLDER if of_job else Path.cwd() / "out" / FOLDER / job.file.stem
-        # An asset without a job stands still in the one frame that the page shows.
-        turntables = job.turntable if of_job else (job.turntable[0].model_copy(update={"frames": FRAMES}),)
-        return Turns(turntables, output, job.camera.azimuth)
-
     def start(self, scene: Callable[[], Scene], look: str, rig: str) -> None:
         """Render the turntables of a scene, which is asked for in the thread; LookdevError while one is rendered."""
         with self._lock:
@@ -59,7 +49,8 @@ class Turntable:
                 raise LookdevError("a turntable is being rendered: cancel it first")
             self._cancelled.clear()
             self._number += 1
-            turns = self.turns
+            job = self._job()
+            turns = Turns(job.turntable, job.output / FOLDER, job.camera.azimuth)
             exr = [file for each in turns.turntables for file in turns.files(look, rig, each)]
             self._files = [file.with_suffix(".png") for file in exr]
             self._state = {
@@ -76,7 +67,7 @@ class Turntable:
                 "notes": [],
             }
             # No thread that Python waits for at its end: workers end with it.
-            self._thread = threading.Thread(target=self._run, args=(scene, look, rig, turns), daemon=True)
+            self._thread = threading.Thread(target=self._run, args=(job, scene, look, rig, turns), daemon=True)
             self._thread.start()
 
     def cancel(self) -> None:
@@ -103,13 +94,13 @@ class Turntable:
             file = self._files[number]
         return file if file.is_file() else None
 
-    def _run(self, scene: Callable[[], Scene], look: str, rig: str, turns: Turns) -> None:
+    def _run(self, job: Job, scene: Callable[[], Scene], look: str, rig: str, turns: Turns) -> None:
         from lookdev.batch.run import render_setups  # not at the top: it imports what a page needs for no picture
 
         try:
-            setup = self._setup(scene(), look, rig)
-            outputs = self._job.outputs.model_copy(update={"png": True})
-            _, result = render_setups([setup], turns, outputs, self._job.render.background, report=self._report)
+            setup = _setup(job, scene(), look, rig)
+            outputs = job.outputs.model_copy(update={"png": True})
+            _, result = render_setups([setup], turns, outputs, job.render.background, report=self._report)
             ended = "cancelled" if result.interrupted else "done" if not self._state["failed"] else "failed"
             self._change(state=ended)
         except KeyboardInterrupt:
@@ -121,12 +112,6 @@ class Turntable:
         except Exception as error:
             log.exception("a turntable failed")
             self._change(state="failed", error=f"{type(error).__name__}: {shortened(str(error))}")
-
-    def _setup(self, scene: Scene, look: str, rig: str) -> Setup:
-        render = self._job.render
-        setup = make_setup(look, rig, scene, render.sampling, render.backend, render.device)
-        found = next(each for each in self._job.rigs if each.name == rig)
-        return replace(setup, exposure=found.exposure, rotation=found.rotation)
 
     def _report(self, event: Event) -> None:
         if self._cancelled.is_set():
@@ -146,3 +131,10 @@ class Turntable:
     def _change(self, **values: Any) -> None:
         with self._lock:
             self._state = {**self._state, **values}
+
+
+def _setup(job: Job, scene: Scene, look: str, rig: str) -> Setup:
+    render = job.render
+    setup = make_setup(look, rig, scene, render.sampling, render.backend, render.device)
+    found = next(each for each in job.rigs if each.name == rig)
+    return replace(setup, exposure=found.exposure, rotation=found.rotation)

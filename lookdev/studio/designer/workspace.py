@@ -60,10 +60,10 @@ class Workspace:
 
         Raises LookdevError where that exists, or its name does not fit.
         """
-        suffixes = {file.suffix, ".usd"}
-        if not _FILE_NAME.fullmatch(name) or Path(name).suffix not in suffixes:
+        of_job = file.suffix == ".toml"
+        if not _FILE_NAME.fullmatch(name) or Path(name).suffix not in {file.suffix, file.suffix if of_job else ".usd"}:
             hint = f"for instance {file.stem}_2{file.suffix}"
-            raise LookdevError(f"'{name}' is no name of a file for this look: {hint}")
+            raise LookdevError(f"'{name}' is no name of a file for this {'job' if of_job else 'look'}: {hint}")
         target = file.with_name(name)
         if target.exists() or target.is_symlink():
             raise LookdevError(f"{target} exists already; another name would be right")

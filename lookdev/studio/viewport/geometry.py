@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from lookdev.asset.tangents import handedness, tangents_of
 from lookdev.asset.triangles import corner_triangles
 from lookdev.codegen import HANDEDNESS, TANGENT, AttributeBinding
 from lookdev.errors import AssetError
+from lookdev.studio.viewport.hierarchy import MOST_TEXELS_EACH, Hierarchy
 
 WIDTH = 4096
 """Texels of a row of the texture of corners."""
@@ -35,11 +36,11 @@ class Range:
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """The corners of all triangles, slot by slot in the given order: `texels` (corners * `stride`, 4) float32.
+    """The corners of all triangles, slot by slot in the given order: `texels` (n, 4) float32, `stride` of each corner.
 
     The first texel of a corner is its place in metres about the asset's centre, and -1 where its instance is reflected,
     else 1; the second its unit normal, and the number of its slot; then come `attributes`, each at a texel and a
-    component.
+    component. From texel `occluders` on follows the `Hierarchy` of all triangles, of `nodes` nodes; 0: there is none.
 
     The camera sees triangles of `vertices` (v,), a place and a ``number`` each, by `indices` (triangles, 3): the last
     vertex of each triangle has its number. In WebGL no shader knows the number otherwise.
@@ -51,6 +52,8 @@ class Corners:
     stride: int
     ranges: tuple[Range, ...]
     attributes: dict[AttributeBinding, tuple[int, int]]
+    occluders: int = 0
+    nodes: int = 0
 
     def read(self, binding: AttributeBinding) -> str:
         """Return GLSL for an attribute where `carried(texel)` interpolates."""
@@ -58,8 +61,14 @@ class Corners:
         return f"carried({texel}).{'xyzw'[start : start + _width(binding)]}"
 
 
-def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeBinding]) -> Corners:
+@lru_cache(maxsize=1)
+def corners_of(
+    asset: Asset, order: tuple[int, ...], bindings: tuple[AttributeBinding, ...], *, occluding: bool = False
+) -> Corners:
     """Return the corners of an asset, by `order` of its slots, with the attributes of `bindings`.
+
+    Those that are `occluding` have the hierarchy by which rays find them. The last ones are kept: a look is edited more
+    often than what it reads.
 
     Raises
     ------
@@ -69,8 +78,7 @@ def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeB
     stride, places = _placed(dict.fromkeys(bindings))
     split = [corner_triangles(mesh) for mesh in asset.meshes]
     count = sum(len(split[each.mesh][1]) for each in asset.instances)
-    if 3 * count * stride > MOST_TEXELS:
-        most = MOST_TEXELS // (3 * stride)
+    if count > (most := MOST_TEXELS // (3 * stride + MOST_TEXELS_EACH)):
         raise AssetError(
             f"{asset.name}: {count} triangles, instances counted one by one; the viewport has room for {most}: a "
             "lighter purpose or level of the asset would be right"
@@ -106,7 +114,12 @@ def corners_of(asset: Asset, order: Sequence[int], bindings: Sequence[AttributeB
     ranges = tuple(Range(slot, *pair) for slot, *pair in zip(order, [0, *ends], ends, strict=False))
     sorted_rows = np.concatenate(rows)[np.argsort(ranks, kind="stable")]
     vertices, indices = _numbered(sorted_rows[:, :, 0, :3])
-    return Corners(sorted_rows.reshape(-1, 4), vertices, indices, stride, ranges, places)
+    made = np.asarray(sorted_rows.reshape(-1, 4), np.float32)
+    if not occluding:
+        return Corners(made, vertices, indices, stride, ranges, places)
+    found = Hierarchy.of(sorted_rows[:, :, 0, :3], sorted_rows[:, 0, 1, 3])
+    texels = np.concatenate([made, found.texels]).astype(np.float32, copy=False)
+    return Corners(texels, vertices, indices, stride, ranges, places, len(made), found.nodes)
 
 
 def _numbered(places: NDArray[np.float32]) -> tuple[NDArray[np.void], NDArray[np.uint32]]:

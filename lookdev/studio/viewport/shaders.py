@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from functools import cache
 from importlib.resources import files
 
+from lookdev.asset import Asset
 from lookdev.codegen.glsl.functions import PRELUDE
 from lookdev.codegen.glsl.look import LOOK_UPS, LookFunctions
 from lookdev.codegen.glsl.rig import RigFunctions
 from lookdev.studio.viewport.geometry import WIDTH, Corners
+from lookdev.studio.viewport.hierarchy import FIRST_BITS
 
 _HEAD = """#version 300 es
 precision highp float;
@@ -55,7 +58,8 @@ def vertex_shader() -> str:
 def behind_shader(rig: RigFunctions) -> str:
     """Return the fragment shader of what is seen of the lights behind the asset."""
     camera, behind = _sections("visible.glsl")["camera"], _sections("display.glsl")["behind"]
-    return "".join([_HEAD, "#define TRANSMITS 0\n#define LIT 1\n", camera, PRELUDE, rig.text, behind])
+    defines = "#define TRANSMITS 0\n#define LIT 1\n#define SHADOWS 0\n"
+    return "".join([_HEAD, defines, camera, PRELUDE, rig.text, behind])
 
 
 def develop_shader(view: str) -> str:
@@ -63,16 +67,46 @@ def develop_shader(view: str) -> str:
     return "".join([_HEAD, "precision highp sampler3D;\n", view, _sections("display.glsl")["develop"]])
 
 
-def look_shaders(look: LookFunctions, rig: RigFunctions, corners: Corners) -> LookShaders:
-    """Return the fragment shaders of a look under lights."""
+class Shadows(IntEnum):
+    """How the shaders of a look find what occludes a light, by their `SHADOWS`."""
+
+    NONE = 0
+    TRACED = 1
+    BEHIND = 2
+    """All that comes from behind the surface is occluded, and nothing else."""
+
+    @classmethod
+    def of(cls, asset: Asset, look: LookFunctions, rig: RigFunctions) -> Shadows:
+        """Return how light is occluded on a look of an asset: a convex one occludes none that comes from before it."""
+        if not asset.convex:
+            return cls.TRACED
+        if asset.sheet or not (look.transmits or look.see_through):
+            return cls.NONE
+        # How far behind the surface the occluder is matters to lights that are not plain.
+        return cls.BEHIND if rig.plain else cls.TRACED
+
+
+def look_shaders(
+    look: LookFunctions, rig: RigFunctions, corners: Corners, shadows: Shadows, convex: bool
+) -> LookShaders:
+    """Return the fragment shaders of a look under lights, on a surface that may be `convex`."""
     visible, relight = _sections("visible.glsl"), _sections("relight.glsl")
+    shadow = (files("lookdev") / "shaders" / "shadow.glsl").read_text(encoding="utf-8")
     constants = {
         "TRANSMITS": int(look.transmits),
         "SEE_THROUGH": int(look.see_through),
         "DRAWN": DRAWN,
         "LIT": LIT * (1 + look.transmits),
+        "DIRECTIONS": f"(DRAWN + LIT + {look.deltas})",
+        "SHADOWS": int(shadows),
+        "TRACED": (1 + look.transmits) * (shadows == Shadows.TRACED),
+        "CONVEX": int(convex),
+        "OCCLUDERS": corners.occluders,
+        "OCCLUDER_NODES": corners.nodes,
+        "FIRST_BITS": f"{FIRST_BITS}u",
         "STRIDE": corners.stride,
         "CORNERS_WIDTH": WIDTH,
+        "CORNERS_SHIFT": WIDTH.bit_length() - 1,
     }
     defines = "".join(f"#define {name} {value}\n" for name, value in constants.items())
     read = "\n".join(
@@ -81,17 +115,15 @@ def look_shaders(look: LookFunctions, rig: RigFunctions, corners: Corners) -> Lo
     )
     surface = relight["surface"].replace("//@ attributes", read)
     deltas = "".join(
-        f"    look_delta{k}(wi_of_one, of_one);\n    w_of_one = surface_world(wi_of_one);\n"
-        "    if (max(of_one.r, max(of_one.g, of_one.b)) > 0.0 && agree(wi_of_one, w_of_one))\n"
-        "        radiance += of_one * rig_arriving(w_of_one, 1.0, 0.0);\n"
-        for k in range(look.deltas)
+        f"        if (k == DRAWN + LIT + {k}) look_delta{k}(wi, here.value);\n" for k in range(look.deltas)
     )
     if deltas:
-        deltas = "    vec3 wi_of_one, w_of_one, of_one;\n" + deltas
+        deltas += "        if (k >= DRAWN + LIT) {\n            here.w = surface_world(wi);\n"
+        deltas += "            here.diffuse = vec3(0.0);\n        }\n"
     parts = [_HEAD, defines, visible["camera"], PRELUDE, _sobol(), LOOK_UPS, look.text]
     own = f"{_HEAD}#define SEE_THROUGH 0\n{visible['fragment']}"
     if look.see_through:
         declared, _, main = visible["fragment"].partition("void main()")
         own = "".join([*parts, declared, surface, relight["absent"], "void main()", main])
     main = relight["main"].replace("//@ deltas\n", deltas)
-    return LookShaders(own, "".join([*parts, rig.text, surface, main]))
+    return LookShaders(own, "".join([*parts, rig.text, surface, shadow, main]))

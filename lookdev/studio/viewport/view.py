@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lookdev.cache import Content
 from lookdev.codegen.glsl.functions import TABLE_WIDTH
 from lookdev.codegen.glsl.look import LookFunctions, look_functions
 from lookdev.codegen.glsl.rig import RIG_WIDTH, RigFunctions, rig_functions
 from lookdev.codegen.program.look import Live, stated
-from lookdev.light import Dome, Light, Stand, called, native
+from lookdev.light import Dome, Stand
 from lookdev.light.dome.files import read_exr
 from lookdev.light.lamps import CodedRig
 from lookdev.material import Bump, Look, Texture
@@ -23,14 +24,20 @@ from lookdev.output.color import DisplayView
 from lookdev.output.review.view import view_shader
 from lookdev.scene import Camera, Scene
 from lookdev.studio.viewport.buffers import Buffers
-from lookdev.studio.viewport.geometry import WIDTH, Corners, corners_of
-from lookdev.studio.viewport.shaders import behind_shader, develop_shader, look_shaders, vertex_shader
-
-ALWAYS_LEFT_OUT = (
-    "interreflection: light that other places of the asset reflect or transmit",
-    "cast shadow: the asset occludes no light",
+from lookdev.studio.viewport.geometry import WIDTH, corners_of
+from lookdev.studio.viewport.shaders import (
+    LookShaders,
+    Shadows,
+    behind_shader,
+    develop_shader,
+    look_shaders,
+    vertex_shader,
 )
+
+INTERREFLECTION = "interreflection: light that other places of the asset reflect or transmit"
 """What no picture of the viewport shows."""
+
+_HOLES = "light through holes: a surface that is present in part casts a whole shadow"
 
 _LARGEST_HALF = 65504.0
 
@@ -79,15 +86,14 @@ def view_scene(
     looks = list({id(look): look for look in scene.looks}.values())
     numbers = {id(look): number for number, look in enumerate(looks)}
     worn = [numbers[id(look)] for look in scene.looks]
-    functions = [look_functions(look, resolve, live(look)) for look in looks]
-    order = sorted(range(len(worn)), key=lambda slot: (worn[slot], slot))
-    bindings = [binding for each in functions for binding in each.attributes]
-    corners = corners_of(scene.asset, order, bindings)
-    shown, notes = _shown(scene.lights)
-    places = {number: k for k, number in enumerate(shown)}
-    lit = [[places[number] for number in each if number in places] for each in scene.lit_by]
     stand = Stand(scene.asset.center, scene.camera.pivot)
-    rig = rig_functions([scene.lights[number] for number in shown], lit, stand)
+    rig = rig_functions(scene.lights, scene.lit_by, stand, scene.grouped)
+    functions = [look_functions(look, resolve, live(look), split=rig.split) for look in looks]
+    order = tuple(sorted(range(len(worn)), key=lambda slot: (worn[slot], slot)))
+    bindings = tuple(binding for each in functions for binding in each.attributes)
+    shadows = [Shadows.of(scene.asset, each, rig) for each in functions]
+    corners = corners_of(scene.asset, order, bindings, occluding=Shadows.TRACED in shadows)
+    holes = [_HOLES] * any(each.see_through for each in functions)
     ranges = {each.slot: each for each in corners.ranges}
     parts = [
         {"path": slot.path, "look": worn[number], "first": ranges[number].first, "last": ranges[number].last}
@@ -103,7 +109,13 @@ def view_scene(
         "vertices": buffers.array(corners.vertices),
         "indices": buffers.array(corners.indices),
         "looks": [
-            _look(look, each, rig, corners, buffers, [part for part in parts if part["look"] == number])
+            _look(
+                look,
+                each,
+                look_shaders(each, rig, corners, shadows[number], scene.asset.convex),
+                buffers,
+                [part for part in parts if part["look"] == number],
+            )
             for number, (look, each) in enumerate(zip(looks, functions, strict=True))
         ],
         "parts": parts,
@@ -111,19 +123,18 @@ def view_scene(
         "behind": behind_shader(rig),
         "develop": develop_shader(shown_as["glsl"]),
         "view": {"name": shown_as["name"], "textures": shown_as["textures"]},
-        "left_out": [*ALWAYS_LEFT_OUT, *notes],
+        "left_out": [INTERREFLECTION, *holes],
+        "shadows": any(shadows),
     }
     return SceneView(data, buffers.content)
 
 
-def light_rows(scene: Scene) -> tuple[NDArray[np.float32], dict[int, str]]:
-    """Return the numbers of a scene's lights, with which ``rig_numbers`` begins, and why which lights are not shown.
+def light_rows(scene: Scene) -> NDArray[np.float32]:
+    """Return the numbers of a scene's lights, with which ``rig_numbers`` begins.
 
     Lights of other radiance have other numbers, and the same shaders.
     """
-    left_out = {number: gap for number, light in enumerate(scene.lights) if (gap := native.gap_of_viewport(light))}
-    shown = [light for number, light in enumerate(scene.lights) if number not in left_out]
-    return CodedRig.of(shown).rows(Stand(scene.asset.center, scene.camera.pivot)), left_out
+    return CodedRig.of(scene.lights).rows(Stand(scene.asset.center, scene.camera.pivot))
 
 
 def _camera(camera: Camera) -> Mapping[str, Any]:
@@ -141,22 +152,9 @@ def _camera(camera: Camera) -> Mapping[str, Any]:
     }
 
 
-def _shown(lights: Sequence[Light]) -> tuple[list[int], list[str]]:
-    """Return the numbers of the lights that are shown, and a note on what of them and which others are not."""
-    shown, notes = [], []
-    for number, light in enumerate(lights):
-        # What is cast as shadow is left out of all lights.
-        if gap := native.gap_of_viewport(light):
-            notes.append(f"{called(light, number + 1)}: it has {gap}")
-        else:
-            shown.append(number)
-    return shown, notes
-
-
 def _look(
-    look: Look, functions: LookFunctions, rig: RigFunctions, corners: Corners, buffers: Buffers, parts: Sequence[Any]
+    look: Look, functions: LookFunctions, shaders: LookShaders, buffers: Buffers, parts: Sequence[Any]
 ) -> Mapping[str, Any]:
-    shaders = look_shaders(functions, rig, corners)
     textures = dict(_textures(functions, buffers))
     for k, table in enumerate(functions.tables):
         values = np.load(table.path).astype(np.float32).ravel()
@@ -188,17 +186,24 @@ def _rig(rig: RigFunctions, buffers: Buffers) -> Mapping[str, Any]:
     if rig.tables is not None:
         textures["rig_tables"] = buffers.rows(rig.tables, TABLE_WIDTH)
     for k, dome in enumerate(rig.domes):
-        if not dome.constant:
+        if dome is not None:
             textures |= {f"dome{k}_{name}": buffers.texture(each) for name, each in _dome(dome).items()}
+    for k, light in enumerate(rig.pictures):
+        assert light.texture, "it is a picture"
+        textures[f"picture{k}"] = buffers.texture(_colors(light.texture))
     return {"textures": textures}
 
 
 def _dome(dome: Dome) -> Mapping[str, NDArray[Any]]:
     assert dome.points_file and dome.slots_file  # noqa: PT018
-    radiance = np.zeros((dome.height, dome.width, 4), np.float32)
-    radiance[..., :3] = read_exr(dome.radiance_file.path, "RGB")
     return {
-        "map": radiance,
+        "map": _colors(dome.radiance_file),
         "points": read_exr(dome.points_file.path, "RGBA"),
         "slots": np.load(dome.slots_file.path),
     }
+
+
+def _colors(file: Content) -> NDArray[np.float32]:
+    """Return an image of R, G, B as texels of four channels."""
+    colors = read_exr(file.path, "RGB")
+    return np.concatenate([colors, np.zeros_like(colors[..., :1])], axis=-1)

@@ -1,4 +1,4 @@
-"""What the viewport shows, against direct light without shadows in float64."""
+"""What the viewport shows, against direct light with its shadows in float64."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from light_rigs import RIGS, row_of_three
 from looks import LOOKS
 from numpy.typing import NDArray
 from viewport_page import NEEDS_CHROMIUM, Page, served, start_browser
@@ -82,9 +83,12 @@ class Compared:
         assert ratio < 2.0, ratio
 
 
-def compare(page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4) -> Compared:
+def compare(
+    page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4, shadows: bool = True
+) -> Compared:
     """Compare pixels that the asset covers in part or whole."""
-    page.js("viewport.set({element: given[0], lighting: given[1]}); done();", POSE.element, POSE.lighting)
+    turned = {"element": POSE.element, "lighting": POSE.lighting, "shadows": shadows}
+    page.js("viewport.set(given[0]); done();", turned)
     page.show(view_scene(scene))
     found = []
     for seed in range(seeds):
@@ -92,7 +96,7 @@ def compare(page: Page, scene: Scene, count: int, pixels: int, *, samples: int, 
         found.append(page.accumulated(count).astype(np.float64))
     covered = np.argwhere(found[0][..., 3] > 0.0)
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
-    reference = MeshScene(scene.asset, scene.looks, scene.lit_by, shadows=False)
+    reference = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped, shadows=shadows)
     expected = frame_pixels(
         reference,
         scene.lights,
@@ -150,6 +154,33 @@ def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: Page) ->
     compared = compare(page, scene, 128, 40, samples=64)
     compared.assert_agrees()
     assert np.abs(compared.mean - plain.mean).mean() > 0.05 * plain.mean.mean()
+
+
+def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
+    """Return Suzanne, who occludes herself, under lights."""
+    asset, worn = load_asset(builtin="suzanne"), Look("look", tuple(LOOKS[look]))
+    return replace(Scene.of_look(asset, worn, lights[0], (16, 16)), lights=tuple(lights))
+
+
+@pytest.mark.parametrize("look", ["painted", "glassy"])
+def test_shadow_is_switched_while_nothing_compiles(look: str, page: Page) -> None:
+    scene = monkey([dome()], look)
+    shaded = compare(page, scene, 128, 40, samples=64)
+    compiled = page.js("done(viewport.programs.compiled);")
+    lit = compare(page, scene, 128, 40, samples=64, shadows=False)
+    assert page.js("done(viewport.programs.compiled);") == compiled
+    shaded.assert_agrees()
+    lit.assert_agrees()
+    assert lit.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(lit.error, shaded.error)
+
+
+@pytest.mark.parametrize("rig", ["texture", "local_dome", "local grey", "response", "shadow"])
+def test_a_rig_casts_shadow(rig: str, page: Page, tmp_path: Path) -> None:
+    compare(page, monkey(RIGS[rig](tmp_path), "leaf"), 64, 40, samples=64).assert_agrees()
+
+
+def test_parts_cast_the_shadow_of_linked_lights(page: Page) -> None:
+    compare(page, row_of_three(16), 64, 40, samples=64).assert_agrees()
 
 
 def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:

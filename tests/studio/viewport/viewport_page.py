@@ -82,14 +82,20 @@ class Page:
 
     def accumulated(self, count: int) -> NDArray[np.float32]:
         """Return the means (H, W, 4) of this number of samples."""
-        text, height = self.js(
-            "viewport.set({most: given[0]}); const means = await viewport.accumulated(given[0]);"
-            "const bytes = new Uint8Array(means.buffer); let text = '';"
-            "for (let k = 0; k < bytes.length; k += 8192)"
-            "  text += String.fromCharCode(...bytes.subarray(k, k + 8192));"
-            "done([btoa(text), viewport.canvas.height]);",
-            count,
-        )
+        found = None
+        while found is None:  # in calls that are shorter than what the driver waits for
+            found = self.js(
+                "viewport.set({most: given[0]});"
+                "const waited = new Promise((resolve) => setTimeout(resolve, 30000, null));"
+                "const means = await Promise.race([viewport.accumulated(given[0]), waited]);"
+                "if (means === null) { done(null); return; }"
+                "const bytes = new Uint8Array(means.buffer); let text = '';"
+                "for (let k = 0; k < bytes.length; k += 8192)"
+                "  text += String.fromCharCode(...bytes.subarray(k, k + 8192));"
+                "done([btoa(text), viewport.canvas.height]);",
+                count,
+            )
+        text, height = found
         return np.frombuffer(base64.b64decode(text), np.float32).reshape(height, -1, 4)
 
 

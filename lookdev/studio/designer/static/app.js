@@ -6,9 +6,10 @@ import { askConflict, compareSnapshots, showNotices } from "./files.js";
 import { follow } from "./hand.js";
 import { choose, chosenLayer, showLayers } from "./layers.js";
 import { LightList } from "./lights.js";
-import { at, fileName, opened } from "./made.js";
+import { at, fileName, made, opened } from "./made.js";
 import { Turntable } from "./turntable.js";
 import { Viewport } from "./viewport/viewport.js";
+import { chooseWorn, showWorn } from "./wear.js";
 
 const WIDEST = 1024; // pixels of the canvas
 const LIVE = 1000; // milliseconds after which a parameter that is still moved is sent
@@ -56,7 +57,7 @@ Object.assign(window, { viewport, exact, lights, turntable }); // for tests
 viewport.addEventListener("failed", (event) => say(event.detail.message, true));
 viewport.addEventListener("picture", (event) => {
   const { count, scale } = event.detail ?? {};
-  at("progress").textContent = scale > 1 ? "…" : `${count} samples · direct light, no shadows`;
+  at("progress").textContent = scale > 1 ? "…" : `${count} samples · direct light${castable() ? (viewport.settings.shadows ? " with cast shadow" : ", no shadow") : ""}`;
 });
 
 /** Fetch and show the scene, which the server has made anew. */
@@ -66,27 +67,41 @@ async function load(what) {
   fit(next.resolution);
   await viewport.show(next);
   await lights.load();
-  const first = scene === null;
+  const first = scene === null, path = scene?.parts[picked]?.path;
+  picked = Math.max(0, next.parts.findIndex((each) => each.path === path));
   scene = next;
   if (first) {
     at("background").checked = next.background === "ibl";
     const behind = Array.isArray(next.background) ? next.background[1] : 0;
     viewport.set({ background: at("background").checked, behind });
   }
-  select(at("look"), next.choices.looks, next.chosen.look);
-  select(at("rig"), next.choices.rigs, next.chosen.rig);
-  select(at("part"), next.parts.map((each) => each.path), next.parts[Math.min(picked, next.parts.length - 1)].path);
-  at("left-out").querySelector("ul").replaceChildren(...next.left_out.map((each) => Object.assign(document.createElement("li"), { textContent: each })));
+  const { looks, rigs, shipped } = next.choices;
+  select(at("look"), looks, next.chosen.look);
+  select(at("rig"), rigs, next.chosen.rig, shipped, "shipped: only shown");
+  select(at("part"), next.parts.map((each) => each.path), next.parts[picked].path);
+  at("shadows").disabled = !next.shadows;
+  at("shadows").parentElement.title = next.shadows ? "What the asset takes of the light that arrives on it" : "This asset casts no shadow on itself: it is convex";
+  leftOut();
   panel();
   say(`${next.view.name}`);
 }
 
-function select(element, names, chosen) {
-  element.replaceChildren(...names.map((each) => new Option(each, each, false, each === chosen)));
+const castable = () => scene?.shadows ?? false;
+
+/** Name what the picture leaves out, as it is now. */
+function leftOut() {
+  const switched = castable() && !viewport.settings.shadows ? ["cast shadow: switched off"] : [];
+  at("left-out").querySelector("ul").replaceChildren(...[...scene.left_out, ...switched].map((each) => made("li", { textContent: each })));
+}
+
+function select(element, names, chosen, others = [], label = "") {
+  const options = (given) => given.map((each) => new Option(each, each, false, each === chosen));
+  element.replaceChildren(...options(names), ...(others.length ? [made("optgroup", { label }, ...options(others))] : []));
 }
 
 /** Give the canvas the frame's shape: the picture is framed as the job's frames are. */
 function fit([width, height]) {
+  document.documentElement.style.setProperty("--shape", height / width);
   const room = at("stage").getBoundingClientRect();
   const scale = Math.min(room.width / width, room.height / height);
   const [wide, high] = [width * scale, height * scale].map(Math.floor);
@@ -98,15 +113,16 @@ function fit([width, height]) {
 const lookOf = () => scene.parts[picked].look;
 
 function panel() {
+  showWorn(scene, scene.parts[picked], acts);
   showLayers(at("layers"), scene.stacks[lookOf()], acts);
   showNotices(scene, (what) => ask("disk", { do: what }, what === "keep" ? "kept: saving writes over the file" : ""));
   marks();
 }
 
 function marks() {
-  const stack = scene.stacks[lookOf()], unsaved = scene.stacks.filter((each) => each.unsaved);
+  const unsaved = [scene.job, ...scene.stacks].filter((each) => each.unsaved);
   at("save").disabled = unsaved.length === 0;
-  at("save-as").disabled = !stack.file;
+  at("save-as").disabled = false;
   const files = [...new Set(unsaved.map((each) => each.file))].join(", ");
   at("save").title = files ? `Write the edits to ${files} (Ctrl+S)` : "Nothing is unsaved";
   at("undo").disabled = scene.undoes === null;
@@ -182,6 +198,20 @@ let copied = ""; // where the browser's clipboard cannot be read
 
 const acts = {
   change,
+  async dress() {
+    if (scene.job.locked) return;
+    try {
+      await sending;
+      const body = await chooseWorn(scene, scene.parts[picked], asked);
+      if (!body) return;
+      if (body.material) { await ask("wear", body); return; }
+      const preset = await choosePreset(asked);
+      if (preset) await named([["preset", "A new look beside the job", scene.job.file, `${preset}.usda`]], (_, file) => ask("wear", { ...body, preset, file }));
+    } catch (error) {
+      say(error.message, true);
+    }
+  },
+  undress: () => ask("wear", { part: scene.job.worn[scene.parts[picked].path].paths[0], take: true }),
   again: () => panel(),
   images: async () => (await asked(`images?look=${lookOf()}`)).images,
   async arrange(body, focus = "") {
@@ -234,10 +264,10 @@ const acts = {
   },
 };
 
-async function save(name, over = false) {
+async function save(name, over = false, what = "look") {
   try {
     await sending;
-    const { files, ...status } = await asked("save", name === null ? { over } : { look: lookOf(), name });
+    const { files, ...status } = await asked("save", name === null ? { over } : { look: what === "job" ? null : lookOf(), name });
     await adopt(status);
     say(files.length ? `saved ${files.join(", ")}` : "nothing is unsaved");
   } catch (error) {
@@ -260,7 +290,8 @@ function view() {
   at("exposure-value").textContent = exposure.toFixed(1);
   at("lighting-value").textContent = `${Math.round(lighting)}°`;
   at("element-value").textContent = `${Math.round(element)}°`;
-  viewport.set({ exposure, lighting, element, background: at("background").checked });
+  viewport.set({ exposure, lighting, element, background: at("background").checked, shadows: at("shadows").checked });
+  if (scene) leftOut();
 }
 
 follow(canvas, viewport, {
@@ -274,7 +305,7 @@ follow(canvas, viewport, {
     panel();
   },
 });
-for (const id of ["exposure", "lighting", "element", "background"]) at(id).addEventListener("input", view);
+for (const id of ["exposure", "lighting", "element", "background", "shadows"]) at(id).addEventListener("input", view);
 at("part").addEventListener("change", () => {
   picked = at("part").selectedIndex;
   panel();
@@ -296,14 +327,29 @@ at("compare").addEventListener("click", () => compareSnapshots(scene, {
   drop: (number) => ask("snapshots", { do: "drop", number }),
 }));
 at("save").addEventListener("click", () => save(null));
-at("save-as").addEventListener("click", async () => {
-  const file = scene.stacks[lookOf()].file;
-  at("name").value = fileName(file).replace(/(\.\w+)$/, "_2$1");
-  at("naming-file").textContent = file;
+at("save-as").addEventListener("click", () => {
+  const { file, locked } = scene.stacks[lookOf()], second = (path) => fileName(path).replace(/(\.\w+)$/, "_2$1");
+  const looks = file && !locked ? [["look", "A new file beside the look's own", file, second(file)]] : [];
+  named([...looks, ["job", "A new file beside the job's", scene.job.file, second(scene.job.file)]], (what, name) => save(name, false, what));
+});
+
+/** Ask for the name of a new file of one of several kinds: [kind, words, the file that it is beside, a name]. */
+async function named(kinds, then) {
+  const show = () => {
+    const [, words, file, name] = kinds[at("naming-what").selectedIndex];
+    at("naming-label").textContent = words;
+    at("naming-file").textContent = file;
+    at("name").value = name;
+  };
+  at("naming-what").replaceChildren(...kinds.map(([kind]) => new Option(`the ${kind}`, kind)));
+  at("naming-what").closest("label").hidden = kinds.length < 2;
+  at("naming-what").onchange = show;
+  show();
   const closed = opened(at("naming"));
   at("name").select();
-  if ((await closed) === "save") save(at("name").value);
-});
+  if ((await closed) === "save") await then(at("naming-what").value, at("name").value);
+}
+
 addEventListener("copy", (event) => {
   if (!document.activeElement?.closest("#stack")) return;
   event.preventDefault();
@@ -323,15 +369,19 @@ addEventListener("keydown", (event) => {
     else if (key === "z") ask("history", { redo: false });
     else return;
     event.preventDefault();
-  } else if (typing(event.target)) return;
+  } else if (typing(event.target) || document.querySelector("dialog[open]")) return;
   else if ((event.target.tagName !== "BUTTON" || event.key !== " ") && (turntable.key(event.key) || exact.key(event.key))) event.preventDefault();
-  else if (event.key === "b") {
-    at("background").checked = !at("background").checked;
-    view();
+  else if (event.key === "p") acts.dress();
+  else {
+    const box = at({ b: "background", h: "shadows" }[event.key]);
+    if (box && !box.disabled) {
+      box.checked = !box.checked;
+      view();
+    }
   }
 });
 addEventListener("beforeunload", (event) => {
-  if (scene?.stacks.some((each) => each.unsaved)) event.preventDefault();
+  if (scene && [scene.job, ...scene.stacks].some((each) => each.unsaved)) event.preventDefault();
 });
 new ResizeObserver(() => {
   if (!scene) return;

@@ -148,8 +148,8 @@ export class Exact {
     const list = at("difference-parts"), { compared } = this;
     if (mode !== "difference") return;
     if (!round || compared?.round !== round && !compared) { list.replaceChildren(); at("difference-mean").textContent = "waiting for both pictures…"; return; }
-    const left = [...at("left-out").querySelectorAll("li")].map((each) => each.textContent).filter((each) => !/^(interreflection|cast shadow)/.test(each));
-    const others = left.length ? `cast shadow, and what the viewport leaves out (${left.map((each) => each.split(":")[0]).join(", ")})` : "cast shadow";
+    const left = [...at("left-out").querySelectorAll("li")].map((each) => each.textContent.split(":")[0]).filter((each) => each !== "interreflection");
+    const others = left.length ? left.join(", ") : "direct light: what both have, by the noise of both";
     at("difference-mean").textContent = `mean ${percent(compared.apart)} of the exact light`;
     list.replaceChildren(...[[signed(compared.indirect), "interreflection"], [signed(compared.rest), others], [`± ${percent(Math.sqrt(compared.round.relmse))}`, "noise of a pixel, which the mean has in it"]].map(([share, name]) => {
       const row = document.createElement("li");

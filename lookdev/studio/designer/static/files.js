@@ -17,7 +17,7 @@ export function showNotices(scene, act) {
       button("Discard", "Remove it for good", () => act("discard"), { id: "recovery-discard" })));
   }
   if (changed.length) {
-    const edited = scene.stacks.some((each) => changed.includes(each.file) && each.unsaved);
+    const edited = [scene.job, ...scene.stacks].some((each) => changed.includes(each.file) && each.unsaved);
     const words = `${changed.map(fileName).join(", ")} changed on disk.${edited ? " You have unsaved edits of it." : ""}`;
     notices.push(made("div", { className: "notice", id: "changed", role: "alert" },
       made("p", { textContent: words, title: changed.join("\n") }),

@@ -2,11 +2,12 @@
 
 import { fromHex, toHex } from "./color.js";
 import { made, button, spaced } from "./made.js";
-import { maskEditor } from "./mask.js";
+import { maskEditor, sourceEditor } from "./mask.js";
 
 const step = ([low, high]) => Number(((high - low) / 200).toPrecision(1));
 let chosen = null; // number of a layer in the stack
 let dragged = null;
+const sourced = new Set(); // parameters whose source is being looked at, by the ids of their rows
 
 /** The layer that is chosen in a stack: the one before, or the top one. */
 export function chosenLayer(stack) {
@@ -184,8 +185,7 @@ function inspector(stack, layer, acts) {
     if (layer.modes.length > 1) box.append(modeRow(layer, acts));
     box.append(maskEditor(layer, acts));
   }
-  const rows = layer.parameters.filter((each) => each.name !== "mask" || !each.varies).map((each) => row(layer, each, stack, acts));
-  box.append(...rows);
+  box.append(...layer.parameters.filter((each) => each.name !== "mask" || !each.varies).flatMap((each) => rows(layer, each, stack, acts)));
   return box;
 }
 
@@ -197,13 +197,41 @@ function modeRow(layer, acts) {
   return made("div", { className: "row", title: "over: covers by its mask. transmit: what it lets through meets the layers beneath" }, made("span", { textContent: "lies" }), given);
 }
 
+/** The row of a parameter, with what gives it its value under it where that is looked at. */
+function rows(layer, parameter, stack, acts) {
+  const { name, kind, value, varies } = parameter, id = `p-${layer.number}-${name}`;
+  const element = row(layer, parameter, stack, acts);
+  if (stack.locked || name === "mask" || name.includes(".") || !layer.own) return [element];
+  const stated = value !== null || varies !== "";
+  const unstate = () => acts.arrange({ op: "unstate", layer: layer.number, parameter: name }, id);
+  if (stated) {
+    element.firstChild.prepend(button("×", `${spaced(name)}: back to the model's default (Delete)`, unstate, { className: "unstate", id: `${id}-unstate`, tabIndex: -1 }));
+    element.addEventListener("keydown", (event) => {
+      const { tagName, type } = event.target;
+      if (!["Delete", "Backspace"].includes(event.key) || tagName === "TEXTAREA" || (tagName === "INPUT" && ["number", "text"].includes(type))) return;
+      event.preventDefault();
+      unstate();
+    });
+  }
+  if (!["float", "color"].includes(kind)) return [element];
+  const open = sourced.has(id);
+  const more = button("ƒ", `${spaced(name)}: an image, a primvar or an expression`, () => {
+    if (open) sourced.delete(id);
+    else sourced.add(id);
+    acts.again();
+  }, { className: "toggle", id: `${id}-more` });
+  more.setAttribute("aria-expanded", String(open));
+  element.append(more);
+  return open ? [element, sourceEditor(layer, parameter, `${id}-source`, acts)] : [element];
+}
+
 function row(layer, parameter, stack, acts) {
   const { name, kind, value, soft, hard } = parameter;
   const id = `p-${layer.number}-${name}`;
-  const label = made("span", { textContent: name === "mask" ? "how much" : spaced(name.replace(/^mask\./, "")) });
-  const element = made("div", { className: "row", title: parameter.help || name }, label);
+  const label = made("span", {}, name === "mask" ? "how much" : spaced(name.replace(/^\w+\./, "")));
+  const element = made("div", { className: "row parameter", title: parameter.help || name }, label);
   element.dataset.parameter = name;
-  element.classList.toggle("stated", value !== null);
+  element.classList.toggle("stated", value !== null || parameter.varies !== "");
   const locked = Boolean(stack.locked);
   const give = (given, rests) => {
     element.classList.add("stated");
@@ -216,7 +244,8 @@ function row(layer, parameter, stack, acts) {
     return input;
   };
   if (parameter.varies) {
-    element.append(made("span", { className: "varies", textContent: parameter.varies, title: parameter.varies }));
+    // It takes the focus, so that keys reach it.
+    element.append(made("span", { className: "varies", textContent: parameter.varies, title: parameter.varies, tabIndex: 0, id }));
   } else if (kind === "float") {
     const shown = value ?? parameter.default, [low, high] = soft;
     const slider = named(made("input", { type: "range", min: low, max: high, step: step(soft), value: shown }));

@@ -86,7 +86,6 @@ export class LightList {
       made("div", { className: "row" }, made("span", { textContent: "tint" }), picker, made("output", {})),
       made("div", { className: "row" }, made("span", { textContent: "temperature" }), warm, degrees),
     ];
-    if (light.left_out) rows.push(made("p", { className: "sentence", textContent: `The viewport leaves it out: it has ${light.left_out}. The exact picture shows it.` }));
     const item = made("li", {}, title, ...rows);
     item.classList.toggle("off", !light.on);
     return item;

@@ -1,10 +1,12 @@
-// The mask of a layer: a number, a channel of an image, a primvar, or an expression with the sources of its names.
+// What gives a value over the surface, of the mask of a layer or of a parameter: a number, a channel of an image, a
+// primvar, or an expression with the sources of its names.
 
 import { made, button } from "./made.js";
 
-const KINDS = { number: "a number", texture: "an image", primvar: "a primvar of the asset", expression: "an expression", part: "a part of the asset" };
+const MASK = { number: "a number", texture: "an image", primvar: "a primvar of the asset", expression: "an expression", part: "a part of the asset" };
+const PARAMETER = { number: "a constant", texture: "an image", primvar: "a primvar of the asset", expression: "an expression" };
 const KNOWN = new Set(["PI", "E", "linear", "smooth", "gaussian", "view"]);
-const opened = new Map(); // kinds that are looked at and not yet given, by layer
+const opened = new Map(); // kinds that are looked at and not yet given, by what they are of
 
 /** The names of an expression: what is neither a function nor a constant. */
 export function namesOf(text) {
@@ -14,34 +16,53 @@ export function namesOf(text) {
 }
 
 export function maskEditor(layer, acts) {
-  const { mask, number, name } = layer, key = `${number} ${name}`;
-  const kind = opened.get(key) ?? mask.kind;
+  const { mask, number, name } = layer;
+  const title = "Where the layer is, and how much: white shows it, black shows what is beneath";
+  return editor({ id: "mask", key: `${number} ${name}`, of: `the mask of ${name}`, label: "mask", title, kinds: MASK, had: mask, acts,
+    give: (text, inputs) => acts.arrange({ op: "mask", layer: number, mask: text, inputs }),
+    plain: () => acts.arrange({ op: "mask", layer: number, mask: "1", inputs: {} }) });
+}
+
+/** The editor of what gives a parameter its value; `had` is as that of a mask. */
+export function sourceEditor(layer, parameter, id, acts) {
+  const { name, source } = parameter, { number } = layer;
+  return editor({ id, key: `${number} ${layer.name} ${name}`, of: `${name} of ${layer.name}`, label: "from", title: "What gives it its value", kinds: PARAMETER, had: source, color: parameter.kind === "color", acts,
+    give: (text, inputs) => acts.arrange({ op: "source", layer: number, parameter: name, source: text, inputs }),
+    plain: () => acts.arrange({ op: "unstate", layer: number, parameter: name }) });
+}
+
+function editor({ id, key, of, label, title, kinds, had, color = false, acts, give: given, plain }) {
+  const kind = opened.get(key) ?? had.kind;
   const problem = made("p", { className: "problem", hidden: true, role: "alert" });
-  const choice = made("select", { id: "mask-kind" }, ...Object.entries(KINDS).map(([each, words]) => new Option(words, each, false, each === kind)));
-  choice.setAttribute("aria-label", `What the mask of ${name} is`);
+  const choice = made("select", { id: `${id}-kind` }, ...Object.entries(kinds).map(([each, words]) => new Option(words, each, false, each === kind)));
+  choice.setAttribute("aria-label", `What ${of} is`);
   const give = async (text, inputs = {}) => {
     problem.hidden = true;
-    const error = await acts.arrange({ op: "mask", layer: number, mask: text, inputs });
+    const error = await given(text, inputs);
     if (!error) opened.delete(key);
     else Object.assign(problem, { hidden: false, textContent: error });
   };
-  const editor = made("div", { className: "mask" },
-    made("div", { className: "row", title: "Where the layer is, and how much: white shows it, black shows what is beneath" }, made("span", { textContent: "mask" }), choice));
+  const box = made("div", { className: "mask" }, made("div", { className: "row", title }, made("span", { textContent: label }), choice));
   choice.addEventListener("change", () => {
-    if (choice.value === "number" && mask.kind !== "number") { opened.delete(key); give("1"); return; }
+    if (choice.value === "number") {
+      opened.delete(key);
+      if (had.kind === "number") acts.again();
+      else plain();
+      return;
+    }
     opened.set(key, choice.value);
     acts.again();
   });
-  const current = mask.kind === kind;
-  if (kind === "texture") editor.append(...image(mask, current, give, acts));
-  else if (kind === "primvar") editor.append(primvar(mask, current, give));
-  else if (kind === "expression") editor.append(...expression(mask, current, give, acts));
+  const current = had.kind === kind;
+  if (kind === "texture") box.append(...image(id, had, current, color, give, acts));
+  else if (kind === "primvar") box.append(primvar(id, had, current, give));
+  else if (kind === "expression") box.append(...expression(id, had, current, of, give, acts));
   else if (kind === "part") {
-    const words = "A look does not know which part wears it. Give the part a look of its own, by [[look.assign]] of the job, or the asset a primvar.";
-    editor.append(made("p", { className: "sentence", textContent: words }));
+    const words = "A look does not know which part wears it. Dress the part in a look of its own, under Part, or give the asset a primvar.";
+    box.append(made("p", { className: "sentence", textContent: words }));
   }
-  editor.append(problem);
-  return editor;
+  box.append(problem);
+  return box;
 }
 
 function field(label, input, more = []) {
@@ -49,40 +70,40 @@ function field(label, input, more = []) {
   return made("div", { className: "row" }, made("span", { textContent: label }), input, ...more);
 }
 
-function listed(input, acts) {
-  const list = made("datalist", { id: "mask-images" });
-  input.setAttribute("list", "mask-images");
+function listed(id, input, acts) {
+  const list = made("datalist", { id: `${id}-images` });
+  input.setAttribute("list", `${id}-images`);
   input.addEventListener("focus", async () => list.replaceChildren(...(await acts.images()).map((each) => new Option(each))), { once: true });
   return list;
 }
 
-function image(mask, current, give, acts) {
+function image(id, mask, current, color, give, acts) {
   const [, file = "", channel = "r"] = (current ? mask.text : "").match(/^(.*?)(?::(\w+))?$/) ?? [];
-  const input = made("input", { type: "text", id: "mask-file", value: file, placeholder: "textures/dirt.png", spellcheck: false, className: "wide" });
-  const of = made("select", { id: "mask-channel" }, ..."rgba".split("").map((each) => new Option(each, each, false, each === channel)));
+  const input = made("input", { type: "text", id: `${id}-file`, value: file, placeholder: "textures/dirt.png", spellcheck: false, className: "wide" });
+  const of = made("select", { id: `${id}-channel` }, ...(color ? ["rgb"] : "rgba".split("")).map((each) => new Option(each, each, false, each === channel)));
   of.setAttribute("aria-label", "Channel of the image");
   const changed = () => { if (input.value.trim()) give(`${input.value.trim()}:${of.value}`); };
   input.addEventListener("change", changed);
   of.addEventListener("change", changed);
-  return [field("image", input, [of]), listed(input, acts)];
+  return [field("image", input, [of]), listed(id, input, acts)];
 }
 
-function primvar(mask, current, give) {
-  const input = made("input", { type: "text", id: "mask-primvar", value: current ? mask.text.replace(/^primvar:/, "") : "", placeholder: "wear", spellcheck: false, className: "wide" });
+function primvar(id, mask, current, give) {
+  const input = made("input", { type: "text", id: `${id}-primvar`, value: current ? mask.text.replace(/^primvar:/, "") : "", placeholder: "wear", spellcheck: false, className: "wide" });
   input.addEventListener("change", () => { if (input.value.trim()) give(`primvar:${input.value.trim()}`); });
   return field("primvar", input);
 }
 
-function expression(mask, current, give, acts) {
-  const text = made("textarea", { id: "mask-expression", value: current ? mask.text : "", rows: 3, spellcheck: false, placeholder: "smoothstep(dirt, .2, .6)" });
-  text.setAttribute("aria-label", "Expression of the mask");
+function expression(id, mask, current, of, give, acts) {
+  const text = made("textarea", { id: `${id}-expression`, value: current ? mask.text : "", rows: 3, spellcheck: false, placeholder: "smoothstep(dirt, .2, .6)" });
+  text.setAttribute("aria-label", `Expression of ${of}`);
   const sources = made("div", {}), had = current ? mask.inputs : {}, typed = {};
-  const list = made("datalist", { id: "mask-images" });
+  const list = made("datalist", { id: `${id}-images` });
   const show = () => {
     sources.replaceChildren(...namesOf(text.value).map((name) => {
       const input = made("input", { type: "text", value: typed[name] ?? had[name] ?? "", placeholder: "0.5, dirt.png:r, primvar:wear, uv:st", className: "wide", spellcheck: false });
       input.dataset.name = name;
-      input.setAttribute("list", "mask-images");
+      input.setAttribute("list", `${id}-images`);
       input.addEventListener("input", () => { typed[name] = input.value; });
       input.addEventListener("focus", async () => list.replaceChildren(...(await acts.images()).map((each) => new Option(each))), { once: true });
       return field(name, input);
@@ -99,5 +120,5 @@ function expression(mask, current, give, acts) {
     give(text.value, Object.fromEntries(names.filter((name) => typed[name] !== undefined && typed[name] !== had[name]).map((name) => [name, typed[name]])));
   };
   show();
-  return [text, sources, list, made("div", { className: "tools" }, button("Apply", "Give the layer this mask (Ctrl+Enter)", apply, { id: "mask-apply" }))];
+  return [text, sources, list, made("div", { className: "tools" }, button("Apply", "Give it this expression (Ctrl+Enter)", apply, { id: `${id}-apply` }))];
 }

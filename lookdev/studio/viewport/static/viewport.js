@@ -12,6 +12,7 @@ const LEAST_PER_VIEW = 4; // samples of the light before the places in the pixel
 const LONG = 300; // milliseconds of a whole sample, beyond which pictures between the first and the whole one are shown
 const TRIANGLES = 1 << 16; // between such looks
 const DIFFERENCE = 4; // times which a difference is shown: a quarter of white is full colour
+const LIFT = 1e-6; // of the asset's radius, above its facet, at which a ray leaves a surface: as the renderer's do
 const SCALES = [1, 2, 4, 8, 16];
 
 export class Viewport extends EventTarget {
@@ -22,7 +23,7 @@ export class Viewport extends EventTarget {
     this.gl = context(canvas);
     this.programs = new Programs(this.gl);
     this.textures = new Textures(this.gl, fetched);
-    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, behind: 0, seed: 0, most: 4096, wipe: 1, differs: false };
+    this.settings = { element: 0, lighting: 0, exposure: 0, background: true, shadows: true, behind: 0, seed: 0, most: 4096, wipe: 1, differs: false };
     this.scale = 3; // of SCALES
     this.rate = null; // pixels a millisecond
     this.version = 0;
@@ -90,7 +91,7 @@ export class Viewport extends EventTarget {
   /** Change settings: element and lighting are degrees, exposure is in stops. */
   set(settings) {
     const differs = (name) => name in settings && settings[name] !== this.settings[name];
-    const [seen, lit] = [differs("element") || differs("seed"), differs("lighting")];
+    const [seen, lit] = [differs("element") || differs("seed"), differs("lighting") || differs("shadows")];
     Object.assign(this.settings, settings);
     if (seen || lit) this.change(seen);
     else this.redraw();
@@ -302,8 +303,9 @@ export class Viewport extends EventTarget {
     gl.enable(gl.SCISSOR_TEST);
     gl.scissor(0, film.height - bottom, film.width, bottom - top);
     const turns = cameras.turns(settings.element, settings.lighting);
+    const shadow = { shadowed: settings.shadows ? 1 : 0, lift: LIFT * scene.radius };
     for (const look of scene.looks) {
-      const numbers = { ...film.seen, size: [film.width, film.height], places: film.places, turns };
+      const numbers = { ...film.seen, ...shadow, size: [film.width, film.height], places: film.places, turns };
       Object.assign(numbers, { sample_number: film.count, seed: settings.seed, triangles: [look.first, look.last] });
       const textures = { ...look.textures, ...scene.rig, corners: scene.corners, visible: film.visible };
       look.relight.use({ ...numbers, ...look.numbers }, textures);

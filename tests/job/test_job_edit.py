@@ -1,0 +1,157 @@
+"""What parts wear, edited in a job's text: what is not edited stays to the letter."""
+
+from __future__ import annotations
+
+import difflib
+import random
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("tomlkit", reason="the page's packages are not installed: pip install 'lookdev[studio]'")
+
+from lookdev.errors import LookdevError
+from lookdev.job.edit import Wear, assign, unassign, wear_all
+
+pytestmark = pytest.mark.alike
+
+PARTS = (Path(__file__).parents[2] / "jobs" / "parts.toml").read_text()
+GOLD = Wear("gold.usda", variants={"wear": "new"})
+
+INLINE = """# inline
+look = [ { name = "a", material = "m.usda" }, # the first
+  { name = "b", assign = [ { prims = ["/A", "/B"], material = "n.usda" } ] } ]
+output = "out"
+"""
+ARRAY = """output = "o"   # where
+
+[[look]]
+name = "a"
+assign = [
+    { prims = ["/A"], material = "a.usda" },  # of a
+    { prims = ["/B", "/C"], material = "b.usda", variants = { x = "y" } },
+]
+# before b
+[[look]]
+name = "b"
+layer = '''
+[[look]]
+''' # no header
+# tail"""
+NESTED = """[[look]]
+name = "a"
+
+[[look.assign]]
+prims = [
+  "/A", # one
+  "/B",
+]
+material = "a.usda"
+[look.assign.variants]
+x = "y"
+
+# the second
+[[look.assign]]
+prims = ["/C"]
+material = "c.usda"
+[render]
+samples = 4
+"""
+
+
+def assigns(text: str, look: int) -> Any:
+    return tomllib.loads(text)["look"][look].get("assign", [])
+
+
+def changed(before: str, after: str) -> list[str]:
+    """Return the lines that are removed and added."""
+    lines = difflib.ndiff(before.splitlines(), after.splitlines())
+    return sorted(each for each in lines if each[0] in "+-" and each[2:].strip())
+
+
+def test_a_new_assign_stands_before_the_one_that_covers_the_part() -> None:
+    after = assign(PARTS, 2, ["/Car/Body/Windows"], GOLD, 0)
+    assert [each["prims"] for each in assigns(after, 2)] == [
+        ["/Car/Body/Windows"],
+        ["/Car.collection:trim", "/Car/Wheels/Front*/Tire"],
+        ["/Car/Body"],
+    ]
+    assert changed(PARTS, after) == sorted(
+        [
+            "+ [[look.assign]]",
+            '+ prims = ["/Car/Body/Windows"]',
+            '+ material = "gold.usda"',
+            '+ variants = { wear = "new" }',
+            '- prims = ["/Car.collection:trim", "/Car/Body/Windows", "/Car/Wheels/Front*/Tire"]',
+            '+ prims = ["/Car.collection:trim", "/Car/Wheels/Front*/Tire"]',
+        ]
+    )
+
+
+def test_the_same_prims_take_another_material_in_their_place() -> None:
+    after = assign(PARTS, 2, ["/Car/Body"], Wear("gold.usda"), 1)
+    assert changed(PARTS, after) == sorted(
+        [
+            '- material = "../materials/car_paint.usda"',
+            '+ material = "gold.usda"',
+            '- variants = { wear = "dusty" }',
+        ]
+    )
+
+
+@pytest.mark.parametrize("look", [0, 1])
+def test_the_first_assign_of_a_look_follows_its_keys(look: int) -> None:
+    after = assign(PARTS, look, ["/Car/Body"], GOLD)
+    before, at = PARTS.splitlines(), after.splitlines().index("[[look.assign]]")
+    assert after.splitlines()[at - 2] == before[at - 2]
+    assert assigns(after, look) == [{"prims": ["/Car/Body"], **GOLD.keys}]
+    assert unassign(after, look, ["/Car/Body"]) == PARTS
+
+
+def test_the_whole_look_wears_a_material() -> None:
+    after = wear_all(PARTS, 2, GOLD)
+    assert changed(PARTS, after) == ['+ material = "gold.usda"', '+ variants = { wear = "new" }']
+    assert changed(after, wear_all(after, 2, Wear("tin.usda"))) == [
+        '+ material = "tin.usda"',
+        '- material = "gold.usda"',
+        '- variants = { wear = "new" }',
+    ]
+
+
+@pytest.mark.parametrize("text", [PARTS, INLINE, ARRAY, NESTED, PARTS.replace("\n", "\r\n")])
+@pytest.mark.parametrize("seed", range(8))
+def test_edits_make_the_data_that_they_mean_and_keep_every_comment(text: str, seed: int) -> None:
+    """Each edit checks its own data; comments, and every other key, are compared here."""
+    rng = random.Random(seed)
+    edited, looks = text, len(tomllib.loads(text)["look"])
+    for _ in range(6):
+        look = rng.randrange(looks)
+        had = assigns(edited, look)
+        known = [prim for each in had for prim in each["prims"]]
+        if known and rng.random() < 0.3:
+            edited = unassign(edited, look, [rng.choice(known)])
+        else:
+            prims = [rng.choice([*known, "/New/Part", "/Other"])]
+            covering = rng.choice([None, *range(len(had))])
+            edited = assign(edited, look, prims, rng.choice([GOLD, Wear("tin.usda", "/Tin")]), covering)
+            assert sum(prims[0] in each["prims"] for each in assigns(edited, look)) == 1
+    comments = [line.partition("#")[2].strip() for line in text.splitlines() if "#" in line]
+    kept = edited
+    removable = ("of a", "one", "the rest of the body: the first that fits counts")  # in an assign that can go
+    for comment in comments:
+        assert comment in kept or comment in removable
+    before, after = tomllib.loads(text), tomllib.loads(edited)
+    for data in (before, after):
+        for each in data["look"]:
+            each.pop("assign", None)
+    assert before == after
+    assert ("\r\n" in text) == ("\r\n" in edited)
+    assert edited.count("\n") == edited.count("\r\n") or "\r" not in edited
+
+
+@pytest.mark.parametrize("text", ["look = 3", "", '[look]\nname = "a"'])
+def test_what_is_no_list_of_looks_is_refused(text: str) -> None:
+    with pytest.raises(LookdevError, match="look"):
+        assign(text, 0, ["/A"], GOLD)

@@ -1,0 +1,246 @@
+"""What parts wear, edited by the Designer and written into the job."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from lookdev.errors import LookdevError
+from lookdev.job import load_job
+from lookdev.job.scenes import job_scenes
+from lookdev.studio.designer.document import Document
+from lookdev.studio.designer.edits import Edit
+from lookdev.studio.designer.opening import open_document
+from lookdev.studio.designer.sources import ConflictError
+
+pytestmark = pytest.mark.alike
+
+ROOT = Path(__file__).parents[2]
+WINDOWS = "/Car/Body/Windows"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Return a copy of the job of parts, with what it needs."""
+    shutil.copytree(ROOT / "materials" / "textures", tmp_path / "materials" / "textures")
+    for name in ("brushed_metal", "car_paint", "frosted_plastic"):
+        shutil.copy(ROOT / "materials" / f"{name}.usda", tmp_path / "materials")
+    shutil.copytree(ROOT / "jobs" / "assets", tmp_path / "jobs" / "assets")
+    shutil.copy(ROOT / "jobs" / "parts.toml", tmp_path / "jobs")
+    return tmp_path
+
+
+@pytest.fixture
+def job(folder: Path) -> Path:
+    return folder / "jobs" / "parts.toml"
+
+
+@pytest.fixture
+def document(job: Path) -> Document:
+    opened = open_document(job)
+    opened.choose("workshop", "courtyard")
+    return opened
+
+
+def worn(document: Document) -> dict[str, str]:
+    """Return the names of the looks of the shown scene, by part."""
+    return {path: look.name for path, look in document.scene.wears.items()}
+
+
+def covers(document: Document, part: str) -> dict[str, Any]:
+    found: dict[str, Any] = document.status()["job"]["worn"][part]
+    return found
+
+
+def test_a_part_wears_another_look_and_the_saved_job_shows_it(document: Document, job: Path) -> None:
+    before, text = worn(document), job.read_text()
+    assert covers(document, WINDOWS)["material"] == "../materials/brushed_metal.usda"
+    assert covers(document, WINDOWS)["variants"] == {"metal": "copper"}
+    assert covers(document, "/Car/Wheels/BackLeft/Tire")["by"] == "asset"
+    plastic = "../materials/frosted_plastic.usda"
+    assert document.wear({"part": WINDOWS, "prims": [WINDOWS], "material": plastic})
+    assert worn(document) == {**before, WINDOWS: "FrostedPlastic"}
+    assert covers(document, WINDOWS) == {
+        "paths": [WINDOWS], "by": "assign", "pattern": WINDOWS, "material": plastic, "variants": {},
+    }  # fmt: skip
+    assert document.status()["undoes"] == f"{WINDOWS} wears frosted_plastic"
+    assert document.status()["job"]["unsaved"]
+    number = [stack["name"] for stack in document.stacks()].index("FrostedPlastic")
+    document.edit(Edit(number, 0, "roughness", 0.66))
+    shown = document.scene
+    saved = document.save()
+    assert {file.name for file in saved} == {"parts.toml", "frosted_plastic.usda"}
+    rendered = job_scenes(load_job(job)).scenes["workshop", "courtyard"]
+    assert {path: look.layers for path, look in rendered.wears.items()} == {
+        path: look.layers for path, look in shown.wears.items()
+    }
+    kept = [line[2:] for line in difflib.ndiff(text.splitlines(), job.read_text().splitlines()) if line[0] == "-"]
+    assert kept == ['prims = ["/Car.collection:trim", "/Car/Body/Windows", "/Car/Wheels/Front*/Tire"]']
+    document.undo()
+    assert document.undo()
+    assert worn(document) == before
+    document.save()
+    assert job.read_text() == text
+    assert document.undo(1)
+    assert worn(document)[WINDOWS] == "FrostedPlastic"
+
+
+def test_one_of_several_instances_is_dressed(document: Document) -> None:
+    hubs = covers(document, "/Car/Wheels/FrontLeft/Hub")["paths"]
+    assert len(hubs) == 4
+    paint = "../materials/car_paint.usda"
+    document.wear({"part": hubs[0], "prims": [hubs[3]], "material": paint, "variants": {"wear": "dusty"}})
+    looks = worn(document)
+    assert looks["/Car/Wheels/FrontLeft/Hub"] == "BrushedMetal"
+    assert looks[hubs[3]] == "CarPaint"
+
+
+def test_everything_else_wears_a_look(document: Document) -> None:
+    document.wear({"part": WINDOWS, "prims": [], "material": "../materials/frosted_plastic.usda"})
+    looks = worn(document)
+    # The look's own material has the look's name.
+    assert looks["/Car/Chimney"] == looks["/Car/Wheels/BackLeft/Tire"] == "workshop"
+    assert looks["/Car/Body"] == "CarPaint"
+    assert covers(document, "/Car/Chimney")["by"] == "look"
+
+
+def test_a_look_is_taken_off(document: Document) -> None:
+    document.wear({"part": "/Car/Body", "take": True})
+    assert covers(document, "/Car/Body")["by"] == "asset"
+    with pytest.raises(LookdevError, match="nothing is assigned"):
+        document.wear({"part": "/Car/Body", "take": True})
+
+
+def test_a_look_is_made_of_a_preset(document: Document, job: Path) -> None:
+    document.wear({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": "panes.usda"})
+    assert worn(document)[WINDOWS] == "Panes"
+    assert (job.parent / "panes.usda").is_file()
+    number = [stack["name"] for stack in document.stacks()].index("Panes")
+    assert document.place(number)
+    before = sorted(job.parent.iterdir())
+    for name in ("panes.usda", "../panes2.usda", "panes.txt"):
+        with pytest.raises(LookdevError):
+            document.wear({"part": WINDOWS, "prims": [WINDOWS], "preset": "red_plastic", "file": name})
+    with pytest.raises(LookdevError, match="fits no part"):
+        document.wear({"part": WINDOWS, "prims": ["/Car/Bdy"], "preset": "red_plastic", "file": "new.usda"})
+    assert sorted(job.parent.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    ("body", "message"),
+    [
+        ({}, "what a part wears has"),
+        ({"part": WINDOWS, "prims": ["/Car/Bdy"], "material": "../materials/car_paint.usda"}, "did you mean"),
+        ({"part": "/Car/Wndows", "prims": [WINDOWS], "material": "../materials/car_paint.usda"}, "is no part"),
+        ({"part": WINDOWS, "prims": [3], "material": "../materials/car_paint.usda"}, "what a part wears has"),
+        ({"part": WINDOWS, "prims": [WINDOWS], "material": "../materials/none.usda"}, "no readable file"),
+        ({"part": WINDOWS, "prims": [WINDOWS], "material": "/etc/passwd"}, "reads looks below"),
+        ({"part": WINDOWS, "prims": [WINDOWS], "material": "assets/toy_car.usda", "prim": "/Car"}, "Car"),
+        (
+            {"part": WINDOWS, "prims": [WINDOWS], "material": "../materials/car_paint.usda", "variants": {"a": "b"}},
+            "variant",
+        ),
+    ],
+)
+def test_what_cannot_be_worn_is_refused_and_nothing_changes(body: Any, message: str, document: Document) -> None:
+    before = worn(document), document.status()["undoes"]
+    with pytest.raises(LookdevError, match=message):
+        document.wear(body)
+    assert (worn(document), document.status()["undoes"]) == before
+
+
+def test_a_job_that_is_changed_on_disk_is_loaded_or_written_over(document: Document, job: Path) -> None:
+    document.wear({"part": "/Car/Body", "take": True})
+    text = job.read_text().replace('prims = ["/Car/Body"]', 'prims = ["/Car/Body", "/Car/Chimney"]')
+    job.write_text(text)
+    assert document.signs()["changed"] == [str(job)]
+    with pytest.raises(ConflictError):
+        document.save()
+    assert document.reload()
+    assert worn(document)["/Car/Chimney"] == "CarPaint"
+    assert not document.status()["job"]["unsaved"]
+    job.write_text("look = 3")
+    with pytest.raises(LookdevError, match="look"):
+        document.reload()
+    assert worn(document)["/Car/Chimney"] == "CarPaint"
+
+
+def test_unsaved_dressing_survives_a_crash(job: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("LOOKDEV_STATE", str(tmp_path / "state"))
+    document = open_document(job, recovers=True)
+    document.choose("workshop", "courtyard")
+    document.wear({"part": "/Car/Body", "take": True})
+    document.close()  # the lock, as the end of a process frees it; the record stays
+    again = open_document(job, recovers=True)
+    assert again.status()["recovery"]["files"] == [{"file": str(job), "changed": False}]
+    again.recover(take=True)
+    assert again.chosen == ("workshop", "courtyard")
+    assert covers(again, "/Car/Body")["by"] == "asset"
+
+
+def test_an_asset_without_a_job_gets_one(folder: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("LOOKDEV_STATE", str(tmp_path / "state"))
+    monkeypatch.chdir(folder)
+    asset, made = Path("jobs/assets/toy_car.usda"), folder / "toy_car.toml"
+    document = open_document(asset, recovers=True)
+    assert document.status()["job"]["new"]
+    assert document.save() == []
+    document.wear({"part": WINDOWS, "prims": [WINDOWS], "material": "materials/frosted_plastic.usda"})
+    document.close()
+    assert not made.exists()
+    again = open_document(asset, recovers=True)
+    again.recover(take=True)
+    assert worn(again)[WINDOWS] == "FrostedPlastic"
+    assert again.save() == [made]
+    assert not again.status()["job"]["new"]
+    assert f'usd = "{os.path.relpath(asset)}"' in made.read_text()
+    rendered = job_scenes(load_job(made)).scenes["own", "courtyard"]
+    assert rendered.wears[WINDOWS].name == "FrostedPlastic"
+    assert open_document(asset).status()["job"]["file"] == str(folder / "toy_car_2.toml")
+    again.wear({"part": WINDOWS, "take": True})
+    again.close()
+    third = open_document(asset, recovers=True)
+    assert third.recover(take=True)
+    assert worn(third)[WINDOWS] != "FrostedPlastic"
+    assert third.save() == [made]
+
+
+def test_a_light_that_ships_is_shown_and_not_saved(document: Document, job: Path) -> None:
+    text = job.read_text()
+    assert {"studio", "three_point"} <= {*document.choices["shipped"]}
+    assert "courtyard" not in document.choices["shipped"]
+    document.choose("workshop", "three_point")
+    assert len(document.scene.lights) > 1
+    document.wear({"part": "/Car/Body", "take": True})
+    assert document.chosen == ("workshop", "three_point")
+    assert document.job.rigs[-1].name == "three_point"
+    document.save()
+    assert "three_point" not in job.read_text() != text
+
+
+def test_what_can_be_worn_is_listed(document: Document) -> None:
+    found = document.wearables()
+    assert {"material": "../materials/car_paint.usda", "prim": None, "variants": {"wear": "dusty"}} in found["job"]
+    assert "../materials/frosted_plastic.usda" in found["files"]
+    assert "parts.toml" not in found["files"]
+
+
+def test_a_look_that_was_saved_is_edited_in_another_variant(document: Document) -> None:
+    """The job is read anew by a dressing, from what is on disk now."""
+    number = [stack["name"] for stack in document.stacks()].index("CarPaint")
+    document.edit(Edit(number, 0, "roughness", 0.31))
+    document.save()
+    paint = "../materials/car_paint.usda"
+    document.wear({"part": WINDOWS, "prims": [WINDOWS], "material": paint, "variants": {"wear": "clean"}})
+    stacks = [stack for stack in document.stacks() if stack["name"] == "CarPaint"]
+    assert [stack["locked"] for stack in stacks] == ["", ""]
+    roughness = {
+        row["value"] for stack in stacks for row in stack["layers"][0]["parameters"] if row["name"] == "roughness"
+    }
+    assert len(roughness) == 1
+    assert roughness.pop() == pytest.approx(0.31)
