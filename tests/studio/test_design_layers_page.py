@@ -90,6 +90,28 @@ def test_enter_adds_the_first_that_is_found_and_escape_none(page: Page) -> None:
     ) == [3, "Gold"]
 
 
+def test_a_parameter_takes_an_expression_and_is_taken_back_by_a_key(page: Page) -> None:
+    found = run(
+        page,
+        "at('layer-0').click(); const row = () => document.querySelector('[data-parameter=sheen]');"
+        "const stated = () => row().classList.contains('stated');"
+        "at('p-0-sheen-more').click(); typed(at('p-0-sheen-source-kind'), 'expression');"
+        "typed(at('p-0-sheen-source-expression'), 'dirt * amount', 'input');"
+        "typed(document.querySelector('input[data-name=dirt]'), 'textures/dirt.png', 'input');"
+        "typed(document.querySelector('input[data-name=amount]'), '.5', 'input');"
+        "at('p-0-sheen-source-apply').click(); await until(() => at('undo').title.includes('sheen'));"
+        "const states = [row().querySelector('.varies').textContent, at('p-0-sheen.amount').value];"
+        "for (const event of ['input', 'change']) typed(at('p-0-sheen.amount'), 0.75, event);"
+        "await until(() => at('undo').title.includes('sheen.amount'));"
+        "const press = () => at('p-0-sheen').dispatchEvent(new KeyboardEvent('keydown', {key: 'Delete', bubbles: true,"
+        " cancelable: true})); press(); await until(() => !stated()); states.push(at('undo').title);"
+        "at('undo').click(); await until(stated); states.push(at('p-0-sheen.amount').value);"
+        "at('p-0-sheen-unstate').click(); await until(() => !stated());"
+        "at('p-0-sheen-more').click(); done(states);",
+    )
+    assert found == ["expression dirt * amount", "0.5", "Undo: Base sheen back to its default (Ctrl+Z)", "0.75"]
+
+
 def test_the_stack_is_worked_by_keys(page: Page) -> None:
     found = run(
         page,

@@ -1,4 +1,7 @@
-"""What the Designer edits: the looks of a job, on its asset, under one of its rigs."""
+"""What the Designer edits: a job, its looks, on its asset, under one of its rigs.
+
+One class is all that is done under one lock; what it does is in the modules that it imports.
+"""
 
 from __future__ import annotations
 
