@@ -163,7 +163,7 @@ def test_the_numbers_of_an_expression_are_parameters(document: Document) -> None
         ({"op": "mask", "layer": 1, "mask": "smothstep(a)", "inputs": {}}, "did you mean 'smoothstep'"),
         ({"op": "mask", "layer": 1, "mask": "dirt", "inputs": {}}, "'dirt' in the expression has no source"),
         ({"op": "mask", "layer": 0, "mask": "0.5", "inputs": {}}, "is the base"),
-        ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, r"\[\[look.assign\]\]"),
+        ({"op": "mask", "layer": 1, "mask": "part:/Car", "inputs": {}}, "dress the part in a look of its own"),
         ({"op": "add", "preset": "rsut"}, "did you mean 'rust'"),
         ({"op": "add", "preset": "../../secret.usda"}, "no preset 'secret'"),
         ({"op": "remove", "layer": 9}, "has no layer 9"),
