@@ -1,4 +1,4 @@
-"""A whole edit, played in a browser, saved, opened again, and rendered by the job.
+"""A whole edit, played in a browser: parts dressed, compared, saved, opened again, and rendered by the job.
 
 ``pytest -m slow tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
 """
@@ -20,22 +20,24 @@ from pxr import Sdf, Usd, UsdGeom
 from served import served
 from test_design_layers_page import run
 from test_design_page import NEEDS_CHROMIUM, Page, start_browser
+from test_design_wear_page import DRESS
 
 from lookdev.asset.builtin import make_sphere
+from lookdev.job import load_job
 from lookdev.output.exr import read_frame, read_layer
 
-pytestmark = [pytest.mark.slow, pytest.mark.cycles, NEEDS_CHROMIUM]
+pytestmark = [pytest.mark.slow, pytest.mark.cycles, pytest.mark.mitsuba, NEEDS_CHROMIUM]
 
 ROOT = Path(__file__).parents[2]
 SIZE = (48, 36)
-SAMPLES = 1024  # of the viewport
+SAMPLES = 512  # of the viewport
 JOB = """output = "out"
 asset = { usd = "asset.usda" }
 camera = { elevation = 20 }
 
 [[look]]
 name = "dressed"
-assign = [{ prims = ["/Ball/Upper"], material = "upper.usda" }, { prims = ["/Ball/Lower"], material = "lower.usda" }]
+material = "lower.usda"      # until its parts are dressed
 
 [[ibl]]
 name = "studio"
@@ -57,7 +59,7 @@ Floats = NDArray[np.float64]
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    """Return a job of a ball of two parts, each in a look of its own."""
+    """Return a job of a ball of two parts, and looks beside it."""
     (tmp_path / "job.toml").write_text(JOB)
     shutil.copytree(ROOT / "materials" / "textures", tmp_path / "textures")
     shutil.copy(ROOT / "materials" / "car_paint.usda", tmp_path / "upper.usda")
@@ -98,7 +100,8 @@ def shown(page: Page, seed: int) -> Floats:
 def load(browser: Any, url: str) -> Page:
     page = Page(browser, url)
     browser.set_script_timeout(400)
-    run(page, "typed(at('lighting'), 40, 'input'); done();")
+    browser.command_executor.client_config.timeout = 400
+    run(page, "exact.choose('viewport'); typed(at('lighting'), 40, 'input'); done();")
     return page
 
 
@@ -113,6 +116,9 @@ def test_what_is_saved_is_rendered_as_it_was_shown(folder: Path, browser: Any) -
         before = shown(page, 0)
         run(
             page,
+            DRESS
+            + "await dress('/Ball/Upper', 'this part', 'upper'); await until(() => wears().startsWith('CarPaint'));"
+            "await dress('/Ball/Lower', 'this part', 'lower'); await until(() => wears().includes('/Ball/Lower'));"
             "const pick = async (name) => { typed(at('part'), name); await until(() => at('layer-0')); };"
             "const add = async (preset) => { const count = shown().length; at('layer-add').click();"
             " await until(() => at('adding').open && at('adding-presets').childElementCount > 60);"
@@ -127,10 +133,19 @@ def test_what_is_saved_is_rendered_as_it_was_shown(folder: Path, browser: Any) -
             "at('mask-apply').click(); await until(() => document.querySelector('.tag')?.textContent === 'expression');"
             "done();",
         )
+        page.js("exact.choose('difference'); done();")
+        page.wait(
+            "exact.round?.samples >= 256 && exact.compared?.samples >= 256 && exact.compared.round.samples >= 256"
+        )
+        indirect, rest = page.js("exact.choose('viewport'); done([exact.compared.indirect, exact.compared.rest]);")
+        log.info("beside the page's exact picture: interreflection %+.3f %%, rest %+.3f %%", 100 * indirect, 100 * rest)
+        assert abs(indirect) < 1e-3
+        assert abs(rest) < 1e-2
         pictures = [shown(page, seed) for seed in (0, 1)]
         run(page, "at('save').click(); await until(() => at('status').textContent.startsWith('saved')); done();")
     with served(str(folder / "job.toml"), verb="design", cwd=folder) as server:
         again = shown(load(browser, server.url), 0)
+    assert [each.prims for each in load_job(folder / "job.toml").look[0].assign] == [("/Ball/Upper",), ("/Ball/Lower",)]
     np.testing.assert_allclose(again, pictures[0], rtol=1e-5, atol=1e-6)
     assert np.abs(again - before)[..., :3].mean() > 0.05 * np.abs(before)[..., :3].mean()
     rendered = subprocess.run(
