@@ -38,6 +38,8 @@ LONGEST_LAUNCH = 0.2
 
 _FIRST_LAUNCH = 1 << 16  # samples, before their time is known
 _MOST_SAMPLES = 1 << 24  # of a launch: four numbers of each are stored
+# Samples up to which the quick filter saves more time than the samples take that its error would need.
+_QUICKLY_DENOISED = 64
 
 
 class MitsubaScene:
@@ -117,7 +119,7 @@ class MitsubaScene:
             return means[..., :3].astype(np.float32), means[..., 3].astype(np.float32), parts
 
         with nothing_freed():
-            frame = render_halves(task, render, partial(self._denoiser, view), report)
+            frame = render_halves(task, render, partial(self._denoiser, view, task.scene.sampling.samples), report)
         started = time.perf_counter()
         passes, names = self._passes(task, view, frame)
         seconds = time.perf_counter() - started
@@ -189,8 +191,8 @@ class MitsubaScene:
             yield np.stack(found, axis=-1), slice(first, first + count)
             first += count
 
-    def _denoiser(self, view: View) -> Denoiser:
-        return denoiser(*self._features.guides(view))
+    def _denoiser(self, view: View, samples: int) -> Denoiser:
+        return denoiser(*self._features.guides(view), quick=samples <= _QUICKLY_DENOISED)
 
 
 def _out_of_memory(error: BaseException | None) -> bool:

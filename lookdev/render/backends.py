@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 RENDER_VERSION = 5
 """Raised when the program renders the same frame task to other pixels than before."""
 
-MITSUBA_VERSION = 4
+MITSUBA_VERSION = 5
 """Raised when `lookdev.mitsuba` does."""
 
 WORKER_COMMAND: tuple[str, ...] = (sys.executable, "-m", "lookdev.cycles")

@@ -21,7 +21,7 @@ from lookdev.render.threads import cores
 
 Image = NDArray[np.float32]
 
-_CPU, _FLOAT3 = 1, 3
+_CPU, _FLOAT3, _BALANCED = 1, 3, 5
 _POINTER, _SIZE, _TEXT = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_char_p
 _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "oidnNewDevice": (_POINTER, [ctypes.c_int]),
@@ -32,6 +32,7 @@ _FUNCTIONS: dict[str, tuple[object, list[object]]] = {
     "oidnNewFilter": (_POINTER, [_POINTER, _TEXT]),
     "oidnSetSharedFilterImage": (None, [_POINTER, _TEXT, _POINTER, ctypes.c_int, *[_SIZE] * 5]),
     "oidnSetFilterBool": (None, [_POINTER, _TEXT, ctypes.c_bool]),
+    "oidnSetFilterInt": (None, [_POINTER, _TEXT, ctypes.c_int]),
     "oidnCommitFilter": (None, [_POINTER]),
     "oidnExecuteFilter": (None, [_POINTER]),
     "oidnReleaseFilter": (None, [_POINTER]),
@@ -65,10 +66,11 @@ def _library() -> tuple[ctypes.CDLL, int]:
     return library, device
 
 
-def denoiser(albedo: Image, normal: Image) -> Callable[[Image], Image]:
+def denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[Image], Image]:
     """Return a function from a noisy picture of radiance (H, W, 3) to a smooth one, both linear and not negative.
 
-    albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero.
+    albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero. `quick`
+    takes 0.4 of the time, and leaves some 5 % more error (relMSE): the library's quality "balanced" instead of "high".
 
     Raises
     ------
@@ -89,6 +91,8 @@ def denoiser(albedo: Image, normal: Image) -> Callable[[Image], Image]:
         library.oidnSetSharedFilterImage(filter_, name, image.ctypes.data, _FLOAT3, width, height, 0, 0, 0)
     library.oidnSetFilterBool(filter_, b"hdr", True)
     library.oidnSetFilterBool(filter_, b"cleanAux", True)
+    if quick:
+        library.oidnSetFilterInt(filter_, b"quality", _BALANCED)
     library.oidnCommitFilter(filter_)
     _check(library, device)
 

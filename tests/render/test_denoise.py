@@ -75,12 +75,13 @@ def test_nothing_on_the_asset_has_no_error() -> None:
     assert denoised(empty, empty, np.zeros((8, 8)), blurred(1.0)).relmse == 0.0
 
 
-def test_open_image_denoise_is_guided() -> None:
+@pytest.mark.parametrize("quick", [False, True])
+def test_open_image_denoise_is_guided(quick: bool) -> None:
     truth, alpha = picture()
     a, _ = halves(truth, 1.0, np.random.default_rng(3))
     flat = np.zeros((SIDE, SIDE, 3), np.float32)
     upright = flat + np.float32([0.0, 0.0, 1.0]) * alpha[..., None].astype(np.float32)
-    guided = denoiser(truth.astype(np.float32), upright)(a.astype(np.float32))
-    unguided = denoiser(flat, flat)(a.astype(np.float32))
+    guided = denoiser(truth.astype(np.float32), upright, quick=quick)(a.astype(np.float32))
+    unguided = denoiser(flat, flat, quick=quick)(a.astype(np.float32))
     raw, without, with_ = (relmse(image, truth, alpha) for image in (a, unguided, guided))
     assert with_ < 0.5 * without < 0.5 * raw
