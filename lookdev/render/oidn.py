@@ -70,7 +70,7 @@ def denoiser(albedo: Image, normal: Image, *, quick: bool = False) -> Callable[[
     """Return a function from a noisy picture of radiance (H, W, 3) to a smooth one, both linear and not negative.
 
     albedo, normal : (H, W, 3), of the same view, without noise; albedos are in [0, 1], normals unit or zero. `quick`
-    takes 0.4 of the time, and leaves some 5 % more error (relMSE): the library's quality "balanced" instead of "high".
+    takes 0.4 of the time, and leaves some 6 % more error (relMSE): the library's quality "balanced" instead of "high".
 
     Raises
     ------

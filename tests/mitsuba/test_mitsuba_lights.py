@@ -29,7 +29,7 @@ from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 
-pytestmark = pytest.mark.mitsuba
+pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
 
 SIZE, SAMPLES, SEEDS = 32, 64, 4
 POSE = Pose(20.0, 70.0)

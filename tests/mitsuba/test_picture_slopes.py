@@ -25,7 +25,7 @@ from lookdev.render.wire import decode_request, encode
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Sampling, Scene
 
-pytestmark = pytest.mark.mitsuba
+pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
 
 SIZE, PAIRS = 24, 4
 COPPER = Layer("Metal", "disney", {"metallic": 1.0, "baseColor": (0.9, 0.55, 0.4), "roughness": 0.35})
