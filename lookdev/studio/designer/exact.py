@@ -8,11 +8,10 @@ scene, so that of an edit only the look is new.
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -26,9 +25,9 @@ from lookdev.render.backends import BACKENDS
 from lookdev.render.results import Rendered
 from lookdev.render.scene import scene_task
 from lookdev.render.task import SceneTask, one_frame
-from lookdev.render.wire import Cancelled
 from lookdev.render.worker import Worker, explained
 from lookdev.scene import Camera, Lens, Pose, Sampling, Scene
+from lookdev.studio.talk import Cancelled, Ticket
 
 Floats = NDArray[np.float64]
 
@@ -48,18 +47,6 @@ class Wanted:
     camera: Camera
     pose: Pose
     size: tuple[int, int]
-
-
-@dataclass
-class Ticket:
-    """A picture that the page wants, until it is cancelled."""
-
-    cancelled: threading.Event = field(default_factory=threading.Event)
-
-    def check(self) -> None:
-        """Raise Cancelled where it is."""
-        if self.cancelled.is_set():
-            raise Cancelled("cancelled")
 
 
 Deliver = Callable[[dict[str, Any], Mapping[str, NDArray[Any]]], None]

@@ -3,59 +3,45 @@
 from __future__ import annotations
 
 import asyncio
-import json
-import logging
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
-from lookdev.errors import FaultsError, LookdevError, shortened
-from lookdev.render.wire import Cancelled
 from lookdev.scene import Scene
-from lookdev.studio.designer.exact import Exact, Ticket, wanted_of
+from lookdev.studio.designer.exact import Exact, wanted_of
 from lookdev.studio.packets import packet
+from lookdev.studio.talk import Talk, Ticket
 from lookdev.text import TextError, parse_json
-
-log = logging.getLogger("lookdev.studio")
 
 
 class Pictures:
     """Reads the requests of one page until it is gone: ``render`` with an ``id`` and a view, or ``cancel``."""
 
     def __init__(self, socket: WebSocket, scene: Callable[[], Scene], exact: Exact) -> None:
-        self._socket = socket
+        self._talk = Talk(socket)
         self._scene = scene
         self._exact = exact
         self._ticket: Ticket | None = None
-        self._sending = asyncio.Lock()
 
     async def run(self) -> None:
         """Serve the page."""
-        await self._socket.accept()
-        tasks: set[asyncio.Task[None]] = set()
-        try:
-            while True:
-                message = await self._socket.receive()
-                if message["type"] == "websocket.disconnect":
-                    return
-                request = _request(message.get("text"))
+        async with self._talk:
+            try:
+                async for text in self._talk.messages():
+                    await self._take(text)
+            finally:
                 self._cancel()
-                if request is None:
-                    await self._send({"error": "a message is JSON that renders, with an id, or cancels"})
-                elif request["do"] == "render":
-                    self._ticket = Ticket()
-                    task = asyncio.create_task(self._render(request, self._ticket))
-                    tasks.add(task)
-                    task.add_done_callback(tasks.discard)
-        except (WebSocketDisconnect, RuntimeError):
-            return
-        finally:
-            self._cancel()
-            for task in tasks:
-                task.cancel()
-            await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _take(self, text: Any) -> None:
+        request = _request(text)
+        self._cancel()
+        if request is None:
+            await self._talk.send({"error": "a message is JSON that renders, with an id, or cancels"})
+        elif request["do"] == "render":
+            self._ticket = Ticket()
+            self._talk.begin(self._render(request, self._ticket))
 
     def _cancel(self) -> None:
         ticket, self._ticket = self._ticket, None
@@ -68,35 +54,16 @@ class Pictures:
         def deliver(facts: dict[str, Any], arrays: Mapping[str, Any]) -> None:
             if ticket.cancelled.is_set():
                 return
+            header = {**named, **facts}
             with suppress(RuntimeError):  # the loop has ended
+                sent = self._talk.send(packet(header, arrays) if arrays else header)
                 # Waited for: a page that is slow to take rounds is sent no more of them.
-                asyncio.run_coroutine_threadsafe(self._send({**named, **facts}, arrays), loop).result(timeout=30)
+                asyncio.run_coroutine_threadsafe(sent, loop).result(timeout=30)
 
         def compute() -> None:
             self._exact.render(self._scene(), wanted_of(request), ticket, deliver)
 
-        answer: dict[str, Any] | None = None
-        try:
-            await loop.run_in_executor(self._exact.thread, compute)
-        except Cancelled:
-            answer = {"cancelled": True}
-        except FaultsError as error:
-            answer = {"error": "; ".join(str(fault) for fault in error.faults)}
-        except LookdevError as error:
-            answer = {"error": str(error)}
-        except Exception as error:
-            log.exception("failed to render")
-            answer = {"error": f"{type(error).__name__}: {shortened(str(error))}"}
-        if answer is not None:
-            await self._send({**named, **answer})
-
-    async def _send(self, header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None) -> None:
-        with suppress(WebSocketDisconnect, RuntimeError):
-            async with self._sending:
-                if arrays:
-                    await self._socket.send_bytes(packet(header, arrays))
-                else:
-                    await self._socket.send_text(json.dumps(header))
+        await self._talk.answer(request, compute, self._exact.thread)
 
 
 def _request(text: Any) -> dict[str, Any] | None:

@@ -19,10 +19,11 @@ from starlette.websockets import WebSocket
 from lookdev.errors import LookdevError, shortened
 from lookdev.plot import SUFFIXES, draw
 from lookdev.studio.explorer.catalogue import catalogue
-from lookdev.studio.explorer.channel import Channel, log, options_of
+from lookdev.studio.explorer.channel import Channel, options_of
 from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.scripts import Scripts
+from lookdev.studio.talk import log
 
 UPLOAD = "/upload"
 STATIC = Path(__file__).parent / "static"

@@ -8,8 +8,6 @@ packet of arrays (`lookdev.studio.packets`).
 from __future__ import annotations
 
 import asyncio
-import json
-import logging
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
@@ -17,25 +15,22 @@ from dataclasses import fields
 from functools import partial
 from typing import Any
 
-from starlette.websockets import WebSocket, WebSocketDisconnect
+from starlette.websockets import WebSocket
 
 from lookdev.errors import LookdevError, shortened
 from lookdev.plot import Options, kind_named
 from lookdev.plot.sampling import sampling_note
 from lookdev.studio.explorer import shading, usd
-from lookdev.studio.explorer.frames import Cancelled, Frames, Ticket
+from lookdev.studio.explorer.frames import Frames
 from lookdev.studio.explorer.surfaces import Surfaces
 from lookdev.studio.packets import packet
+from lookdev.studio.talk import Answer, Talk, Ticket, log
 from lookdev.text import TextError, parse_json
-
-log = logging.getLogger("lookdev.studio")
 
 _MOST_WAITING = 64
 _MOST_LOGGED = 20
 _AT_ONCE = 3
 """Requests of one page that are computed at once."""
-
-Answer = bytes | dict[str, Any]
 
 
 class Refused(LookdevError):
@@ -53,49 +48,42 @@ class Channel:
         threads: ThreadPoolExecutor,
         rendering: ThreadPoolExecutor,
     ) -> None:
-        self._socket = socket
+        self._talk = Talk(socket)
         self._surfaces = surfaces
         self._frames = frames
         self._threads = threads
         self._rendering = rendering  # plots do not wait for frames
         self._waiting: dict[str, dict[str, Any]] = {}
         self._arrived = asyncio.Event()
-        self._sending = asyncio.Lock()
         self._ticket: Ticket | None = None
         self._refusals = 0
 
     async def run(self) -> None:
         """Serve the page; a message that is no request is refused, and the next one read."""
-        await self._socket.accept()
-        workers = [asyncio.create_task(self._work()) for _ in range(_AT_ONCE)]
-        rendering: set[asyncio.Task[None]] = set()
+        async with self._talk:
+            for _ in range(_AT_ONCE):
+                self._talk.begin(self._work())
+            try:
+                async for text in self._talk.messages():
+                    await self._take(text)
+            finally:
+                self._cancel()
+
+    async def _take(self, text: Any) -> None:
         try:
-            while True:
-                message = await self._socket.receive()
-                if message["type"] == "websocket.disconnect":
-                    return
-                try:
-                    request = _request(message)
-                except LookdevError as error:
-                    await self._refuse(str(error))
-                    continue
-                match request["do"]:
-                    case "cancel":
-                        self._cancel()
-                    case "render":
-                        self._cancel()
-                        task = asyncio.create_task(self._render(request))
-                        rendering.add(task)
-                        task.add_done_callback(rendering.discard)
-                    case _:
-                        self._enqueue(request)
-        except (WebSocketDisconnect, RuntimeError):
+            request = _request(text)
+        except LookdevError as error:
+            await self._refuse(str(error))
             return
-        finally:
-            self._cancel()
-            for task in (*workers, *rendering):
-                task.cancel()
-            await asyncio.gather(*workers, *rendering, return_exceptions=True)
+        match request["do"]:
+            case "cancel":
+                self._cancel()
+            case "render":
+                self._cancel()
+                self._ticket = Ticket()
+                self._talk.begin(self._render(request, self._ticket))
+            case _:
+                self._enqueue(request)
 
     def _enqueue(self, request: dict[str, Any]) -> None:
         slot = request["slot"]
@@ -112,48 +100,22 @@ class Channel:
                 self._arrived.clear()
                 continue
             request = self._waiting.pop(next(iter(self._waiting)))
-            await self._answered(request, partial(_DO[request["do"]], self._surfaces, request))
+            compute = partial(_DO[request["do"]], self._surfaces, request)
+            await self._talk.answer(request, compute, self._threads)
 
-    async def _answered(self, request: Mapping[str, Any], compute: Callable[[], Answer]) -> None:
+    async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
         loop = asyncio.get_running_loop()
-        try:
-            answer = await loop.run_in_executor(self._threads, compute)
-        except Cancelled:
-            answer = {"id": request["id"], "cancelled": True}
-        except LookdevError as error:
-            answer = {"id": request["id"], "error": str(error)}
-        except Exception as error:
-            log.exception("failed: %s", shortened(json.dumps(request), 400))
-            answer = {"id": request["id"], "error": f"{type(error).__name__}: {shortened(str(error))}"}
-        await self._send(answer)
-
-    async def _render(self, request: Mapping[str, Any]) -> None:
-        loop, ticket = asyncio.get_running_loop(), Ticket()
-        self._ticket = ticket
 
         def report(state: dict[str, Any]) -> None:
-            sent = self._send({"id": request["id"], "progress": state})
             with suppress(RuntimeError):  # the loop has ended
-                asyncio.run_coroutine_threadsafe(sent, loop)
+                asyncio.run_coroutine_threadsafe(self._talk.send({"id": request["id"], "progress": state}), loop)
 
         def compute() -> Answer:
             look = self._surfaces.rendered_look(_text(request, "surface"))
             facts, arrays = self._frames.render(look, ticket, report)
             return packet({"id": request["id"], **facts}, arrays)
 
-        try:
-            answer: Answer = await loop.run_in_executor(self._rendering, compute)
-        except Cancelled:
-            answer = {"id": request["id"], "cancelled": True}
-        except asyncio.CancelledError:
-            self._frames.cancel(ticket)
-            raise
-        except LookdevError as error:
-            answer = {"id": request["id"], "error": str(error)}
-        except Exception as error:
-            log.exception("failed to render")
-            answer = {"id": request["id"], "error": f"{type(error).__name__}: {shortened(str(error))}"}
-        await self._send(answer)
+        await self._talk.answer(request, compute, self._rendering)
 
     def _cancel(self) -> None:
         ticket, self._ticket = self._ticket, None
@@ -165,20 +127,11 @@ class Channel:
         if self._refusals <= _MOST_LOGGED:
             more = "; further ones are not logged" if self._refusals == _MOST_LOGGED else ""
             log.warning("refused a message: %s%s", shortened(problem, 160), more)
-        await self._send({"error": problem})
-
-    async def _send(self, answer: Answer) -> None:
-        with suppress(WebSocketDisconnect, RuntimeError):
-            async with self._sending:
-                if isinstance(answer, bytes):
-                    await self._socket.send_bytes(answer)
-                else:
-                    await self._socket.send_text(json.dumps(answer))
+        await self._talk.send({"error": problem})
 
 
-def _request(message: Mapping[str, Any]) -> dict[str, Any]:
+def _request(text: Any) -> dict[str, Any]:
     """Return a request, or raise LookdevError for any other message."""
-    text = message.get("text")
     if not isinstance(text, str):
         raise Refused("a message of bytes; JSON would be right")
     try:

@@ -6,12 +6,11 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from lookdev.asset import load_asset
-from lookdev.errors import LookdevError, WorkerError
+from lookdev.errors import WorkerError
 from lookdev.light import load_environment, prepare_light
 from lookdev.material import Look
 from lookdev.plot.angles import Values
@@ -23,6 +22,7 @@ from lookdev.render.worker import Worker, explained
 from lookdev.scene import Sampling, Scene
 from lookdev.scene.camera import Pose
 from lookdev.studio.explorer.shading import DOME
+from lookdev.studio.talk import Ticket
 
 BACKEND = "exact"
 SIZE = 288
@@ -30,17 +30,6 @@ SIZE = 288
 
 _SAMPLES = 256
 _ERROR = 0.004
-
-
-class Cancelled(LookdevError):
-    """The page no longer wants the frame."""
-
-
-@dataclass
-class Ticket:
-    """A frame that a page wants, until it is cancelled."""
-
-    cancelled: threading.Event = field(default_factory=threading.Event)
 
 
 class Frames:
@@ -62,12 +51,12 @@ class Frames:
         """
         report({"state": "waiting"})
         while not self._one.acquire(timeout=0.1):
-            _check(ticket)
+            ticket.check()
         try:
-            _check(ticket)
+            ticket.check()
             return self._rendered(look, ticket, report)
         except WorkerError as error:
-            _check(ticket)  # a worker that is killed for it died of no fault
+            ticket.check()  # a worker that is killed for it died of no fault
             raise WorkerError(explained(error, self._log)) from error
         finally:
             self._current = None
@@ -87,15 +76,15 @@ class Frames:
         scene = Scene.of_look(load_asset(builtin="sphere"), look, light, (SIZE, SIZE))
         sampling = Sampling(samples=_SAMPLES, error=_ERROR)
         task = one_frame(scene_task(scene, sampling, BACKEND, "cpu"), Pose(0.0, 0.0), "explored")
-        _check(ticket)
+        ticket.check()
         worker.start()
 
         def progress(made: Progress) -> None:
-            _check(ticket)
+            ticket.check()
             report({"state": "rendering", "samples": made.samples, "of": made.of, "relmse": made.relmse})
 
         done = worker.render(task, progress)
-        _check(ticket)
+        ticket.check()
         facts = {"samples": done.samples, "relmse": done.relmse, "seconds": time.perf_counter() - began}
         return facts, {"beauty": 0.5 * (done.a + done.b), "alpha": done.alpha}
 
@@ -119,8 +108,3 @@ class Frames:
         if worker is not None:
             worker.kill()
         self._folder.cleanup()
-
-
-def _check(ticket: Ticket) -> None:
-    if ticket.cancelled.is_set():
-        raise Cancelled("cancelled")
