@@ -30,6 +30,7 @@ export class Viewport extends EventTarget {
     this.placed = 0; // version of what is seen
     this.lit = 0; // version of the lights
     this.shown = -1; // version of the last picture
+    this.awaited = 0; // samples
     this.frames = 0;
     this.wake = null;
     this.stopped = false;
@@ -134,22 +135,28 @@ export class Viewport extends EventTarget {
   /** Wait until a picture of the last change is shown. */
   async changed() {
     const version = this.version;
-    while (this.shown < version && !this.failed) await this.once("picture");
-    if (this.failed) throw this.failed;
+    while (this.shown < version) await this.once("picture");
   }
 
-  /** Wait until `count` samples have been added up; returns their means, row 0 at the top. */
+  /** Wait until `count` samples have been added up; returns the means of them, or of more if there were, row 0 at the top. */
   async accumulated(count) {
-    this.settings.most = Math.max(count, this.settings.most);
+    this.awaited = count;
     this.wake?.();
     const complete = () => this.shown === this.version && this.last === this.film(0) && this.last.count >= count;
-    while (!this.failed && !complete()) await this.once("picture");
-    if (this.failed) throw this.failed;
+    while (!complete()) await this.once("picture");
+    this.awaited = 0;
     return this.last.read();
   }
 
-  once(name) {
-    return new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
+  /** The samples that the film is to have: those awaited are a picture of their own, however fast they are made. */
+  goal() {
+    return this.film(0).count < this.awaited ? this.awaited : this.settings.most;
+  }
+
+  /** Wait for the next event of a name; throws what has ended the drawing. */
+  async once(name) {
+    if (!this.failed) await new Promise((resolve) => this.addEventListener(name, resolve, { once: true }));
+    if (this.failed) throw this.failed;
   }
 
   stop() {
@@ -162,7 +169,7 @@ export class Viewport extends EventTarget {
     try {
       while (!this.stopped) {
         if (this.scene && this.shown < this.version) await this.first();
-        else if (this.scene && this.film(0).count < this.settings.most) await this.more();
+        else if (this.scene && this.film(0).count < this.goal()) await this.more();
         else if (this.dirty && this.last) this.picture(this.last);
         else await new Promise((resolve) => { this.wake = resolve; });
       }
@@ -205,7 +212,7 @@ export class Viewport extends EventTarget {
     if (fit < 2) {
       if (!await this.strips(film)) return;
     } else {
-      const count = Math.min(Math.floor(fit), this.settings.most - film.count);
+      const count = Math.min(Math.floor(fit), this.goal() - film.count);
       for (let k = 0; k < count; k += 1) {
         if (!await this.see(film, true) || this.version !== version) return;
         film.clear();
