@@ -1,4 +1,5 @@
-"""The web page: a local server (`server`), who may talk to it (`access`), the files it may read (`roots`), and rooms.
+"""The web page: a local server (`server`), who may talk to it (`access`) and how (`talk`), the files it may
+read (`roots`), and rooms.
 
 A room of the page is a folder of its own, with the routes of its data and its scripts: `explorer`, `designer`.
 """
