@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Iterable
+from contextlib import suppress
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -19,6 +20,8 @@ _REQUEST: TypeAdapter[Request] = TypeAdapter(Request)
 
 _CANCEL = "cancel "
 """Begins a line that is no task: the digest of the frame that is to end follows."""
+
+_LONGEST_WAIT = 1.0  # seconds
 
 _KINDS = {SceneTask: "scene task", SlopeTask: "picture with derivatives"}
 
@@ -70,7 +73,10 @@ class Requests:
 
     def next(self) -> Request:
         """Wait for the next task; errors as `decode_request`."""
-        return decode_request(self._tasks.get())
+        # A signal that comes just before a wait does not end it, and is seen only after it: so no wait is long.
+        while True:
+            with suppress(queue.Empty):
+                return decode_request(self._tasks.get(timeout=_LONGEST_WAIT))
 
     def check(self, digest: str) -> None:
         """Raise Cancelled where the frame of a digest is to end."""

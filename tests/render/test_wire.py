@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import _thread
+import signal
 import struct
+import threading
 from dataclasses import replace
 from pathlib import Path
 
@@ -79,3 +82,20 @@ def test_a_frame_that_is_cancelled_is_known_before_the_tasks_ahead_of_it(task: F
         requests.check("d16e57")
     requests.check("another")
     assert requests.next() == task
+
+
+def test_a_signal_that_does_not_end_a_wait_is_seen_soon(task: FrameTask) -> None:
+    """As one that comes just before the wait: `interrupt_main` wakes nothing, either."""
+    requests = Requests()
+    late = threading.Timer(20.0, lambda: requests.read([encode(task)]))
+    soon = threading.Timer(0.2, _thread.interrupt_main)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        for each in (late, soon):
+            each.start()
+        with pytest.raises(KeyboardInterrupt):
+            requests.next()
+        assert late.is_alive(), "the next task ended the wait"
+    finally:
+        late.cancel()
+        signal.signal(signal.SIGINT, before)
