@@ -36,20 +36,20 @@ def half_angles(wo: Floats, wi: Floats) -> tuple[float, float, float]:
 
 def looked_up(samples: Floats, places: Sequence[float], wrapped: Sequence[bool], interpolation: str) -> Floats:
     """Look samples (*counts, 3) up at places in cells, or interpolate between the cells' centres."""
-    samples = np.maximum(samples, 0.0)
     counts = samples.shape[:-1]
     if interpolation == "nearest":
-        return samples[tuple(min(int(place), count - 1) for place, count in zip(places, counts, strict=True))]
+        index = tuple(min(int(place), count - 1) for place, count in zip(places, counts, strict=True))
+        return np.maximum(samples[index], 0.0)
     total = np.zeros(3)
     for up in product((False, True), repeat=len(counts)):
-        weight, index = 1.0, []
+        weight, corner = 1.0, []
         for place, count, wraps, upper in zip(places, counts, wrapped, up, strict=True):
             at = place - 0.5 if wraps else min(max(place - 0.5, 0.0), count - 1.0)
             low = floor(at)
             weight *= at - low if upper else 1.0 - (at - low)
             number = low + upper
-            index.append(number % count if wraps else min(number, count - 1))
-        total += weight * samples[tuple(index)]
+            corner.append(number % count if wraps else min(number, count - 1))
+        total += weight * np.maximum(samples[tuple(corner)], 0.0)
     return total
 
 
