@@ -29,7 +29,10 @@ def leaving() -> Iterator[None]:
     """End the process after the block: with exit code 0, or with 1 and a traceback after an exception.
 
     The interpreter's own end can hang where Blender is loaded, or where threads of Dr.Jit or one that reads are left.
+    SIGINT is such an exception, also where a shell has started the program before this one in the background, and had
+    it ignored.
     """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield
     except BaseException:  # noqa: BLE001

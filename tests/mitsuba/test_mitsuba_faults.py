@@ -132,9 +132,12 @@ def test_an_interrupted_worker_ends_and_reports_no_leaks(llvm: str, light_of: An
     """With its input still open. What it keeps from collection has OpenImageIO's types, which nanobind would miss."""
     good = task_of(light_of("city"), layers=painted(tmp_path), samples=4)
     bad = replace(good, digest="bad", scene=replace(good.scene, asset=Content("none", ".npz")))
-    with subprocess.Popen(
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell does for what it starts in the background
+    started = subprocess.Popen(
         BACKENDS["mitsuba"].command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
+    )
+    signal.signal(signal.SIGINT, before)
+    with started as process:
         assert process.stdin
         assert process.stdout
         assert process.stderr

@@ -34,6 +34,13 @@ class Served:
     def log(self) -> str:
         return "\n".join(self.lines)
 
+    def says(self, text: str) -> bool:
+        """Return whether it writes a text, which may come a little after its answer."""
+        until = time.monotonic() + 10.0
+        while text not in self.log and time.monotonic() < until:
+            time.sleep(0.01)
+        return text in self.log
+
     def ask(
         self, path: str, method: str = "GET", body: bytes | None = None, **headers: str
     ) -> tuple[int, bytes, dict[str, str]]:

@@ -288,4 +288,4 @@ def test_unsaved_work_is_offered_after_a_crash(look: Path, server: Served, opene
             "done([before, shown(), at('undo').title, at('recovery')]);",
         ) == [["Base", "Flakes"], ["Base", "Dust"], "Undo: restore unsaved work (Ctrl+Z)", None]
         again.end()
-        assert "unsaved edits are kept: the same command offers them" in again.log
+        assert again.says("unsaved edits are kept: the same command offers them")
