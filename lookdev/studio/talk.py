@@ -6,11 +6,11 @@ import asyncio
 import json
 import logging
 import threading
-from collections.abc import AsyncIterator, Callable, Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from concurrent.futures import Executor
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
@@ -39,28 +39,40 @@ class Ticket:
 
 
 class Talk:
-    """A websocket until its page is gone; what was begun for it is cancelled then."""
+    """A websocket until its page is gone; what was begun for it is cancelled then, the newest ticket by `cancel`."""
 
-    def __init__(self, socket: WebSocket) -> None:
+    def __init__(self, socket: WebSocket, cancel: Callable[[Ticket], None]) -> None:
         self._socket = socket
+        self._cancel = cancel
         self._sending = asyncio.Lock()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._ticket: Ticket | None = None
 
-    async def __aenter__(self) -> Self:
-        await self._socket.accept()
-        return self
+    async def serve(self, take: Callable[[Any], Coroutine[Any, Any, None]]) -> None:
+        """Have the text of each message taken; None for one that is bytes."""
+        try:
+            await self._socket.accept()
+            with suppress(WebSocketDisconnect, RuntimeError):
+                while (message := await self._socket.receive())["type"] != "websocket.disconnect":
+                    await take(message.get("text"))
+        finally:
+            self.cancel()
+            tasks = tuple(self._tasks)
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def __aexit__(self, *exception: object) -> None:
-        tasks = tuple(self._tasks)
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+    def replaced(self) -> Ticket:
+        """Cancel the newest ticket, and return one in its place."""
+        self.cancel()
+        self._ticket = Ticket()
+        return self._ticket
 
-    async def messages(self) -> AsyncIterator[Any]:
-        """Yield the text of each message; None for one that is bytes."""
-        with suppress(WebSocketDisconnect, RuntimeError):
-            while (message := await self._socket.receive())["type"] != "websocket.disconnect":
-                yield message.get("text")
+    def cancel(self) -> None:
+        """Cancel the newest ticket, if there is one."""
+        ticket, self._ticket = self._ticket, None
+        if ticket is not None:
+            self._cancel(ticket)
 
     def begin(self, work: Coroutine[Any, Any, None]) -> None:
         """Do something besides reading messages."""

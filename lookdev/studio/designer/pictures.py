@@ -20,33 +20,21 @@ class Pictures:
     """Reads the requests of one page until it is gone: ``render`` with an ``id`` and a view, or ``cancel``."""
 
     def __init__(self, socket: WebSocket, scene: Callable[[], Scene], exact: Exact) -> None:
-        self._talk = Talk(socket)
+        self._talk = Talk(socket, exact.cancel)
         self._scene = scene
         self._exact = exact
-        self._ticket: Ticket | None = None
 
     async def run(self) -> None:
         """Serve the page."""
-        async with self._talk:
-            try:
-                async for text in self._talk.messages():
-                    await self._take(text)
-            finally:
-                self._cancel()
+        await self._talk.serve(self._take)
 
     async def _take(self, text: Any) -> None:
         request = _request(text)
-        self._cancel()
+        self._talk.cancel()
         if request is None:
             await self._talk.send({"error": "a message is JSON that renders, with an id, or cancels"})
         elif request["do"] == "render":
-            self._ticket = Ticket()
-            self._talk.begin(self._render(request, self._ticket))
-
-    def _cancel(self) -> None:
-        ticket, self._ticket = self._ticket, None
-        if ticket is not None:
-            self._exact.cancel(ticket)
+            self._talk.begin(self._render(request, self._talk.replaced()))
 
     async def _render(self, request: Mapping[str, Any], ticket: Ticket) -> None:
         loop, named = asyncio.get_running_loop(), {"id": request["id"]}

@@ -48,26 +48,20 @@ class Channel:
         threads: ThreadPoolExecutor,
         rendering: ThreadPoolExecutor,
     ) -> None:
-        self._talk = Talk(socket)
+        self._talk = Talk(socket, frames.cancel)
         self._surfaces = surfaces
         self._frames = frames
         self._threads = threads
         self._rendering = rendering  # plots do not wait for frames
         self._waiting: dict[str, dict[str, Any]] = {}
         self._arrived = asyncio.Event()
-        self._ticket: Ticket | None = None
         self._refusals = 0
 
     async def run(self) -> None:
         """Serve the page; a message that is no request is refused, and the next one read."""
-        async with self._talk:
-            for _ in range(_AT_ONCE):
-                self._talk.begin(self._work())
-            try:
-                async for text in self._talk.messages():
-                    await self._take(text)
-            finally:
-                self._cancel()
+        for _ in range(_AT_ONCE):
+            self._talk.begin(self._work())
+        await self._talk.serve(self._take)
 
     async def _take(self, text: Any) -> None:
         try:
@@ -77,11 +71,9 @@ class Channel:
             return
         match request["do"]:
             case "cancel":
-                self._cancel()
+                self._talk.cancel()
             case "render":
-                self._cancel()
-                self._ticket = Ticket()
-                self._talk.begin(self._render(request, self._ticket))
+                self._talk.begin(self._render(request, self._talk.replaced()))
             case _:
                 self._enqueue(request)
 
@@ -116,11 +108,6 @@ class Channel:
             return packet({"id": request["id"], **facts}, arrays)
 
         await self._talk.answer(request, compute, self._rendering)
-
-    def _cancel(self) -> None:
-        ticket, self._ticket = self._ticket, None
-        if ticket is not None:
-            self._frames.cancel(ticket)
 
     async def _refuse(self, problem: str) -> None:
         self._refusals += 1
