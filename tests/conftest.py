@@ -1,8 +1,9 @@
-"""A small scene and a job of it, without geometry, shaders or light on disk."""
+"""What tests of several rooms share: warm render workers, and a small scene without anything on disk."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+import json
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -21,12 +22,22 @@ from lookdev.codegen import (
     ShaderSource,
     TextureBinding,
 )
+from lookdev.errors import RenderError
 from lookdev.job import Job, parse_job
 from lookdev.light import Dome, load_environment, prepare_light
 from lookdev.material import Layer, Look
 from lookdev.plan import Setup
+from lookdev.render.backends import BACKENDS
+from lookdev.render.llvm import VARIABLE, find_llvm
 from lookdev.render.task import SceneTask
+from lookdev.render.worker import Worker
 from lookdev.scene import Camera, Sampling, Scene
+
+pytest_plugins = ["home"]
+
+# Session fixtures that are worth a process of their own: files that use one run in the same process of xdist.
+SHARED = ("cycles_worker", "mitsuba_worker", "browser")
+DURATIONS = Path(__file__).parent / "durations.json"
 
 JOB = """
 output = "out"
@@ -42,10 +53,51 @@ frames = 3
 """
 
 
-@pytest.fixture(autouse=True)
-def _no_config_of_a_studio(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are in the views of the config that ships, whatever ``$OCIO`` is."""
-    monkeypatch.delenv("OCIO", raising=False)
+@pytest.hookimpl(tryfirst=True)  # before what orders them at random
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep a file in one process, with others that share its renderer or browser; start with the longest."""
+    groups: dict[Path, str] = {}
+    for item in items:
+        groups.setdefault(item.path, item.path.name)
+        groups[item.path] = next((name for name in SHARED if name in item.fixturenames), groups[item.path])  # type: ignore[attr-defined]
+    durations, seconds = json.loads(DURATIONS.read_text()), dict.fromkeys(groups.values(), 0.0)
+    for path, group in groups.items():
+        seconds[group] += durations.get(path.relative_to(DURATIONS.parent).as_posix(), 0.0)
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group(groups[item.path]))
+    items.sort(key=lambda item: (-seconds[groups[item.path]], groups[item.path]))
+
+
+@pytest.fixture(scope="session")
+def cycles_worker(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    """A worker of Cycles for the whole run; `start` starts it again where a test ended it."""
+    folder = tmp_path_factory.mktemp("cycles")
+    with Worker(BACKENDS["exact"].command, folder / "worker.log", folder, 300.0) as worker:
+        yield worker
+
+
+@pytest.fixture(scope="session")
+def llvm() -> str:
+    try:
+        return find_llvm()
+    except RenderError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="session")
+def drjit(llvm: str):
+    """Return Dr.Jit, in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(VARIABLE, llvm)
+        yield pytest.importorskip("drjit")
+
+
+@pytest.fixture(scope="session")
+def mitsuba_worker(llvm: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Worker]:
+    """A worker of Mitsuba for the whole run; skips where it, or an LLVM for its kernels, is not installed."""
+    folder = tmp_path_factory.mktemp("mitsuba")
+    with Worker(BACKENDS["mitsuba"].command, folder / "worker.log", folder, 300.0) as worker:
+        yield worker
 
 
 @pytest.fixture(autouse=True)

@@ -11,8 +11,8 @@ from lookdev.material import Layer
 
 
 def quick_among(cases: Sequence[Any], quick: Sequence[Any]) -> list[Any]:
-    """Return cases as parameters of a test, marked as slow but for the quick ones."""
-    return [pytest.param(*case, marks=() if case in quick else pytest.mark.slow) for case in cases]
+    """Return cases as parameters of a test, marked as proof but for the quick ones."""
+    return [pytest.param(*case, marks=() if case in quick else pytest.mark.proof) for case in cases]
 
 
 def _single(model: str, **inputs: Any) -> tuple[Layer, ...]:

@@ -84,7 +84,7 @@ def test_the_first_block_of_dwa_is_decoded_alone(
     np.testing.assert_allclose(found, pixels, atol=0.1)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_all_processes_read_a_dwa_map_alike() -> None:
     program = "from lookdev.light import load_environment; print(load_environment(builtin='sunset').digest)"
     found = {subprocess.run([sys.executable, "-c", program], capture_output=True).stdout for _ in range(250)}

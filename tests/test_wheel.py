@@ -34,7 +34,7 @@ def test_every_tracked_file_is_in_the_wheel(wheel: Path) -> None:
     assert installed - set(zipfile.ZipFile(wheel).namelist()) == set()
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.cycles
 def test_the_wheel_works_in_an_empty_folder(wheel: Path, tmp_path: Path) -> None:
     site, here = tmp_path / "site", tmp_path / "here"

@@ -144,7 +144,7 @@ def _cases() -> list[object]:
             # Pixar's lobes depend on the view by their half vectors alone: every other view is enough.
             if model == "pixar" and (place + number) % 2:
                 continue
-            marks = [pytest.mark.slow] * (model not in ("disney", "pixar") and (place + number) % 3 > 0)
+            marks = [pytest.mark.proof] * (model not in ("disney", "pixar") and (place + number) % 3 > 0)
             lobes = [lobe for lobe in bsdf.lobes(wo) if lobe.share > 0.0]
             if not any(lobe.transmits or lobe.leans for lobe in lobes):
                 cases.append(pytest.param(bsdf, wo, wo, id=f"{model}-mixture-{number}-{view}", marks=marks))

@@ -17,8 +17,6 @@ from lookdev.brdf.measured.synthetic import anisotropic_samples, isotropic_sampl
 from lookdev.brdf.quadrature import half_vector_grid
 from lookdev.errors import ModelError
 
-pytestmark = pytest.mark.alike
-
 _SIZE = (7, 5, 12, 8)
 
 

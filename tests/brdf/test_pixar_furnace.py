@@ -29,8 +29,6 @@ from lookdev.brdf.pixar.partition import THROUGH, Partition, family, layer_parti
 from lookdev.brdf.vectors import dot, scale
 from lookdev.closures.setups import view_at
 
-pytestmark = pytest.mark.alike
-
 Floats = NDArray[np.float64]
 
 _STACKS = 2000

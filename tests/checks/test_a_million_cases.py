@@ -13,7 +13,7 @@ from lookdev.checks.evaluate import Batch, evaluate_cycles, evaluate_numpy
 from lookdev.checks.extremes import extreme_cases
 from lookdev.codegen.points import PointLayer
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.proof
 
 COUNT = 1_000_000
 _PART = 50_000

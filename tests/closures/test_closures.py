@@ -26,8 +26,6 @@ from lookdev.material.library.edit import new_look
 from lookdev.material.usd import read_look
 from lookdev.reference.albedo import integrate_albedo
 
-pytestmark = pytest.mark.alike
-
 ONE = np.ones(3)
 MATERIALS = Path(__file__).parents[2] / "materials"
 PRESETS = sorted([*(MATERIALS / "presets").glob("*.usda"), *(MATERIALS / "metals").glob("*.usda")])
@@ -183,7 +181,7 @@ def test_the_albedo_of_every_look(file: Path) -> None:
     assert max(deviation(bsdf, view(75.0)) for bsdf in bsdfs_of(read_look(file), 2)) <= TOLERANCE
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("azimuth", [0.0, 45.0, 90.0])
 def test_the_albedo_of_every_preset_and_look_from_everywhere(azimuth: float, preset_looks: dict[Path, Look]) -> None:
     angles = (0.0, 20.0, 40.0, 60.0, 70.0, 75.0, 80.0, 83.0, 85.0)

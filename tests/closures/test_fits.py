@@ -97,7 +97,7 @@ def test_the_distances_of_the_table_are_those_of_its_shapes(
     assert 0.3 * shape["distance"]["mean"] <= np.mean(distances) <= 3.0 * shape["distance"]["mean"]
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_the_script_makes_the_table_again() -> None:
     made = make_table()
     assert made["shapes"] == table()["shapes"]

@@ -11,8 +11,6 @@ from lookdev.brdf.rational import Rational
 from lookdev.brdf.reflectance import DATA
 from lookdev.closures.reflectance import make_table
 
-pytestmark = pytest.mark.alike
-
 TABLE = json.loads(DATA.read_text())
 
 

@@ -16,7 +16,7 @@ from lookdev.checks.evaluate import Batch, batches_of, evaluate_numpy, point_tab
 from lookdev.codegen.glsl.functions import PRELUDE, Functions, point_functions, table_texels
 from lookdev.codegen.points import point_columns
 
-pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = NEEDS_CHROMIUM
 
 ORACLES = [path for path in sorted((Path(__file__).parents[1] / "oracles").glob("*.jsonl")) if path.stem != "fresnel"]
 SHADER = """{head}float u1 = {u1}, u2 = {u2};

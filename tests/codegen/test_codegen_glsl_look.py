@@ -22,7 +22,7 @@ from lookdev.material.textures import image_file
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_bsdf
 
-pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = NEEDS_CHROMIUM
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 LOOKS = [

@@ -52,10 +52,9 @@ def _quick(number: int) -> bool:
     return number + 1 == len(VARIANTS) or VARIANTS[number][0] != VARIANTS[number + 1][0]
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize(
     ("model", "tokens"),
-    [pytest.param(*each, marks=[] if _quick(n) else pytest.mark.slow) for n, each in enumerate(VARIANTS)],
+    [pytest.param(*each, marks=[] if _quick(n) else pytest.mark.proof) for n, each in enumerate(VARIANTS)],
     ids=str,
 )
 def test_derivatives_are_those_of_differences(model: str, tokens: dict[str, str]) -> None:

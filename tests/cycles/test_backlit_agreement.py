@@ -37,7 +37,7 @@ def test_backlit_shapes_agree_within_their_own_noise(asset: str, look: str, rend
     assert_backlit(render, asset, look, light, SAMPLES.get(look, 32), SCRAMBLES.get(look, 4))
 
 
-@pytest.mark.parametrize(("asset", "ibl_samples"), [("plane", 1), pytest.param("sphere", 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("asset", "ibl_samples"), [("plane", 1), pytest.param("sphere", 2, marks=pytest.mark.proof)])
 def test_light_from_behind_without_directions_of_its_own(
     asset: str, ibl_samples: int, render: RenderScene, light_of
 ) -> None:

@@ -228,7 +228,7 @@ def test_normals_of_the_lobes() -> None:
         assert (np.abs(got - wanted)[seen] <= (tolerance * wanted)[seen]).all()
 
 
-@pytest.mark.parametrize("oracle", ["disney", "pixar", pytest.param("pixar_stacks", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("oracle", ["disney", "pixar", pytest.param("pixar_stacks", marks=pytest.mark.proof)])
 def test_the_oracle(oracle: str) -> None:
     lines = (Path(__file__).parents[1] / "oracles" / f"{oracle}.jsonl").read_text().splitlines()
     # Cycles gets float32 directions; the oracle's are float64 (see above for what that can change).

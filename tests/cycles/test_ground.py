@@ -124,8 +124,8 @@ def test_the_shadow_under_a_ball_is_the_form_factor_of_a_sphere(
     ("lit", "under"),
     [
         ("slopes", GLOSSY),
-        pytest.param("slopes", GREY, marks=pytest.mark.slow),
-        pytest.param("three_point", GLOSSY, marks=pytest.mark.slow),
+        pytest.param("slopes", GREY, marks=pytest.mark.proof),
+        pytest.param("three_point", GLOSSY, marks=pytest.mark.proof),
     ],
     ids=["glossy-slopes", "grey-slopes", "glossy-three_point"],
 )
@@ -152,7 +152,7 @@ def test_a_frame_over_its_ground_is_that_of_the_reference(
     assert ((light.max(axis=-1) > 0.01) & covered).any()
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_plane_is_rendered_with_its_shadow_and_its_reflection(
     worker: Worker, light_of: Callable[[str], Dome]
 ) -> None:
@@ -196,7 +196,7 @@ def test_ground_is_seen_through_an_asset(worker: Worker, light_of: Callable[[str
     assert_like([on_own_ground(f).mean(axis=-1) for f in ours], expected.mean(axis=0), error, chosen)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_frame_knows_its_error(worker: Worker, light_of: Callable[[str], Dome]) -> None:
     """Over the true ground, the error of a frame is what its halves differ by."""
     scene = scene_of([light_of("slopes")], RED, GREY, catcher=True)

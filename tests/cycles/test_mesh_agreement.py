@@ -32,11 +32,11 @@ SIZE, SAMPLES, SEEDS, BOUNCES = 48, 32, 6, 2
     ("name", "look"),
     [
         ("suzanne", painted),
-        pytest.param("shaderball", painted, marks=pytest.mark.slow),
-        pytest.param("suzanne", embossed, marks=pytest.mark.slow),
+        pytest.param("shaderball", painted, marks=pytest.mark.proof),
+        pytest.param("suzanne", embossed, marks=pytest.mark.proof),
         ("shaderball", embossed),
         ("suzanne", sparkling),
-        pytest.param("shaderball", sparkling, marks=pytest.mark.slow),
+        pytest.param("shaderball", sparkling, marks=pytest.mark.proof),
     ],
 )
 def test_meshes_agree_within_their_own_noise(name: str, look, render: RenderScene, light_of, tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def test_a_sphere_agrees_within_its_own_noise(ibl: str, look: str, bounces: int,
     assert_agreement(rendered, LOOKS[look], "sphere", light, bounces=bounces)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("look", ["polished", "chrome"])
 def test_a_shiny_sphere_agrees(look: str, render: RenderScene, light_of) -> None:
     rendered = frames(render, "sphere", LOOKS[look], light_of("slopes"), 128, 0)
@@ -70,7 +70,7 @@ def test_a_shiny_sphere_agrees(look: str, render: RenderScene, light_of) -> None
     assert np.abs(difference).max() < 2e-2
 
 
-@pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 1, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 1, marks=pytest.mark.proof)])
 def test_a_mesh_agrees_with_its_bounces(name: str, bounces: int, render: RenderScene, light_of) -> None:
     light, asset = light_of("white"), load_asset(builtin=name)
     wave = parse("0.3 + 0.5 * smoothstep(8 * st[0] - floor(8 * st[0]), 0.4, 0.6)")

@@ -104,7 +104,7 @@ def test_light_belongs_to_the_lobe_of_the_first_hit(worker: Worker) -> None:
     assert not frame.passes["diffuse"][on_ball].any()
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_parts_of_one_half_are_those_of_both_but_for_noise(worker: Worker) -> None:
     # Four sets of lobes, of lights and direct light need 3 + 2 + 1 records: each half has three of them.
     shared = [

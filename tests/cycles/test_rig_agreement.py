@@ -74,7 +74,7 @@ def agreement(
 
 
 @pytest.mark.parametrize(
-    ("asset", "rig", "look"), [*QUICK, *(pytest.param(*cell, marks=pytest.mark.slow) for cell in CELLS)]
+    ("asset", "rig", "look"), [*QUICK, *(pytest.param(*cell, marks=pytest.mark.proof) for cell in CELLS)]
 )
 def test_frames_under_rigs_agree_with_the_reference(
     worker: Worker, tmp_path: Path, asset: str, rig: str, look: str

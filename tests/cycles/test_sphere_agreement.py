@@ -30,7 +30,7 @@ def test_sphere_agrees_within_its_own_noise(ibl: str, look: str, render: RenderS
     assert_agreement(frames, LOOKS[look], "sphere", light)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("look", TWO_VALUED)
 def test_a_shiny_sphere_agrees_in_white_light(look: str, render: RenderScene, light_of) -> None:
     light = light_of("white")

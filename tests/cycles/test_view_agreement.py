@@ -49,7 +49,7 @@ def bump(tmp_path: Path) -> Bump:
     return Bump(Texture(tmp_path / "height.png", "r", "raw"), 0.02)
 
 
-@pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(("name", "bounces"), [("shaderball", 2), pytest.param("suzanne", 2, marks=pytest.mark.proof)])
 def test_a_mesh_agrees(name: str, bounces: int, bump: Bump, render: RenderScene, light_of) -> None:
     light, asset, layers = light_of("city"), load_asset(builtin=name), pearl(bump)
     frames = [render(asset, layers, light, samples=SAMPLES, seed=k, size=SIZE, bounces=bounces) for k in range(SEEDS)]

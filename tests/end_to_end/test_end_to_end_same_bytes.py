@@ -52,11 +52,11 @@ def frames(job: Path) -> dict[str, object]:
     ("backend", "denoise"),
     [
         ("exact", "off"),
-        pytest.param("exact", "measured", marks=pytest.mark.slow),
-        pytest.param("mitsuba", "off", marks=[pytest.mark.mitsuba, pytest.mark.slow]),
-        pytest.param("mitsuba", "measured", marks=[pytest.mark.mitsuba, pytest.mark.slow]),
-        pytest.param("nodes", "off", marks=pytest.mark.slow),
-        pytest.param("nodes-exact", "off", marks=pytest.mark.slow),
+        pytest.param("exact", "measured", marks=pytest.mark.proof),
+        pytest.param("mitsuba", "off", marks=[pytest.mark.mitsuba, pytest.mark.proof]),
+        pytest.param("mitsuba", "measured", marks=[pytest.mark.mitsuba, pytest.mark.proof]),
+        pytest.param("nodes", "off", marks=pytest.mark.proof),
+        pytest.param("nodes-exact", "off", marks=pytest.mark.proof),
     ],
 )
 def test_frames_are_the_same_in_one_run_and_in_chunks(backend: str, denoise: str, tmp_path: Path) -> None:

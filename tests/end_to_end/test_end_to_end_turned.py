@@ -14,7 +14,7 @@ from lookdev.render.task import FrameTask
 from lookdev.render.worker import renderer
 from lookdev.scene import Pose
 
-pytestmark = [pytest.mark.cycles, pytest.mark.slow]
+pytestmark = [pytest.mark.cycles, pytest.mark.proof]
 
 JOB = """
 output = "out"

@@ -97,8 +97,8 @@ def frames(out: Path) -> dict[str, object]:
     ("settings", "workers"),
     [
         ("error target", 2),
-        *(pytest.param(name, 4, marks=pytest.mark.slow) for name in ("error target", "denoised", "passes")),
-        pytest.param("mitsuba", 4, marks=[pytest.mark.slow, pytest.mark.mitsuba]),
+        *(pytest.param(name, 4, marks=pytest.mark.proof) for name in ("error target", "denoised", "passes")),
+        pytest.param("mitsuba", 4, marks=[pytest.mark.proof, pytest.mark.mitsuba]),
     ],
 )
 def test_frames_are_the_same_wherever_they_are_rendered(settings: str, workers: int, tmp_path: Path) -> None:

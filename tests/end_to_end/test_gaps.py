@@ -25,7 +25,7 @@ def test_those_that_are_further_away_are_named_with_the_reason() -> None:
 
 
 @pytest.mark.cycles
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("place", [0, 20, 40, 60])
 def test_what_is_recorded_is_measured_again(place: int) -> None:
     recorded = read()[place]

@@ -256,7 +256,7 @@ def looks(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.cycles
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("check", WORK)
 @pytest.mark.parametrize("look", NONE)
 def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
@@ -268,7 +268,7 @@ def test_without_a_fault_all_agrees(looks: Path, look: str, check: str) -> None:
 @pytest.mark.parametrize(
     ("name", "check"),
     [
-        pytest.param(name, check, marks=() if (name, check) == ("a cosine too many", "points") else pytest.mark.slow)
+        pytest.param(name, check, marks=() if (name, check) == ("a cosine too many", "points") else pytest.mark.proof)
         for name, fault in FAULTS.items()
         for check, work in fault.found.items()
         if work < inf

@@ -10,7 +10,7 @@ from lookdev.batch.check import DepthName, check_file
 from lookdev.material.library import read_preset
 from lookdev.material.library.edit import new_look
 
-pytestmark = [pytest.mark.cycles, pytest.mark.slow]
+pytestmark = [pytest.mark.cycles, pytest.mark.proof]
 
 ROOT = Path(__file__).parents[2]
 PRESETS = sorted((ROOT / "materials/presets").glob("*.usda"))

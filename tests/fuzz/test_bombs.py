@@ -16,7 +16,7 @@ from lookdev.guard import MEMORY_VARIABLE, SECONDS_VARIABLE
 _LIMITS = {MEMORY_VARIABLE: "1024", SECONDS_VARIABLE: "8"}
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_bomb_is_refused_by_name(tmp_path: Path, name: str) -> None:
     file = BOMBS[name](tmp_path)

@@ -29,7 +29,7 @@ def test_a_sample_of_malformed_inputs_is_clear(kind):
     assert not _wrong(kind, _SEED, found)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
 def test_all_malformed_inputs_are_clear(kind, seed):

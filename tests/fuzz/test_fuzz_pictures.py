@@ -74,19 +74,19 @@ def test_a_sample_of_malformed_inputs_shows_the_right_picture(paint: Painter, ki
     assert not _wrong(paint, kind, 0, _SAMPLE[kind])
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize(("kind", "seed", "count"), _MANY)
 def test_malformed_inputs_show_the_right_picture(paint: Painter, kind: str, seed: int, count: int) -> None:
     assert not _wrong(paint, kind, seed, count)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("kind", _SAMPLE)
 def test_malformed_inputs_show_the_right_picture_in_nodes(paint: Painter, kind: str) -> None:
     assert not _wrong(paint, kind, 3, 5 * _SAMPLE[kind], "nodes")
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("base", ["mesh", "cage", "curves", "points", "instancer", "Capsule"])
 def test_an_asset_shows_the_same_picture_at_the_limits_of_size(paint: Painter, tmp_path: Path, base: str) -> None:
     text = SOUND[base].text
@@ -110,7 +110,7 @@ def _rendered(folder: Path) -> tuple[np.ndarray, tuple[str, ...]]:
     return np.stack([frame.a, frame.b]), (*prepared.notes, *frame.notes)
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_a_damaged_cache_shows_the_same_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cache = tmp_path / "cache"
     monkeypatch.setenv("LOOKDEV_CACHE", str(cache))

@@ -15,8 +15,6 @@ pytest.importorskip("tomlkit", reason="the page's packages are not installed: pi
 from lookdev.errors import LookdevError
 from lookdev.job.edit import Wear, assign, unassign, wear_all
 
-pytestmark = pytest.mark.alike
-
 PARTS = (Path(__file__).parents[2] / "jobs" / "parts.toml").read_text()
 GOLD = Wear("gold.usda", variants={"wear": "new"})
 

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from lookdev.light import CylinderLight, DiskLight, DistantLight, RectLight, SphereLight
 from lookdev.light.placement import Axes, to_world
 
-pytestmark = pytest.mark.alike
-
 Floats = NDArray[np.float64]
 
 AXES: Axes = ((0.8, 0.6, 0.0), (-0.6, 0.8, 0.0), (0.0, 0.0, 1.0))

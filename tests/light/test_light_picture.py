@@ -11,8 +11,6 @@ from lookdev.light import RectLight, make_environment, prepare_texture
 from lookdev.light.picture import look_up, luminance_tree
 from lookdev.light.plane import meet_plane
 
-pytestmark = pytest.mark.alike
-
 Floats = NDArray[np.float64]
 
 

@@ -16,8 +16,6 @@ from lookdev.light.plane import seen_part, towards_plane
 from lookdev.light.sphere import sphere_versine
 from lookdev.light.spherical_rectangle import Point, density, draw
 
-pytestmark = pytest.mark.alike
-
 Floats = NDArray[Any]
 
 # As fractions of the sides, from the middle: inside, at an edge, a corner, beyond an edge, a corner, far aside.

@@ -19,8 +19,6 @@ from lookdev.material.library.stack import outline_of
 from lookdev.material.look import Formula
 from lookdev.material.usd import read_look
 
-pytestmark = pytest.mark.alike
-
 ROOT = Path(__file__).parents[2]
 DUSTY = {"wear": "dusty"}
 

@@ -33,8 +33,6 @@ from lookdev.brdf.pixar.layering import compose
 from lookdev.brdf.pixar.partition import layer_partition
 from lookdev.light import BUILTIN_LIGHTS, load_environment, prepare_light
 
-pytestmark = pytest.mark.alike
-
 # The distribution of a highlight, alpha^2 / (alpha^2 cos^2 + sin^2)^2, is nowhere above (1 + x)^2 / (4 x) times the
 # larger of its ends when alpha grows by a factor x: 1 %, which `NARROW` allows, for 1.22.
 _FACTOR = 1.22
@@ -133,13 +131,13 @@ def test_some_edges_are_as_recorded(presets: dict[str, Preset]) -> None:
     )
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_all_edges_are_as_recorded(presets: dict[str, Preset]) -> None:
     assert_as_recorded(presets, PAIRS)
 
 
 @pytest.mark.parametrize(
-    "light", [pytest.param(light, marks=[] if light in LIGHTS else pytest.mark.slow) for light in BUILTIN_LIGHTS]
+    "light", [pytest.param(light, marks=[] if light in LIGHTS else pytest.mark.proof) for light in BUILTIN_LIGHTS]
 )
 def test_alike_presets_stay_in_the_range_of_both(presets: dict[str, Preset], light: str) -> None:
     pairs = alike(presets)
@@ -204,7 +202,7 @@ def test_pixels_are_what_sampling_estimates(presets: dict[str, Preset], light: s
     assert np.sqrt(np.mean(np.square(error))) <= 0.03
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_the_tables_of_the_page_are_what_is_measured(presets: dict[str, Preset]) -> None:
     page = PAGE.read_text()
     for name, table in tables(presets).items():

@@ -22,8 +22,6 @@ from lookdev.material.library.preview import preview_values
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_bsdf
 
-pytestmark = pytest.mark.alike
-
 _WO, _WI = np.array([0.0, 0.6, 0.8]), np.array([0.6, 0.0, 0.8])
 _LIGHT: Any = Dome(None, None, None, None, 8, 4, "")  # type: ignore[arg-type]
 

@@ -14,8 +14,6 @@ from lookdev.material.library.parameters import set_source, unset_parameter
 from lookdev.material.look import Formula, Primvar, Texture
 from lookdev.material.usd import read_look
 
-pytestmark = pytest.mark.alike
-
 ROOT = Path(__file__).parents[2]
 
 

@@ -144,7 +144,7 @@ def errors_of(made: PictureFit, truth: dict[str, tuple[float, ...]]) -> list[flo
 FRAME = "paint/light/element.0002"
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.cycles
 @pytest.mark.parametrize("name", CASES)
 def test_parameters_of_pictures_by_cycles_come_back(name: str, llvm: str, tmp_path: Path) -> None:

@@ -22,7 +22,7 @@ from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene, camera_rays
 from lookdev.scene.linking import link_lights
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
+pytestmark = pytest.mark.mitsuba
 
 POSE, SIZE = Pose(40.0, 15.0), (48, 36)
 PLACES = {"/left": (1.0, 1.0, 1.0), "/middle": (-0.8, 1.4, 1.1), "/right": (0.7, 0.7, -0.7)}

@@ -33,7 +33,6 @@ TRANSMITTING = ("leaf", "frosted", "tilted", "lacquered", "mixed")
 BACKLIT = Pose(30.0, 126.0)
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize(
     ("light", "name"),
     quick_among(
@@ -48,7 +47,6 @@ def test_spheres_agree(name: str, light: str, render: RenderScene, light_of) -> 
     assert_agreement(frames, LOOKS[name], "sphere", light_of(light))
 
 
-@pytest.mark.alike
 @pytest.mark.parametrize(
     ("asset", "name"), quick_among(list(product(SHAPES, TRANSMITTING)), [("plane", "tilted"), ("sphere", "leaf")])
 )
@@ -62,8 +60,8 @@ def test_backlit_shapes_agree(asset: str, name: str, render: RenderScene, light_
     ("name", "look"),
     [
         ("suzanne", painted),
-        pytest.param("shaderball", embossed, marks=pytest.mark.slow),
-        pytest.param("suzanne", sparkling, marks=pytest.mark.slow),
+        pytest.param("shaderball", embossed, marks=pytest.mark.proof),
+        pytest.param("suzanne", sparkling, marks=pytest.mark.proof),
     ],
 )
 def test_meshes_agree(name: str, look, render: RenderScene, light_of, tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
+pytestmark = pytest.mark.mitsuba
 
 SIZE, SAMPLES, SEEDS = 32, 64, 4
 POSE = Pose(20.0, 70.0)
@@ -73,7 +73,7 @@ def test_every_control_of_lights_agrees(worker: Worker, tmp_path: Path, rigs: st
     assert_passed(agreement(worker, "suzanne", lights, "plastic"))
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize("look", RIG_LOOKS)
 @pytest.mark.parametrize("asset", ["sphere", "suzanne"])
 @pytest.mark.parametrize("rig", RIGS)

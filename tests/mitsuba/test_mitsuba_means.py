@@ -3,7 +3,7 @@
 The mean of a frame is the frame of a single pixel, or of few. The reference makes these of a low-discrepancy set each,
 so that its error is a tenth of what it has of as many points in sets of small pixels.
 
-    python -m pytest -n 0 -m slow tests/mitsuba/test_mitsuba_means.py --log-cli-level INFO
+    python -m pytest -n 0 -m proof tests/mitsuba/test_mitsuba_means.py --log-cli-level INFO
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from lookdev.render.task import one_frame
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Pose, Sampling, Scene
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.slow]
+pytestmark = [pytest.mark.mitsuba, pytest.mark.proof]
 
 POSE = Pose(0.0, 20.0)  # lamps shine on what the camera sees
 SIZE, SAMPLES, POINTS = 16, 2048, 1 << 18

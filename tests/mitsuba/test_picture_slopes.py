@@ -25,7 +25,7 @@ from lookdev.render.wire import decode_request, encode
 from lookdev.render.worker import Worker
 from lookdev.scene import Film, Sampling, Scene
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
+pytestmark = pytest.mark.mitsuba
 
 SIZE, PAIRS = 24, 4
 COPPER = Layer("Metal", "disney", {"metallic": 1.0, "baseColor": (0.9, 0.55, 0.4), "roughness": 0.35})
@@ -93,7 +93,7 @@ def task_of(case: Case, look: Look, light: tuple[Light, ...], asset: Asset) -> A
     return scene_task(scene, Sampling(bounces=case.bounces), "mitsuba")
 
 
-@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in CASES])
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=pytest.mark.proof) for n in CASES])
 def test_derivatives_are_those_of_differences(name: str, drjit: Any, light_of: Any, tmp_path: Path) -> None:
     from lookdev.mitsuba.load import load_mitsuba
     from lookdev.mitsuba.slopes import SlopeScene

@@ -10,7 +10,7 @@ import pytest
 
 from lookdev.brdf import CONTINUOUS, MODELS, complete_parameters, evaluate_cosine, pdf
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
+pytestmark = pytest.mark.mitsuba
 
 MATERIALS = Path(__file__).parents[2] / "materials"
 SETTINGS: dict[str, dict[str, Any]] = {

@@ -12,7 +12,7 @@ from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosin
 from lookdev.codegen.program.look import generate_program
 from lookdev.material import Layer, Look
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.alike]
+pytestmark = pytest.mark.mitsuba
 
 COUNT = 400
 

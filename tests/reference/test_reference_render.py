@@ -14,8 +14,6 @@ from lookdev.light.mapping import rotate_z, uv_to_direction
 from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
 
-pytestmark = pytest.mark.alike
-
 # Sixteen scrambles: beyond five of their standard errors is, with fifteen degrees of freedom, one in six thousand.
 SIGMAS, NOISE = 5.0, 2e-2
 

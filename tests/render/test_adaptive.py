@@ -14,7 +14,6 @@ from lookdev.render.adaptive import Half, Region, Round, mean_samples, next_roun
 from lookdev.scene import Sampling
 
 Floats = NDArray[np.float64]
-pytestmark = pytest.mark.alike
 
 SIDE = 50  # no multiple of a tile
 

@@ -15,8 +15,6 @@ from lookdev.errors import AssetError
 from lookdev.job.schema import JobCamera
 from lookdev.scene import Camera, frame_camera, frame_fill
 
-pytestmark = pytest.mark.alike
-
 Floats = NDArray[np.float64]
 
 BOX = np.array([(x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])

@@ -14,8 +14,6 @@ from lookdev.studio.designer.document import Document
 from lookdev.studio.designer.edits import Edit, parsed
 from lookdev.studio.designer.opening import open_document
 
-pytestmark = pytest.mark.alike
-
 ROOT = Path(__file__).parents[2]
 
 

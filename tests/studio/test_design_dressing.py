@@ -18,8 +18,6 @@ from lookdev.studio.designer.edits import Edit
 from lookdev.studio.designer.opening import open_document
 from lookdev.studio.designer.sources import ConflictError
 
-pytestmark = pytest.mark.alike
-
 ROOT = Path(__file__).parents[2]
 WINDOWS = "/Car/Body/Windows"
 

@@ -13,7 +13,7 @@ from test_design_page import NEEDS_CHROMIUM, ROOT, Page, start_browser
 
 log = logging.getLogger(__name__)
 
-pytestmark = [pytest.mark.mitsuba, pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = [pytest.mark.mitsuba, NEEDS_CHROMIUM]
 
 _KEY = "dispatchEvent(new KeyboardEvent('keydown', {key: given[0]})); await pause(50);"
 _COLUMN = (
@@ -142,10 +142,10 @@ CELLS = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize(("asset", "look"), CELLS)
 def test_the_difference_of_a_cell_by_name(asset: str, look: str) -> None:
-    """The table of docs/designer.md: `pytest -m slow tests/studio/test_design_exact_page.py --log-cli-level=INFO`."""
+    """The table of docs/designer.md: `pytest -m proof tests/studio/test_design_exact_page.py --log-cli-level=INFO`."""
     of_job = asset == "parts"
     job = ROOT / "jobs" / "parts.toml"
     arguments = [str(job)] if of_job else [asset, "--material", str(ROOT / "materials" / f"{look}.usda")]

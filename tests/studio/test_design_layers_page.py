@@ -14,7 +14,7 @@ from test_design_page import NEEDS_CHROMIUM, Page, start_browser
 
 from lookdev.material.usd import read_look
 
-pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = NEEDS_CHROMIUM
 
 ROOT = Path(__file__).parents[2]
 HELPERS = (

@@ -18,7 +18,7 @@ from webgl import NEEDS_CHROMIUM, start_browser
 
 from lookdev.material.usd import read_look
 
-pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = NEEDS_CHROMIUM
 
 ROOT = Path(__file__).parents[2]
 

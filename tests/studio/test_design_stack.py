@@ -23,8 +23,6 @@ from lookdev.studio.designer.snapshots import Snapshots
 from lookdev.studio.designer.sources import ConflictError
 from lookdev.studio.designer.thumbnails import SIZE, thumbnail
 
-pytestmark = pytest.mark.alike
-
 ROOT = Path(__file__).parents[2]
 
 

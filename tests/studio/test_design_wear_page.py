@@ -13,7 +13,7 @@ from test_design_page import NEEDS_CHROMIUM, Page, start_browser
 
 from lookdev.job import load_job
 
-pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = NEEDS_CHROMIUM
 
 ROOT = Path(__file__).parents[2]
 JOB = """output = "out"

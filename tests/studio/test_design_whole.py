@@ -1,6 +1,6 @@
 """A whole edit, played in a browser: parts dressed, compared, saved, opened again, and rendered by the job.
 
-``pytest -m slow tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
+``pytest -m proof tests/studio/test_design_whole.py --log-cli-level=INFO`` takes some minutes.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from lookdev.asset.builtin import make_sphere
 from lookdev.job import load_job
 from lookdev.output.exr import read_frame, read_layer
 
-pytestmark = [pytest.mark.slow, pytest.mark.cycles, pytest.mark.mitsuba, NEEDS_CHROMIUM]
+pytestmark = [pytest.mark.proof, pytest.mark.cycles, pytest.mark.mitsuba, NEEDS_CHROMIUM]
 
 ROOT = Path(__file__).parents[2]
 SIZE = (48, 36)

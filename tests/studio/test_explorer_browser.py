@@ -32,7 +32,6 @@ from selenium.webdriver.support.ui import WebDriverWait
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
 pytestmark = [
-    pytest.mark.alike,
     pytest.mark.skipif(
         not (CHROMIUM and DRIVER), reason="no Chromium with its driver: apt-get install chromium chromium-driver"
     ),
@@ -293,7 +292,7 @@ def workers(above: int) -> list[int]:
     return [int(pid) for pid, _, words in rows if int(pid) in family and "lookdev.cycles" in words]
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 def test_ten_thousand_moves_take_no_memory(browser: webdriver.Chrome, server: Served) -> None:
     """Heap of the page and memory of the server, after 2000 and after 12,000 moves."""
     Page(browser, server, "#s=disney&s=pixar&kind=slice&light=point")

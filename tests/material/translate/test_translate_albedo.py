@@ -10,8 +10,6 @@ import pytest
 from foreign_albedo import Floats, lobe, schlick
 from foreign_sets import FOREIGN, VIEWS, Compared, compare, translated_albedo
 
-pytestmark = pytest.mark.alike
-
 
 def agreeing(name: str, sets: list[Compared]) -> tuple[Floats, Floats]:
     """Return the errors, (n,), where the models can agree: of dielectrics, and of what is part metal."""
@@ -21,7 +19,7 @@ def agreeing(name: str, sets: list[Compared]) -> tuple[Floats, Floats]:
     return np.concatenate(dielectrics), np.concatenate(metals)
 
 
-@pytest.mark.parametrize("count", [50, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [50, pytest.param(200, marks=pytest.mark.proof)])
 @pytest.mark.parametrize("name", FOREIGN)
 def test_albedos_of_random_sets_agree_with_the_definition(name: str, count: int) -> None:
     dielectrics, metals = agreeing(name, compare(name, count, seed=7))

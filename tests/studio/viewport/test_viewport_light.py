@@ -30,7 +30,7 @@ from lookdev.reference.render import Estimate, frame_pixels
 from lookdev.scene import Camera, Film, Pose, Scene, camera_rays
 from lookdev.studio.viewport import view_scene
 
-pytestmark = [pytest.mark.alike, NEEDS_CHROMIUM]
+pytestmark = NEEDS_CHROMIUM
 
 ROOT = Path(__file__).parents[3]
 log = logging.getLogger(__name__)
@@ -196,12 +196,12 @@ def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
         yield replace(scene, camera=replace(camera, fov=fov, shift=shift), film=Film((side, side)))
 
 
-@pytest.mark.slow
+@pytest.mark.proof
 @pytest.mark.parametrize(("asset", "look"), CELLS)
 def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Page) -> None:
     """Of each pixel and channel of windows of a frame, relative to its value, or to 1 % of the mean where it is darker.
 
-    docs/designer.md has the table, by ``pytest -m slow tests/studio/viewport --log-cli-level=INFO``.
+    docs/designer.md has the table, by ``pytest -m proof tests/studio/viewport --log-cli-level=INFO``.
     """
     if asset == "parts":
         scenes = job_scenes(load_job(ROOT / "jobs" / "parts.toml")).scenes

@@ -1,0 +1,38 @@
+"""A home of its own for a run of the tests: nothing is read from the user's, and nothing stays behind."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from pathlib import Path
+
+import pytest
+
+# What leads programs to folders outside of the home: each of them would be read, or written.
+ELSEWHERE = ("XDG_CACHE_HOME", "XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_STATE_HOME", "LOOKDEV_LIBRARY", "OCIO")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the home before anything is imported; processes of xdist and all that tests start inherit it.
+
+    Cache and compiled kernels in it are shared by all tests but those that set ``$LOOKDEV_CACHE`` to a folder of
+    their own.
+    """
+    if hasattr(config, "workerinput"):
+        return
+    home = Path(tempfile.mkdtemp(prefix="lookdev-home-"))
+    patch = pytest.MonkeyPatch()
+    for name in ELSEWHERE:
+        patch.delenv(name, raising=False)
+    patch.setenv("HOME", str(home))
+    patch.setenv("LOOKDEV_CACHE", str(home / "cache"))
+    patch.setenv("LOOKDEV_STATE", str(home / "state"))
+
+    def leave() -> None:
+        patch.undo()
+        if os.getpid() == owner:
+            shutil.rmtree(home, ignore_errors=True)
+
+    owner = os.getpid()
+    config.add_cleanup(leave)
