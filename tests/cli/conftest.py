@@ -1,4 +1,4 @@
-"""The command line in this process, with the fakes of tests/batch and tests/bench."""
+"""The command line in this process, with the fakes of tests/ and tests/bench."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import ModuleType, SimpleNamespace
 
 import pytest
 
-sys.path += [str(Path(__file__).parents[1] / room) for room in ("batch", "bench")]
+sys.path.append(str(Path(__file__).parents[1] / "bench"))
 
 import batch_case as case
 
