@@ -18,24 +18,15 @@ DOCUMENT = """<materialx version="1.38">
   <surfacematerial name="Gold" type="material"><input name="surfaceshader" type="surfaceshader" nodename="S"/>
   </surfacematerial></materialx>"""
 
-ARCS = {
-    "reference to the root": ('def "A" (\n references = @./sub/x.mtlx@</MaterialX>\n)\n{\n}', "/A/Materials/Gold"),
-    "reference to the materials": (
-        'def "A" (\n prepend references = @./sub/x.mtlx@</MaterialX/Materials>\n)\n{\n}',
-        "/A/Gold",
-    ),
-    "reference to a material": (
-        'def "A" (\n append references = @./sub/x.mtlx@</MaterialX/Materials/Gold>\n)\n{\n}',
-        "/A",
-    ),
-    "reference to the default prim": ('def "A" (\n references = @./sub/x.mtlx@\n)\n{\n}', "/A/Materials/Gold"),
-    "payload": ('def "A" (\n payload = @./sub/x.mtlx@</MaterialX/Materials>\n)\n{\n}', "/A/Gold"),
-    "two references": (
-        'def "A" (\n references = [@./b.usda@</B>, @./sub/x.mtlx@</MaterialX/Materials>]\n)\n{\n}',
-        "/A/Gold",
-    ),
-    "in a variant": (
-        """def "A" (
+ARCS = {  # the metadata of a prim, and the path of the material
+    "reference to the root": ("references = @./sub/x.mtlx@</MaterialX>", "/A/Materials/Gold"),
+    "reference to the materials": ("prepend references = @./sub/x.mtlx@</MaterialX/Materials>", "/A/Gold"),
+    "reference to a material": ("append references = @./sub/x.mtlx@</MaterialX/Materials/Gold>", "/A"),
+    "reference to the default prim": ("references = @./sub/x.mtlx@", "/A/Materials/Gold"),
+    "payload": ("payload = @./sub/x.mtlx@</MaterialX/Materials>", "/A/Gold"),
+    "two references": ("references = [@./b.usda@</B>, @./sub/x.mtlx@</MaterialX/Materials>]", "/A/Gold"),
+}
+IN_A_VARIANT = """def "A" (
  variants = { string v = "a" }
  prepend variantSets = "v"
 )
@@ -45,10 +36,11 @@ ARCS = {
   {
   }
  }
-}""",
-        "/A/Gold",
-    ),
-}
+}"""
+
+
+def prim(metadata: str) -> str:
+    return f'def "A" (\n {metadata}\n)\n{{\n}}'
 
 
 def write(folder: Path, text: str) -> Path:
@@ -72,7 +64,13 @@ def assert_composed(file: Path, path: str, folder: Path) -> None:
     assert image.resolvedPath == str(folder / "sub" / "a.png")
 
 
-@pytest.mark.parametrize(("text", "path"), ARCS.values(), ids=ARCS)
+CASES = {name: (prim(metadata), path) for name, (metadata, path) in ARCS.items()} | {
+    "in a variant": (IN_A_VARIANT, "/A/Gold"),
+    "sublayer": ("(\n subLayers = [@./sub/x.mtlx@]\n)", "/MaterialX/Materials/Gold"),
+}
+
+
+@pytest.mark.parametrize(("text", "path"), CASES.values(), ids=CASES)
 @pytest.mark.parametrize("binary", [False, True])
 def test_arcs(tmp_path: Path, text: str, path: str, binary: bool) -> None:
     file = write(tmp_path, text)
@@ -82,12 +80,8 @@ def test_arcs(tmp_path: Path, text: str, path: str, binary: bool) -> None:
     assert_composed(file, path, tmp_path)
 
 
-def test_a_sublayer(tmp_path: Path) -> None:
-    assert_composed(write(tmp_path, "(\n subLayers = [@./sub/x.mtlx@]\n)"), "/MaterialX/Materials/Gold", tmp_path)
-
-
 def test_an_arc_in_a_referenced_layer(tmp_path: Path) -> None:
-    write(tmp_path, ARCS["payload"][0])
+    write(tmp_path, prim(ARCS["payload"][0]))
     outer = tmp_path / "outer.usda"
     outer.write_text('#usda 1.0\ndef "O" (\n references = @./asset.usda@</A>\n instanceable = true\n)\n{\n}\n')
     assert_composed(outer, "/O/Gold", tmp_path)
@@ -101,9 +95,8 @@ def test_the_document_itself(tmp_path: Path) -> None:
 def test_a_package(tmp_path: Path) -> None:
     write(tmp_path, "")
     inner = tmp_path / "inner.usda"
-    inner.write_text(f"#usda 1.0\n{ARCS['reference to the materials'][0]}\n")
-    root = tmp_path / "root.usda"
-    root.write_text('#usda 1.0\ndef "A" (\n references = @inner.usda@</A>\n)\n{\n}\n')
+    inner.write_text(f"#usda 1.0\n{prim(ARCS['reference to the materials'][0])}\n")
+    (tmp_path / "root.usda").write_text(f"#usda 1.0\n{prim('references = @inner.usda@</A>')}\n")
     writer = Sdf.ZipFileWriter.CreateNew(str(tmp_path / "a.usdz"))
     for name in ("root.usda", "inner.usda", "sub/x.mtlx", "sub/a.png"):
         writer.AddFile(str(tmp_path / name), name)
@@ -115,7 +108,7 @@ def test_a_package(tmp_path: Path) -> None:
 
 
 def test_a_layer_that_is_redirected_cannot_be_saved(tmp_path: Path) -> None:
-    file = write(tmp_path, ARCS["payload"][0])
+    file = write(tmp_path, prim(ARCS["payload"][0]))
     before = file.read_text()
     stage = open_stage(file)
     with pytest.raises(Tf.ErrorException):
@@ -124,13 +117,13 @@ def test_a_layer_that_is_redirected_cannot_be_saved(tmp_path: Path) -> None:
 
 
 def test_a_missing_document_is_a_composition_error(tmp_path: Path) -> None:
-    file = write(tmp_path, ARCS["payload"][0].replace("x.mtlx", "none.mtlx"))
+    file = write(tmp_path, prim(ARCS["payload"][0]).replace("x.mtlx", "none.mtlx"))
     (error,) = open_stage(file).GetCompositionErrors()
     assert "none.mtlx" in str(error)
 
 
 def test_a_malformed_document_is_an_error_with_its_place(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    file = write(tmp_path, ARCS["payload"][0])
+    file = write(tmp_path, prim(ARCS["payload"][0]))
     (tmp_path / "sub" / "x.mtlx").write_text("<materialx version='1.38'>\n<image")
     with pytest.raises(LookError) as caught:
         open_stage(file)
