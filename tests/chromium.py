@@ -1,0 +1,154 @@
+"""One headless Chromium for the whole run, and pages in tabs of it.
+
+A file that uses `browser` or `tab` is marked ``browser``, and skipped where Chromium is not installed.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+# Without a GPU, WebGL is SwiftShader's. `gc()` and the exact size of the heap are for tests of memory.
+FLAGS = (
+    "--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader", "--autoplay-policy=no-user-gesture-required", "--js-flags=--expose-gc",
+    "--enable-precise-memory-info",
+)  # fmt: skip
+TIMEOUT = 120  # seconds of a script in the page
+
+_WRAPPER = """
+const given = arguments, done = arguments[arguments.length - 1];
+const at = (id) => document.getElementById(id), pause = (ms) => new Promise((resolve) => setTimeout(resolve, ms));
+const until = async (met) => {
+  for (const end = performance.now() + 60000; !met(); await pause(10))
+    if (performance.now() > end) throw new Error(`not within a minute: ${met}`);
+};
+(async () => { CODE })().then((value) => done([value ?? null]), (error) => done({error: String(error)}));
+"""
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    if "browser" in getattr(item, "fixturenames", ()):
+        item.add_marker(pytest.mark.browser)
+
+
+def start_browser() -> Any:
+    """Return Chromium by its driver; both end with this process, however it ends, and leave nothing behind."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="no selenium: pip install -e '.[test]'")
+    binary, driver = shutil.which("chromium") or shutil.which("google-chrome"), shutil.which("chromedriver")
+    if not (binary and driver):
+        pytest.skip("no Chromium with its driver: apt-get install chromium chromium-driver")
+    options = webdriver.ChromeOptions()
+    options.binary_location = binary
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    for flag in FLAGS:
+        options.add_argument(flag)
+    service = webdriver.ChromeService(sys.executable, popen_kw={"start_new_session": True})
+    lifeline = [str(Path(__file__).with_name("lifeline.py")), driver, f"--port={service.port}"]
+    service.command_line_args = lambda: lifeline
+    started = webdriver.Chrome(options=options, service=service)
+    started.set_script_timeout(TIMEOUT)
+    return started
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Any]:
+    """Chromium for the whole run; a test that ends it starts its own by `start_browser`."""
+    started = start_browser()
+    yield started
+    started.quit()
+
+
+@contextmanager
+def new_tab(browser: Any) -> Iterator[Any]:
+    """Open a tab, which is closed afterwards with what its page has stored."""
+    before = browser.current_window_handle
+    browser.switch_to.new_window("tab")
+    own = browser.current_window_handle
+    try:
+        yield browser
+    finally:
+        browser.set_script_timeout(TIMEOUT)
+        if own in browser.window_handles:
+            browser.switch_to.window(own)
+            browser.execute_cdp_cmd("Storage.clearDataForOrigin", {"origin": "*", "storageTypes": "all"})
+            browser.close()
+        browser.switch_to.window(before)
+        browser.get_log("browser")
+
+
+@pytest.fixture(scope="module")
+def tab(browser: Any) -> Iterator[Any]:
+    """The browser with a tab that is a file's own."""
+    with new_tab(browser):
+        yield browser
+
+
+class Page:
+    """A page in the browser's current tab, by scripts in it."""
+
+    def __init__(self, browser: Any, url: str, size: tuple[int, int], ready: str, timeout: int = TIMEOUT) -> None:
+        self.browser = browser
+        browser.set_script_timeout(timeout)
+        self.resize(*size)
+        browser.get("about:blank")  # else only what follows # may differ, and the page stays as it is
+        browser.get_log("browser")
+        browser.get(url)
+        self.wait(ready)
+
+    def resize(self, width: int, height: int) -> None:
+        metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 500}
+        self.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", metrics)
+
+    def js(self, code: str, *arguments: Any) -> Any:
+        """Return what a body of an async function returns: `given` are its arguments, `until` waits, `at` is by id."""
+        found = self.browser.execute_async_script(_WRAPPER.replace("CODE", code), *arguments)
+        assert isinstance(found, list), f"{found['error']}\n{code}"
+        return found[0]
+
+    def wait(self, condition: str) -> None:
+        """Wait until an expression holds."""
+        self.js(f"await until(() => {condition})")
+
+    def assert_quiet(self, *levels: str) -> None:
+        """Assert that the console has no message of these levels."""
+        assert [entry for entry in self.browser.get_log("browser") if entry["level"] in levels] == []
+
+
+class _Files(SimpleHTTPRequestHandler):
+    extensions_map = {**SimpleHTTPRequestHandler.extensions_map, ".js": "text/javascript"}  # noqa: RUF012
+
+    def __init__(self, *arguments: Any, static: Path | None, **named: Any) -> None:
+        self.static = static
+        super().__init__(*arguments, **named)
+
+    def translate_path(self, path: str) -> str:
+        if self.static and path.startswith("/static/"):
+            return str(self.static / path.removeprefix("/static/"))
+        return super().translate_path(path)
+
+    def log_message(self, format: str, *args: Any) -> None:
+        pass
+
+
+@contextmanager
+def serve_files(folder: Path, static: Path | None = None) -> Iterator[str]:
+    """Serve a folder on loopback, and another one as ``/static/``; yield the URL without the last slash."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Files, directory=str(folder), static=static))
+    thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02}, daemon=True)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
