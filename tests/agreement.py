@@ -6,44 +6,91 @@ against the reference then has the distribution of noise alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from failed_pictures import comparison
 from frames import POSE, orbit_camera
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.ndimage import binary_erosion
 from shapes import Plane, Sphere
+from stored_references import Arrays, StoredReference
 
 from lookdev.asset import Asset
 from lookdev.brdf import StackLayer, complete_parameters, stack_bsdf
 from lookdev.checks.finding import Finding
 from lookdev.checks.images import check_frame, choose_pixels
-from lookdev.light import Dome
+from lookdev.light import Dome, Light
 from lookdev.material import Layer, Look
 from lookdev.metrics import EPSILON
 from lookdev.reference.mesh import MeshScene
 from lookdev.reference.render import Estimate, frame_pixels
+from lookdev.reference.render import Scene as ReferenceScene
 from lookdev.render.results import Rendered
-from lookdev.scene import Pose
+from lookdev.scene import Camera, Pose, Scene, camera_rays
 
 Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
 
 # Shapes about the origin, and the radii of their bounding spheres.
 SHAPES = {"plane": (Plane(), 2.0**0.5), "sphere": (Sphere(), 1.0)}
 
 
-def _reference(
-    frame: Rendered, layers: Sequence[Layer], name: str, light: Dome, pose: Pose, chosen: Ints, **options: int
-) -> Estimate:
-    """Estimate pixels (P, 2), row and column, of a square frame of a shape whose layers have constant inputs."""
-    shape, radius = SHAPES[name]
+def scene_pixels(scene: Scene, pose: Pose, count: int, **options: int) -> Arrays:
+    """Estimate random pixels of a scene of meshes, silhouettes and their neighbours included.
+
+    The arrays are `pixels` (P, 2), column and row, and those of `Estimate`; `options` are those of `frame_pixels`.
+    """
+    meshes = MeshScene(scene.asset, scene.looks, scene.lit_by, scene.grouped)
+    camera, size = scene.camera, scene.film.resolution
+    pixels = choose_pixels(coverage(meshes, camera, pose, size), count, seed=1)
+    return _arrays(pixels, frame_pixels(meshes, scene.lights, camera, pose, size, pixels, **options))
+
+
+def shape_pixels(
+    shape: str, layers: Sequence[Layer], light: Light, pose: Pose, side: int, count: int, least: float, **options: int
+) -> Arrays:
+    """Estimate random pixels of a square frame of a shape of `SHAPES`, whose layers have constant inputs.
+
+    The shape covers more than `least` of each pixel; otherwise as `scene_pixels`.
+    """
+    surface, radius = SHAPES[shape]
     stack = [
-        StackLayer(each.model, complete_parameters(each.model, each.inputs), each.mask, each.mode) for each in layers
+        StackLayer(layer.model, complete_parameters(layer.model, layer.inputs), layer.mask, layer.mode)
+        for layer in layers
     ]
-    camera, scene = orbit_camera((0.0, 0.0, 0.0), radius), replace(shape, bsdf=stack_bsdf(stack))
-    return frame_pixels(scene, [light], camera, pose, frame.alpha.shape, chosen[:, ::-1], **options)
+    camera, scene = orbit_camera((0.0, 0.0, 0.0), radius), replace(surface, bsdf=stack_bsdf(stack))
+    covered = np.argwhere(coverage(scene, camera, pose, (side, side)) > least)
+    pixels = np.random.default_rng(1).permutation(covered)[:count, ::-1]
+    return _arrays(pixels, frame_pixels(scene, [light], camera, pose, (side, side), pixels, **options))
+
+
+def coverage(scene: ReferenceScene, camera: Camera, pose: Pose, size: tuple[int, int]) -> Floats:
+    """Return the share (H, W) of 8 x 8 rays of each pixel that hit a scene."""
+    (width, height), rays = size, 8
+    x, y = ((np.arange(rays * pixels) + 0.5) / rays for pixels in size)
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    lens = np.random.default_rng(0).random(points.shape) if camera.lens else None
+    origin, ray = camera_rays(camera, pose, size, *points.T, lens)
+    hit, _ = scene.hit(origin, ray)
+    return np.asarray(hit.reshape(height, rays, width, rays).mean(axis=(1, 3)))
+
+
+def _arrays(pixels: Ints, found: Estimate) -> Arrays:
+    samples, scrambles = np.array(found.samples), np.array(found.scrambles)
+    return {"pixels": pixels, "value": found.value, "error": found.error, "samples": samples, "scrambles": scrambles}
+
+
+def estimate_of(arrays: Arrays) -> Estimate:
+    return Estimate(arrays["value"], arrays["error"], int(arrays["samples"]), int(arrays["scrambles"]))
+
+
+def compute_live(name: str, compute: Callable[..., Arrays], **inputs: Any) -> Arrays:
+    """Compute a reference, as the fixture `stored_reference` does in tests of the tier `proof`."""
+    return compute(**inputs)
 
 
 def assert_agreement(
@@ -55,12 +102,18 @@ def assert_agreement(
     *,
     bounces: int = 0,
     scrambles: int = 4,
+    stored: StoredReference = compute_live,
 ) -> None:
     """Compare random pixels of square frames of a shape of `SHAPES` with the reference."""
-    covered = np.argwhere(frames[0].alpha > 0.0)
-    chosen = np.random.default_rng(1).permutation(covered)[:300]
     options = {"bounces": bounces, "samples": 1024, "scrambles": scrambles}
-    reference = _reference(frames[0], layers, name, light, pose, chosen, **options)
+    case = {"shape": name, "layers": layers, "light": light, "pose": pose, "side": len(frames[0].alpha)}
+    found = stored(f"{name} {layers[0].name}", shape_pixels, **case, count=300, least=0.0, **options)
+    reference, chosen = estimate_of(found), found["pixels"][:, ::-1]
+    with comparison(_mean(frames), found["value"], found["pixels"]):
+        _assert_alike(frames, reference, chosen)
+
+
+def _assert_alike(frames: Sequence[Rendered], reference: Estimate, chosen: Ints) -> None:
     halves = np.stack([half[tuple(chosen.T)] for frame in frames for half in (frame.a, frame.b)]).astype(np.float64)
     # Channels share their samples: one number a pixel.
     values, expected = halves.mean(axis=-1), reference.value.mean(axis=-1)
@@ -88,31 +141,68 @@ def assert_agreement(
     assert 0.5 < claimed / true < 2.0
 
 
-def assert_mesh_agreement(
-    frames: Sequence[Rendered], asset: Asset, layers: Sequence[Layer], light: Dome, *, samples: int, bounces: int
+def check_scene(
+    name: str,
+    frames: Sequence[Rendered],
+    scene: Scene,
+    samples: int,
+    stored: StoredReference = compute_live,
+    **options: Any,
 ) -> Finding:
-    """Compare random pixels of square frames at `POSE`, `samples` of each, with the reference."""
-    alpha = frames[0].alpha
-    chosen = choose_pixels(alpha, 80, seed=1)
+    """Compare random pixels of frames of a scene, `samples` of each, with the reference; options of `scene_pixels`."""
+    found = stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
     halves = np.stack([half for frame in frames for half in (frame.a, frame.b)])
-    scene = MeshScene(asset, [Look("look", tuple(layers))] * len(asset.slots))
-    camera = orbit_camera(asset.center, asset.radius)
+    alpha = frames[0].alpha
+    return check_frame(name, halves, alpha, len(frames) * samples, found["pixels"], estimate_of(found))
 
-    def agreement(bounces: int) -> Finding:
-        reference = frame_pixels(scene, [light], camera, POSE, alpha.shape, chosen, bounces=bounces)
-        return check_frame(asset.name, halves, alpha, len(frames) * samples, chosen, reference)
 
-    found = agreement(bounces)
-    assert found.passed, "\n".join((found.summary, *found.details))
+def assert_scene_agreement(
+    name: str,
+    frames: Sequence[Rendered],
+    scene: Scene,
+    samples: int,
+    stored: StoredReference = compute_live,
+    **options: Any,
+) -> Finding:
+    """Assert that `check_scene` finds nothing."""
+    finding = check_scene(name, frames, scene, samples, stored, **options)
+    if not finding.passed:
+        found = stored(name, scene_pixels, **{"scene": scene, "pose": POSE, "count": 100} | options)
+        with comparison(_mean(frames), found["value"], found["pixels"]):
+            raise AssertionError("\n".join((finding.summary, *finding.details)))
+    return finding
+
+
+def assert_mesh_agreement(
+    frames: Sequence[Rendered],
+    asset: Asset,
+    layers: Sequence[Layer],
+    light: Light,
+    *,
+    samples: int,
+    bounces: int,
+    stored: StoredReference = compute_live,
+) -> Finding:
+    """Compare square frames of one look at `POSE` with the reference, and find that light bounces in them."""
+    camera, size = orbit_camera(asset.center, asset.radius), frames[0].alpha.shape
+    scene = Scene.of_look(asset, Look("look", tuple(layers)), light, size, camera)
+    name = f"{asset.name} {layers[0].name}"
+    finding = assert_scene_agreement(name, frames, scene, samples, stored, count=80, bounces=bounces)
     # Without its indirect light the frame is another.
-    assert not agreement(0).passed
-    return found
+    assert not check_scene(f"{name} direct", frames, scene, samples, stored, count=80, bounces=0).passed
+    return finding
 
 
-def relative_difference(frames: Sequence[Rendered], layers: Sequence[Layer], light: Dome) -> NDArray[np.float64]:
+def relative_difference(
+    frames: Sequence[Rendered], layers: Sequence[Layer], light: Dome, stored: StoredReference = compute_live
+) -> Floats:
     """Return the relative difference of the mean of frames of a sphere to the reference, at 300 covered pixels."""
-    filled = np.argwhere(frames[0].alpha >= 1.0)
-    chosen = np.random.default_rng(1).permutation(filled)[:300]
-    reference = _reference(frames[0], layers, "sphere", light, POSE, chosen, samples=4096, scrambles=4)
-    mean = np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0)[tuple(chosen.T)]
-    return np.asarray(mean / reference.value - 1.0)
+    case = {"shape": "sphere", "layers": layers, "light": light, "pose": POSE, "side": len(frames[0].alpha)}
+    name, options = f"covered {layers[0].name}", {"samples": 4096, "scrambles": 4}
+    found = stored(name, shape_pixels, **case, count=300, least=1.0 - 1e-9, **options)
+    columns, rows = found["pixels"].T
+    return np.asarray(_mean(frames)[rows, columns] / found["value"] - 1.0)
+
+
+def _mean(frames: Sequence[Rendered]) -> Floats:
+    return np.asarray(np.mean([(frame.a.astype(np.float64) + frame.b) / 2.0 for frame in frames], axis=0))

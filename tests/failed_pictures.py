@@ -1,0 +1,81 @@
+"""Pictures of a comparison that fails: they are saved beside the test's temporary folder, and the failure names them.
+
+Around the assertions that compare pictures stands ``with comparison(shown, expected):``. If one of them fails, both
+pictures and their difference are written as EXR, and side by side as PNG, into a folder that pytest keeps of its last
+three runs.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from numpy.typing import NDArray
+from stored_references import renew_command
+
+Floats = NDArray[np.floating[Any]]
+
+_LEAST = 256  # pixels of the longer side of a PNG
+
+
+@contextmanager
+def comparison(shown: Floats, expected: Floats, pixels: NDArray[Any] | None = None) -> Iterator[None]:
+    """Save pictures (H, W, 3) or (H, W) if what the block asserts fails.
+
+    With `pixels` (P, 2), column and row, `expected` (P, 3) is of these alone.
+    """
+    try:
+        yield
+    except AssertionError as error:
+        error.pictures = [*getattr(error, "pictures", ()), _pictures(shown, expected, pixels)]  # type: ignore[attr-defined]
+        raise
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item: pytest.Item) -> Any:
+    try:
+        return (yield)
+    except AssertionError as error:
+        if hasattr(error, "pictures"):
+            name = re.sub(r"\W+", "_", item.name)[:60]
+            folder = item.config._tmp_path_factory.mktemp(f"failed_{name}")  # type: ignore[attr-defined]
+            for number, pictures in enumerate(error.pictures):
+                _save(folder, f"{number}_" if number else "", pictures)
+            files = ", ".join(sorted(file.name for file in folder.iterdir()))
+            error.add_note(f"The pictures are in {folder}: {files}")
+        references = sorted({file for key, file in item.user_properties if key == "reference"})
+        if references:
+            files = ", ".join(f"tests/references/{file}" for file in references)
+            error.add_note(f"The test compares with {files}; if that is out of date:\n{renew_command(item)}")
+        raise
+
+
+def _pictures(shown: Floats, expected: Floats, pixels: NDArray[Any] | None) -> dict[str, Floats]:
+    shown = np.asarray(shown, np.float64)
+    if pixels is not None:
+        columns, rows = np.asarray(pixels).T
+        full = np.zeros(shown.shape)
+        full[rows, columns] = expected
+        compared = np.zeros(shown.shape[:2], np.bool_)
+        compared[rows, columns] = True
+        shown, expected = np.where(compared.reshape(compared.shape + (1,) * (shown.ndim - 2)), shown, 0.0), full
+    return {"shown": shown, "expected": np.asarray(expected, np.float64), "difference": shown - expected}
+
+
+def _save(folder: Path, prefix: str, pictures: dict[str, Floats]) -> None:
+    colors = [np.atleast_3d(picture) * np.ones(3) for picture in pictures.values()]
+    for name, color in zip(pictures, colors, strict=True):
+        oiio.ImageBuf(np.ascontiguousarray(color, np.float32)).write(str(folder / f"{prefix}{name}.exr"))
+    white = max(float(np.quantile(np.nan_to_num(colors[1]), 0.99)), 1e-6)
+    largest = max(float(np.abs(np.nan_to_num(colors[2])).max()), 1e-6)
+    encoded = [np.clip(np.nan_to_num(color) / white, 0.0, 1.0) ** (1.0 / 2.2) for color in colors[:2]]
+    side_by_side = np.concatenate([*encoded, 0.5 + 0.5 * np.nan_to_num(colors[2]) / largest], axis=1)
+    zoom = max(1, _LEAST // max(colors[0].shape[:2]))
+    enlarged = np.kron(side_by_side, np.ones((zoom, zoom, 1)))
+    oiio.ImageBuf(np.rint(255.0 * enlarged).astype(np.uint8)).write(str(folder / f"{prefix}compared.png"))
