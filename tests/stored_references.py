@@ -5,8 +5,8 @@
 test compares, not what it compares with. A test without the file fails, and names the command that writes it.
 
 ``python -m pytest -m "proof or not proof" --renew-references PATH`` writes the files of the tests of PATH; without a
-PATH it also deletes those that no test uses. In a run with ``-m proof`` the tests that use the fixture run too, whatever
-their tier, and recompute the data. Tests that are themselves marked `proof` store nothing.
+PATH it also deletes those that no test uses. In a run with ``-m proof`` the tests that use the fixture run too,
+whatever their tier, and recompute the data. Tests that are themselves marked `proof` store nothing.
 """
 
 from __future__ import annotations
