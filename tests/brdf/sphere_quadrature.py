@@ -2,7 +2,7 @@
 
 With ``t = tan^2 theta_h`` the first coordinate of a cell is ``a = log(1 + t / t0) / L``, the second the azimuth of the
 half vector. A direction above the horizon has ``|wo + wi| <= 2`` and ``(wo + wi)_z > wo_z``, so a = 1 is at
-``tan theta_h = 2 / wo_z``.
+``tan theta_h = 2 / wo_z``. A lobe is integrated in its own frame, where it is a reflection.
 """
 
 from __future__ import annotations
@@ -12,6 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from lookdev.brdf import Lobe
+from lookdev.brdf.lobes import Directions
 
 Floats = NDArray[np.float64]
 
@@ -89,3 +92,24 @@ class HalfVectorGrid:
         phi = np.arctan2(half[:, 1], half[:, 0]) / (2.0 * np.pi) % 1.0
         row, column = (np.minimum((x * n).astype(np.intp), n - 1) for x, n in zip((a, phi), BINS, strict=True))
         return row * BINS[1] + column
+
+
+def half_vector_view(lobe: Lobe, wo: Floats) -> Floats:
+    """Return the view (3,) in the lobe's frame whose half vectors the lobe depends on."""
+    if lobe.name in ("specularTransmission", "refraction") or lobe.model == "lafortune":
+        # The middle of the highlight, where the half vector is the normal, mirrors the refracted view; a lobe of
+        # Lafortune's has a direction of its own, which may be below the horizon.
+        middle = np.ravel(lobe.sample(np.zeros(1), np.zeros(1)))
+        if middle[2] > 0.0:
+            return middle * [-1.0, -1.0, 1.0]
+    return np.ravel(lobe.frame.to_local(wo))
+
+
+def sent(lobe: Lobe, wo: Floats, wi: Floats) -> Floats:
+    """Return f times the lobe's own cosine, (..., 3), at directions of the lobe's frame.
+
+    Of a lobe that does not cross it, the surface's horizon cuts a part off.
+    """
+    local = np.broadcast_to(lobe.frame.to_local(wo), wi.shape)
+    there = (wi[..., 2] > 0.0) & (lobe.crosses | (lobe.frame.from_local(wi)[..., 2] > 0.0))
+    return lobe.evaluate(Directions.of(local, wi)) * np.where(there, wi[..., 2], 0.0)[..., None]

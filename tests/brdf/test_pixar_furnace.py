@@ -14,11 +14,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lobe_frames import half_vector_view, sent
 from numpy.typing import NDArray
 from pixar_albedo import highlight_albedo
 from random_parameters import directions, random_parameters
-from sphere_quadrature import HalfVectorGrid
+from sphere_quadrature import HalfVectorGrid, half_vector_view, sent
 
 from lookdev.brdf import MODELS, StackLayer, complete_parameters, evaluate_cosine, stack_bsdf
 from lookdev.brdf.frames import ZENITH
