@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from lookdev.asset import load_asset
+from lookdev.batch.events import FrameDone
 from lookdev.batch.run import RunResult, run_plan
 from lookdev.cache import Content
 from lookdev.codegen import ShaderSource
@@ -112,8 +113,13 @@ def run(folder: Path, job: Job | None = None, **options: object) -> RunResult:
 
 
 if __name__ == "__main__":
+
+    def tell(event: object) -> None:
+        if isinstance(event, FrameDone):
+            print(event.name, flush=True)  # noqa: T201  a test waits for it
+
     with ending_at_signals():  # as in the command line: a signal just before a wait would be seen after it
-        result = run(Path(sys.argv[1]))
+        result = run(Path(sys.argv[1]), report=tell)
     sys.stdout.write(result.summary() + "\n")
     sys.stdout.flush()
     os._exit(result.exit_code)

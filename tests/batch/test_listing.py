@@ -17,13 +17,10 @@ def test_consecutive_frames_in_one_state_are_one_line(tmp_path: Path) -> None:
     ]
 
 
-def test_states_and_reasons_split_a_range(tmp_path: Path) -> None:
-    case.run(tmp_path)
-    place = tmp_path / "out" / "gold" / "city"
-    (place / "element.0002.exr").unlink()
-    (place / "lighting.0001.exr").unlink()
-    (place / "lighting.0003.png").unlink()
-    job = case.make_job(tmp_path)
+def test_states_and_reasons_split_a_range(finished: Path) -> None:
+    for name in ("element.0002.exr", "lighting.0001.exr", "lighting.0003.png"):
+        (finished / "out" / "gold" / "city" / name).unlink()
+    job = case.make_job(finished)
     assert plan_text(case.make_plan(job), job.output).splitlines() == [
         "turntable           frames     state  reason",
         "gold/city/element   0001       done",
@@ -36,9 +33,8 @@ def test_states_and_reasons_split_a_range(tmp_path: Path) -> None:
     ]
 
 
-def test_a_changed_look_is_the_reason(tmp_path: Path) -> None:
-    case.run(tmp_path)
-    job = case.make_job(tmp_path, '[[turntable]]\nkind = "element"\nframes = 4\n[camera]\nelevation = 20.0\n')
+def test_a_changed_look_is_the_reason(finished: Path) -> None:
+    job = case.make_job(finished, '[[turntable]]\nkind = "element"\nframes = 4\n[camera]\nelevation = 20.0\n')
     (part,) = plan_ranges(case.make_plan(job), job.output)
     assert (part.first, part.last, part.state) == ("0001", "0004", "stale")
     assert "changed" in part.reason

@@ -21,23 +21,24 @@ from lookdev.output.manifest import read_manifest
 from lookdev.shipped import shipped_folder
 
 
-@pytest.fixture
-def out(tmp_path: Path) -> Path:
-    """Return the output of a job with its manifest."""
-    (tmp_path / "job.toml").write_text(case.JOB + case.TURNTABLES + case.RENDER)
-    return rendered(tmp_path)
-
-
-def rendered(folder: Path, **options: object) -> Path:
+def record(folder: Path, **options: object) -> Path:
+    """Run the small job, write its manifest, and return its output."""
     job = case.make_job(folder)
     case.run(folder, job, **options)
     record_run(job, case.make_plan(job))
     return job.output
 
 
+@pytest.fixture
+def out(finished: Path) -> Path:
+    """Return the output of the finished job with its manifest."""
+    return record(finished)
+
+
 def test_a_manifest_lists_inputs_frames_and_pictures_by_hash(out: Path, tmp_path: Path) -> None:
     manifest = read_manifest(out)
     assert manifest["planned"] == len(manifest["frames"]) == 7
+    assert json.loads((out / "manifest.json").read_text())["format"] == 1
     for kind, base in (("frames", out), ("pictures", out), ("inputs", Path("/"))):
         for entry in manifest[kind]:
             assert entry["sha256"] == file_digest(base / entry["file"])
@@ -73,10 +74,10 @@ def test_a_run_that_changes_nothing_leaves_the_manifest_and_reads_no_file(
 def test_a_run_that_was_interrupted_lists_what_is_there(tmp_path: Path) -> None:
     (tmp_path / "job.toml").touch()
     case.misbehave(tmp_path, lighting_0002=["failed"])
-    manifest = read_manifest(rendered(tmp_path))
+    manifest = read_manifest(record(tmp_path))
     assert (manifest["planned"], len(manifest["frames"])) == (7, 6)
     case.misbehave(tmp_path)
-    assert len(read_manifest(rendered(tmp_path))["frames"]) == 7
+    assert len(read_manifest(record(tmp_path))["frames"]) == 7
 
 
 def test_verification_names_what_is_missing_changed_and_not_listed(out: Path, tmp_path: Path) -> None:
@@ -107,14 +108,14 @@ def test_a_manifest_that_is_missing_or_spoilt_is_an_error(out: Path, text: str |
 def test_a_spoilt_record_of_digests_is_made_again(out: Path, tmp_path: Path) -> None:
     whole = (out / "manifest.json").read_bytes()
     (out / ".lookdev" / "digests.json").write_text("{")
-    rendered(tmp_path)
+    record(tmp_path)
     assert (out / "manifest.json").read_bytes() == whole
 
 
 def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> None:
     before = {path.name: path.stat().st_mtime_ns for path in out.rglob("[!.]*.exr")}
     requests = len(case.requests(tmp_path))
-    rendered(tmp_path, force=True, only=["gold/city/lighting.0002"])
+    record(tmp_path, force=True, only=["gold/city/lighting.0002"])
     assert case.requests(tmp_path)[requests:] == ["lighting.0002.exr"]
     after = {path.name: path.stat().st_mtime_ns for path in out.rglob("[!.]*.exr")}
     assert {name for name in after if after[name] != before[name]} == {"lighting.0002.exr"}
@@ -125,10 +126,6 @@ def test_the_command_of_a_frame_renders_it_alone(out: Path, tmp_path: Path) -> N
     assert case.requests(tmp_path)[requests + 1 :] == ["lighting.0003.exr"]
     with pytest.raises(LookdevError, match=r"no frame 'gold/city/lighting.9' .did you mean"):
         case.run(tmp_path, only=["gold/city/lighting.9"])
-
-
-def test_a_manifest_is_plain_json(out: Path) -> None:
-    assert json.loads((out / "manifest.json").read_text())["format"] == 1
 
 
 DOCUMENT = """<?xml version="1.0"?>

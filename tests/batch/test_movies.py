@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 from pathlib import Path
 
 import batch_case as case
@@ -39,50 +40,59 @@ def frame_count(path: Path) -> int:
         return sum(1 for _ in container.decode(video=0))
 
 
-def test_each_turntable_has_its_movies_and_all_looks_are_in_step(tmp_path: Path) -> None:
-    assert sorted(run(tmp_path)) == NAMES
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, bytes]]:
+    """Return a folder that a run has finished, which is only read, and its movies."""
+    folder = tmp_path_factory.mktemp("whole")
+    return folder, run(folder)
+
+
+@pytest.fixture
+def first(whole: tuple[Path, dict[str, bytes]], tmp_path: Path) -> dict[str, bytes]:
+    """Return the movies of a finished run that has a copy in `tmp_path`."""
+    subprocess.run(("cp", "-a", f"{whole[0]}/.", tmp_path), check=True)
+    return whole[1]
+
+
+def test_each_turntable_has_its_movies_and_all_looks_are_in_step(whole: tuple[Path, dict[str, bytes]]) -> None:
+    folder, movies = whole
+    assert sorted(movies) == NAMES
     for name in NAMES:
-        assert frame_count(tmp_path / "out" / name) == (4 if "element" in name else 3)
-    with av.open(str(tmp_path / "out" / "city" / "element.looks.mp4")) as container:
+        assert frame_count(folder / "out" / name) == (4 if "element" in name else 3)
+    with av.open(str(folder / "out" / "city" / "element.looks.mp4")) as container:
         width = container.streams.video[0].codec_context.width
     assert width > 2 * 128  # two cells side by side
 
 
-def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path) -> None:
-    first, written = run(tmp_path), ages(tmp_path)
+def test_a_movie_is_made_again_only_if_it_would_differ(tmp_path: Path, first: dict[str, bytes]) -> None:
+    written = ages(tmp_path)
+    leftovers = [
+        tmp_path / "out" / name
+        for name in ("gold/city/.element.4711-0123abcd.mp4", "city/.element.looks.4711-0123abcd.mp4")
+    ]
+    for leftover in leftovers:
+        leftover.write_bytes(b"half a movie, of a batch that was killed")
     assert run(tmp_path) == first
     assert ages(tmp_path) == written
-    assert all(other != first[name] for name, other in run(tmp_path, WANTED + "fps = 12.0\n").items())
-    assert run(tmp_path) == first
+    assert not any(leftover.exists() for leftover in leftovers)
+    assert all(content != first[name] for name, content in run(tmp_path, WANTED + "fps = 12.0\n").items())
+    assert run(tmp_path, WANTED + "movie_turns = 2\n").keys() == first.keys()
+    assert frame_count(tmp_path / "out" / "gold" / "city" / "element.mov") == 8
     (tmp_path / "out" / "gold" / "city" / "element.0002.exr").unlink()
-    changed = run(tmp_path)
-    assert changed == first  # the same pixels make the same bytes
+    assert run(tmp_path) == first  # the same pixels make the same bytes
     (tmp_path / "out" / "tin" / "city" / "lighting.mov").write_bytes(b"cut")
     written = ages(tmp_path)
     assert run(tmp_path) == first
     assert [name for name, age in ages(tmp_path).items() if age != written[name]] == ["tin/city/lighting.mov"]
-    doubled = run(tmp_path, WANTED + "movie_turns = 2\n")
-    assert doubled.keys() == first.keys()
-    assert frame_count(tmp_path / "out" / "gold" / "city" / "element.mov") == 8
 
 
-@pytest.mark.parametrize("last", ["element_0001", "element_0003", "lighting_0002"])
-def test_an_interrupted_batch_ends_with_the_same_movies(tmp_path: Path, last: str) -> None:
-    (tmp_path / "whole").mkdir()
-    (tmp_path / "halted").mkdir()
-    whole = run(tmp_path / "whole")
-    case.misbehave(tmp_path / "halted", **{last: ["failed", "failed", "failed", "failed", "ok"]})
-    assert len(run(tmp_path / "halted")) < len(NAMES)
-    assert run(tmp_path / "halted") == whole
-
-
-@pytest.mark.parametrize("name", ["gold/city/.element.4711-0123abcd.mp4", "city/.element.looks.4711-0123abcd.mp4"])
-def test_what_a_killed_batch_left_of_a_movie_is_removed(tmp_path: Path, name: str) -> None:
-    run(tmp_path)
-    leftover = tmp_path / "out" / name
-    leftover.write_bytes(b"half a movie")
-    run(tmp_path)
-    assert not leftover.exists()
+@pytest.mark.parametrize("last", ["element_0001", "lighting_0002"])  # of both turntables, and of one
+def test_an_interrupted_batch_ends_with_the_same_movies(
+    tmp_path: Path, whole: tuple[Path, dict[str, bytes]], last: str
+) -> None:
+    case.misbehave(tmp_path, **{last: ["failed", "failed", "failed", "failed", "ok"]})
+    assert len(run(tmp_path)) < len(NAMES)
+    assert run(tmp_path) == whole[1]
 
 
 def test_without_pyav_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,15 +126,11 @@ def test_turns_double_no_frame_and_a_slate_precedes_them_once(tmp_path: Path) ->
     assert max(shown[:12]) < min(turn) - 10.0
 
 
-def test_pictures_are_clean_unless_text_is_wanted(tmp_path: Path) -> None:
-    def run_at(outputs: str) -> dict[str, bytes]:
-        job = case.make_job(tmp_path, render=case.RENDER + outputs)
-        case.run(tmp_path, job)
-        return {path.name: path.read_bytes() for path in (tmp_path / "out" / "gold" / "city").glob("*.png")}
-
-    clean = run_at("")
-    assert run_at('burn_in = ["movie"]\n') == clean
-    with pytest.raises(JobError, match="no text can be burned into 'shet'"):
-        run_at('burn_in = ["shet"]\n')
-    with pytest.raises(JobError, match="no text can be burned into 'sheet'"):
-        run_at('burn_in = ["sheet"]\n')
+def test_pictures_are_clean_unless_text_is_wanted(finished: Path) -> None:
+    pictures = list((finished / "out" / "gold" / "city").glob("*.png"))
+    clean = [path.read_bytes() for path in pictures]
+    case.run(finished, case.make_job(finished, render=case.RENDER + 'burn_in = ["movie"]\n'))
+    assert [path.read_bytes() for path in pictures] == clean
+    for output in ("shet", "sheet"):
+        with pytest.raises(JobError, match=f"no text can be burned into '{output}'"):
+            case.make_job(finished, render=case.RENDER + f'burn_in = ["{output}"]\n')
