@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio
 import pytest
-from webgl import NEEDS_CHROMIUM, POINTS, Floats, at_points, cell_code, start_browser
+from webgl import POINTS, Floats, Picture, draw_pictures, read_columns
 
 from lookdev.brdf import MODELS, evaluate_cosine, pdf
 from lookdev.codegen.glsl.functions import PRELUDE, TABLE_WIDTH
@@ -22,8 +22,6 @@ from lookdev.material.textures import image_file
 from lookdev.material.usd import read_look
 from lookdev.material.values import look_bsdf
 
-pytestmark = NEEDS_CHROMIUM
-
 MATERIALS = Path(__file__).parents[2] / "materials"
 LOOKS = [
     *sorted(MATERIALS.glob("*.usda")),
@@ -34,15 +32,13 @@ COUNT = 300
 COLUMNS = ("uv_st[0]", "uv_st[1]", "handed", "wo_x", "wo_y", "wo_z", "wi_x", "wi_y", "wi_z")
 MAIN = """{head}{prelude}{look_ups}{look}
 void main() {{
-    {cell}
-{read}
-    hand = {hand};
-    look_read();
-    vec3 value; float pdf;
-    look_evaluate(value, pdf);
-    result = vec4(value, pdf);
+    {read}
+    {main}
 }}
 """
+EVALUATE = "look_read(); vec3 value; float pdf; look_evaluate(value, pdf); result = vec4(value, pdf);"
+DELTA = """inside = column(9); vec3 direction, factor; look_delta{number}(direction, factor);
+    result.rgb = column(10) > 0.0 ? factor : direction;"""
 
 
 @dataclass(frozen=True)
@@ -66,11 +62,6 @@ class Points(ImagePoints):
         return self.cosine
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    yield from start_browser()
-
-
 def scattered(seed: int) -> Floats:
     """Return points, views and lights above the horizon by `COLUMNS`, rounded to float32."""
     rng = np.random.default_rng(seed)
@@ -88,23 +79,19 @@ def in_float64(look: Look, table: Floats) -> Floats:
     return np.concatenate([evaluate_cosine(bsdf, wo, wi), pdf(bsdf, wo, wi)[:, None]], axis=-1)
 
 
-def in_browser(browser: Any, functions: LookFunctions, table: Floats, numbers: Mapping[str, Any]) -> Floats:
-    known = {each.parameter for each in functions.attributes} | {name for name in COLUMNS if name.startswith("w")}
-    read = [f"    {name} = column({k});" for k, name in enumerate(COLUMNS) if name.partition("[")[0] in known]
-    fragment = MAIN.format(
-        head=POINTS,
-        prelude=PRELUDE,
-        look_ups=LOOK_UPS,
-        look=functions.text,
-        cell=cell_code(len(COLUMNS)),
-        read="\n".join(read),
-        hand="handed" if "handed" in known else "1.0",
-    )
+def picture(functions: LookFunctions, table: Floats, numbers: Mapping[str, Any], main: str = EVALUATE) -> Picture:
+    """Return the picture of a look at points, whose first columns are `COLUMNS`."""
+    known = {each.parameter for each in functions.attributes}
+    read = {name: k for k, name in enumerate(COLUMNS) if name.partition("[")[0] in known or name.startswith("w")}
     textures = {f"look_table{k}": _rows(np.load(each.path)) for k, each in enumerate(functions.tables)}
-    for each in functions.look_ups:
-        for tile, file in each.files.items():
-            textures[f"look_{each.name}_{tile}" if tile else f"look_{each.name}"] = _rgba(file.path)
-    return at_points(browser, fragment, table, textures, numbers)
+    for look_up in functions.look_ups:
+        for tile, file in look_up.files.items():
+            textures[f"look_{look_up.name}_{tile}" if tile else f"look_{look_up.name}"] = _rgba(file.path)
+    fragment = MAIN.format(
+        head=POINTS, prelude=PRELUDE, look_ups=LOOK_UPS, look=functions.text,
+        read=read_columns(read, table.shape[1]), main=f"hand = {'handed' if 'handed' in read else '1.0'}; {main}",
+    )  # fmt: skip
+    return Picture(fragment, table, textures, numbers)
 
 
 def _rows(values: Any) -> Any:
@@ -117,73 +104,62 @@ def _rgba(path: Path) -> Any:
     return np.asarray(oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT), np.float32)
 
 
-def agrees(found: Floats, expected: Floats) -> None:
+def assert_agrees(name: str, found: Floats, expected: Floats) -> None:
     """Relative to each value, or to the thousandth part of the median of the largest: 2e-4 in 99 % of the channels."""
-    assert np.isfinite(found).all()
+    assert np.isfinite(found).all(), name
     floor = np.maximum(np.abs(expected), 1e-3 * max(1.0, float(np.median(expected))))
     together = (np.abs(found - expected) / floor).ravel()
-    assert np.quantile(together, 0.99) < 2e-4, np.quantile(together, [0.5, 0.9, 0.99, 1.0])
+    assert np.quantile(together, 0.99) < 2e-4, (name, np.quantile(together, [0.5, 0.9, 0.99, 1.0]))
 
 
-@pytest.mark.parametrize("file", LOOKS, ids=lambda file: file.stem)
-def test_a_look_agrees_with_its_bsdf(file: Path, browser: Any) -> None:
-    look, table = read_look(file), scattered(5)
-    functions = look_functions(look, image_file, lambda layer, name: False)
-    assert not functions.numbers
-    agrees(in_browser(browser, functions, table, {}), in_float64(look, table))
+def test_looks_agree_with_their_bsdfs(tab: Any) -> None:
+    looks, table = [read_look(file) for file in LOOKS], scattered(5)
+    functions = [look_functions(look, image_file, lambda layer, name: False) for look in looks]
+    assert not any(each.numbers for each in functions)
+    pictures = draw_pictures(tab, [picture(each, table, {}) for each in functions])
+    for look, found in zip(looks, pictures, strict=True):
+        assert_agrees(look.name, found, in_float64(look, table))
 
 
-DELTA = """{head}{prelude}{look_ups}{look}
-void main() {{
-    {cell}
-{read}
-    inside = column(9); hand = 1.0;
-    vec3 direction, factor;
-    look_delta{number}(direction, factor);
-    result = vec4({part}, 0.0);
-}}
-"""
+CONDUCTOR = {"eta": (0.2, 0.9, 1.4), "k": (3.9, 2.4, 1.6)}
 
 
-@pytest.mark.parametrize(
-    "given", [{"tint": (0.9, 0.6, 0.3)}, {"eta": (0.2, 0.9, 1.4), "k": (3.9, 2.4, 1.6)}, {"eta": 1.7}]
-)
-def test_what_scatters_along_single_directions(given: Mapping[str, Any], browser: Any) -> None:
+def test_what_scatters_along_single_directions(tab: Any) -> None:
     """Directions and factors of mirrors and glass, from outside and from inside: 2e-4 in 99 % of the channels."""
-    names = ["mirror"] if isinstance(given.get("eta"), tuple) else ["glass"] if "eta" in given else ["mirror", "glass"]
-    for name in names:
-        look = Look("smooth", (Layer("Base", name, dict(given)),))
-        functions = look_functions(look, image_file, lambda layer, key: key in given)
-        table = np.concatenate([scattered(7), np.arange(COUNT)[:, None] % 2.0], axis=-1)
-        model = MODELS[name]
-        deltas = model.bsdf(model.complete(given)).deltas(table[:, 3:6], table[:, 9] > 0.0)
-        assert functions.deltas == len(deltas)
-        read = [f"    {column} = column({k});" for k, column in enumerate(COLUMNS) if column.startswith("w")]
+    sides = np.concatenate([scattered(7), np.arange(COUNT)[:, None] % 2.0], axis=-1)
+    table = np.concatenate([np.column_stack([sides, np.full(COUNT, part)]) for part in (0.0, 1.0)])
+    pictures, expected = [], []
+    tint = {"tint": (0.9, 0.6, 0.3)}
+    for name, given in (("mirror", tint), ("glass", tint), ("mirror", CONDUCTOR), ("glass", {"eta": 1.7})):
+        look, model = Look("smooth", (Layer("Base", name, dict(given)),)), MODELS[name]
+        functions = look_functions(look, image_file, lambda layer, key, given=given: key in given)
+        deltas = model.bsdf(model.complete(given)).deltas(sides[:, 3:6], sides[:, 9] > 0.0)
+        assert functions.deltas == len(deltas) > 0
         for number, delta in enumerate(deltas):
-            for part, expected in (("direction", delta.direction), ("factor", delta.value)):
-                fragment = DELTA.format(
-                    head=POINTS, prelude=PRELUDE, look_ups=LOOK_UPS, look=functions.text, number=number, part=part,
-                    cell=cell_code(10), read="\n".join(read),
-                )  # fmt: skip
-                found = at_points(browser, fragment, table, {}, functions.numbers)[:, :3]
-                agrees(found, np.broadcast_to(expected, found.shape))
+            pictures.append(picture(functions, table, functions.numbers, DELTA.format(number=number)))
+            expected += [(name, np.broadcast_to(part, (COUNT, 3))) for part in (delta.direction, delta.value)]
+    found = [half for values in draw_pictures(tab, pictures) for half in np.split(values[:, :3], 2)]
+    for (name, values), half in zip(expected, found, strict=True):
+        assert_agrees(name, half, values)
 
 
 @pytest.mark.parametrize("name", ["car_paint", "lacquer_wood"])
-def test_a_slider_changes_a_uniform_alone(name: str, browser: Any) -> None:
+def test_a_slider_changes_a_uniform_alone(name: str, tab: Any) -> None:
     """Of the numbers of a look, other values give what the look with these values gives."""
     look, table = read_look(MATERIALS / f"{name}.usda"), scattered(6)
-    changed = {"roughness": 0.35, "clearcoat": 0.4, "sheen": 0.5, "specular": 0.2, "metallic": 0.3}
-    known = MODELS[look.layers[-1].model].parameters
-    of_top = {key: each for key, each in changed.items() if isinstance(look.layers[-1].inputs.get(key, 0.0), float)}
-    of_top = {key: each for key, each in of_top.items() if key in known}
-    top = replace(look.layers[-1], inputs={**look.layers[-1].inputs, **of_top})
-    other, last = replace(look, layers=(*look.layers[:-1], top)), len(look.layers) - 1
-    functions = look_functions(look, image_file, lambda layer, name: layer == last and name in changed)
-    assert set(functions.numbers) == {live_name(last, key) for key in of_top}
-    numbers = {live_name(last, key): (each,) for key, each in of_top.items()}
-    text = look_functions(other, image_file, lambda layer, name: layer == last and name in changed).text
-    assert text == functions.text
-    found = in_browser(browser, functions, table, numbers)
-    agrees(found, in_float64(other, table))
-    assert np.abs(found - in_browser(browser, functions, table, functions.numbers)).max() > 0.01
+    last, top = len(look.layers) - 1, look.layers[-1]
+    moved = {
+        key: value
+        for key, value in {"roughness": 0.35, "clearcoat": 0.4, "sheen": 0.5, "specular": 0.2, "metallic": 0.3}.items()
+        if key in MODELS[top.model].parameters and isinstance(top.inputs.get(key, 0.0), float)
+    }
+    other = replace(look, layers=(*look.layers[:-1], replace(top, inputs={**top.inputs, **moved})))
+    functions, text = (
+        look_functions(each, image_file, lambda layer, name: layer == last and name in moved) for each in (look, other)
+    )
+    assert text.text == functions.text
+    numbers = {live_name(last, key): (value,) for key, value in moved.items()}
+    assert set(functions.numbers) == set(numbers)
+    slid, before = draw_pictures(tab, [picture(functions, table, each) for each in (numbers, functions.numbers)])
+    assert_agrees(name, slid, in_float64(other, table))
+    assert np.abs(slid - before).max() > 0.01

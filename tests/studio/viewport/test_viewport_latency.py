@@ -6,10 +6,11 @@ import logging
 import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from viewport_page import NEEDS_CHROMIUM, Page, served, start_browser
+from viewport_page import ViewportPage, open_viewport
 
 from lookdev.asset import load_asset
 from lookdev.light.dome.maps import load_dome
@@ -17,7 +18,7 @@ from lookdev.material.usd import read_look
 from lookdev.scene import Scene
 from lookdev.studio.viewport import view_scene
 
-pytestmark = [pytest.mark.bench, NEEDS_CHROMIUM]
+pytestmark = pytest.mark.bench
 
 ROOT = Path(__file__).parents[3]
 MOST = 0.120
@@ -27,19 +28,18 @@ log = logging.getLogger(__name__)
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    for browser in start_browser():
-        with served(browser, tmp_path_factory.mktemp("viewport")) as page:
-            yield page
+def page(tab: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewportPage]:
+    with open_viewport(tab, tmp_path_factory.mktemp("viewport")) as page:
+        yield page
 
 
 @pytest.mark.parametrize(("asset", "look"), [("shaderball", "car_paint"), ("sphere", "brushed_metal")])
-def test_a_slider_shows_in_time(asset: str, look: str, page: Page) -> None:
+def test_a_slider_shows_in_time(asset: str, look: str, page: ViewportPage) -> None:
     made = read_look(ROOT / "materials" / f"{look}.usda")
     light = load_dome(builtin="courtyard").dome
     page.show(view_scene(Scene.of_look(load_asset(builtin=asset), made, light, (512, 512))))
     times, scale = page.js(
-        "const name = 'layer0_metallic', times = [], pause = (ms) => new Promise((r) => setTimeout(r, ms));"
+        "const name = 'layer0_metallic', times = [];"
         "for (let k = 0; k < 40; k++) {"
         "  await pause(150);"
         "  const started = performance.now();"
@@ -47,7 +47,7 @@ def test_a_slider_shows_in_time(asset: str, look: str, page: Page) -> None:
         "  await viewport.changed();"
         "  times.push((performance.now() - started) / 1000);"
         "}"
-        "done([times, viewport.scale]);"
+        "return [times, viewport.scale]"
     )
     # The first ones find the scale that is in time.
     median, (load, *_) = float(np.median(times[10:])), os.getloadavg()

@@ -14,7 +14,7 @@ import pytest
 from light_rigs import RIGS, row_of_three
 from looks import LOOKS
 from numpy.typing import NDArray
-from viewport_page import NEEDS_CHROMIUM, Page, served, start_browser
+from viewport_page import ViewportPage, open_viewport
 
 from lookdev.asset import load_asset
 from lookdev.asset.builtin import make_plane, make_sphere
@@ -30,8 +30,6 @@ from lookdev.reference.render import Estimate, frame_pixels
 from lookdev.scene import Camera, Film, Pose, Scene, camera_rays
 from lookdev.studio.viewport import view_scene
 
-pytestmark = NEEDS_CHROMIUM
-
 ROOT = Path(__file__).parents[3]
 log = logging.getLogger(__name__)
 POSE = Pose(30.0, 75.0)
@@ -44,10 +42,9 @@ Floats = NDArray[np.float64]
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    for browser in start_browser():
-        with served(browser, tmp_path_factory.mktemp("viewport")) as page:
-            yield page
+def page(tab: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[ViewportPage]:
+    with open_viewport(tab, tmp_path_factory.mktemp("viewport")) as page:
+        yield page
 
 
 @dataclass(frozen=True)
@@ -84,15 +81,15 @@ class Compared:
 
 
 def compare(
-    page: Page, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4, shadows: bool = True
+    page: ViewportPage, scene: Scene, count: int, pixels: int, *, samples: int, seeds: int = 4, shadows: bool = True
 ) -> Compared:
     """Compare pixels that the asset covers in part or whole."""
     turned = {"element": POSE.element, "lighting": POSE.lighting, "shadows": shadows}
-    page.js("viewport.set(given[0]); done();", turned)
+    page.js("viewport.set(given[0])", turned)
     page.show(view_scene(scene))
     found = []
     for seed in range(seeds):
-        page.js("viewport.set({seed: given[0]}); done();", seed)
+        page.js("viewport.set({seed: given[0]})", seed)
         found.append(page.accumulated(count).astype(np.float64))
     covered = np.argwhere(found[0][..., 3] > 0.0)
     rows = covered[np.random.default_rng(5).choice(len(covered), min(pixels, len(covered)), replace=False)]
@@ -122,16 +119,16 @@ def dressed(layers: Sequence[Layer], lights: Sequence[Light], sheet: bool = Fals
 
 
 @pytest.mark.parametrize("name", ["coated", "brushed", "chrome", "frosted"])
-def test_a_dome_lights_every_kind_of_lobe(name: str, page: Page) -> None:
+def test_a_dome_lights_every_kind_of_lobe(name: str, page: ViewportPage) -> None:
     compare(page, dressed(LOOKS[name], [dome()]), 64, 60, samples=64).assert_agrees()
 
 
-def test_a_surface_is_seen_as_often_as_it_is_present(page: Page) -> None:
+def test_a_surface_is_seen_as_often_as_it_is_present(page: ViewportPage) -> None:
     compare(page, dressed(LOOKS["net"], [dome()], sheet=True), 64, 60, samples=64).assert_agrees()
 
 
 @pytest.mark.parametrize("name", ["painted", "leaf"])
-def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: Page) -> None:
+def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: ViewportPage) -> None:
     """Lamps of all kinds, of which some stand still; a dome that leans and is coloured, and one that is the same."""
     lamps = [LIGHT_KINDS[kind].example() for kind in LAMPS]
     still = replace(lamps[0], emission=replace(lamps[0].emission, turns=False))  # type: ignore[type-var]
@@ -142,7 +139,7 @@ def test_a_rig_lights_as_its_lamps_and_domes(name: str, page: Page) -> None:
     compare(page, dressed(LOOKS[name], lights), 128, 40, samples=64).assert_agrees()
 
 
-def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: Page) -> None:
+def test_an_ies_profile_shapes_a_lamp_and_leaves_the_others_alone(page: ViewportPage) -> None:
     angles = np.array([[0.0, 0.0, 90.0, 180.0], [0.0, 3.0, 1.0, 0.5], [120.0, 0.5, 4.0, 0.5], [360.0, 3.0, 1.0, 0.5]])
     table = Content.written(".npy", lambda file: np.save(file, angles.astype(np.float32)))
     beam = Shaping(120.0, 0.5, 1.0, (0.1, 0.2, 0.3), Profile(table, 0.5, 1.5))
@@ -163,23 +160,23 @@ def monkey(lights: Sequence[Light], look: str = "painted") -> Scene:
 
 
 @pytest.mark.parametrize("look", ["painted", "glassy"])
-def test_shadow_is_switched_while_nothing_compiles(look: str, page: Page) -> None:
+def test_shadow_is_switched_while_nothing_compiles(look: str, page: ViewportPage) -> None:
     scene = monkey([dome()], look)
     shaded = compare(page, scene, 128, 40, samples=64)
-    compiled = page.js("done(viewport.programs.compiled);")
+    compiled = page.js("return viewport.programs.compiled")
     lit = compare(page, scene, 128, 40, samples=64, shadows=False)
-    assert page.js("done(viewport.programs.compiled);") == compiled
+    assert page.js("return viewport.programs.compiled") == compiled
     shaded.assert_agrees()
     lit.assert_agrees()
     assert lit.mean.sum() - shaded.mean.sum() > 4.0 * math.hypot(lit.error, shaded.error)
 
 
 @pytest.mark.parametrize("rig", ["texture", "local_dome", "local grey", "response", "shadow"])
-def test_a_rig_casts_shadow(rig: str, page: Page, tmp_path: Path) -> None:
+def test_a_rig_casts_shadow(rig: str, page: ViewportPage, tmp_path: Path) -> None:
     compare(page, monkey(RIGS[rig](tmp_path), "leaf"), 64, 40, samples=64).assert_agrees()
 
 
-def test_parts_cast_the_shadow_of_linked_lights(page: Page) -> None:
+def test_parts_cast_the_shadow_of_linked_lights(page: ViewportPage) -> None:
     compare(page, row_of_three(16), 64, 40, samples=64).assert_agrees()
 
 
@@ -198,7 +195,7 @@ def windows(scene: Scene, count: int, width: int, side: int) -> Iterator[Scene]:
 
 @pytest.mark.proof
 @pytest.mark.parametrize(("asset", "look"), CELLS)
-def test_the_mean_difference_is_one_percent(asset: str, look: str, page: Page) -> None:
+def test_the_mean_difference_is_one_percent(asset: str, look: str, page: ViewportPage) -> None:
     """Of each pixel and channel of windows of a frame, relative to its value, or to 1 % of the mean where it is darker.
 
     docs/designer.md has the table, by ``pytest -m proof tests/studio/viewport --log-cli-level=INFO``.
