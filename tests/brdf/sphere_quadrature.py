@@ -84,6 +84,13 @@ class HalfVectorGrid:
         # The horizon through n x n midpoints leaves about 1 / n of a cell uncertain.
         return Integral(np.bincount(self._bin, cells), float(cells.sum()), float(outer.sum()) / _EDGE_NODES)
 
+    def total(self, function: Callable[[Floats, Floats], Floats]) -> Floats:
+        """Integrate ``function(wo, wi)``, (..., n), zero below the horizon, over solid angle, (n,)."""
+        parts = (
+            function(np.broadcast_to(self.wo, wi.shape), wi) * w[..., None] for wi, w in (self._inner, self._outer)
+        )
+        return sum(part.sum(axis=(0, 1)) for part in parts)
+
     def bin_of(self, wi: Floats) -> NDArray[np.intp]:
         """Return the bin of each direction (n, 3) above the horizon."""
         half = self.wo + wi

@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from random_parameters import EVERY, VARIANTS, directions, near_the_mirror_image, random_parameters
+from random_parameters import EVERY, directions, near_the_mirror_image, random_parameters
 
 from lookdev.brdf import MODELS, Bsdf, StackLayer, complete_parameters, evaluate, evaluate_cosine, pdf, sample
 from lookdev.brdf import microfacet as mf
 from lookdev.brdf.frames import ZENITH
 from lookdev.brdf.fresnel import conductor_fresnel
+from lookdev.brdf.mixture import Mixture
 from lookdev.errors import ModelError
 from lookdev.reference.albedo import integrate_albedo
 
@@ -21,20 +22,17 @@ Floats = NDArray[np.float64]
 FUNCTIONS = (evaluate, evaluate_cosine, pdf)
 
 
-@pytest.mark.parametrize(
-    ("model", "tokens", "name"),
-    [(*each, name) for each in VARIANTS for name in MODELS[each[0]].reciprocal(each[1])],
-    ids=str,
-)
-def test_reciprocal_lobes(model: str, tokens: dict[str, str], name: str) -> None:
+@EVERY
+def test_reciprocal_lobes(model: str, tokens: dict[str, str]) -> None:
     rng = np.random.default_rng(1)
-    wo = directions(rng, 8000)
-    wi = np.concatenate([directions(rng, 4000), near_the_mirror_image(rng, wo[4000:])])
-    whole = MODELS[model].bsdf(random_parameters(rng, model, tokens, 8000, leaning=0.0))
-    bsdf = Bsdf(lambda wo: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name))
-    f = evaluate(bsdf, wo, wi)
-    assert np.count_nonzero(f.max(axis=-1) > 1e-6) > 200
-    np.testing.assert_allclose(f, evaluate(bsdf, wi, wo), rtol=1e-12)
+    wo = directions(rng, 4000)
+    wi = np.concatenate([directions(rng, 2000), near_the_mirror_image(rng, wo[2000:])])
+    whole = MODELS[model].bsdf(random_parameters(rng, model, tokens, 4000, leaning=0.0))
+    for name in MODELS[model].reciprocal(tokens):
+        bsdf = Bsdf(lambda wo, name=name: tuple(lobe for lobe in whole.lobes(wo) if lobe.name == name))
+        f = evaluate(bsdf, wo, wi)
+        assert np.count_nonzero(f.max(axis=-1) > 1e-6) > 100
+        np.testing.assert_allclose(f, evaluate(bsdf, wi, wo), rtol=1e-12, err_msg=name)
 
 
 @EVERY
@@ -42,44 +40,45 @@ def test_the_albedo_is_below_the_bound_of_the_model(model: str, tokens: dict[str
     rng = np.random.default_rng(7)
     # The bound holds where no option is taken.
     tokens = {name: value for name, value in tokens.items() if name != "options"}
-    drawn = random_parameters(rng, model, tokens, 12, leaning=0.0)
+    count = 4
+    drawn = random_parameters(rng, model, tokens, count, leaning=0.0)
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "float" and parameter.default <= 1.0:
             drawn[name] = np.minimum(drawn[name], 1.0)
-    for index, wo in enumerate(directions(rng, 12)):
+    for index, wo in enumerate(directions(rng, count)):
         one = {name: value if isinstance(value, str) else value[index] for name, value in drawn.items()}
         bsdf = MODELS[model].bsdf(one)
-        albedo = integrate_albedo(bsdf, wo, (64, 48))
+        albedo = integrate_albedo(bsdf, wo, (48, 32))
         assert (albedo.value.sum(axis=0) <= MODELS[model].energy(tokens) + albedo.error.sum(axis=0)).all()
 
 
-@pytest.mark.parametrize("z", [0.0, -0.0, -5e-324, -1e-9, -0.7])
 @EVERY
-def test_black_on_the_horizon_and_below_it_if_one_sided(model: str, tokens: dict[str, str], z: float) -> None:
-    rng = np.random.default_rng(2)
-    above = directions(rng, 500)
-    low = above * [1.0, 1.0, 0.0] / np.hypot(above[:, :1], above[:, 1:2]) * np.sqrt(1.0 - z * z) + [0.0, 0.0, z]
-    bsdf = MODELS[model].bsdf(random_parameters(rng, model, tokens, 500))
-    if z == 0.0 or not bsdf.two_sided:
-        for wo, wi in ((above, low), (low, above), (low, low), (-above, low), (low, -above)):
-            assert not any(function(bsdf, wo, wi).any() for function in FUNCTIONS)
+def test_black_on_the_horizon_and_below_it_if_one_sided(model: str, tokens: dict[str, str]) -> None:
+    rng, count = np.random.default_rng(2), 100
+    above, bsdf = directions(rng, count), MODELS[model].bsdf(random_parameters(rng, model, tokens, count))
+    z = np.array([0.0, -0.0] if bsdf.two_sided else [0.0, -0.0, -5e-324, -1e-9, -0.7])[:, None]
+    low = above * np.sqrt(1.0 - z * z)[..., None] / np.hypot(above[:, :1], above[:, 1:2])
+    low[..., 2] = z
+    above = np.broadcast_to(above, low.shape)
+    wo, wi = np.array([(above, low), (low, above), (low, low), (-above, low), (low, -above)]).swapaxes(0, 1)
+    assert not any(function(bsdf, wo, wi).any() for function in FUNCTIONS)
 
 
 @EVERY
 def test_light_from_where_the_view_goes_is_finite_and_alike_from_both_sides(model: str, tokens: dict[str, str]) -> None:
-    rng = np.random.default_rng(24)
-    bsdf = MODELS[model].bsdf(random_parameters(rng, model, tokens, 1000))
-    wo, u = directions(rng, 1000), rng.random((1000, 2))
-    anywhere = directions(rng, 1000) * rng.choice([-1.0, 1.0], (1000, 1))
-    for wi in (wo, -wo, wo * [-1.0, -1.0, 1.0], wo * [1.0, 1.0, -1.0], anywhere):
-        for function in FUNCTIONS:
-            values = function(bsdf, wo, wi)
-            assert np.isfinite(values).all()
-            assert (values >= 0.0).all()
-            if bsdf.two_sided:
-                np.testing.assert_array_equal(function(bsdf, -wo, -wi), values)
+    rng, count = np.random.default_rng(24), 300
+    bsdf = MODELS[model].bsdf(random_parameters(rng, model, tokens, count))
+    wo, u = directions(rng, count), rng.random((count, 2))
+    anywhere = directions(rng, count) * rng.choice([-1.0, 1.0], (count, 1))
+    wi = np.stack([wo, -wo, wo * [-1.0, -1.0, 1.0], wo * [1.0, 1.0, -1.0], anywhere])
+    for function in FUNCTIONS:
+        values = function(bsdf, wo[None], wi)
+        assert np.isfinite(values).all()
+        assert (values >= 0.0).all()
+        assert values[-1].any()
+        if bsdf.two_sided:
+            np.testing.assert_array_equal(function(bsdf, -wo[None], -wi), values)
     assert bsdf.two_sided == MODELS[model].two_sided
-    assert all(function(bsdf, wo, anywhere).any() for function in FUNCTIONS)
     if bsdf.two_sided:
         np.testing.assert_array_equal(sample(bsdf, -wo, u), -sample(bsdf, wo, u))
 
@@ -89,10 +88,10 @@ def _extreme_pairs() -> tuple[Floats, Floats]:
     heights = [1.0, 0.5, 1e-3, 1e-7, 1e-18, 1e-160, 5e-324]
     turns = [0.0, 1e-9, 1.0, np.pi - 1e-7, np.pi]
     pairs = []
-    for z_o, z_i, turn in product(heights, heights, turns):
+    for z_o, z_i, turn in product(heights, heights, [*turns, None]):
         s_o, s_i = np.sqrt(1.0 - z_o * z_o), np.sqrt(1.0 - z_i * z_i)
-        pairs.append(((s_o, 0.0, z_o), (s_i * np.cos(turn), s_i * np.sin(turn), z_i)))
-        pairs.append(((s_o, 0.0, z_o), (-s_i, 0.0, z_i)))
+        x, y = (-1.0, 0.0) if turn is None else (np.cos(turn), np.sin(turn))
+        pairs.append(((s_o, 0.0, z_o), (s_i * x, s_i * y, z_i)))
     wo, wi = np.array(pairs).transpose(1, 0, 2)
     return wo, wi
 
@@ -102,7 +101,7 @@ def test_finite_and_not_negative(model: str, tokens: dict[str, str]) -> None:
     wo, wi = _extreme_pairs()
     rng = np.random.default_rng(3)
     # Corners of the parameter space, and points just beside them.
-    count = 40
+    count = 8
     values: dict[str, Any] = dict(tokens)
     for name, parameter in MODELS[model].parameters.items():
         if parameter.kind == "token":
@@ -129,14 +128,15 @@ def test_finite_and_not_negative(model: str, tokens: dict[str, str]) -> None:
     np.testing.assert_allclose(length[drawn[..., 2] != 0.0], 1.0, rtol=1e-9)
     lit = np.broadcast_to(sum(lobe.share for lobe in bsdf.lobes(wo[None])) > 0.0, length.shape)
     assert (drawn[~lit, 2] == 0.0).all()
-    # Each lobe by itself, then all of them.
-    lobes = bsdf.lobes(wo[None])
-    for chosen in (*((lobe,) for lobe in lobes), lobes):
-        part = Bsdf(lambda _, chosen=chosen: chosen, two_sided=bsdf.two_sided)
-        for light, function in product((wi[None], -wi[None], drawn), FUNCTIONS):
-            result = function(part, wo[None], light)
+    for light in (wi[None], -wi[None], drawn):
+        # Each lobe by itself; their sums are finite as well.
+        terms = Mixture(bsdf.lobes(wo[None]), wo[None]).terms(light)
+        for result in (
+            *(each for term in terms for each in (term.value, term.density)),
+            evaluate(bsdf, wo[None], light),
+        ):
             assert np.isfinite(result).all()
-            assert (result >= 0.0).all()
+            assert (np.asarray(result) >= 0.0).all()
 
 
 def test_what_can_reflect_can_be_sampled() -> None:
@@ -147,32 +147,35 @@ def test_what_can_reflect_can_be_sampled() -> None:
 
 def _half_vectors(alpha: float) -> tuple[Floats, Floats]:
     """Return half vectors (n, m, 3) and weights of ``cos theta_h d omega_h``: Gauss in log(1 + sin^2 / alpha^2)."""
-    x, weight = np.polynomial.legendre.leggauss(400)
+    x, weight = np.polynomial.legendre.leggauss(200)
     length = np.log1p(1.0 / alpha**2)
     grown = np.exp(0.5 * (x + 1.0) * length)
     sin2 = np.minimum(alpha**2 * (grown - 1.0), 1.0)
-    phi = np.arange(720) * (2.0 * np.pi / 720)
+    phi = np.arange(180) * (2.0 * np.pi / 180)
     sin, cos = np.sqrt(sin2)[:, None], np.sqrt(1.0 - sin2)[:, None]
-    wm = np.stack([sin * np.cos(phi), sin * np.sin(phi), np.broadcast_to(cos, (400, 720))], axis=-1)
+    wm = np.stack([sin * np.cos(phi), sin * np.sin(phi), np.broadcast_to(cos, (200, 180))], axis=-1)
     # cos theta d omega = d(sin^2 theta) d phi / 2; the azimuth's trapezoid rule is exact for periodic functions.
-    return wm, (0.25 * weight * alpha**2 * grown * length)[:, None] * (2.0 * np.pi / 720)
+    return wm, (0.25 * weight * alpha**2 * grown * length)[:, None] * (2.0 * np.pi / 180)
 
 
 _ALPHA_PAIRS = [(0.001, 0.001), (0.003, 0.001), (0.06, 0.02), (0.3, 0.3), (0.7, 0.9), (1.0, 1.0)]
 
 
-@pytest.mark.parametrize("alphas", [*((alpha,) for alpha in (0.001, 0.01, 0.1, 0.25, 0.9)), *_ALPHA_PAIRS])
-def test_gtr_is_normalised(alphas: tuple[float, ...]) -> None:
-    wm, weight = _half_vectors(np.prod(alphas) ** (1.0 / len(alphas)))
-    d = mf.gtr1 if len(alphas) == 1 else mf.gtr2_aniso
-    assert (d(wm, *alphas) * weight).sum() == pytest.approx(1.0, rel=1e-9)
-
-
-@pytest.mark.parametrize("gamma", [0.5, 1.0, 1.0 + 1e-9, 1.01, 1.5, 2.0, 4.0])
-@pytest.mark.parametrize("alphas", _ALPHA_PAIRS)
-def test_the_general_gtr_is_normalised(gamma: float, alphas: tuple[float, float]) -> None:
-    wm, weight = _half_vectors(np.sqrt(np.prod(alphas)))
-    assert (mf.gtr_aniso(wm, *alphas, gamma) * weight).sum() == pytest.approx(1.0, rel=1e-6)
+def test_distributions_are_normalised() -> None:
+    pairs = [(0.001, 0.001), (0.003, 0.001), (0.06, 0.02), (0.3, 0.3), (0.7, 0.9), (1.0, 1.0)]
+    for alphas in [*((alpha,) for alpha in (0.001, 0.01, 0.1, 0.25, 0.9)), *pairs]:
+        wm, weight = _half_vectors(np.prod(alphas) ** (1.0 / len(alphas)))
+        d = mf.gtr1 if len(alphas) == 1 else mf.gtr2_aniso
+        assert (d(wm, *alphas) * weight).sum() == pytest.approx(1.0, rel=1e-9), alphas
+        for gamma in (0.5, 1.0, 1.0 + 1e-9, 1.01, 1.5, 2.0, 4.0) if len(alphas) == 2 else ():
+            assert (mf.gtr_aniso(wm, *alphas, gamma) * weight).sum() == pytest.approx(1.0, rel=1e-6), (alphas, gamma)
+    for cone in (0.25, 1.0, 10.0, 35.0, 70.0):
+        power = np.log(10.0) / np.sin(np.radians(cone)) ** 2
+        wm, weight = _half_vectors(1.0 / np.sqrt(power))
+        assert (mf.sin_gaussian(wm, power) * weight).sum() == pytest.approx(1.0, rel=1e-9), cone
+        # At the cone angle it has fallen to a tenth.
+        at_cone = np.array([np.sin(np.radians(cone)), 0.0, np.cos(np.radians(cone))])
+        assert mf.sin_gaussian(at_cone, power) == pytest.approx(0.1 * mf.sin_gaussian(ZENITH, power), rel=1e-12)
 
 
 def test_the_general_gtr_is_the_published_ones() -> None:
@@ -189,17 +192,9 @@ def test_the_general_gtr_is_the_published_ones() -> None:
         printed = c / (1.0 + (a2 - 1.0) * wm[:, 2] ** 2) ** gamma
         np.testing.assert_allclose(mf.gtr_aniso(wm, alpha, alpha, gamma), printed, rtol=1e-9)
         cosine = np.sqrt((1.0 - (a2**e * (1.0 - u[1]) + u[1]) ** (1.0 / e)) / (1.0 - a2))
-        np.testing.assert_allclose(mf.sample_gtr_aniso(alpha, alpha, gamma, *u)[:, 2], cosine, rtol=1e-6)
-
-
-@pytest.mark.parametrize("cone", [0.25, 1.0, 10.0, 35.0, 70.0])
-def test_the_sin_gaussian_is_normalised(cone: float) -> None:
-    power = np.log(10.0) / np.sin(np.radians(cone)) ** 2
-    wm, weight = _half_vectors(1.0 / np.sqrt(power))
-    assert (mf.sin_gaussian(wm, power) * weight).sum() == pytest.approx(1.0, rel=1e-9)
-    # At the cone angle it has fallen to a tenth.
-    at_cone = np.array([np.sin(np.radians(cone)), 0.0, np.cos(np.radians(cone))])
-    assert mf.sin_gaussian(at_cone, power) == pytest.approx(0.1 * mf.sin_gaussian(ZENITH, power), rel=1e-12)
+        drawn = mf.sample_gtr_aniso(alpha, alpha, gamma, *u)
+        np.testing.assert_allclose(drawn[:, 2], cosine, rtol=1e-6)
+        np.testing.assert_allclose(np.arctan2(drawn[:, 1], drawn[:, 0]) / (2.0 * np.pi) % 1.0, u[0], rtol=1e-9)
 
 
 def test_shadowing_lies_between_nothing_and_everything() -> None:
