@@ -60,9 +60,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         groups.setdefault(item.path, item.path.name)
         groups[item.path] = next((name for name in SHARED if name in item.fixturenames), groups[item.path])  # type: ignore[attr-defined]
-    durations, seconds = json.loads(DURATIONS.read_text()), dict.fromkeys(groups.values(), 0.0)
+    durations, seconds = json.loads(DURATIONS.read_text())["3.11"]["files"], dict.fromkeys(groups.values(), 0.0)
     for path, group in groups.items():
-        seconds[group] += durations.get(path.relative_to(DURATIONS.parent).as_posix(), 0.0)
+        seconds[group] += durations.get(path.relative_to(DURATIONS.parent).as_posix(), (0, 0.0))[1]
     for item in items:
         item.add_marker(pytest.mark.xdist_group(groups[item.path]))
     items.sort(key=lambda item: (-seconds[groups[item.path]], groups[item.path]))

@@ -1,0 +1,94 @@
+"""Measure how long the default tier takes, and write docs/testing.md.
+
+    python tests/durations.py        # on Python 3.11 all of it, on 3.13 what is marked `both_pythons`, in two processes
+
+The times by file also go to tests/durations.json, by which a run starts with the longest.
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from xml.etree import ElementTree
+
+ROOT = Path(__file__).resolve().parents[1]
+DATA, PAGE = ROOT / "tests" / "durations.json", ROOT / "docs" / "testing.md"
+BEGIN, END = "<!-- durations -->\n", "<!-- end of durations -->"
+HEAVY = "not proof and not bench and not chaos"
+SHOWN = 30  # files and tests in the tables
+
+
+def measure(version: str) -> dict[str, object]:
+    """Run the default tier; return its minutes and the seconds of files and of the longest tests."""
+    marker = HEAVY if version == "3.11" else f"both_pythons and {HEAVY}"
+    with tempfile.TemporaryDirectory() as folder:
+        report = Path(folder) / "report.xml"
+        command = [sys.executable, "-m", "pytest", "-q", "-n", "2", "-m", marker, f"--junitxml={report}"]
+        start = time.monotonic()
+        code = subprocess.run(command, cwd=ROOT, check=False).returncode
+        minutes = (time.monotonic() - start) / 60.0
+        if code not in (0, 1):
+            sys.exit(code)
+        cases = list(ElementTree.parse(report).iter("testcase"))
+    seconds: Counter[str] = Counter()
+    count: Counter[str] = Counter()
+    tests: Counter[str] = Counter()
+    for case in cases:
+        file, duration = file_of(case.attrib["classname"]), float(case.attrib["time"])
+        seconds[file] += duration
+        count[file] += 1
+        tests[f"{file}::{case.attrib['name']}"] += duration
+    return {
+        "date": str(datetime.date.today()),
+        "minutes": round(minutes, 1),
+        "files": {file: [count[file], round(seconds[file], 2)] for file in sorted(seconds)},
+        "tests": {test: round(duration, 2) for test, duration in tests.most_common(SHOWN)},
+    }
+
+
+def file_of(name: str) -> str:
+    """Return the file of a module with dots, and maybe a class, below tests/."""
+    parts = name.split(".")
+    while parts and not (ROOT / Path(*parts).with_suffix(".py")).exists():
+        parts.pop()
+    return "/".join(parts[1:]) + ".py"
+
+
+def tables(measured: dict[str, dict]) -> str:
+    """Return the tables of the page: totals, then files and tests, the longest first."""
+    versions = sorted(measured)
+    lines = ["| Python | date | tests | minutes, two processes | seconds of tests |", "|---|---|---|---|---|"]
+    for version in versions:
+        run = measured[version]
+        total, duration = map(sum, zip(*run["files"].values(), strict=True))
+        lines.append(f"| {version} | {run['date']} | {total} | {run['minutes']} | {duration:.0f} |")
+    for title, key in (("file", "files"), ("test", "tests")):
+        lines += [
+            "",
+            f"| {title} | " + " | ".join(f"seconds, {v}" for v in versions) + " |",
+            "|---" * (1 + len(versions)) + "|",
+        ]
+        values = {v: {n: d[1] if key == "files" else d for n, d in measured[v][key].items()} for v in versions}
+        names = sorted(set().union(*values.values()), key=lambda name: -max(v.get(name, 0.0) for v in values.values()))
+        for name in names[:SHOWN]:
+            cells = " | ".join(f"{values[v][name]:.1f}" if name in values[v] else "" for v in versions)
+            lines.append(f"| {name.replace('|', ' ')} | {cells} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    version = "{}.{}".format(*sys.version_info[:2])
+    measured = json.loads(DATA.read_text()) | {version: measure(version)}
+    DATA.write_text(json.dumps(measured, indent=1) + "\n")
+    head, _, rest = PAGE.read_text().partition(BEGIN)
+    PAGE.write_text(head + BEGIN + tables(measured) + END + rest.partition(END)[2])
+
+
+if __name__ == "__main__":
+    main()

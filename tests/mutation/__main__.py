@@ -1,0 +1,127 @@
+"""How strong the tests are: faults drawn by a seed, and which of them the tests find.
+
+    python tests/mutation draw --seed 1      # make the list anew, tests/mutation/mutants.jsonl, and forget all results
+    python tests/mutation reach              # record which functions each test reaches; Python 3.12 or later
+    python tests/mutation run [ROOM ...]     # run what has no result yet against the default tier; goes on after Ctrl-C
+    python tests/mutation run --survivors    # run what survived once more, after tests were added
+    python tests/mutation run --proof        # run what survived the default tier against `proof`
+    python tests/mutation show [ROOM ...]    # print what survives
+    python tests/mutation report             # write the rates into docs/testing.md
+
+A mutant that no test can find has its reason as `equivalent` in the list, written by hand.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections import Counter
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from mutant import LIST, ROOT, Mutant, locate, read_mutants, read_sources, write_mutants
+from recorder import FOLDER
+
+DATA = ROOT / ".mutation"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    commands = parser.add_subparsers(dest="command", required=True)
+    draw = commands.add_parser("draw", help="draw mutants")
+    draw.add_argument("--seed", type=int, default=1)
+    reach = commands.add_parser("reach", help="record what each test reaches")
+    reach.add_argument("arguments", nargs="*", help="arguments of pytest, after --; default: -n 2")
+    run = commands.add_parser("run", help="run tests against mutants")
+    run.add_argument("rooms", nargs="*")
+    run.add_argument("--jobs", type=int, default=2)
+    run.add_argument("--limit", type=int, default=None, help="so many mutants")
+    which = run.add_mutually_exclusive_group()
+    which.add_argument("--survivors", action="store_true")
+    which.add_argument("--proof", action="store_true")
+    show = commands.add_parser("show", help="print survivors")
+    show.add_argument("rooms", nargs="*")
+    commands.add_parser("report", help="write docs/testing.md")
+    options = vars(parser.parse_args())
+    {"draw": draw_list, "reach": record_reach, "run": run_list, "show": show_survivors, "report": write_report}[
+        options.pop("command")
+    ](**options)
+
+
+def draw_list(seed: int) -> None:
+    from draw import draw_mutants
+
+    mutants = draw_mutants(seed)
+    write_mutants(mutants)
+    print(f"{LIST.relative_to(ROOT)}: {len(mutants)} mutants")
+
+
+def record_reach(arguments: list[str]) -> None:
+    folder = DATA / "reach"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    here = Path(__file__).parent
+    paths = os.pathsep.join((str(ROOT), str(here / "children"), str(here)))
+    environment = os.environ | {"PYTHONPATH": paths, FOLDER: str(folder)}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "reach", *(arguments or ["-n", "2"])]
+    sys.exit(subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode)
+
+
+def run_list(rooms: list[str], jobs: int, limit: int | None, survivors: bool, proof: bool) -> None:
+    from run import Reached, run_mutants
+
+    mutants, lost = locate(read_mutants(), read_sources())
+    for mutant in lost:
+        print(f"no longer in the code: {mutant}", file=sys.stderr)
+    tier = "proof" if proof else "default"
+
+    def is_due(mutant: Mutant) -> bool:
+        if mutant.equivalent or (rooms and mutant.room not in rooms):
+            return False
+        if proof:
+            return mutant.tier == "default" and not mutant.killed_by
+        return not mutant.killed_by if survivors else not mutant.tier
+
+    due = [mutant for mutant in mutants if is_due(mutant)][:limit]
+    results = {mutant.name: mutant for mutant in mutants}
+    for count, mutant in enumerate(run_mutants(due, Reached(DATA / "reach"), tier, jobs), 1):
+        results[mutant.name] = mutant
+        write_mutants([*results.values(), *lost])
+        print(f"{count}/{len(due)} {mutant.room} {mutant.killed_by or 'survives: ' + str(mutant)}", flush=True)
+
+
+def survivors_of(rooms: list[str]) -> list[Mutant]:
+    return [
+        mutant
+        for mutant in read_mutants()
+        if mutant.tier and not mutant.killed_by and not mutant.equivalent and (not rooms or mutant.room in rooms)
+    ]
+
+
+def show_survivors(rooms: list[str]) -> None:
+    for mutant in survivors_of(rooms):
+        print(mutant)
+
+
+def write_report() -> None:
+    page = ROOT / "docs" / "testing.md"
+    head, _, rest = page.read_text().partition("<!-- mutants -->\n")
+    tail = rest.partition("<!-- end of mutants -->")[2]
+    table = "| room | drawn | equivalent | found by the default tier | with `proof` |\n|---|---|---|---|---|"
+    mutants = read_mutants()
+    for room, drawn in Counter(mutant.room for mutant in mutants).items():
+        tried = [mutant for mutant in mutants if mutant.room == room and (mutant.tier or mutant.equivalent)]
+        real = [mutant for mutant in tried if not mutant.equivalent]
+        found = [mutant.tier for mutant in real if mutant.killed_by]
+        rates = [f"{100 * count / max(len(real), 1):.1f} %" for count in (found.count("default"), len(found))]
+        part = f"{drawn}" if len(tried) == drawn else f"{drawn}, {len(tried)} tried"
+        table += f"\n| {room} | {part} | {len(tried) - len(real)} | {rates[0]} | {rates[1]} |"
+    page.write_text(f"{head}<!-- mutants -->\n{table}\n<!-- end of mutants -->{tail}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,235 @@
+"""Drawing mutants: Cosmic Ray's operators, and four that make faults which its own do not."""
+
+from __future__ import annotations
+
+import random
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import islice, pairwise
+
+import parso
+from cosmic_ray import plugins
+from cosmic_ray.ast import ast_nodes, get_ast
+from cosmic_ray.mutating import mutate_code
+from cosmic_ray.operators.operator import Operator
+from mutant import Mutant, functions_of, places_of, read_sources
+from parso.python.tree import Keyword
+
+# Rooms by the mutants drawn for them. The first eight are those in which the default tier kills nine in ten.
+ROOMS = {
+    "brdf": 400,
+    "light": 390,
+    "job": 260,
+    "scene": 190,
+    "codegen/trace": 120,
+    "plan": 100,
+    "render/adaptive": 50,
+    "output/exr": 40,
+    "asset": 130,
+    "material": 140,
+    "mtlx": 30,
+    "output": 100,
+    "batch": 100,
+    "studio": 100,
+}
+
+# Replacements that are wrong in a way that a person could be: no shifts of floats, no bits of numbers.
+REPLACED = (
+    *("Add_Sub", "Add_Mul", "Sub_Add", "Sub_Div", "Mul_Div", "Mul_Add", "Div_Mul", "FloorDiv_Div", "Div_FloorDiv"),
+    *("Mod_FloorDiv", "Pow_Mul", "BitOr_BitAnd", "BitAnd_BitOr", "BitXor_BitOr", "LShift_RShift", "RShift_LShift"),
+)
+COMPARED = (
+    *("Eq_NotEq", "NotEq_Eq", "Lt_LtE", "Lt_Gt", "LtE_Lt", "LtE_GtE", "Gt_GtE", "Gt_Lt", "GtE_Gt", "GtE_LtE"),
+    *("Is_IsNot", "IsNot_Is"),
+)
+NAMES = (
+    *(f"core/ReplaceBinaryOperator_{name}" for name in REPLACED),
+    *(f"core/ReplaceComparisonOperator_{name}" for name in COMPARED),
+    *("core/ReplaceUnaryOperator_USub_UAdd", "core/ReplaceUnaryOperator_Delete_Not", "core/AddNot"),
+    *("core/ReplaceTrueWithFalse", "core/ReplaceFalseWithTrue", "core/ReplaceAndWithOr", "core/ReplaceOrWithAnd"),
+    *("core/ReplaceBreakWithContinue", "core/ReplaceContinueWithBreak", "core/ExceptionReplacer"),
+    *("core/NumberReplacer", "core/ZeroIterationForLoop"),
+)
+
+
+class RemoveStatement(Operator):
+    """Remove a call whose value is not used, or an augmented assignment: an unlock, a sum."""
+
+    def mutation_positions(self, node):
+        if node.type == "simple_stmt" and self._removable(node.children[0]):
+            yield node.start_pos, node.end_pos
+
+    @staticmethod
+    def _removable(node) -> bool:
+        if node.type == "atom_expr":
+            return node.children[-1].type == "trailer" and node.children[-1].children[0] == "("
+        return node.type == "expr_stmt" and node.children[1] not in ("=",) and node.children[1].type == "operator"
+
+    def mutate(self, node, index):
+        first = node.get_first_leaf()
+        node.children[0] = Keyword("pass", first.start_pos, first.prefix)
+        return node
+
+    @classmethod
+    def examples(cls):
+        return ()
+
+
+class DropOperand(Operator):
+    """Leave a factor or a term out: a lost weight."""
+
+    def mutation_positions(self, node):
+        if node.type in ("term", "arith_expr"):
+            for operand in node.children[2::2]:
+                yield operand.start_pos, operand.end_pos
+
+    def mutate(self, node, index):
+        del node.children[2 * index + 1 : 2 * index + 3]
+        return node
+
+    @classmethod
+    def examples(cls):
+        return ()
+
+
+class SwapArguments(Operator):
+    """Exchange two neighbouring positional arguments: a swapped axis."""
+
+    def mutation_positions(self, node):
+        for first, second in self._pairs(node):
+            yield first.start_pos, second.end_pos
+
+    @staticmethod
+    def _pairs(node):
+        if node.type == "arglist":
+            positional = [child for child in node.children[::2] if child.type != "argument"]
+            yield from pairwise(positional)
+
+    def mutate(self, node, index):
+        first, second = list(self._pairs(node))[index]
+        one, other = node.children.index(first), node.children.index(second)
+        node.children[one], node.children[other] = second, first
+        leaves = first.get_first_leaf(), second.get_first_leaf()
+        leaves[0].prefix, leaves[1].prefix = leaves[1].prefix, leaves[0].prefix
+        return node
+
+    @classmethod
+    def examples(cls):
+        return ()
+
+
+class DropKeyword(Operator):
+    """Leave a keyword argument out: a wrong default."""
+
+    def mutation_positions(self, node):
+        if node.type == "arglist":
+            for child in node.children[2::2]:
+                if child.type == "argument" and child.children[1] == "=":
+                    yield child.start_pos, child.end_pos
+
+    def mutate(self, node, index):
+        named = [child for child in node.children[2::2] if child.type == "argument" and child.children[1] == "="]
+        place = node.children.index(named[index])
+        del node.children[place - 1 : place + 1]
+        return node
+
+    @classmethod
+    def examples(cls):
+        return ()
+
+
+@cache
+def operators() -> list[Operator]:
+    """Return all operators by which mutants are made."""
+    ours = [RemoveStatement(), DropOperand(), SwapArguments(), DropKeyword()]
+    return [*(plugins.get_operator(name)() for name in NAMES), *ours]
+
+
+def room_of(path: str) -> str | None:
+    """Return the room that a module's mutants are drawn for: the longest that its path begins with."""
+    inside = path.removeprefix("lookdev/").removesuffix(".py")
+    rooms = [room for room in ROOMS if inside == room or inside.startswith(f"{room}/")]
+    return max(rooms, key=len, default=None)
+
+
+def draw_mutants(seed: int) -> list[Mutant]:
+    """Return mutants drawn by a seed: places without replacement, and at each place one of its faults."""
+    generator, sources = random.Random(seed), read_sources()
+    places: dict[str, list[Place]] = defaultdict(list)
+    for path, source in sources.items():
+        if room := room_of(path):
+            places[room] += places_of_faults(path, source)
+    drawn: list[Mutant] = []
+    for room, count in ROOMS.items():
+        generator.shuffle(places[room])
+        made = (_make(room, sources[place.path], place, generator) for place in places[room])
+        drawn += sorted(islice(filter(None, made), count), key=lambda mutant: mutant.name)
+    return drawn
+
+
+@dataclass(frozen=True)
+class Place:
+    """A place in a function, and the operators that change it: their index, and which of their places it is."""
+
+    path: str
+    function: tuple[str, int, int]
+    operators: tuple[tuple[int, int], ...]
+
+
+def places_of_faults(path: str, source: str) -> list[Place]:
+    """Return the places in the functions of a module at which a fault can be planted."""
+    found: dict[object, list[tuple[int, int]]] = defaultdict(list)
+    nodes, skipped, functions = list(ast_nodes(get_ast(source))), list(_skipped(source)), list(functions_of(source))
+    for index, operator in enumerate(operators()):
+        spans = (span for node in nodes for span in operator.mutation_positions(node))
+        for occurrence, (start, end) in enumerate(spans):
+            if not any(first <= start and end <= last for first, last in skipped):
+                found[start, end].append((index, occurrence))
+    places = []
+    for (start, _), changes in found.items():
+        if function := next((entry for entry in functions if entry[1] <= start[0] <= entry[2]), None):
+            places.append(Place(path, function, tuple(changes)))
+    return places
+
+
+def _make(room: str, source: str, place: Place, generator: random.Random) -> Mutant | None:
+    index, occurrence = generator.choice(place.operators)
+    try:
+        mutated = mutate_code(source, operators()[index], occurrence)
+    except AttributeError:  # Cosmic Ray replaces no exception that has a dot in its name
+        return None
+    return mutated and _named(room, place.path, source, mutated, place.function)
+
+
+def _skipped(source: str) -> Iterator[tuple[tuple[int, int], tuple[int, int]]]:
+    """Yield what is not mutated: annotations, assertions, decorators, texts of errors."""
+    for node in ast_nodes(parso.parse(source)):
+        if node.type in ("annassign", "tfpdef", "assert_stmt", "decorator", "raise_stmt"):
+            children = node.children[1:2] if node.type == "annassign" else [node]
+            yield from ((child.start_pos, child.end_pos) for child in children)
+        if node.type == "param" and node.annotation is not None:
+            yield node.annotation.start_pos, node.annotation.end_pos
+        if node.type == "funcdef" and node.annotation is not None:
+            yield node.annotation.start_pos, node.annotation.end_pos
+
+
+def _named(room: str, path: str, source: str, mutated: str, body: tuple[str, int, int]) -> Mutant | None:
+    """Return the mutant of a changed module, by the lines that differ; None where only its layout does."""
+    before, after = source.split("\n"), mutated.split("\n")
+    head = next((n for n, (a, b) in enumerate(zip(before, after, strict=False)) if a != b), None)
+    if head is None:
+        return None
+    tail = 0
+    while before[-1 - tail] == after[-1 - tail] and tail < min(len(before), len(after)) - head - 1:
+        tail += 1
+    old, new = before[head : len(before) - tail], after[head : len(after) - tail]
+    if not old or not new or " ".join(old).split() == " ".join(new).split():
+        return None
+    depth = len(old[0]) - len(old[0].lstrip())
+    text = "\n".join(line.strip() for line in old)
+    name, first, last = body
+    occurrence = places_of(before, text, first, last).index(head + 1)
+    changed = "\n".join(line[depth:] if line[:depth].isspace() else line.lstrip() for line in new)
+    return Mutant(room, f"{path}:{name}", text, changed, occurrence)

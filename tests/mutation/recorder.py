@@ -1,0 +1,50 @@
+"""Recording which functions of the package run, by `sys.monitoring`, which costs next to nothing (Python 3.12)."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from pathlib import Path
+
+PACKAGE = str(Path(__file__).resolve().parents[2]) + "/"
+FOLDER, OWNER = "LOOKDEV_REACH", "LOOKDEV_REACH_OWNER"
+TOOL = 4  # a number of sys.monitoring that no other tool has reserved
+MONITORING = getattr(sys, "monitoring", None)
+
+
+class Recorder:
+    """Functions of the package by who reaches them; the last owner of `owners` is the one at work."""
+
+    def __init__(self) -> None:
+        self.reached: set[str] = set()
+        MONITORING.use_tool_id(TOOL, "reach")
+        MONITORING.register_callback(TOOL, MONITORING.events.PY_START, self._start)
+        MONITORING.set_events(TOOL, MONITORING.events.PY_START)
+
+    def _start(self, code, offset: int) -> object:
+        if code.co_filename.startswith(PACKAGE) and "/tests/" not in code.co_filename:
+            name = code.co_qualname.partition(".<locals>")[0]
+            self.record(f"{code.co_filename.removeprefix(PACKAGE)}:{name}")
+        return MONITORING.DISABLE
+
+    def record(self, function: str) -> None:
+        self.reached.add(function)
+
+    def switch(self, reached: set[str]) -> set[str]:
+        """Record into another set from now on; return the one until now."""
+        before, self.reached = self.reached, reached
+        MONITORING.restart_events()
+        return before
+
+
+class ChildRecorder(Recorder):
+    """Functions reached in a program that a test started: a line each, at once, because it may be killed."""
+
+    def __init__(self, folder: Path, owner: str) -> None:
+        self._file = (folder / f"child-{os.getpid()}.jsonl").open("a", buffering=1)
+        self._owner = owner
+        super().__init__()
+
+    def record(self, function: str) -> None:
+        self._file.write(json.dumps({"owner": self._owner, "reached": [function]}) + "\n")

@@ -1,0 +1,150 @@
+"""Running mutants: each in a copy of the checkout, against the tests that reach its function, until one fails."""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from queue import SimpleQueue
+
+from mutant import ROOT, Mutant, mutated_source
+from reach import reach_map
+
+HANGS = "a test that does not end"
+FACTOR, LEAST = 10.0, 60.0  # a mutant that takes this many times as long as its tests, and a minute, hangs
+
+
+class Reached:
+    """The tests by what they reach, as `reach.py` recorded it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._tests = list(reach_map(folder))
+
+    def tests_of(self, function: str) -> list[tuple[str, float]]:
+        """Return the tests that reach a function, or where none does, its module; the fastest first.
+
+        Tests of similar duration stay together by file, whose fixtures they share.
+        """
+        module = function.partition(":")[0] + ":"
+        found = [(test, seconds) for test, seconds, reached in self._tests if function in reached]
+        if not found:
+            found = [(t, seconds) for t, seconds, reached in self._tests if any(f.startswith(module) for f in reached)]
+        return sorted(found, key=lambda entry: (round(math.log2(entry[1] + 0.02)), entry[0]))
+
+
+class Copy:
+    """A copy of the checkout in which one mutant at a time is planted."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True).stdout
+        for name in filter(None, tracked.split("\0")):
+            target = folder / "tree" / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            if (ROOT / name).exists():
+                shutil.copy2(ROOT / name, target)
+        self._stamp = time.time()
+
+    @contextmanager
+    def planted(self, mutant: Mutant) -> Iterator[None]:
+        path = self.folder / "tree" / mutant.path
+        source = path.read_text()
+        mutated = mutated_source(source, mutant)
+        assert mutated is not None, f"not in the code: {mutant}"
+        try:
+            self._write(path, mutated)
+            yield
+        finally:
+            self._write(path, source)
+
+    def _write(self, path: Path, text: str) -> None:
+        """Write a module with a time of its own, by which Python sees that compiled code is of another text."""
+        self._stamp += 2.0
+        path.write_text(text)
+        os.utime(path, (self._stamp, self._stamp))
+
+    def test(self, tests: Sequence[tuple[str, float]], marker: str) -> str:
+        """Run tests in this order until one fails; return its name, or nothing."""
+        order = self.folder / "order"
+        order.write_text("\n".join(test for test, _ in tests))
+        files = sorted({test.partition("::")[0] for test, _ in tests})
+        scratch = Path(tempfile.mkdtemp(dir=self.folder))
+        environment = os.environ | {
+            "PYTHONPATH": os.pathsep.join((str(self.folder / "tree"), str(Path(__file__).parent))),
+            "PYTHONPYCACHEPREFIX": str(self.folder / "compiled"),
+            "PYTHONDONTWRITEBYTECODE": "",
+            "TMPDIR": str(scratch),
+            "LOOKDEV_TEST_ORDER": str(order),
+        }
+        options = ("-q", "-x", "-n", "0", "-p", "order", "-p", "no:cacheprovider", "-m", marker, "--tb=no")
+        limit = max(LEAST, FACTOR * sum(seconds for _, seconds in tests))
+        process = subprocess.Popen(
+            [sys.executable, "-m", "pytest", *options, *files],
+            cwd=self.folder / "tree",
+            env=environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            start_new_session=True,
+        )
+        try:
+            output, _ = process.communicate(timeout=limit)
+        except subprocess.TimeoutExpired:
+            return HANGS
+        finally:
+            end_all(process, self.folder)
+            shutil.rmtree(scratch, ignore_errors=True)
+        if process.returncode in (0, 5):
+            return ""
+        failed = [line.split(" ")[1] for line in output.splitlines() if line.startswith(("FAILED ", "ERROR "))]
+        return failed[0] if failed else "the tests' collection"
+
+
+def end_all(process: subprocess.Popen[str], folder: Path) -> None:
+    """End what a run of the tests has started, also in sessions of its own: all that works in a folder."""
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+    if process.stdout:
+        process.stdout.close()
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            if str(folder).encode() in (entry / "environ").read_bytes():
+                os.kill(int(entry.name), signal.SIGKILL)
+        except (OSError, ValueError):
+            continue
+
+
+def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: int) -> Iterator[Mutant]:
+    """Yield mutants with what killed them, as results come."""
+    marker = {"default": "not proof and not bench and not chaos", "proof": "proof"}[tier]
+    folder = Path(tempfile.mkdtemp(prefix="mutants-"))
+    copies: SimpleQueue[Copy] = SimpleQueue()
+    for job in range(jobs):
+        copies.put(Copy(folder / str(job)))
+
+    def run(mutant: Mutant) -> Mutant:
+        tests, copy = reached.tests_of(mutant.function), copies.get()
+        try:
+            with copy.planted(mutant):
+                killed_by = copy.test(tests, marker) if tests else ""
+        finally:
+            copies.put(copy)
+        return replace(mutant, killed_by=killed_by, tier=tier)
+
+    try:
+        with ThreadPoolExecutor(jobs) as pool:
+            for future in as_completed([pool.submit(run, mutant) for mutant in mutants]):
+                yield future.result()
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
