@@ -1,7 +1,13 @@
-"""Looks of a material /M made from text, their images, and their faults."""
+"""Materials /M made from text, of `lookdev` or of other models, their images, and what reading them ends in.
+
+Texts have a short notation beside USD's own: a line ``float roughness = 0.5`` is an input, ``float roughness <- Tex.r``
+one that is connected to </M/Tex.outputs:r>, and ``float roughness <- .rough`` one to the interface </M.inputs:rough>.
+"""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from pathlib import Path
 
 import OpenImageIO as oiio
@@ -9,12 +15,22 @@ import pytest
 
 from lookdev.errors import LookError
 from lookdev.material.usd import read_look
+from lookdev.material.usd.bound import BoundLook, read_bound
+from lookdev.stage import Composition, compose
 
-SHADER = 'def Shader "{name}" {{\n uniform token info:id = "{id}"\n {body}\n}}\n'
+_TYPE = r"(?:bool|int|float|half|double|token|string|asset|color[34]f|normal3f|vector3f|float[234])(?:\[\])?"
+
+
+def expand(body: str) -> str:
+    """Return the text as USD has it."""
+    if "<-" in body:
+        body = re.sub(r"(?<!\S)(\S+) (\S+) <- ([\w/]+)\.(\w+)", r"\1 inputs:\2.connect = </M/\3.outputs:\4>", body)
+        body = re.sub(r"(?<!\S)(\S+) (\S+) <- \.(\w+)", r"\1 inputs:\2.connect = </M.inputs:\3>", body)
+    return re.sub(rf"(?m)^([ ]*{_TYPE} )(?=\w+(?: =|\.timeSamples|\s*$))", r"\1inputs:", body)
 
 
 def shader(name: str, shader_id: str, body: str = "") -> str:
-    return SHADER.format(name=name, id=shader_id, body=body)
+    return f'def Shader "{name}" {{\n uniform token info:id = "{shader_id}"\n {expand(body)}\n}}\n'
 
 
 def disney(name: str = "Base", body: str = "") -> str:
@@ -25,28 +41,29 @@ def pixar(name: str = "Base", body: str = "") -> str:
     return shader(name, "LookdevPixar", body)
 
 
-ST = shader("St", "UsdPrimvarReader_float2", 'string inputs:varname = "st"')
+ST = shader("St", "UsdPrimvarReader_float2", 'string varname = "st"')
 
 
 def texture(more: str = "", file: str = "@./gray.png@", name: str = "Tex") -> str:
     """Return a texture, and its reader of coordinates unless `more` connects another."""
-    st = "" if "inputs:st" in more else "float2 inputs:st.connect = </M/St.outputs:result>\n"
-    return shader(name, "UsdUVTexture", f"asset inputs:file = {file}\n{st}{more}") + ST
+    st = "" if re.search(r"\bst( |$)", more) else "float2 st <- St.result\n"
+    return shader(name, "UsdUVTexture", f"asset file = {file}\n{st}{more}") + ST
 
 
 def rough(source: str) -> str:
     """Return a Disney layer whose roughness is connected to an output inside the material."""
-    return disney(body=f"float inputs:roughness.connect = </M/{source}>")
+    return disney(body=f"float roughness <- {source}")
 
 
-BASE = "token inputs:base.connect = </M/Base.outputs:layer>\n"
-LAYER1 = "token inputs:layer1.connect = </M/Coat.outputs:layer>\n"
+BASE = "token base <- Base.layer\n"
+LAYER1 = "token layer1 <- Coat.layer\n"
 
 
 def look(body: str, terminal: str = "</M/Base.outputs:layer>", material: str = "", before: str = "") -> str:
     """Return the text of a file with the material, whose surface is connected to `terminal` unless that is empty."""
     surface = f"token outputs:lookdev:surface.connect = {terminal}" if terminal else ""
-    return f'#usda 1.0\n(\n defaultPrim = "M"\n)\n{before}\ndef Material "M" {material}\n{{\n{surface}\n{body}\n}}\n'
+    head = f'#usda 1.0\n(\n defaultPrim = "M"\n)\n{before}\ndef Material "M" {material}'
+    return f"{head}\n{{\n{surface}\n{expand(body)}\n}}\n"
 
 
 def write_gray(file: Path, channels: int = 1, kind: str = "uint8", size: int = 2) -> None:
@@ -63,8 +80,38 @@ def stack(inputs: str, *shaders: str) -> str:
 STACK = "</M/Layers.outputs:surface>"
 
 
-def faults_of(file: Path, **options: object) -> list[tuple[str, str, str]]:
+def faults_of(file: Path, read: Callable[..., object] = read_look, **options: object) -> list[tuple[str, str, str]]:
+    """Return place, text and hint of each fault for which a file is refused."""
     with pytest.raises(LookError) as caught:
-        read_look(file, **options)
+        read(file, **options)
     assert all(fault.file == str(file) for fault in caught.value.faults)
     return [(fault.where, fault.what, fault.hint) for fault in caught.value.faults]
+
+
+PREVIEW = "token outputs:surface.connect = </M/S.outputs:surface>\n"
+
+
+def preview(inputs: str, *nodes: str, terminal: str = PREVIEW, identifier: str = "UsdPreviewSurface") -> str:
+    """Return the body of a material of one surface shader of another model."""
+    return terminal + shader("S", identifier, inputs) + "".join(nodes)
+
+
+def materialx(inputs: str, *nodes: str) -> str:
+    return preview(inputs, *nodes, identifier="ND_UsdPreviewSurface_surfaceshader")
+
+
+def asset(folder: Path, body: str) -> Path:
+    """Write an asset with the material."""
+    file = folder / "asset.usda"
+    file.write_text(f'#usda 1.0\ndef Material "M"\n{{\n{expand(body)}\n}}\n')
+    return file
+
+
+def bound(folder: Path, body: str, missing: str = "error", path: str = "/M") -> BoundLook:
+    """Return the look of the material of an asset."""
+    composed = compose(Composition(asset(folder, body), missing=missing))  # type: ignore[arg-type]
+    return read_bound(composed, [path])[path]
+
+
+def lost(found: BoundLook) -> list[tuple[str, str]]:
+    return [(fault.where, fault.what) for fault in found.lost]

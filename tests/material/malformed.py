@@ -1,68 +1,88 @@
-"""Malformed look files, made from good ones: always the same, each with its state by construction.
+"""Malformed look files, made from good ones, always the same, and what became of reading each.
 
-``python tests/material/malformed.py FOLDER`` writes them, to look at.
+``python tests/material/malformed.py FOLDER [STEP]`` writes them into a new folder and prints a JSON line for each, or
+for each STEP-th of every family. A forked process of bounded memory reads one after the other; when a file kills it,
+the next one continues after that file.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import random
+import resource
+import signal
+import struct
 import sys
-from collections.abc import Iterator
+import zlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
-from look_files import BASE, LAYER1, STACK, disney, look, pixar, rough, shader, stack, texture
-from malformed_files import BAD_IMAGES, BAD_LAYERS, Case, Expected, write_images, write_layers
+from look_files import BASE, LAYER1, STACK, disney, expand, look, pixar, rough, shader, stack, texture, write_gray
+from pxr import Sdf
+
+from lookdev.errors import LookError
+from lookdev.material.usd import read_look
+from lookdev.material.validate.examine import examine
 
 MEGABYTE = 1_000_000
-
+SECONDS = 20
+"""The time limit of a file."""
+MEMORY = 8 << 30
+"""Bytes of address space of the process that reads."""
 
 LAYERS = BASE + LAYER1
+IMAGES = ("folder.png", "pipe.png", "empty.png", "text.png", "cut.png", "cut.exr", "bomb.png", "bomb.exr", "noise.exr")
+FILES = ("folder.usda", "pipe.usda", "empty.usda", "noise.usda", "noise.usdc", "noise.usdz", "deep.usda", "gone.usda")
 
 
-def textured(file: str = "@./gray.png@", more: str = "", parameter: str = "float inputs:roughness") -> str:
+class Case(NamedTuple):
+    """A look file; `expected` is its state by construction: faulty, valid, or any where it depends on chance."""
+
+    name: str
+    file: Path
+    expected: str = "faulty"
+
+
+def textured(file: str = "@./gray.png@", more: str = "", parameter: str = "float roughness") -> str:
     """Return a look with a textured input."""
     output = "rgb" if "3f" in parameter else "r"
-    return look(disney(body=f"{parameter}.connect = </M/Tex.outputs:{output}>") + texture(more, file))
+    return look(disney(body=f"{parameter} <- Tex.{output}") + texture(more, file))
 
 
 GOOD = {
     "disney": textured(),
     "stack": look(
-        stack(LAYERS + "float inputs:layer1Mask = 0.5\n", disney(), disney("Coat", "float inputs:roughness = 0.2"))
-        + 'variantSet "wear" = {\n"worn" {\nover "Base" {\nfloat inputs:metallic = 1\n}\n}\n"new" { }\n}\n',
+        stack(LAYERS + "float layer1Mask = 0.5\n", disney(), disney("Coat", "float roughness = 0.2"))
+        + 'variantSet "wear" = {\n"worn" {\nover "Base" {\nfloat metallic = 1\n}\n}\n"new" { }\n}\n',
         STACK,
         '(\nprepend variantSets = "wear"\nvariants = { string wear = "worn" }\n)',
     ),
     "pixar": look(
-        pixar(body="normal3f inputs:diffuseNormal.connect = </M/Bump.outputs:normal>\nfloat inputs:clear = 0.5")
-        + shader("Bump", "LookdevBump", "float inputs:height.connect = </M/Tex.outputs:r>\nfloat inputs:scale = 0.1")
+        pixar(body="normal3f diffuseNormal <- Bump.normal\nfloat clear = 0.5")
+        + shader("Bump", "LookdevBump", "float height <- Tex.r\nfloat scale = 0.1")
         + texture()
     ),
 }
 """Looks that are right, of every kind of node."""
 
 
-def malformed_looks(folder: Path) -> list[Case]:
-    """Write the files into an empty folder and return them, with a few that are valid in odd ways."""
-    write_images(folder)
-    chance = random.Random(4)
-    cases: list[Case] = []
-    for number, (name, content, expected) in enumerate(_texts(chance)):
-        file = folder / f"{number:03}.usda"
-        data = content if isinstance(content, bytes) else content.replace("SELF", file.name).encode()
-        file.write_bytes(data)
-        cases.append(Case(name, file, expected))
-    return [*cases, *write_layers(folder, GOOD, look(disney(), material="(\nreferences = @./OTHER@</M>\n)"), chance)]
-
-
-Given = tuple[str, str | bytes] | tuple[str, str | bytes, Expected]
+Given = tuple[str, str | bytes] | tuple[str, str | bytes, str]
 """A name, a file's content and, where it is not simply faulty, what it is."""
 
 
-def _texts(chance: random.Random) -> Iterator[tuple[str, str | bytes, Expected]]:
+def malformed_looks(folder: Path) -> list[Case]:
+    """Write the files into an empty folder and return them, with a few that are valid in odd ways."""
+    _write_images(folder)
+    chance = random.Random(4)
+    cases: list[Case] = []
     for family in (_good, _damaged, _wrong_types, _numbers, _cycles, _nested, _long, _many, _outside, _images):
         for name, content, *expected in family(chance):
-            yield f"{family.__name__[1:]}: {name}", content, expected[0] if expected else "faulty"
+            file = folder / f"{len(cases):03}.usda"
+            file.write_bytes(content if isinstance(content, bytes) else content.replace("SELF", file.name).encode())
+            cases.append(Case(f"{family.__name__[1:]}: {name}", file, *expected))
+    return [*cases, *_files(folder, chance), *_binary(folder, chance)]
 
 
 def _good(_: random.Random) -> Iterator[Given]:
@@ -136,13 +156,10 @@ def _wrong_types(_: random.Random) -> Iterator[Given]:
             if (written, name) == ("string", "wrapS") or (written, name) == ("string", "sourceColorSpace"):
                 continue  # a string does for a token
             text = textured(more=f"{written} inputs:{name} = {literal}")
-            given = {
-                "file": "asset inputs:file = @./gray.png@\n",
-                "st": "float2 inputs:st.connect = </M/St.outputs:result>\n",
-            }
+            given = {"file": "asset inputs:file = @./gray.png@\n", "st": expand("float2 st <- St.result\n")}
             yield f"{name} of a texture as {written}", text.replace(given.get(name, "\0"), "")
     yield ("a relationship for an input", look(disney(body="rel inputs:roughness = </M>")), "any")
-    yield "a text for a number", look(disney(body='float inputs:roughness = "a"'))
+    yield "a text for a number", look(disney(body='float roughness = "a"'))
     yield "a number for a connection", look(disney(body="float inputs:roughness.connect = 1"))
     yield "an id that is a number", look('def Shader "Base" {\nuniform int info:id = 1\n}\n')
     yield (
@@ -154,34 +171,31 @@ def _wrong_types(_: random.Random) -> Iterator[Given]:
 
 def _numbers(_: random.Random) -> Iterator[Given]:
     for number in ("nan", "inf", "-inf", "1e39", "-1", "1" + "0" * 400, "-1e-3"):
-        yield f"roughness {number[:8]}", look(disney(body=f"float inputs:roughness = {number}"))
-        yield f"a channel {number[:8]}", look(disney(body=f"color3f inputs:baseColor = (0, {number}, 0)"))
+        yield f"roughness {number[:8]}", look(disney(body=f"float roughness = {number}"))
+        yield f"a channel {number[:8]}", look(disney(body=f"color3f baseColor = (0, {number}, 0)"))
     for name in ("scale", "bias"):
-        yield f"{name} nan", textured(more=f"float4 inputs:{name} = (1, nan, 1, 1)")
+        yield f"{name} nan", textured(more=f"float4 {name} = (1, nan, 1, 1)")
     yield "a bump inf high", GOOD["pixar"].replace("inputs:scale = 0.1", "inputs:scale = inf")
     yield "animated", look(disney(body="float inputs:roughness.timeSamples = { 0: 0.1, 1: nan }"))
 
 
 def _cycles(_: random.Random) -> Iterator[Given]:
     ring = "".join(f"float inputs:a{i}.connect = </M.inputs:a{(i + 1) % 1000}>\n" for i in range(1000))
-    yield "1000 interface inputs", look(ring + disney(body="float inputs:roughness.connect = </M.inputs:a0>"))
+    yield "1000 interface inputs", look(ring + disney(body="float roughness <- .a0"))
     graphs = "".join(
         f'def NodeGraph "G{i}" {{\nfloat outputs:o.connect = </M/G{1 - i}.outputs:o>\n}}\n' for i in (0, 1)
     )
-    yield "node graphs", look(graphs + rough("G0.outputs:o"))
+    yield "node graphs", look(graphs + rough("G0.o"))
     inward = 'def NodeGraph "G" {\nfloat outputs:o.connect = </M/G.outputs:o>\n}\n'
-    yield "a node graph with itself", look(inward + rough("G.outputs:o"))
-    yield "an input with itself", look(rough("Base.inputs:roughness"))
+    yield "a node graph with itself", look(inward + rough("G.o"))
+    yield "an input with itself", look(disney(body="float inputs:roughness.connect = </M/Base.inputs:roughness>"))
     yield "the terminal with itself", look(disney(), "</M.outputs:lookdev:surface>")
     transforms = "".join(
         shader(f"T{i}", "UsdTransform2d", f"float2 inputs:in.connect = </M/T{(i + 1) % 50}.outputs:result>\n")
         for i in range(50)
     )
-    yield (
-        "50 transforms",
-        look(rough("Tex.outputs:r") + texture("float2 inputs:st.connect = </M/T0.outputs:result>") + transforms),
-    )
-    nested = stack("token inputs:base.connect = </M/Layers.outputs:surface>\n")
+    yield ("50 transforms", look(rough("Tex.r") + texture("float2 st <- T0.result") + transforms))
+    nested = stack("token base <- Layers.surface\n")
     yield "a stack with itself", look(nested, STACK)
     for arc in ("references", "inherits", "specializes", "payload"):
         yield f"{arc} of itself", look(disney(), material=f"(\nprepend {arc} = </M>\n)")
@@ -208,8 +222,8 @@ def _nested(_: random.Random) -> Iterator[Given]:
             f"{deep} dictionaries",
             "#usda 1.0\n(customLayerData = {" + "dictionary a = {" * deep + "}" * deep + "})\n",
         )
-        yield f"{deep} tuples", look(disney(body="color3f inputs:baseColor = " + "(" * deep + "1" + ")" * deep))
-        yield f"{deep} lists", look(disney(body="float[] inputs:roughness = " + "[" * deep + "1" + "]" * deep))
+        yield f"{deep} tuples", look(disney(body="color3f baseColor = " + "(" * deep + "1" + ")" * deep))
+        yield f"{deep} lists", look(disney(body="float[] roughness = " + "[" * deep + "1" + "]" * deep))
         yield (
             f"{deep} targets",
             look(disney(body="float inputs:roughness.connect = </M.a" + "[/M.a" * deep + "]" * deep + ">")),
@@ -226,20 +240,20 @@ def _nested(_: random.Random) -> Iterator[Given]:
 
 def _long(_: random.Random) -> Iterator[Given]:
     name = "a" * MEGABYTE
-    yield "the name of an input", look(disney(body=f"float inputs:{name} = 1"))
+    yield "the name of an input", look(disney(body=f"float {name} = 1"))
     yield "the name of a shader", look(shader(name, "LookdevDisney"))
     yield "the id", look(shader("Base", name))
-    yield "a token", look(disney(body=f'token inputs:variant = "{name}"'))
+    yield "a token", look(disney(body=f'token variant = "{name}"'))
     yield "a texture", textured(f"@./{name}.png@")
     yield "a texture of many folders", textured(f"@./{'a/' * (MEGABYTE // 2)}b.png@")
     yield "a reference", look(disney(), material=f"(\nreferences = @./{name}.usda@\n)")
-    yield "a connection", look(disney(body=f"float inputs:roughness.connect = </M/{name}.outputs:r>"))
-    yield "a number", look(disney(body=f"float inputs:roughness = {'9' * MEGABYTE}"))
+    yield "a connection", look(disney(body=f"float roughness <- {name}.r"))
+    yield "a number", look(disney(body=f"float roughness = {'9' * MEGABYTE}"))
     yield "a variant", look(disney(), material=f'(\nvariantSets = "{name}"\n)'), "any"
     yield "a comment", GOOD["disney"] + f"# {name}\n", "valid"
     yield "a documentation", GOOD["disney"].replace("(\n", f'(\ndoc = "{name}"\n', 1), "valid"
-    yield "an array", look(disney(body=f"float[] inputs:roughness = [{'0.5, ' * MEGABYTE}0.5]"))
-    yield "an array of names", look(disney(body=f"token[] inputs:variant = [{chr(34) * 2}{', ' + chr(34) * 2} ]"))
+    yield "an array", look(disney(body=f"float[] roughness = [{'0.5, ' * MEGABYTE}0.5]"))
+    yield "an array of names", look(disney(body=f"token[] variant = [{chr(34) * 2}{', ' + chr(34) * 2} ]"))
     expressions = {
         "parentheses": "(" * MEGABYTE,
         "balanced parentheses": "(" * (MEGABYTE // 2) + "1" + ")" * (MEGABYTE // 2),
@@ -257,24 +271,21 @@ def _long(_: random.Random) -> Iterator[Given]:
     named = {f"an expression of {what}": text for what, text in expressions.items()}
     short = "1 +", "a b", "f(", "import os", "clamp(1)", "1 ? 2", "[1, 2]", "", "\\0", "a.__class__", "lambda: 1"
     for what, text in (named | {f"the expression {text}": text for text in short}).items():
-        given = f'string inputs:expression = "{text}"\nfloat outputs:result\n'
-        yield what, look(rough("X.outputs:result") + shader("X", "LookdevExpression", given))
+        given = f'string expression = "{text}"\nfloat outputs:result\n'
+        yield what, look(rough("X.result") + shader("X", "LookdevExpression", given))
 
 
 def _many(_: random.Random) -> Iterator[Given]:
     def layers(count: int) -> str:
-        return "".join(f"token inputs:layer{i}.connect = </M/Coat.outputs:layer>\n" for i in range(1, count + 1))
+        return "".join(f"token layer{i} <- Coat.layer\n" for i in range(1, count + 1))
 
     yield "100 layers", look(stack(BASE + layers(100), disney(), disney("Coat")), STACK), "valid"
     yield "100000 layers", look(stack(BASE + layers(100_000), disney(), disney("Coat")), STACK)
     yield (
         "a layer of a large number",
-        look(
-            stack(BASE + f"token inputs:layer{'9' * 5000}.connect = </M/Coat.outputs:layer>", disney(), disney("Coat")),
-            STACK,
-        ),
+        look(stack(BASE + f"token layer{'9' * 5000} <- Coat.layer", disney(), disney("Coat")), STACK),
     )
-    unknown = "".join(f"float inputs:a{i} = 1\n" for i in range(20_000))
+    unknown = "".join(f"float a{i} = 1\n" for i in range(20_000))
     yield "20000 unknown inputs", look(disney(body=unknown))
     targets = ", ".join(f"</M.a{i}>" for i in range(10_000))
     yield "10000 connections", look(disney(body=f"float inputs:roughness.connect = [{targets}]"))
@@ -284,10 +295,10 @@ def _many(_: random.Random) -> Iterator[Given]:
     names = ", ".join(f'"s{i}"' for i in range(20))
     exploding = f"(\nprepend variantSets = [{names}]\n)"
     yield "20 sets of 10 variants", look(disney() + sets, material=exploding), "valid"
-    yield "20 sets of 10 variants at fault", look(disney(body="float inputs:roughness = 2") + sets, material=exploding)
+    yield "20 sets of 10 variants at fault", look(disney(body="float roughness = 2") + sets, material=exploding)
     yield (
         "20000 shaders that nobody reads",
-        look(disney(body="float inputs:roughness = 2") + "".join(f'def Shader "S{i}" {{\n}}\n' for i in range(20_000))),
+        look(disney(body="float roughness = 2") + "".join(f'def Shader "S{i}" {{\n}}\n' for i in range(20_000))),
     )
     yield (
         "1000 materials",
@@ -323,17 +334,143 @@ def _outside(_: random.Random) -> Iterator[Given]:
 
 
 def _images(_: random.Random) -> Iterator[Given]:
-    for name in BAD_IMAGES:
+    for name in IMAGES:
         # A cut image may have a whole header: what is missing shows when its pixels are read.
         yield f"the texture {name}", textured(f"@./{name}@"), "any" if name.startswith("cut") else "faulty"
-    for name in BAD_LAYERS:
+    for name in FILES:
         for arc in ("references", "payload"):
             yield f"{arc} of {name}", look(disney(), material=f"(\n{arc} = @./{name}@</M>\n)")
         yield f"the sublayer {name}", GOOD["disney"].replace("(\n", f"(\nsubLayers = [@./{name}@]\n", 1), "any"
 
 
+def _files(folder: Path, chance: random.Random) -> Iterator[Case]:
+    """Write layers that others refer to, and what only looks like a layer."""
+    referring = look(disney(), material="(\nreferences = @./OTHER@</M>\n)")
+    sublayered = GOOD["disney"].replace("(\n", "(\nsubLayers = [@./OTHER@]\n", 1)
+    contents: dict[str, str | bytes | None] = {
+        **{f"ring_{a}.usda": referring.replace("OTHER", f"ring_{b}.usda") for a, b in ("ab", "ba")},
+        **{f"ring_{a}.usda": sublayered.replace("OTHER", f"ring_{b}.usda") for a, b in ("cd", "dc")},
+        **dict.fromkeys(("folder.usda", "pipe.usda", "loop.usda", "gone.usda")),
+        "deep.usda": "#usda 1.0\n" + 'def "a" {\n' * 100_000 + "}\n" * 100_000,
+    }
+    (folder / "folder.usda").mkdir()
+    os.mkfifo(folder / "pipe.usda")
+    (folder / "loop.usda").symlink_to("loop.usda")
+    magics = {"usd": b"PXR-USDC", "usda": b"#usda 1.0\n", "usdc": b"PXR-USDC", "usdz": b"PK\x03\x04"}
+    for ending, magic in magics.items():
+        contents |= {f"empty.{ending}": b"", f"noise.{ending}": chance.randbytes(10_000)}
+        contents |= {f"magic{size}.{ending}": magic + chance.randbytes(size) for size in (10, 1000, 100_000)}
+    for name, content in contents.items():
+        if content is not None:
+            (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
+        yield Case(f"files: {name}", folder / name)
+
+
+def _binary(folder: Path, chance: random.Random) -> Iterator[Case]:
+    """Write binary layers, cut and with bytes changed."""
+
+    def write(name: str, data: bytes, expected: str = "faulty") -> Case:
+        (folder / f"{name}.usdc").write_bytes(data)
+        return Case(f"binary: {name}", folder / f"{name}.usdc", expected)
+
+    for name, text in GOOD.items():
+        layer = Sdf.Layer.CreateAnonymous(".usda")
+        layer.ImportFromString(text)
+        layer.Export(str(folder / f"{name}.usdc"))
+        data = (folder / f"{name}.usdc").read_bytes()
+        yield write(name, data, "valid")
+        # The table of contents is the last thing in the file.
+        for size in chance.sample(range(len(data) - 8), 6):
+            yield write(f"{name}_{size}", data[:size])
+        for number in range(12):
+            changed = bytearray(data)
+            for place in chance.sample(range(len(data)), chance.choice((1, 2, 8))):
+                changed[place] = chance.randrange(256)
+            yield write(f"{name}_changed{number}", bytes(changed), "any")
+        yield write(f"{name}_text", text.encode())
+
+
+def _write_images(folder: Path) -> None:
+    """Write an image that is right, and `IMAGES`."""
+    write_gray(folder / "gray.png", size=64)
+    write_gray(folder / "gray.exr", kind="half", size=64)
+    exr = (folder / "gray.exr").read_bytes()
+    (folder / "folder.png").mkdir()
+    os.mkfifo(folder / "pipe.png")
+    bomb = bytearray(exr)
+    for window in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
+        struct.pack_into("<ii", bomb, bomb.index(window) + len(window) + 4 + 8, 99_999, 99_999)
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 100_000, 100_000, 8, 0, 0, 0, 0))
+    for name, content in {
+        "empty.png": b"",
+        "text.png": b"not an image\n" * 100,
+        "cut.png": (folder / "gray.png").read_bytes()[:60],
+        "cut.exr": exr[: len(exr) // 2],
+        "bomb.png": b"\x89PNG\r\n\x1a\n" + header + chunk(b"IDAT", zlib.compress(b"\0" * 100)) + chunk(b"IEND", b""),
+        "bomb.exr": bytes(bomb),
+        "noise.exr": struct.pack("<I", 20000630) + random.Random(1).randbytes(1000),
+    }.items():
+        (folder / name).write_bytes(content)
+
+
+def outcome(file: Path) -> dict[str, object]:
+    """Read and examine a look: `read` is what `read_look` raised."""
+    try:
+        read_look(file)
+        read = ""
+    except LookError as error:
+        read = str(error)
+    report = examine(file)
+    return {"status": 0, "read": read, "errors": report.has_errors, "text": report.text()}
+
+
+def read_all(cases: Sequence[Case], writer: int, log: Path) -> None:
+    """Write the outcome of each case, with its text on stderr."""
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.dup2(os.open(log, os.O_RDWR | os.O_CREAT | os.O_APPEND), 2)
+    for case in cases:
+        os.ftruncate(2, 0)
+        signal.alarm(SECONDS)
+        found = outcome(case.file) | {"stderr": log.read_text(errors="replace")}
+        os.write(writer, (json.dumps(found) + "\n").encode())
+
+
+def run(cases: Sequence[Case], log: Path) -> list[dict[str, object]]:
+    """Return the outcome of cases up to one that killed its reader, and of that its exit status."""
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.close(reader)
+        read_all(cases, writer, log)
+        sys.stderr.flush()
+        os._exit(0)  # USD, damaged by the files, must not crash at exit
+    os.close(writer)
+    with os.fdopen(reader) as stream:
+        found = [json.loads(line) for line in stream]
+    status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+    if len(found) < len(cases):
+        stderr = log.read_text(errors="replace")
+        found.append({"status": status, "read": "", "errors": False, "text": "", "stderr": stderr})
+    return found
+
+
+def main(folder: Path, step: int = 1) -> None:
+    folder.mkdir()
+    families: dict[str, list[Case]] = {}
+    for case in malformed_looks(folder):
+        families.setdefault(case.name.partition(":")[0] + case.expected, []).append(case)
+    remaining = [case for family in families.values() for case in family[::step]]
+    while remaining:
+        ended = run(remaining, folder / "stderr.txt")
+        for case, found in zip(remaining, ended, strict=False):
+            sys.stdout.write(json.dumps(case._asdict() | {"file": str(case.file)} | found) + "\n")
+        remaining = remaining[len(ended) :]
+
+
 if __name__ == "__main__":
-    target = Path(sys.argv[1])
-    target.mkdir(parents=True)
-    for made in malformed_looks(target):
-        sys.stdout.write(f"{made.expected:<7} {made.file.name:<28} {made.name}\n")
+    main(Path(sys.argv[1]), *map(int, sys.argv[2:]))

@@ -6,8 +6,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from bound_files import PREVIEW, asset, lost, preview
-from look_files import disney, shader, write_gray
+from look_files import PREVIEW, asset, disney, lost, preview, shader, write_gray
 from pxr import UsdUtils
 
 from lookdev.errors import LookError
@@ -60,8 +59,8 @@ def test_one_of_several_materials_is_named(tmp_path: Path) -> None:
 
 def test_a_package_is_a_look_with_its_images(tmp_path: Path) -> None:
     write_gray(tmp_path / "rgb.png", 3)
-    tex = shader("Tex", "UsdUVTexture", "asset inputs:file = @./rgb.png@")
-    source = asset(tmp_path, preview("color3f inputs:diffuseColor.connect = </M/Tex.outputs:rgb>", tex))
+    tex = shader("Tex", "UsdUVTexture", "asset file = @./rgb.png@")
+    source = asset(tmp_path, preview("color3f diffuseColor <- Tex.rgb", tex))
     package = tmp_path / "m.usdz"
     assert UsdUtils.CreateNewUsdzPackage(str(source), str(package))
     assert zipfile.is_zipfile(package)
@@ -70,7 +69,7 @@ def test_a_package_is_a_look_with_its_images(tmp_path: Path) -> None:
 
 
 def test_variants_are_those_of_the_material(tmp_path: Path) -> None:
-    rough = '"{}" {{\nover "S" {{\nfloat inputs:roughness = {}\n}}\n}}\n'
+    rough = '"{}" {{\nover "S" {{\nfloat roughness = {}\n}}\n}}\n'
     sets = 'variantSet "wear" = {\n' + rough.format("new", 0.25) + rough.format("worn", 0.75) + "}\n"
     file = asset(tmp_path, preview("") + sets)
     file.write_text(file.read_text().replace('"M"', '"M" ( prepend variantSets = "wear" )'))
@@ -80,7 +79,7 @@ def test_variants_are_those_of_the_material(tmp_path: Path) -> None:
 
 
 def test_a_look_of_lookdev_stays_one(tmp_path: Path) -> None:
-    file = asset(tmp_path, OWN + disney(body="float inputs:roughness = 0") + preview(""))
+    file = asset(tmp_path, OWN + disney(body="float roughness = 0") + preview(""))
     found = read_any_look(file)
     assert found.look == read_look(file)
     assert found.lost == ()
@@ -106,8 +105,8 @@ def test_a_surface_that_cannot_be_read_is_an_error(tmp_path: Path) -> None:
 
 
 def test_missing_images_are_errors(tmp_path: Path) -> None:
-    tex = shader("Tex", "UsdUVTexture", "asset inputs:file = @./gone.png@")
-    connected = "color3f inputs:diffuseColor.connect = </M/Tex.outputs:rgb>"
+    tex = shader("Tex", "UsdUVTexture", "asset file = @./gone.png@")
+    connected = "color3f diffuseColor <- Tex.rgb"
     ((where, what),) = faults(asset(tmp_path, preview(connected, tex)))
     assert where == "/M/Tex.inputs:file"
     assert "no such image file" in what

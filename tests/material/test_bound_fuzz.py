@@ -6,41 +6,38 @@ import random
 from pathlib import Path
 
 import pytest
-from bound_files import asset, materialx, preview
-from look_files import ST, shader, write_gray
+from look_files import ST, asset, materialx, preview, shader, write_gray
 
 from lookdev.errors import LookError
 from lookdev.material.usd.bound import GREY, read_bound
 from lookdev.stage import Composition, compose
 
 USD = preview(
-    """color3f inputs:diffuseColor.connect = </M/Tex.outputs:rgb>
-    float inputs:roughness.connect = </M/P.outputs:result>
-    normal3f inputs:normal.connect = </M/Tex.outputs:rgb>
-    int inputs:useSpecularWorkflow = 1""",
+    """color3f diffuseColor <- Tex.rgb
+    float roughness <- P.result
+    normal3f normal <- Tex.rgb
+    int useSpecularWorkflow = 1""",
     shader(
         "Tex",
         "UsdUVTexture",
-        """asset inputs:file = @./rgb.png@
-        float2 inputs:st.connect = </M/T.outputs:result>
-        float4 inputs:scale = (2, 2, 2, 1)
-        float4 inputs:bias = (-1, -1, -1, 0)
-        token inputs:sourceColorSpace = "raw" """,
+        """asset file = @./rgb.png@
+        float2 st <- T.result
+        float4 scale = (2, 2, 2, 1)
+        float4 bias = (-1, -1, -1, 0)
+        token sourceColorSpace = "raw" """,
     ),
-    shader("T", "UsdTransform2d", "float2 inputs:in.connect = </M/St.outputs:result>\nfloat2 inputs:scale = (2, 2)"),
-    shader("P", "UsdPrimvarReader_float", 'string inputs:varname = "w"\nfloat inputs:fallback = 0.5'),
+    shader("T", "UsdTransform2d", "float2 in <- St.result\nfloat2 scale = (2, 2)"),
+    shader("P", "UsdPrimvarReader_float", 'string varname = "w"\nfloat fallback = 0.5'),
     ST,
 )
 MATERIALX = materialx(
-    """color3f inputs:diffuseColor.connect = </M/Mix.outputs:out>
-    float3 inputs:normal.connect = </M/N.outputs:out>""",
-    shader("Mix", "ND_mix_color3", "color3f inputs:fg.connect = </M/I.outputs:out>\nfloat inputs:mix = 0.5"),
-    shader(
-        "I", "ND_image_color3", "asset inputs:file = @./rgb.png@\nfloat2 inputs:texcoord.connect = </M/U.outputs:out>"
-    ),
-    shader("U", "ND_place2d_vector2", "float inputs:rotate = 30\nfloat2 inputs:scale = (2, 2)"),
-    shader("N", "ND_normalmap", "float3 inputs:in.connect = </M/V.outputs:out>\nfloat inputs:scale = 2"),
-    shader("V", "ND_image_vector3", "asset inputs:file = @./rgb.png@"),
+    """color3f diffuseColor <- Mix.out
+    float3 normal <- N.out""",
+    shader("Mix", "ND_mix_color3", "color3f fg <- I.out\nfloat mix = 0.5"),
+    shader("I", "ND_image_color3", "asset file = @./rgb.png@\nfloat2 texcoord <- U.out"),
+    shader("U", "ND_place2d_vector2", "float rotate = 30\nfloat2 scale = (2, 2)"),
+    shader("N", "ND_normalmap", "float3 in <- V.out\nfloat scale = 2"),
+    shader("V", "ND_image_vector3", "asset file = @./rgb.png@"),
 )
 JUNK = '<>/"=()[]{},.SM0-9\u00e4@ '
 WORDS = (

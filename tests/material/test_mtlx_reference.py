@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from bound_files import lost
-from look_files import write_gray
+from look_files import lost, write_gray
 
 from lookdev.errors import LookError, StageError
 from lookdev.material.look import Displacement, Formula, Texture

@@ -23,7 +23,7 @@ from lookdev.material.usd import read_look
 ROOT = Path(__file__).parents[2]
 LOOKS = sorted((ROOT / "materials").glob("*.usda"))
 
-WRAPS = 'token inputs:sourceColorSpace = "raw"\ntoken inputs:wrapS = "repeat"\ntoken inputs:wrapT = "repeat"'
+WRAPS = 'token sourceColorSpace = "raw"\ntoken wrapS = "repeat"\ntoken wrapT = "repeat"'
 GRAY = texture(WRAPS, name="Gray")
 MEAN = 128 / 255  # of that texture: 0.5 in eight bits
 RED, GREEN = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
@@ -138,7 +138,7 @@ def test_a_layer_that_transmits_is_a_tinted_coat() -> None:
 
 
 def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) -> None:
-    shown = preview_of(write(rough("Gray.outputs:r") + GRAY))
+    shown = preview_of(write(rough("Gray.r") + GRAY))
     assert shown["roughness"] == "/M/Gray.outputs:r"
     assert shown["metallic"] == 0.0
 
@@ -146,27 +146,21 @@ def test_a_texture_of_the_base_is_connected_through(write: Callable[..., Path]) 
 @pytest.mark.parametrize(
     ("mask", "expected"),
     [
-        ("float inputs:layer1Mask = 0.4", "/M/Gray.outputs:r"),
-        ("float inputs:layer1Mask = 0.6", pytest.approx(0.4 * MEAN + 0.6 * 0.25, abs=1e-6)),
-        (
-            "float inputs:layer1Mask.connect = </M/Gray.outputs:r>",
-            pytest.approx((1.0 - MEAN) * MEAN + MEAN * 0.25, abs=1e-6),
-        ),
-        ("bool inputs:layer1Enabled = 0", "/M/Gray.outputs:r"),
+        ("float layer1Mask = 0.4", "/M/Gray.outputs:r"),
+        ("float layer1Mask = 0.6", pytest.approx(0.4 * MEAN + 0.6 * 0.25, abs=1e-6)),
+        ("float layer1Mask <- Gray.r", pytest.approx((1.0 - MEAN) * MEAN + MEAN * 0.25, abs=1e-6)),
+        ("bool layer1Enabled = 0", "/M/Gray.outputs:r"),
     ],
 )
 def test_the_layer_with_most_weight_is_connected(write: Callable[..., Path], mask: str, expected: object) -> None:
-    coat = disney("Coat", "float inputs:roughness = 0.25")
-    shown = preview_of(write(stack(BASE + LAYER1 + mask, rough("Gray.outputs:r"), coat, GRAY), STACK))
+    coat = disney("Coat", "float roughness = 0.25")
+    shown = preview_of(write(stack(BASE + LAYER1 + mask, rough("Gray.r"), coat, GRAY), STACK))
     assert shown["roughness"] == expected
 
 
 def test_an_interface_input_is_followed_and_a_cut_out_too(write: Callable[..., Path]) -> None:
-    body = (
-        "color3f inputs:surfaceColor.connect = </M.inputs:tint>\nfloat inputs:clear = 0.5\n"
-        "float inputs:presence.connect = </M/Gray.outputs:r>"
-    )
-    shown = preview_of(write("color3f inputs:tint = (1, 0, 0)\n" + pixar(body=body) + GRAY))
+    body = "color3f surfaceColor <- .tint\nfloat clear = 0.5\nfloat presence <- Gray.r"
+    shown = preview_of(write("color3f tint = (1, 0, 0)\n" + pixar(body=body) + GRAY))
     assert shown["diffuseColor"] == "/M.inputs:tint"
     assert shown["opacity"] == "/M/Gray.outputs:r"
 
@@ -198,7 +192,7 @@ def test_it_is_a_preview_surface_as_usd_defines_it(write: Callable[..., Path]) -
 
 
 def test_what_the_models_do_not_have_is_kept(write: Callable[..., Path]) -> None:
-    mine = shader("Mine", "UsdPreviewSurface", "float inputs:displacement = 0.5\nfloat inputs:roughness = 0.9")
+    mine = shader("Mine", "UsdPreviewSurface", "float displacement = 0.5\nfloat roughness = 0.9")
     file = write("token outputs:surface.connect = </M/Mine.outputs:surface>\n" + disney() + mine)
     assert write_preview(file) == "/M/Mine"
     stage = Usd.Stage.Open(str(file))

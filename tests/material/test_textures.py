@@ -12,13 +12,7 @@ import pytest
 
 from lookdev.errors import TextureError
 from lookdev.material.look import Texture
-from lookdev.material.textures import (
-    image_header,
-    linear_texture,
-    sample_slopes,
-    sample_texture,
-    slope_texture,
-)
+from lookdev.material.textures import image_header, linear_texture, sample_slopes, sample_texture, slope_texture
 from lookdev.stage.colorspaces import srgb_to_linear
 
 

@@ -26,23 +26,23 @@ def test_a_look_without_displacement_has_none(write: Write) -> None:
 
 
 def test_a_constant_and_all_settings(write: Write) -> None:
-    inputs = """float inputs:height = 0.5
-    float inputs:scale = -2
-    float inputs:midlevel = 0.25
-    token inputs:units = "world" """
+    inputs = """float height = 0.5
+    float scale = -2
+    float midlevel = 0.25
+    token units = "world" """
     assert read_look(write(displaced(inputs))).displacement == Displacement(0.5, -2.0, 0.25, "world")
 
 
 def test_defaults(write: Write) -> None:
-    assert read_look(write(displaced("float inputs:height = 7"))).displacement == Displacement(7.0, 1.0, 0.0, "object")
+    assert read_look(write(displaced("float height = 7"))).displacement == Displacement(7.0, 1.0, 0.0, "object")
 
 
 @pytest.mark.parametrize(
     ("output", "more", "kind"),
     [
         ("Tex.outputs:g", texture(), Texture),
-        ("P.outputs:result", shader("P", "UsdPrimvarReader_float", 'string inputs:varname = "h"'), Primvar),
-        ("X.outputs:result", shader("X", "LookdevExpression", 'string inputs:expression = "2 - 5"'), Formula),
+        ("P.outputs:result", shader("P", "UsdPrimvarReader_float", 'string varname = "h"'), Primvar),
+        ("X.outputs:result", shader("X", "LookdevExpression", 'string expression = "2 - 5"'), Formula),
     ],
 )
 def test_heights_come_from_nodes(write: Write, output: str, more: str, kind: type) -> None:
@@ -62,30 +62,26 @@ def test_heights_come_from_nodes(write: Write, output: str, more: str, kind: typ
         ),
         (TERMINAL + disney(), "/M.outputs:lookdev:displacement", "is no output of a shader"),
         (displaced(""), "/M/Moved.inputs:height", "is neither set nor connected"),
-        (displaced("color3f inputs:height = (1, 1, 1)"), "/M/Moved.inputs:height", "has type color3f"),
-        (displaced("float inputs:height = nan"), "/M/Moved.inputs:height", "nan is not finite"),
-        (displaced("float inputs:height = 1\nfloat inputs:scale = inf"), "/M/Moved.inputs:scale", "inf is not finite"),
-        (displaced("float inputs:height = 1\nfloat inputs:sacle = 1"), "/M/Moved.inputs:sacle", "unknown input"),
-        (displaced('float inputs:height = 1\ntoken inputs:units = "feet"'), "/M/Moved.inputs:units", "unknown value"),
-        (
-            displaced("float inputs:height.connect = </M/Tex.outputs:rgb>", texture()),
-            "/M/Moved.inputs:height",
-            "cannot use </M/Tex.outputs:rgb>",
-        ),
+        (displaced("color3f height = (1, 1, 1)"), "/M/Moved.inputs:height", "has type color3f"),
+        (displaced("float height = nan"), "/M/Moved.inputs:height", "nan is not finite"),
+        (displaced("float height = 1\nfloat scale = inf"), "/M/Moved.inputs:scale", "inf is not finite"),
+        (displaced("float height = 1\nfloat sacle = 1"), "/M/Moved.inputs:sacle", "unknown input"),
+        (displaced('float height = 1\ntoken units = "feet"'), "/M/Moved.inputs:units", "unknown value"),
+        (displaced("float height <- Tex.rgb", texture()), "/M/Moved.inputs:height", "cannot use </M/Tex.outputs:rgb>"),
         (
             displaced("float inputs:height.connect = </M/Moved.inputs:height>"),
             "/M/Moved.inputs:height",
             "which is no output of a shader",
         ),
         (
-            displaced("float inputs:height = 1\nfloat inputs:scale.connect = </M/Tex.outputs:r>", texture()),
+            displaced("float height = 1\nfloat scale <- Tex.r", texture()),
             "/M/Moved.inputs:scale",
             "it must be a constant",
         ),
         (
             displaced(
-                "float inputs:height.connect = </M/X.outputs:result>",
-                shader("X", "LookdevExpression", 'string inputs:expression = "0.1 * view"\nfloat outputs:result'),
+                "float height <- X.result",
+                shader("X", "LookdevExpression", 'string expression = "0.1 * view"\nfloat outputs:result'),
             ),
             "/M/Moved.inputs:height",
             "depends on the view",

@@ -17,16 +17,16 @@ from lookdev.material.validate.examine import examine
 from lookdev.material.values import Values
 from lookdev.scene.uvs import look_uvs
 
-TEX = texture('token inputs:sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:rgb')
-EDGE = shader("Edge", "UsdPrimvarReader_float", 'string inputs:varname = "edge"\nfloat inputs:fallback = 0.25')
+TEX = texture('token sourceColorSpace = "raw"\nfloat outputs:r\nfloat3 outputs:rgb')
+EDGE = shader("Edge", "UsdPrimvarReader_float", 'string varname = "edge"\nfloat fallback = 0.25')
 
 
 def expression(text: str, inputs: str = "", name: str = "Expr", kind: str = "float") -> str:
-    return shader(name, "LookdevExpression", f'string inputs:expression = "{text}"\n{inputs}\n{kind} outputs:result')
+    return shader(name, "LookdevExpression", f'string expression = "{text}"\n{inputs}\n{kind} outputs:result')
 
 
 def masked(*shaders: str) -> str:
-    mask = "float inputs:layer1Mask.connect = </M/Expr.outputs:result>\n"
+    mask = "float layer1Mask <- Expr.result\n"
     return stack(BASE + LAYER1 + mask, disney(), disney("Coat"), *shaders)
 
 
@@ -37,11 +37,11 @@ def mask_of(write, *shaders: str) -> Formula:
 
 
 def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) -> None:
-    inputs = """float inputs:dirt.connect = </M/Tex.outputs:r>
-        float inputs:edge.connect = </M/Edge.outputs:result>
-        float inputs:amount = 0.5
-        color3f inputs:tint = (1, 0, 0)
-        float2 inputs:st.connect = </M/St.outputs:result>"""
+    inputs = """float dirt <- Tex.r
+        float edge <- Edge.result
+        float amount = 0.5
+        color3f tint = (1, 0, 0)
+        float2 st <- St.result"""
     text = "clamp(dirt * (1 - edge) * amount + tint[0] + st[1], 0, 1)"
     mask = mask_of(write, expression(text, inputs), TEX, EDGE)
     assert mask.kinds == {"dirt": "float", "edge": "float", "amount": "float", "tint": "color", "st": "color"}
@@ -52,22 +52,22 @@ def test_an_expression_reads_textures_primvars_constants_and_coordinates(write) 
 
 
 def test_an_expression_may_read_an_expression(write) -> None:
-    inner = expression("a * a", "float inputs:a = 3", "Inner")
-    mask = mask_of(write, expression("inner + 1", "float inputs:inner.connect = </M/Inner.outputs:result>"), inner)
+    inner = expression("a * a", "float a = 3", "Inner")
+    mask = mask_of(write, expression("inner + 1", "float inner <- Inner.result"), inner)
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
     assert float(Values(inputs).read(mask, color=False)) == 10.0
 
 
 def test_a_parameter_may_be_an_expression(write) -> None:
-    color = "color3f inputs:baseColor.connect = </M/Expr.outputs:result>"
-    look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float inputs:a = 0.25", kind="color3f")))
+    color = "color3f baseColor <- Expr.result"
+    look = read_look(write(disney(body=color) + expression("[a, 0, a * 2]", "float a = 0.25", kind="color3f")))
     inputs = Inputs(Graph(), lambda source: pytest.fail("no image is there"))
     np.testing.assert_array_equal(Values(inputs).read(look.layers[0].inputs["baseColor"], color=True), [0.25, 0.0, 0.5])
 
 
-@pytest.mark.parametrize("declared", ["", "float inputs:view"])
+@pytest.mark.parametrize("declared", ["", "float view"])
 def test_the_view_needs_no_source(write, declared: str) -> None:
-    file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float inputs:a = 0.5\n{declared}")), STACK)
+    file = write(masked(expression("smoothstep(1 - view, 0, 1) * a", f"float a = 0.5\n{declared}")), STACK)
     mask = read_look(file).layers[1].mask
     assert isinstance(mask, Formula)
     assert (mask.inputs, mask.kinds) == ({"view": View(), "a": 0.5}, {"view": "float", "a": "float"})
@@ -75,15 +75,15 @@ def test_the_view_needs_no_source(write, declared: str) -> None:
 
 
 def test_an_input_named_view_is_that_input(write) -> None:
-    connected = "color3f inputs:view.connect = </M/Tex.outputs:rgb>"
-    assert mask_of(write, expression("view", "float inputs:view = 0.25")).inputs == {"view": 0.25}
+    connected = "color3f view <- Tex.rgb"
+    assert mask_of(write, expression("view", "float view = 0.25")).inputs == {"view": 0.25}
     assert isinstance(mask_of(write, expression("view[0]", connected), TEX).inputs["view"], Texture)
 
 
 def test_every_kind_of_parameter_may_depend_on_the_view(write) -> None:
-    links = """color3f inputs:baseColor.connect = </M/Color.outputs:result>
-        float inputs:roughness.connect = </M/Expr.outputs:result>
-        normal3f inputs:normal.connect = </M/Normal.outputs:result>"""
+    links = """color3f baseColor <- Color.result
+        float roughness <- Expr.result
+        normal3f normal <- Normal.result"""
     nodes = expression("[view, 0, 1 - view]", name="Color", kind="color3f") + expression("view ^ 2")
     normal = expression("[0.2 * view, 0, 1]", name="Normal", kind="normal3f")
     look = read_look(write(disney(body=links) + nodes + normal))
@@ -96,24 +96,20 @@ FAULTS = {
     "syntax": (expression("1 +"), "/M/Expr.inputs:expression", "^"),
     "unknown name": (expression("dirt * 2"), "/M/Expr.inputs:dirt", "which is no input of its node"),
     "unknown function": (expression("smothstep(1, 0, 1)"), "/M/Expr.inputs:expression", "smoothstep"),
-    "unused input": (expression("1", "float inputs:dirt = 1"), "/M/Expr.inputs:dirt", "unknown input"),
-    "unset input": (expression("dirt", "float inputs:dirt"), "/M/Expr.inputs:dirt", "neither set nor connected"),
-    "a view of another type": (expression("view", "color3f inputs:view"), "/M/Expr.inputs:view", "it must be float"),
-    "wrong type": (expression("dirt", "int inputs:dirt = 1"), "/M/Expr.inputs:dirt", "has type int"),
+    "unused input": (expression("1", "float dirt = 1"), "/M/Expr.inputs:dirt", "unknown input"),
+    "unset input": (expression("dirt", "float dirt"), "/M/Expr.inputs:dirt", "neither set nor connected"),
+    "a view of another type": (expression("view", "color3f view"), "/M/Expr.inputs:view", "it must be float"),
+    "wrong type": (expression("dirt", "int dirt = 1"), "/M/Expr.inputs:dirt", "has type int"),
     "a color for a mask": (expression("[1, 0, 0]"), "/M/Expr.inputs:expression", "luminance"),
     "a color for a float": (
-        expression("noise(c)", "color3f inputs:c = (1, 0, 0)"),
+        expression("noise(c)", "color3f c = (1, 0, 0)"),
         "/M/Expr.inputs:expression",
         "needs a float, this is a color",
     ),
-    "cycle": (
-        expression("a", "float inputs:a.connect = </M/Expr.outputs:result>"),
-        "/M/Expr.inputs:a",
-        "reads its own result",
-    ),
+    "cycle": (expression("a", "float a <- Expr.result"), "/M/Expr.inputs:a", "reads its own result"),
     "wrong output": (
-        expression("a", "float inputs:a.connect = </M/Other.outputs:value>")
-        + shader("Other", "LookdevExpression", 'string inputs:expression = "1"\nfloat outputs:value'),
+        expression("a", "float a <- Other.value")
+        + shader("Other", "LookdevExpression", 'string expression = "1"\nfloat outputs:value'),
         "/M/Expr.inputs:a",
         "use outputs:result",
     ),
@@ -128,7 +124,7 @@ def test_fault(write, shaders: str, where: str, message: str) -> None:
 
 
 def test_expressions_do_not_nest_without_end(write) -> None:
-    link = "float inputs:a.connect = </M/E{}.outputs:result>"
+    link = "float a <- E{}.result"
     chain = "".join(expression("a", link.format(number + 1), f"E{number}") for number in range(40))
     faults = faults_of(write(masked(expression("a", link.format(0)), chain), STACK))
     assert "more than 32 expressions" in faults[0][1]
@@ -136,15 +132,15 @@ def test_expressions_do_not_nest_without_end(write) -> None:
 
 
 def test_a_layer_has_one_output(write) -> None:
-    ((place, what, hint),) = faults_of(write(stack(BASE.replace("layer>", "out>"), disney()), STACK))
+    ((place, what, hint),) = faults_of(write(stack(BASE.replace(".layer", ".out"), disney()), STACK))
     assert (place, what, hint) == ("/M/Layers.inputs:base", "cannot use </M/Base.outputs:out>", "use outputs:layer")
 
 
 def test_what_expressions_share_is_read_and_computed_once(write) -> None:
     """Each of thirty reads the next twice: 2^30 paths lead to the texture."""
-    link = "float inputs:a.connect = </M/E{0}.outputs:result>\nfloat inputs:b.connect = </M/E{0}.outputs:result>"
+    link = "float a <- E{0}.result\nfloat b <- E{0}.result"
     chain = [expression("a * b", link.format(number + 1), f"E{number}") for number in range(30)]
-    dirt = expression("dirt", "float inputs:dirt.connect = </M/Tex.outputs:r>", "E30")
+    dirt = expression("dirt", "float dirt <- Tex.r", "E30")
     file = write(masked(expression("a + b", link.format(0)), *chain, dirt, TEX), STACK)
     look = read_look(file)
     assert look_uvs(look) == ("st",)
@@ -158,7 +154,7 @@ def test_what_expressions_share_is_read_and_computed_once(write) -> None:
 def test_a_set_of_tiles_is_one_texture(write, tmp_path) -> None:
     for tile in ("1001", "1002", "1011"):
         (tmp_path / f"dirt.{tile}.png").write_bytes((tmp_path / "gray.png").read_bytes())
-    mask = "float inputs:layer1Mask.connect = </M/Tex.outputs:r>\n"
+    mask = "float layer1Mask <- Tex.r\n"
     body = stack(BASE + LAYER1 + mask, disney(), disney("Coat"), TEX.replace("gray.png", "dirt.<UDIM>.png"))
     found = read_look(write(body, STACK)).layers[1].mask
     assert isinstance(found, Texture)

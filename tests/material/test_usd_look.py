@@ -16,10 +16,10 @@ from lookdev.material.usd import has_look, read_look
 def test_only_authored_constants_become_inputs(write) -> None:
     file = write(
         disney(
-            body="""color3f inputs:baseColor = (0.25, 0.5, 1)
-            float inputs:roughness = 0.125
-            float inputs:sheen
-            token inputs:variant = "2012" """
+            body="""color3f baseColor = (0.25, 0.5, 1)
+            float roughness = 0.125
+            float sheen
+            token variant = "2012" """
         )
     )
     inputs = {"baseColor": (0.25, 0.5, 1.0), "roughness": 0.125, "variant": "2012"}
@@ -29,16 +29,16 @@ def test_only_authored_constants_become_inputs(write) -> None:
 
 def test_interface_inputs_and_node_graphs_are_followed(write) -> None:
     file = write(
-        """float inputs:rough = 0.5
-        float inputs:unset
+        """float rough = 0.5
+        float unset
         def NodeGraph "Graph" {
-            float inputs:in.connect = </M.inputs:rough>
+            float in <- .rough
             float outputs:out.connect = </M/Graph.inputs:in>
             token outputs:layer.connect = </M/Graph/Base.outputs:layer>
 """
         + disney(
-            body="""float inputs:roughness.connect = </M/Graph.outputs:out>
-            float inputs:sheen.connect = </M.inputs:unset>"""
+            body="""float roughness <- Graph.out
+            float sheen <- .unset"""
         )
         + "}",
         terminal="</M/Graph.outputs:layer>",
@@ -48,24 +48,24 @@ def test_interface_inputs_and_node_graphs_are_followed(write) -> None:
 
 def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
     file = write(
-        "bool inputs:dusty = 0\n"
+        "bool dusty = 0\n"
         + stack(
             BASE
             + LAYER1
-            + """token inputs:layer1Mode = "over"
-            token inputs:layer2.connect = </M/Base.outputs:layer>
-            float inputs:layer2Mask = 0.25
-            bool inputs:layer2Enabled.connect = </M.inputs:dusty>
-            token inputs:layer3.connect = </M/Dust.outputs:layer>
-            float inputs:layer3Mask.connect = </M/Tex.outputs:g>
-            bool inputs:layer3Enabled = 1
-            token inputs:layer4.connect = </M/Coat.outputs:layer>
-            float inputs:layer4Mask.connect = </M/Worn.outputs:result>""",
+            + """token layer1Mode = "over"
+            token layer2 <- Base.layer
+            float layer2Mask = 0.25
+            bool layer2Enabled <- .dusty
+            token layer3 <- Dust.layer
+            float layer3Mask <- Tex.g
+            bool layer3Enabled = 1
+            token layer4 <- Coat.layer
+            float layer4Mask <- Worn.result""",
             disney(),
-            disney("Coat", "float inputs:clearcoat = 1"),
+            disney("Coat", "float clearcoat = 1"),
             disney("Dust"),
             texture(),
-            shader("Worn", "UsdPrimvarReader_float", 'string inputs:varname = "worn"\nfloat inputs:fallback = 0.5'),
+            shader("Worn", "UsdPrimvarReader_float", 'string varname = "worn"\nfloat fallback = 0.5'),
         ),
         STACK,
     )
@@ -81,30 +81,26 @@ def test_stack_has_enabled_layers_in_order_with_their_masks(write) -> None:
 
 def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
     file = write(
-        disney(body="color3f inputs:baseColor.connect = </M/Tex.outputs:rgb>")
+        disney(body="color3f baseColor <- Tex.rgb")
         + shader(
             "Tex",
             "UsdUVTexture",
-            """asset inputs:file = @./rgb.png@
-            token inputs:wrapS = "mirror"
-            float4 inputs:scale = (2, 2, 2, 1)
-            float4 inputs:bias = (0.5, 0, 0, 0)
-            float2 inputs:st.connect = </M/Outer.outputs:result>""",
+            """asset file = @./rgb.png@
+            token wrapS = "mirror"
+            float4 scale = (2, 2, 2, 1)
+            float4 bias = (0.5, 0, 0, 0)
+            float2 st <- Outer.result""",
         )
-        + shader(
-            "Outer",
-            "UsdTransform2d",
-            "float2 inputs:in.connect = </M/Inner.outputs:result>\nfloat2 inputs:scale = (4, 8)",
-        )
+        + shader("Outer", "UsdTransform2d", "float2 in <- Inner.result\nfloat2 scale = (4, 8)")
         + shader(
             "Inner",
             "UsdTransform2d",
-            """float2 inputs:in.connect = </M/St.outputs:result>
-            float inputs:rotation = 30
-            float2 inputs:scale = (2, 3)
-            float2 inputs:translation = (0.25, 0.5)""",
+            """float2 in <- St.result
+            float rotation = 30
+            float2 scale = (2, 3)
+            float2 translation = (0.25, 0.5)""",
         )
-        + shader("St", "UsdPrimvarReader_float2", 'token inputs:varname = "map1"')
+        + shader("St", "UsdPrimvarReader_float2", 'token varname = "map1"')
     )
     found = read_look(file).layers[0].inputs["baseColor"]
     assert isinstance(found, Texture)
@@ -128,24 +124,21 @@ def test_texture_node_has_the_meaning_of_usd(write, tmp_path: Path) -> None:
     ],
 )
 def test_source_color_space(write, image: str, space: str, expected: str) -> None:
-    given = f'token inputs:sourceColorSpace = "{space}"' if space else ""
-    found = read_look(write(rough("Tex.outputs:a") + texture(given, f"@./{image}@"))).layers[0].inputs["roughness"]
+    given = f'token sourceColorSpace = "{space}"' if space else ""
+    found = read_look(write(rough("Tex.a") + texture(given, f"@./{image}@"))).layers[0].inputs["roughness"]
     assert isinstance(found, Texture)
     assert (found.colorspace, found.channel) == (expected, "a")
 
 
 def test_primvar_color(write) -> None:
-    reader = 'string inputs:varname = "displayColor"\nfloat3 inputs:fallback = (1, 0.5, 0)'
-    file = write(
-        disney(body="color3f inputs:baseColor.connect = </M/Color.outputs:result>")
-        + shader("Color", "UsdPrimvarReader_float3", reader)
-    )
+    reader = 'string varname = "displayColor"\nfloat3 fallback = (1, 0.5, 0)'
+    file = write(disney(body="color3f baseColor <- Color.result") + shader("Color", "UsdPrimvarReader_float3", reader))
     assert read_look(file).layers[0].inputs == {"baseColor": Primvar("displayColor", (1.0, 0.5, 0.0))}
 
 
 @pytest.mark.parametrize("usd_type", ["normal3f", "vector3f", "float3"])
 def test_constant_normal_need_not_be_unit(write, usd_type: str) -> None:
-    file = write(pixar(body=f"{usd_type} inputs:diffuseNormal = (0, -0.375, 0.5)"))
+    file = write(pixar(body=f"{usd_type} diffuseNormal = (0, -0.375, 0.5)"))
     assert read_look(file).layers[0] == Layer("Base", "pixar", {"diffuseNormal": (0.0, -0.375, 0.5)})
 
 
@@ -160,20 +153,20 @@ def test_constant_normal_need_not_be_unit(write, usd_type: str) -> None:
     ],
 )
 def test_normal_map(write, tmp_path: Path, image: str, scale: tuple[float, ...], bias: tuple[float, ...]) -> None:
-    node = f'token inputs:sourceColorSpace = "raw"\nfloat4 inputs:scale = {scale}\nfloat4 inputs:bias = {bias}'
-    layer = pixar(body="normal3f inputs:highlightNormal.connect = </M/Tex.outputs:rgb>")
+    node = f'token sourceColorSpace = "raw"\nfloat4 scale = {scale}\nfloat4 bias = {bias}'
+    layer = pixar(body="normal3f highlightNormal <- Tex.rgb")
     found = read_look(write(layer + texture(node, f"@./{image}@"))).layers[0].inputs["highlightNormal"]
     assert isinstance(found, Texture)
     assert (found.file, found.channel, found.colorspace) == (tmp_path / image, "rgb", "raw")
     assert found.scale + found.bias == pytest.approx(scale + bias, rel=2.0**-24)  # stored as float32
 
 
-@pytest.mark.parametrize(("inputs", "scale"), [("", 1.0), ("float inputs:scale = -0.25", -0.25)])
+@pytest.mark.parametrize(("inputs", "scale"), [("", 1.0), ("float scale = -0.25", -0.25)])
 def test_bump_is_a_height_and_its_scale(write, tmp_path: Path, inputs: str, scale: float) -> None:
     file = write(
-        "float inputs:h.connect = </M/Tex.outputs:b>\n"
-        + pixar(body="normal3f inputs:diffuseNormal.connect = </M/Bump.outputs:normal>")
-        + shader("Bump", "LookdevBump", "float inputs:height.connect = </M.inputs:h>\n" + inputs)
+        "float h <- Tex.b\n"
+        + pixar(body="normal3f diffuseNormal <- Bump.normal")
+        + shader("Bump", "LookdevBump", "float height <- .h\n" + inputs)
         + texture()
     )
     height = Texture(tmp_path / "gray.png", "b", "raw", "black", "black")
@@ -183,22 +176,22 @@ def test_bump_is_a_height_and_its_scale(write, tmp_path: Path, inputs: str, scal
 def test_modes_and_mixed_models(write) -> None:
     file = write(
         stack(
-            """token inputs:base.connect = </M/Wood.outputs:layer>
-            token inputs:layer1.connect = </M/Lacquer.outputs:layer>
-            token inputs:layer1Mode = "transmit"
-            token inputs:layer2.connect = </M/Dust.outputs:layer>
-            token inputs:layer2Mode = "over"
-            token inputs:layer3.connect = </M/Old.outputs:layer>
-            token inputs:layer4.connect = </M/Saved.outputs:layer>
-            token inputs:layer5.connect = </M/Dust.outputs:layer>
-            token inputs:layer5Mode = "transmit"
-            bool inputs:layer5Enabled = 0""",
+            """token base <- Wood.layer
+            token layer1 <- Lacquer.layer
+            token layer1Mode = "transmit"
+            token layer2 <- Dust.layer
+            token layer2Mode = "over"
+            token layer3 <- Old.layer
+            token layer4 <- Saved.layer
+            token layer5 <- Dust.layer
+            token layer5Mode = "transmit"
+            bool layer5Enabled = 0""",
             pixar("Wood"),
-            pixar("Lacquer", "float inputs:clear = 1"),
+            pixar("Lacquer", "float clear = 1"),
             disney("Dust"),
             # Over the first layer of another model each layer stands alone, with tokens of its own.
-            disney("Old", 'token inputs:variant = "2012"'),
-            pixar("Saved", 'token inputs:energy = "conserving"'),
+            disney("Old", 'token variant = "2012"'),
+            pixar("Saved", 'token energy = "conserving"'),
         ),
         STACK,
     )
@@ -213,7 +206,7 @@ def test_modes_and_mixed_models(write) -> None:
 
 
 def test_metals_of_layers_may_differ(write) -> None:
-    body = 'token inputs:fresnel = "conductor"\ncolor3f inputs:eta = (0.25, 0.5, 1.5)\ncolor3f inputs:k = (4, 2, 2)'
+    body = 'token fresnel = "conductor"\ncolor3f eta = (0.25, 0.5, 1.5)\ncolor3f k = (4, 2, 2)'
     file = write(stack(f"{BASE}\n{LAYER1}", disney(), disney("Coat", body)), STACK)
     base, top = read_look(file).layers
     assert base.inputs == {}
@@ -221,15 +214,15 @@ def test_metals_of_layers_may_differ(write) -> None:
 
 
 def test_a_metal_beside_what_it_stands_for_is_a_fault(write) -> None:
-    named = 'token inputs:metal = "gold"'
+    named = 'token metal = "gold"'
     assert read_look(write(disney(body=named))).layers[0].inputs == {"metal": "gold"}
-    [(where, what, _)] = faults_of(write(disney(body=f"{named}\ncolor3f inputs:k = (4, 2, 2)")))
+    [(where, what, _)] = faults_of(write(disney(body=f"{named}\ncolor3f k = (4, 2, 2)")))
     assert where == "/M/Base"
     assert what.startswith("disney.k is (4.0, 2.0, 2.0), but metal 'gold' stands for (")
 
 
 def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
-    (tmp_path / "preset.usda").write_text("#usda 1.0\n" + disney("Gold", "float inputs:metallic = 1"))
+    (tmp_path / "preset.usda").write_text("#usda 1.0\n" + disney("Gold", "float metallic = 1"))
     file = write(
         """variantSet "finish" = {
             "plain" {
@@ -238,12 +231,12 @@ def test_references_and_nested_variants_compose(write, tmp_path: Path) -> None:
                 variantSet "rough" = {
                     "low" {
                         over "Base" {
-                            float inputs:roughness = 0.25
+                            float roughness = 0.25
                         }
                     }
                     "high" {
                         over "Base" {
-                            float inputs:roughness = 0.75
+                            float roughness = 0.75
                         }
                     }
                 }

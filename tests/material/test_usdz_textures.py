@@ -44,21 +44,21 @@ def roughness(file: Path) -> Texture:
 
 
 def test_an_image_of_the_root_layer(tmp_path: Path) -> None:
-    text = look(rough("Tex.outputs:r") + texture(file="@tex/a.png@"))
+    text = look(rough("Tex.r") + texture(file="@tex/a.png@"))
     found = roughness(package(tmp_path, {"look.usda": text}, {"tex/a.png": 0.2}))
     assert found.file.name == "a.png"
     np.testing.assert_allclose(sample_texture(found, [0.5, 0.5]), 51 / 255)
 
 
 def test_an_image_relative_to_a_layer_inside(tmp_path: Path) -> None:
-    text = look(rough("Tex.outputs:r") + texture(file="@./tex/a.png@"))
+    text = look(rough("Tex.r") + texture(file="@./tex/a.png@"))
     root = '#usda 1.0\n(\n defaultPrim = "M"\n)\ndef "M" (\n references = @parts/mat.usda@\n)\n{\n}\n'
     file = package(tmp_path, {"root.usda": root, "parts/mat.usda": text}, {"parts/tex/a.png": 0.4})
     np.testing.assert_allclose(sample_texture(roughness(file), [0.5, 0.5]), 0.4)
 
 
 def test_equal_content_is_one_file_and_a_changed_package_another(tmp_path: Path) -> None:
-    text = look(rough("Tex.outputs:r") + texture(file="@a.png@"))
+    text = look(rough("Tex.r") + texture(file="@a.png@"))
     first, second = (
         roughness(package(tmp_path, {"look.usda": text}, {"a.png": 0.2}, name)) for name in ("1.usdz", "2.usdz")
     )
@@ -69,13 +69,13 @@ def test_equal_content_is_one_file_and_a_changed_package_another(tmp_path: Path)
 
 
 def test_a_file_that_left_the_cache_is_copied_again(tmp_path: Path) -> None:
-    file = package(tmp_path, {"look.usda": look(rough("Tex.outputs:r") + texture(file="@a.png@"))}, {"a.png": 0.2})
+    file = package(tmp_path, {"look.usda": look(rough("Tex.r") + texture(file="@a.png@"))}, {"a.png": 0.2})
     roughness(file).file.unlink()
     np.testing.assert_allclose(sample_texture(roughness(file), [0.5, 0.5]), 0.2)
 
 
 def test_a_set_of_tiles(tmp_path: Path) -> None:
-    text = look(rough("Tex.outputs:r") + texture(file="@tex/a.<UDIM>.png@"))
+    text = look(rough("Tex.r") + texture(file="@tex/a.<UDIM>.png@"))
     file = package(tmp_path, {"look.usda": text}, {"tex/a.1001.png": 0.2, "tex/a.1012.png": 0.6})
     values = sample_texture(roughness(file), [[0.5, 0.5], [1.5, 1.5], [1.5, 0.5]])
     np.testing.assert_allclose(values, [0.2, 0.6, 0.0])
@@ -86,13 +86,13 @@ def test_a_set_of_tiles(tmp_path: Path) -> None:
     [("@b.png@", "no such image file: b.png"), ("@b.<UDIM>.png@", "no tile of this set: b.<UDIM>.png")],
 )
 def test_a_missing_image_is_a_fault(tmp_path: Path, file: str, what: str) -> None:
-    text = look(rough("Tex.outputs:r") + texture(file=file))
+    text = look(rough("Tex.r") + texture(file=file))
     ((where, said, _),) = faults_of(package(tmp_path, {"look.usda": text}, {"a.png": 0.2}))
     assert (where, said) == ("/M/Tex.inputs:file", what)
 
 
 def test_a_file_that_is_no_image_is_a_fault(tmp_path: Path) -> None:
-    text = look(rough("Tex.outputs:r") + texture(file="@a.png@"))
+    text = look(rough("Tex.r") + texture(file="@a.png@"))
     ((where, said, _),) = faults_of(package(tmp_path, {"look.usda": text, "a.png": "no image"}, {}))
     assert where == "/M/Tex.inputs:file"
     assert "cannot be read as an image" in said

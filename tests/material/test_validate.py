@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from bound_files import preview
-from look_files import BASE, LAYER1, ST, STACK, disney, pixar, shader, stack
+from look_files import BASE, LAYER1, ST, STACK, disney, pixar, preview, shader, stack
 
 from lookdev.cli import run as run_cli
 from lookdev.material.validate.examine import MOST_COMBINATIONS, MOST_FINDINGS, examine
@@ -36,29 +35,21 @@ def layered(inputs: str, coat: str = "", base: str = "") -> str:
 
 def test_displacement_is_examined(write) -> None:
     terminal = "token outputs:lookdev:displacement.connect = </M/Moved.outputs:displacement>\n"
-    moved = shader("Moved", "LookdevDisplacement", "float inputs:height = 1\nfloat inputs:sacle = 2")
+    moved = shader("Moved", "LookdevDisplacement", "float height = 1\nfloat sacle = 2")
     ((severity, where, what),) = findings(write(terminal + disney() + moved))
     assert (severity, where, what) == ("error", "/M/Moved.inputs:sacle", "unknown input")
 
 
 NOTES = {
-    "mask 0": (
-        layered("float inputs:layer1Mask = 0"),
-        "/M/Layers.inputs:layer1Mask",
-        "the layer never shows: its mask is 0",
-    ),
+    "mask 0": (layered("float layer1Mask = 0"), "/M/Layers.inputs:layer1Mask", "the layer never shows: its mask is 0"),
     "presence 0": (
-        stack(BASE + LAYER1 + "float inputs:layer1Mask = 0.5", pixar(), pixar("Coat", "float inputs:presence = 0")),
+        stack(BASE + LAYER1 + "float layer1Mask = 0.5", pixar(), pixar("Coat", "float presence = 0")),
         "/M/Layers.inputs:layer1",
         "the layer never shows: the presence of Coat is 0",
     ),
-    "disabled": (
-        layered("bool inputs:layer1Enabled = 0"),
-        "/M/Layers.inputs:layer1Enabled",
-        "the layer is not enabled",
-    ),
+    "disabled": (layered("bool layer1Enabled = 0"), "/M/Layers.inputs:layer1Enabled", "the layer is not enabled"),
     "unread texture": (
-        layered("float inputs:layer1Mask = 0.5") + shader("Tex", "UsdUVTexture", "asset inputs:file = @./gray.png@"),
+        layered("float layer1Mask = 0.5") + shader("Tex", "UsdUVTexture", "asset file = @./gray.png@"),
         "/M/Tex",
         "UsdUVTexture that nothing reads",
     ),
@@ -80,13 +71,13 @@ def test_a_layer_without_a_mask_hides_those_beneath(write) -> None:
 
 
 def test_what_lets_light_through_hides_nothing(write) -> None:
-    mode = 'token inputs:layer1Mode = "transmit"'
+    mode = 'token layer1Mode = "transmit"'
     assert findings(write(stack(BASE + LAYER1 + mode, pixar(), pixar("Coat")), STACK)) == []
-    assert findings(write(stack(BASE + LAYER1, pixar(), pixar("Coat", "float inputs:presence = 0.5")), STACK)) == []
+    assert findings(write(stack(BASE + LAYER1, pixar(), pixar("Coat", "float presence = 0.5")), STACK)) == []
 
 
 def test_a_disabled_layer_is_examined_too(write) -> None:
-    body = layered("bool inputs:layer1Enabled = 0", coat="float inputs:roughness = 2")
+    body = layered("bool layer1Enabled = 0", coat="float roughness = 2")
     assert findings(write(body, STACK)) == [
         ("warning", "/M/Coat.inputs:roughness", "2 is out of range (in a layer that is not enabled)"),
         ("note", "/M/Layers.inputs:layer1Enabled", "the layer is not enabled"),
@@ -103,7 +94,7 @@ WITH_VARIANTS = '(\n prepend variantSets = "wear"\n variants = { string wear = "
 
 
 def rough(value: float) -> str:
-    return f'\nover "Base" {{\nfloat inputs:roughness = {value}\n}}\n'
+    return f'\nover "Base" {{\nfloat roughness = {value}\n}}\n'
 
 
 def test_every_variant_is_examined(write) -> None:
@@ -121,8 +112,8 @@ def test_every_variant_is_examined(write) -> None:
 
 
 def test_what_every_variant_shares_is_reported_once_and_what_one_leaves_unused_not(write) -> None:
-    switched = '\nover "Layers" {\nbool inputs:layer1Enabled = %d\n}\n'
-    body = layered("float inputs:layer1Mask = 0.5", base="float inputs:sheen = 7")
+    switched = '\nover "Layers" {\nbool layer1Enabled = %d\n}\n'
+    body = layered("float layer1Mask = 0.5", base="float sheen = 7")
     file = write(body + VARIANTS % (switched % 0, switched % 1), STACK, WITH_VARIANTS)
     assert examine(file).findings == (
         Finding("error", "/M/Base", "inputs:sheen", "7 is out of range", "it must be within [0, 1]"),
@@ -133,7 +124,7 @@ READ_AS = ("note", "/M", "is read as Standard Surface as Disney")
 
 
 def test_a_material_of_another_model_is_named_and_what_it_loses_noted(write) -> None:
-    body = preview("float inputs:subsurface = 1", identifier="ND_standard_surface_surfaceshader")
+    body = preview("float subsurface = 1", identifier="ND_standard_surface_surfaceshader")
     first, second = findings(file := write(body, ""))
     assert first == READ_AS
     assert second[:2] == ("note", "/M/S.inputs:subsurface")
@@ -141,14 +132,14 @@ def test_a_material_of_another_model_is_named_and_what_it_loses_noted(write) -> 
 
 
 def test_what_usd_objects_to_in_another_model_is_a_warning(write) -> None:
-    file = write(preview("float3 inputs:diffuseColor = (1, 0, 0)"), "")
+    file = write(preview("float3 diffuseColor = (1, 0, 0)"), "")
     ((severity, place, what), _) = findings(file)
     assert (severity, place) == ("warning", "/M/S.inputs:diffuseColor")
     assert "Expected 'color3f'" in what
 
 
 def test_what_one_variant_of_another_model_loses_is_noted(write) -> None:
-    lossy, plain = ('\nover "S" {\nfloat inputs:subsurface = %d\n}\n' % value for value in (1, 0))  # noqa: UP031
+    lossy, plain = ('\nover "S" {\nfloat subsurface = %d\n}\n' % value for value in (1, 0))  # noqa: UP031
     body = preview("", identifier="ND_standard_surface_surfaceshader") + VARIANTS % (lossy, plain)
     first, second = examine(write(body, "", WITH_VARIANTS)).findings
     assert (first.severity, first.prim, first.what) == READ_AS
@@ -188,7 +179,7 @@ def test_too_many_combinations_are_tried_one_by_one(write) -> None:
 
 USD_FINDINGS = {
     "type in the preview": (
-        shader("P", "UsdPreviewSurface", "double inputs:roughness = 1\ntoken outputs:surface\n"),
+        shader("P", "UsdPreviewSurface", "double roughness = 1\ntoken outputs:surface\n"),
         ("error", "/M/P.inputs:roughness", "Incorrect type"),
     ),
     "another renderer's node": (
@@ -196,8 +187,8 @@ USD_FINDINGS = {
         ("warning", "/M/P.info:id", "not found in sdrRegistry"),
     ),
     "a missing texture of the preview": (
-        shader("P", "UsdPreviewSurface", "color3f inputs:diffuseColor.connect = </M/Tex.outputs:rgb>")
-        + shader("Tex", "UsdUVTexture", "asset inputs:file = @./gone.png@\nfloat3 outputs:rgb\n"),
+        shader("P", "UsdPreviewSurface", "color3f diffuseColor <- Tex.rgb")
+        + shader("Tex", "UsdUVTexture", "asset file = @./gone.png@\nfloat3 outputs:rgb\n"),
         ("error", "", "unresolvable external dependency"),
     ),
     "geometry in a material": (
@@ -216,8 +207,8 @@ def test_usd_finds(write, body: str, expected: tuple[str, str, str]) -> None:
 
 
 def test_what_usd_finds_too_is_reported_once(write) -> None:
-    textured = disney(body="float inputs:roughness.connect = </M/Tex.outputs:r>\ndouble inputs:sheen = 1") + ST
-    image = "asset inputs:file = @./gone.png@\nfloat2 inputs:st.connect = </M/St.outputs:result>"
+    textured = disney(body="float roughness <- Tex.r\ndouble sheen = 1") + ST
+    image = "asset file = @./gone.png@\nfloat2 st <- St.result"
     gone = 'def "Gone" (\nreferences = @./gone.usda@\n) {\n}\n'
     found = findings(write(textured + shader("Tex", "UsdUVTexture", image) + gone))
     assert [place for _, place, _ in found] == ["/M/Gone", "/M/Tex.inputs:file", "/M/Base.inputs:sheen"]
@@ -225,7 +216,7 @@ def test_what_usd_finds_too_is_reported_once(write) -> None:
 
 def test_only_the_material_named_is_examined(write) -> None:
     other = 'def Material "N" {\ntoken outputs:lookdev:surface.connect = </N/Base.outputs:layer>\n%s}\n'
-    file = write(disney(), before=other % disney(body="float inputs:sheen = 7"))
+    file = write(disney(), before=other % disney(body="float sheen = 7"))
     assert [place for _, place, _ in findings(file)] == ["/N/Base.inputs:sheen"]
     assert findings(file, prim="/M") == []
     assert examine(file).materials == 2
@@ -235,7 +226,7 @@ def test_only_the_material_named_is_examined(write) -> None:
 
 def test_a_preset_is_a_layer_of_its_own(tmp_path: Path) -> None:
     file = tmp_path / "preset.usda"
-    file.write_text('#usda 1.0\n(\ndefaultPrim = "Base"\n)\n' + disney(body="float inputs:sheen = 7"))
+    file.write_text('#usda 1.0\n(\ndefaultPrim = "Base"\n)\n' + disney(body="float sheen = 7"))
     assert findings(file) == [("error", "/Base.inputs:sheen", "7 is out of range")]
 
 
@@ -296,18 +287,20 @@ def test_the_verb(write, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Capture
     assert [run("--variants", wear)[0] for wear in ("wear=new", "wear")] == [0, 2]
 
 
-@pytest.fixture(scope="module")
-def malformed(tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
-    """What became of every malformed file."""
-    folder = tmp_path_factory.mktemp("malformed") / "looks"
-    program = (sys.executable, "-W", "ignore", str(Path(__file__).with_name("run_malformed.py")), str(folder))
+@pytest.fixture(scope="module", params=[5, pytest.param(1, marks=pytest.mark.proof)], ids=["a fifth", "all"])
+def malformed(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> list[dict]:
+    """Return what became of malformed files: of a fifth of each family, or of all."""
+    folder, script = tmp_path_factory.mktemp("malformed") / "looks", Path(__file__).with_name("malformed.py")
+    program = (sys.executable, "-W", "ignore", str(script), str(folder), str(request.param))
     done = subprocess.run(program, capture_output=True, text=True, check=True, timeout=600)
-    return [json.loads(line) for line in done.stdout.splitlines()]
+    cases = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(cases) >= 460 // request.param
+    return cases
 
 
 def test_malformed_looks_end_in_an_error_that_names_the_file(malformed: list[dict]) -> None:
     faulty = [case for case in malformed if case["expected"] == "faulty"]
-    assert len(faulty) >= 200
+    assert len(faulty) >= 0.6 * len(malformed)
     reported = [case for case in faulty if case["status"] == 0 and case["file"] in case["read"] and case["errors"]]
     assert [case["name"] for case in faulty if case not in reported] == []
     assert [case["name"] for case in faulty if max(map(len, case["text"].splitlines())) > 2000] == []
@@ -315,7 +308,7 @@ def test_malformed_looks_end_in_an_error_that_names_the_file(malformed: list[dic
 
 def test_odd_looks_that_are_right_are_read(malformed: list[dict]) -> None:
     valid = [case for case in malformed if case["expected"] == "valid"]
-    assert len(valid) == 10
+    assert len(valid) >= 4
     assert [case["name"] for case in valid if case["status"] or case["read"] or case["errors"]] == []
 
 
