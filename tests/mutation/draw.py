@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import random
 from collections import defaultdict
 from collections.abc import Iterator
@@ -198,7 +199,8 @@ def _make(room: str, source: str, place: Place, generator: random.Random) -> Mut
     index, occurrence = generator.choice(place.operators)
     try:
         mutated = mutate_code(source, operators()[index], occurrence)
-    except AttributeError:  # Cosmic Ray replaces no exception that has a dot in its name
+        ast.parse(mutated or "")
+    except (AttributeError, SyntaxError):  # an exception's name with a dot; `not` before `:=`
         return None
     return mutated and _named(room, place.path, source, mutated, place.function)
 
@@ -225,7 +227,7 @@ def _named(room: str, path: str, source: str, mutated: str, body: tuple[str, int
     while before[-1 - tail] == after[-1 - tail] and tail < min(len(before), len(after)) - head - 1:
         tail += 1
     old, new = before[head : len(before) - tail], after[head : len(after) - tail]
-    if not old or not new or " ".join(old).split() == " ".join(new).split():
+    if not old or not new or " ".join(old).split() == " ".join(new).split() or "not not " in " ".join(new):
         return None
     depth = len(old[0]) - len(old[0].lstrip())
     text = "\n".join(line.strip() for line in old)
