@@ -65,9 +65,9 @@ def read_mutants(path: Path = LIST) -> list[Mutant]:
 
 def write_mutants(mutants: Iterable[Mutant], path: Path = LIST) -> None:
     """Write the list, a line a mutant, without values that are empty."""
-    lines = [json.dumps({key: value for key, value in asdict(mutant).items() if value not in ("", 0)}) for mutant in mutants]
+    entries = ({key: value for key, value in asdict(mutant).items() if value} for mutant in mutants)
     scratch = path.with_suffix(".new")
-    scratch.write_text("\n".join(lines) + "\n")
+    scratch.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
     scratch.replace(path)
 
 

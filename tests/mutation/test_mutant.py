@@ -1,0 +1,51 @@
+"""Mutants are found by function and text, wherever the function has moved."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mutant import Mutant, locate, mutated_source, read_mutants, read_sources, write_mutants
+
+SOURCE = """
+def albedo(x):
+    y = x * 2.0
+    if x:
+        y = x * 2.0
+    return y
+
+
+class Lobe:
+    def pdf(self):
+        return [
+            1.0,
+            self.share,
+        ]
+"""
+MUTANT = Mutant("brdf", "lookdev/brdf/a.py:albedo", "y = x * 2.0", "y = x / 2.0", occurrence=1)
+
+
+def test_a_mutant_is_planted_at_its_occurrence() -> None:
+    lines = (mutated_source(SOURCE, MUTANT) or "").split("\n")
+    assert [(n, line) for n, line in enumerate(lines) if line != SOURCE.split("\n")[n]] == [(4, "        y = x / 2.0")]
+
+
+def test_a_mutant_of_several_lines_keeps_their_indentation() -> None:
+    mutant = Mutant("brdf", "lookdev/brdf/a.py:Lobe.pdf", "1.0,\nself.share,", "1.0,")
+    assert "        return [\n            1.0,\n        ]" in (mutated_source(SOURCE, mutant) or "")
+
+
+def test_a_mutant_outlives_a_rename_where_its_text_is_unique() -> None:
+    mutant = replace(MUTANT, before="return y", after="return", occurrence=0)
+    (present,), lost = locate([mutant], {"lookdev/brdf/b.py": SOURCE.replace("albedo", "directional_albedo")})
+    assert (present.function, lost) == ("lookdev/brdf/b.py:directional_albedo", [])
+    (lost,) = locate([replace(MUTANT, before="gone")], {"lookdev/brdf/a.py": SOURCE})[1]
+    assert lost.before == "gone"
+
+
+def test_the_list_is_of_this_code(tmp_path) -> None:
+    mutants = read_mutants()
+    sources = read_sources()
+    assert not locate(mutants, sources)[1], "draw these anew, or give them the text that they have become"
+    assert len({mutant.name for mutant in mutants}) == len(mutants)
+    write_mutants(mutants, tmp_path / "copy.jsonl")
+    assert read_mutants(tmp_path / "copy.jsonl") == mutants
