@@ -25,9 +25,9 @@ def test_a_diffuser_sends_its_color_times_presence_to_each_side(degrees: float) 
     # Rough all over, Pixar's model is Lambertian: its color, shared between both sides.
     color = np.array([0.2, 0.5, 0.8])
     bsdf = bsdf_of("pixar", surfaceColor=tuple(color), roughness=1.0, back=0.25, presence=0.5)
-    found = integrate_albedo(bsdf, view(degrees))
-    np.testing.assert_allclose(found.value, 0.5 * np.stack([0.75 * color, 0.25 * color]), rtol=3e-4)
-    assert (np.abs(found.value - 0.5 * np.stack([0.75 * color, 0.25 * color])) <= found.error + 1e-12).all()
+    albedo, expected = integrate_albedo(bsdf, view(degrees)), 0.5 * np.stack([0.75 * color, 0.25 * color])
+    np.testing.assert_allclose(albedo.value, expected, rtol=3e-4)
+    assert (np.abs(albedo.value - expected) <= albedo.error + 1e-12).all()
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 60.0])
@@ -53,18 +53,18 @@ SURFACES = {
 @pytest.mark.parametrize("degrees", [10.0, 75.0])
 def test_samples_agree_with_the_quadrature(name: str, degrees: float) -> None:
     exact = integrate_albedo(SURFACES[name], view(degrees))
-    found = sample_albedo(SURFACES[name], view(degrees), 1024, 16, np.random.default_rng(3))
+    sampled = sample_albedo(SURFACES[name], view(degrees), 1024, 16, np.random.default_rng(3))
     # Student's t with 15 degrees of freedom: beyond 6 once in 40,000.
-    assert (np.abs(found.value - exact.value) <= 6.0 * found.error + exact.error).all()
-    assert (found.error < 2e-3).all()
+    assert (np.abs(sampled.value - exact.value) <= 6.0 * sampled.error + exact.error).all()
+    assert (sampled.error < 2e-3).all()
 
 
 def test_an_opaque_surface_is_not_lit_from_behind() -> None:
-    bsdf = bsdf_of("pixar", roughness=1.0, surfaceColor=(1.0, 1.0, 1.0), diffuseNormal=(0.6, 0.0, 0.8))
     # A cosine lobe that leans by theta has (1 - cos theta) / 2 below the horizon of the shading normal.
-    exact, found = integrate_albedo(bsdf, view(0.0)), sample_albedo(bsdf, view(0.0), 4096, 16, np.random.default_rng(3))
-    for each in (exact, found):
-        np.testing.assert_allclose(each.value[0], 0.9, atol=2e-3)
-        np.testing.assert_array_equal(each.value[1], 0.0)
-    leaf = bsdf_of("pixar", roughness=1.0, surfaceColor=(1.0, 1.0, 1.0), diffuseNormal=(0.6, 0.0, 0.8), back=0.25)
+    leaning = {"roughness": 1.0, "surfaceColor": (1.0, 1.0, 1.0), "diffuseNormal": (0.6, 0.0, 0.8)}
+    opaque, leaf = (bsdf_of("pixar", **leaning, back=back) for back in (0.0, 0.25))
+    sampled = sample_albedo(opaque, view(0.0), 1024, 16, np.random.default_rng(3))
+    for albedo in (integrate_albedo(opaque, view(0.0)), sampled):
+        np.testing.assert_allclose(albedo.value[0], 0.9, atol=2e-3)
+        np.testing.assert_array_equal(albedo.value[1], 0.0)
     np.testing.assert_allclose(integrate_albedo(leaf, view(0.0)).value[:, 0], [0.7, 0.3], atol=2e-3)

@@ -3,52 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 
+import diffuse_scenes
 import numpy as np
 import pytest
+from diffuse_scenes import SIGMAS, dome, lambert
 from shapes import CAMERA, INSIDE, SIZE, Plane, Sphere
 
-from lookdev.brdf import Bsdf, Lobe
-from lookdev.light import (
-    DistantLight,
-    Emission,
-    RectLight,
-    Shadow,
-    SphereLight,
-    make_environment,
-    prepare_light,
-)
+from lookdev.light import DistantLight, Emission, RectLight, Shadow, SphereLight
 from lookdev.light.mapping import rotate_z
-from lookdev.reference.render import Estimate, frame_pixels
 from lookdev.scene import Pose, camera_rays
 
 POSE = Pose(0.0, 0.0)
+GREY = lambert(0.5)
 FACING = ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0))  # emits along +y
-SIGMAS = 5.0  # of sixteen scrambles: one value in six thousand is beyond
-
-
-def lambert(albedo: float, *, transmitted: float = 0.0, presence: float = 1.0) -> Bsdf:
-    """Return a surface that reflects, and transmits, parts of the light."""
-
-    def draw(u1, u2):
-        radius, angle = np.sqrt(u1), 2.0 * np.pi * u2
-        return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - u1)], axis=-1)
-
-    def lobe(name, part, transmits):
-        return Lobe(
-            "test",
-            name,
-            presence * part,
-            lambda d: np.full(d.wi.shape, presence * part / np.pi),
-            lambda d: d.cos_theta_i / np.pi,
-            draw,
-            "diffuse",
-            transmits=transmits,
-        )
-
-    lobes = (lobe("reflected", albedo, False), *[lobe("transmitted", transmitted, True)] * (transmitted > 0.0))
-    return Bsdf(lambda wo: lobes, presence, two_sided=True)
+estimate = partial(diffuse_scenes.estimate, pose=POSE)
 
 
 @dataclass(frozen=True)
@@ -62,12 +33,7 @@ class Roofed(Plane):
         return before & (np.abs(onto[:, [0, 2]]) < 3.0).all(axis=-1), onto
 
 
-def render(shape, lights, *, pose=POSE, bsdf=None, samples=256, **options):
-    scene = replace(shape, bsdf=bsdf or lambert(0.5))
-    return frame_pixels(scene, lights, CAMERA, pose, SIZE, INSIDE, samples=samples, scrambles=16, **options)
-
-
-def assert_agree(got: Estimate, wanted: Estimate) -> None:
+def assert_agree(got, wanted) -> None:
     error = np.hypot(got.error, wanted.error)
     assert (np.abs(got.value - wanted.value) <= SIGMAS * error).all()
     assert (error < 0.01 * wanted.value.max()).all()
@@ -79,7 +45,7 @@ def small_light(y: float, **emission) -> SphereLight:
 
 def test_a_card_under_a_rectangle_has_its_irradiance() -> None:
     light = RectLight(width=1.0, height=0.5, position=(0.4, -1.5, 0.3), axes=FACING)
-    got = render(Plane(), [light], samples=1024)
+    got = estimate(GREY, Plane(), light, samples=1024)
     for pixel, value, error in zip(INSIDE, got.value, got.error, strict=True):
         steps = (np.arange(3) + 0.5) / 3.0
         x, y = (values.ravel() for values in np.meshgrid(*(pixel[:, None] + steps)))
@@ -96,27 +62,25 @@ def test_a_card_under_a_rectangle_has_its_irradiance() -> None:
 def test_several_lights_are_the_sum_of_each(shape, bounces: int) -> None:
     rng = np.random.default_rng(5)
     lights = [
-        prepare_light(make_environment("test", rng.uniform(size=(8, 16, 3)) ** 4), sampled=False),
+        dome(rng.uniform(size=(8, 16, 3)) ** 4),
         small_light(-1.6),
         RectLight(width=2.0, height=1.0, position=(0.5, -2.5, 1.0), axes=FACING, emission=Emission((1.0, 2.0, 5.0))),
     ]
-    bsdf, pose = lambert(0.4, transmitted=0.4), Pose(30.0, 75.0)
-    together = render(shape, lights, bsdf=bsdf, pose=pose, bounces=bounces)
-    each = [render(shape, [light], bsdf=bsdf, pose=pose, bounces=bounces, seed=1 + n) for n, light in enumerate(lights)]
-    error = np.sqrt(together.error**2 + sum(one.error**2 for one in each))
-    assert (np.abs(together.value - sum(one.value for one in each)) < SIGMAS * error).all()
+    render = partial(estimate, lambert(0.4, 0.4), shape, pose=Pose(30.0, 75.0), bounces=bounces)
+    together, alone = render(*lights), [render(light, seed=1 + number) for number, light in enumerate(lights)]
+    error = np.sqrt(together.error**2 + sum(single.error**2 for single in alone))
+    assert (np.abs(together.value - sum(single.value for single in alone)) < SIGMAS * error).all()
     assert (error < 0.03 * together.value).all()
 
 
 def test_a_light_is_occluded_only_by_what_lies_before_it() -> None:
     before, behind = small_light(-0.6), small_light(-2.0)
-    roofed, open_ = render(Roofed(), [before]), render(Plane(), [before])
-    np.testing.assert_allclose(roofed.value, open_.value, rtol=1e-12)
-    assert (open_.value > 1e-3).all()
-    assert (render(Roofed(), [behind]).value == 0.0).all()
-    assert (render(Plane(), [behind]).value > 1e-3).all()
-    # What is infinitely far, too.
-    assert (render(Roofed(), [DistantLight(angle=5.0, axes=FACING)]).value == 0.0).all()
+    roofed, uncovered = (estimate(GREY, shape, before).value for shape in (Roofed(), Plane()))
+    np.testing.assert_allclose(roofed, uncovered, rtol=1e-12)
+    assert (uncovered > 1e-3).all()
+    for light in (behind, DistantLight(angle=5.0, axes=FACING)):
+        assert (estimate(GREY, Roofed(), light).value == 0.0).all()
+        assert (estimate(GREY, Plane(), light).value > 1e-4).all()
 
 
 @pytest.mark.parametrize(
@@ -129,8 +93,8 @@ def test_a_light_is_occluded_only_by_what_lies_before_it() -> None:
     ],
 )
 def test_a_shadow_is_as_dark_as_the_light_wants(shadow: Shadow, share: tuple[float, ...]) -> None:
-    lit = render(Plane(), [small_light(-2.0)])
-    shadowed = render(Roofed(), [small_light(-2.0, shadow=shadow)])
+    lit = estimate(GREY, Plane(), small_light(-2.0))
+    shadowed = estimate(GREY, Roofed(), small_light(-2.0, shadow=shadow))
     np.testing.assert_allclose(shadowed.value, lit.value * np.array(share), rtol=1e-12)
 
 
@@ -140,11 +104,9 @@ def test_light_that_casts_no_shadow_is_counted_once_behind_holes(presence: float
 
     A path from the camera goes on by half of what is there, inside, and by all that is not, to the wall behind.
     """
-    furnace = prepare_light(make_environment("test", np.ones((1, 1, 3))), sampled=False)
-    unshadowed = replace(furnace, emission=Emission(shadow=Shadow(enable=False)))
-    bsdf = lambert(0.5, transmitted=0.5, presence=presence)
+    unshadowed = replace(dome(np.ones((1, 1, 3))), emission=Emission(shadow=Shadow(enable=False)))
     for bounces, wanted in ((0, presence), (1, presence + 0.5 * presence**2 + (1.0 - presence) * presence)):
-        got = render(Sphere(), [unshadowed], bsdf=bsdf, bounces=bounces)
+        got = estimate(lambert(0.5, 0.5, presence), Sphere(), unshadowed, bounces=bounces)
         assert (np.abs(got.value - wanted) < SIGMAS * got.error + 1e-9).all()
         assert (got.error < 0.02).all()
 
@@ -152,31 +114,29 @@ def test_light_that_casts_no_shadow_is_counted_once_behind_holes(presence: float
 @pytest.mark.parametrize("turns", [True, False])
 def test_the_rig_turns_but_for_what_stays(turns: bool) -> None:
     light = small_light(-1.6, turns=turns)
-    got = render(Sphere(), [light], pose=Pose(0.0, 40.0))
     position = rotate_z(light.position, 40.0 if turns else 0.0)
-    wanted = render(Sphere(), [replace(light, position=tuple(position.tolist()))])
-    assert_agree(got, wanted)
+    render = partial(estimate, GREY, Sphere())
+    assert_agree(render(light, pose=Pose(0.0, 40.0)), render(replace(light, position=tuple(position.tolist()))))
     # A sphere turns under both without effect.
-    assert_agree(render(Sphere(), [light], pose=Pose(25.0, 0.0)), render(Sphere(), [light]))
+    assert_agree(render(light, pose=Pose(25.0, 0.0)), render(light))
 
 
 def test_multipliers_scale_their_response_alone() -> None:
     """The test surface is diffuse: one multiplier is a factor of the picture, the other changes nothing."""
-    plain = render(Plane(), [small_light(-2.0)])
+    plain = estimate(GREY, Plane(), small_light(-2.0))
     assert (plain.value > 0.0).any()
     for diffuse, specular in ((0.25, 1.0), (1.0, 0.0), (0.0, 3.0)):
-        got = render(Plane(), [small_light(-2.0, diffuse=diffuse, specular=specular)])
+        got = estimate(GREY, Plane(), small_light(-2.0, diffuse=diffuse, specular=specular))
         np.testing.assert_allclose(got.value, diffuse * plain.value, rtol=1e-12)
 
 
 def test_shadows_of_all_lights_are_independent() -> None:
     """Every choice of two lights before and behind a roof, with and without shadows."""
-    for first, second in product((small_light(-0.6), small_light(-2.0)), repeat=2):
-        for shadow in (Shadow(), Shadow(enable=False)):
-            pair = [first, replace(second, emission=replace(second.emission, shadow=shadow))]
-            got = render(Roofed(), pair, samples=128)
-            wanted = [render(Plane(), [light], samples=128) for light in pair]
-            seen = [light.position[1] > -1.0 or not light.emission.shadow.enable for light in pair]
-            total = sum(one.value * lit for one, lit in zip(wanted, seen, strict=True))
-            error = np.sqrt(got.error**2 + sum(one.error**2 for one in wanted))
-            assert (np.abs(got.value - total) <= SIGMAS * error + 1e-12).all()
+    lights = small_light(-0.6), small_light(-2.0)
+    alone = [estimate(GREY, Plane(), light, samples=128) for light in lights]
+    for (i, j), shadow in product(np.ndindex(2, 2), (Shadow(), Shadow(enable=False))):
+        second = replace(lights[j], emission=replace(lights[j].emission, shadow=shadow))
+        got = estimate(GREY, Roofed(), lights[i], second, samples=128)
+        total = (i == 0) * alone[i].value + (j == 0 or not shadow.enable) * alone[j].value
+        error = np.sqrt(got.error**2 + alone[i].error ** 2 + alone[j].error ** 2)
+        assert (np.abs(got.value - total) <= SIGMAS * error + 1e-12).all(), (i, j, shadow)

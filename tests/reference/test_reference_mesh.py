@@ -31,24 +31,15 @@ def lights():
     return {name: prepare_light(load_environment(builtin=name), sampled=False) for name in ("white", "forest")}
 
 
-def polygons(points, faces, **changes):
+def polygons(points, faces):
     """Return a mesh of flat polygons, one a slot, whose u runs along x and v along y."""
     points, corners = np.array(points, np.float32), np.concatenate(faces).astype(np.int32)
     sizes = np.array([len(face) for face in faces], np.int32)
     edges = [points[face[1:3]] - points[face[0]] for face in faces]
     normals = np.repeat([np.cross(*edge) / np.linalg.norm(np.cross(*edge)) for edge in edges], sizes, axis=0)
     tangents = np.repeat([edge[0] / np.linalg.norm(edge[0]) for edge in edges], sizes, axis=0)
-    mesh = Mesh(
-        "/mesh",
-        points,
-        corners,
-        sizes,
-        np.arange(len(faces), dtype=np.int32),
-        normals.astype(np.float32),
-        tangents.astype(np.float32),
-        {"st": points[corners][:, :2]},
-    )
-    return replace(mesh, **changes)
+    slots, frames = np.arange(len(faces), dtype=np.int32), (np.float32(normals), np.float32(tangents))
+    return Mesh("/mesh", points, corners, sizes, slots, *frames, {"st": points[corners][:, :2]})
 
 
 def box_mesh():
@@ -57,13 +48,13 @@ def box_mesh():
     return polygons(points, [np.array(face) for face in faces])
 
 
-def box_asset(matrix=None, mesh=None):
-    mesh = mesh or box_mesh()
-    return make_asset("box", [mesh], [Instance(0, np.eye(4) if matrix is None else matrix)], [Slot("/box")] * 6)
+def scene_of(mesh, looks, matrix=None, **options):
+    instance = Instance(0, np.eye(4) if matrix is None else matrix)
+    return MeshScene(make_asset("thing", [mesh], [instance], [Slot("/thing")] * len(looks)), looks, **options)
 
 
-def box_scene(matrix=None, mesh=None):
-    return MeshScene(box_asset(matrix, mesh), [GREY] * 6)
+def box_scene(matrix=None, mesh=None, looks=(GREY,) * 6):
+    return scene_of(mesh or box_mesh(), looks, matrix)
 
 
 def places_in(scene, count, rng):
@@ -123,10 +114,7 @@ def test_rays_pass_the_groups_that_a_light_spares():
     """Three squares above each other, each a slot and a group of its own: from the floor up, past the second."""
     faces = [np.arange(4) + 4 * i for i in range(3)]
     points = [(x, y, z) for z in (0, 1, 2) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
-    mesh = polygons(points, faces)
-    slots = [Slot(f"/{i}") for i in range(3)]
-    asset = make_asset("squares", [mesh], [Instance(0, np.eye(4))], slots)
-    scene = MeshScene(asset, [GREY] * 3, groups=(0, 1, 2))
+    scene = scene_of(polygons(points, faces), [GREY] * 3, groups=(0, 1, 2))
     up = np.array([[0.0, 0.0, 1.0]])
     _, floor = scene.hit(np.array([0.2, 0.3, 0.5]), -up)
     for spared, height in {(): 1.0, (1,): 2.0, (2,): 1.0, (1, 2): None}.items():
@@ -144,6 +132,34 @@ def test_a_square_is_split_from_its_first_corner_and_a_dart_from_its_dent():
     square, dart = (polygons([(x, y, 0) for x, y in POLYGONS[name]], [np.arange(4)]) for name in ("square", "dart"))
     assert corner_triangles(square)[0].tolist() == [[0, 1, 2], [0, 2, 3]]
     assert corner_triangles(dart)[0].tolist() == [[0, 1, 3], [1, 2, 3]]
+
+
+@pytest.mark.parametrize(("name", "shape"), [("plane", Plane()), ("sphere", Sphere((1.0, -2.0, 0.5), 0.7))])
+def test_rays_meet_a_mesh_where_they_meet_its_shape(name, shape):
+    (mesh,) = load_asset(builtin=name).meshes
+    matrix = np.eye(4)
+    if name == "sphere":
+        matrix[:3, :3], matrix[:3, 3] = 0.7 * np.eye(3), shape.center
+    scene, rng = scene_of(mesh, [GREY], matrix), np.random.default_rng(11)
+    middle = matrix[:3, 3]
+    for origin in middle + np.array([[0.7, -4.0, 1.0], [0.7, 4.0, 1.0]]):  # from either side of the card
+        ray = middle + rng.uniform(-1.5, 1.5, (500, 3)) * (1.0, name == "sphere", 1.0) - origin
+        ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+        (hit, place), (expected, points) = scene.hit(origin, ray), shape.hit(origin, ray)
+        assert 50 < expected.sum() < 450
+        # 256 rings lack 4e-5 of the radius.
+        nearest = np.linalg.norm(np.cross(middle - origin, ray), axis=-1)
+        np.testing.assert_array_equal(hit, expected & (nearest < 0.7 * (1.0 - 4e-5)) if name == "sphere" else expected)
+        place, points, ray = place[hit], points[hit], ray[hit]
+        tolerance = 0.01 if name == "sphere" else 1e-6  # the most at the rim, which rays graze
+        np.testing.assert_allclose(scene.points(place), points, atol=tolerance)
+        frames, _ = shape.frame(points, -ray)
+        np.testing.assert_allclose(scene.frame(place, -ray)[0], frames, atol=3.0 * tolerance)
+        (met, far), (expected, far_points) = scene.onward(place, ray), shape.onward(points, ray)
+        np.testing.assert_array_equal(met, expected)
+        np.testing.assert_allclose(scene.points(far[met]), far_points[met], atol=2.0 * tolerance)
+        assert not shape.hit(origin, -ray)[0].any()
+        assert not shape.onward(far_points[met], ray[met])[0].any()
 
 
 @pytest.mark.parametrize(("name", "shape"), [("plane", Plane()), ("sphere", Sphere())])
@@ -169,20 +185,20 @@ def test_a_mesh_is_the_shape_that_it_stands_for(name, shape, model, lights):
 
 @pytest.mark.parametrize("bounces", [0, 1, 4])
 def test_a_lossless_box_in_a_furnace_lacks_what_is_still_inside(bounces, lights):
-    box, options = MeshScene(box_asset(), [LEAF] * 6), {"bounces": bounces, "samples": 64, "scrambles": 16}
-    got = frame_pixels(box, [lights["white"]], CAMERA, POSE, SIZE, INSIDE, **options)
+    options = {"bounces": bounces, "samples": 64, "scrambles": 16}
+    got = frame_pixels(box_scene(looks=[LEAF] * 6), [lights["white"]], CAMERA, POSE, SIZE, INSIDE, **options)
     # Half of what is inside leaves at every wall. Sixteen scrambles: beyond five errors is one in six thousand.
     assert (np.abs(got.value - (1.0 - 0.5 ** (bounces + 1))) <= 5.0 * got.error + 1e-9).all()
     assert (got.error < 0.02).all()
 
 
-def test_every_slot_wears_its_own_look(lights):
+def test_every_slot_has_its_own_look(lights):
     black = Look("black", (Layer("Black", "pixar", {"surfaceColor": (0.0,) * 3, "normalScale": 0.0}),))
     camera, pose = Camera(20.0, 0.0, (0.0, 0.0, 0.0), 8.0), Pose(0.0, 0.0)  # sees the wall of -y, the third
-    for wearing in range(6):
-        box = MeshScene(box_asset(), [LEAF if slot == wearing else black for slot in range(6)])
+    for white in range(6):
+        box = box_scene(looks=[LEAF if slot == white else black for slot in range(6)])
         got = frame_pixels(box, [lights["white"]], camera, pose, SIZE, INSIDE[:1], bounces=0, samples=16, scrambles=2)
-        assert (got.value > 0.4).all() == (wearing == 2)
+        assert (got.value > 0.4).all() == (white == 2)
 
 
 @pytest.mark.parametrize(("size", "place"), [(1.0, 0.0), (1e-4, 0.0), (1.0, 1e5), (1e4, -3e5)])
@@ -281,6 +297,7 @@ def test_a_look_that_reads_what_is_not_there_is_refused():
 def test_triangles_without_area_are_not_there():
     mesh = polygons([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 0, 0)], [np.arange(3), np.array([0, 1, 2])])
     line = replace(mesh, corner_points=np.array([0, 1, 2, 0, 1, 3], np.int32))
-    scene = MeshScene(make_asset("line", [line], [Instance(0, np.eye(4))], [Slot("/a"), Slot("/b")]), [GREY, GREY])
-    hit, _ = scene.hit(np.array([1.5, 0.0, 1.0]), np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)]))
+    hit, _ = scene_of(line, [GREY] * 2).hit(
+        np.array([1.5, 0.0, 1.0]), np.array([[0.0, 0.0, -1.0], [-0.5, 0.2, -1.0] / np.sqrt(1.29)])
+    )
     assert hit.tolist() == [False, True]

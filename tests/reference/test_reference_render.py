@@ -2,51 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from diffuse_scenes import SIGMAS, dome, estimate, lambert
 from shapes import CAMERA, INSIDE, POSE, SIZE, Plane, Sphere
 
-from lookdev.brdf import MODELS, Bsdf, Lobe, complete_parameters, evaluate_cosine
-from lookdev.light import Emission, make_environment, prepare_light
+from lookdev.brdf import MODELS, complete_parameters, evaluate_cosine
+from lookdev.light import Emission
 from lookdev.light.mapping import rotate_z, uv_to_direction
-from lookdev.reference.render import frame_pixels
 from lookdev.scene import Camera, Pose, camera_rays
 
-# Sixteen scrambles: beyond five of their standard errors is, with fifteen degrees of freedom, one in six thousand.
-SIGMAS, NOISE = 5.0, 2e-2
-
-
-def estimate(bsdf, shape, light, *, camera=CAMERA, pose=POSE, size=SIZE, pixels=INSIDE, **options):
-    scene = replace(shape, bsdf=bsdf)
-    return frame_pixels(scene, [light], camera, pose, size, pixels, samples=512, scrambles=16, **options)
+NOISE = 2e-2
 
 
 def assert_agrees(got, expected):
     """Check values within their own noise, which must be small; where there is none, to 1e-9."""
     assert (got.error <= NOISE * got.value).all()
     assert (np.abs(got.value - expected) <= SIGMAS * got.error + 1e-9).all()
-
-
-def lambert(reflected, transmitted, presence=1.0):
-    """Return a diffuse surface that reflects and transmits given fractions of the light."""
-
-    def lobe(name, albedo, transmits):
-        def draw(u1, u2):
-            radius, angle = np.sqrt(u1), 2.0 * np.pi * u2
-            return np.stack([radius * np.cos(angle), radius * np.sin(angle), np.sqrt(1.0 - u1)], axis=-1)
-
-        share = presence * albedo
-        functions = lambda d: np.full(d.wi.shape, share / np.pi), lambda d: d.cos_theta_i / np.pi, draw
-        return Lobe("test", name, share, *functions, "diffuse", transmits=transmits)
-
-    lobes = lobe("reflected", reflected, False), lobe("transmitted", transmitted, True)
-    return Bsdf(lambda wo: lobes, presence, two_sided=True)
-
-
-def dome(radiance):
-    return prepare_light(make_environment("test", radiance), sampled=False)
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +31,7 @@ def lamps():
     return dome(0.05 + 5.0 * np.random.default_rng(5).uniform(size=(16, 32, 3)) ** 6)
 
 
-def sky(light, pose, height=192):
+def sky(light, pose, height=64):
     """Return directions (N, 3), radiance from them (N, 3) and solid angles (N, 1): a midpoint rule over the sphere."""
     v, u = np.meshgrid((np.arange(height) + 0.5) / height, (np.arange(2 * height) + 0.5) / (2 * height), indexing="ij")
     direction = uv_to_direction(np.stack([u, v], axis=-1)).reshape(-1, 3)
@@ -99,16 +71,11 @@ def test_a_lossless_card_in_a_furnace_is_white(split, white):
     assert_agrees(estimate(lambert(1.0 - split, split), Plane(), white), 1.0)
 
 
-@pytest.mark.parametrize("bounces", [0, 1, 2, 7])
-def test_a_lossless_shell_in_a_furnace_lacks_what_is_still_inside(bounces, white):
-    # Half of what is inside leaves at every wall.
-    got = estimate(lambert(0.5, 0.5), Sphere(), white, bounces=bounces)
-    assert_agrees(got, 1.0 - 0.5 ** (bounces + 1))
-
-
-@pytest.mark.parametrize("bounces", [0, 1, 4])
-@pytest.mark.parametrize("presence", [0.0, 0.3, 0.8])
-def test_what_is_absent_lets_through(presence, bounces, white):
+@pytest.mark.parametrize(
+    ("presence", "bounces"), [(0.0, 4), (0.3, 0), (0.3, 1), (0.3, 4), (0.8, 1), (0.8, 4), (1.0, 0), (1.0, 7)]
+)
+def test_a_shell_in_a_furnace_lacks_what_is_still_inside_and_lets_through_where_it_is_absent(presence, bounces, white):
+    # Half of what is inside leaves at every wall: without holes, all but 0.5 ** (bounces + 1) in the end.
     got = estimate(lambert(0.5, 0.5, presence), Sphere(), white, bounces=bounces)
     half, absent = 0.5 * presence, 1.0 - presence
     bounced = straight = 0.0  # radiance from inside, of a path that has bounced and of one straight from the camera
@@ -117,14 +84,14 @@ def test_what_is_absent_lets_through(presence, bounces, white):
     assert_agrees(got, half + half * bounced + absent * straight)
 
 
-@pytest.mark.parametrize("bounces", [0, 1, 3])
+@pytest.mark.parametrize("bounces", [0, 3])
 def test_light_inside_a_sphere_is_even(bounces, lamps):
     # What a diffuse wall radiates lights every place of its sphere alike: an integrating sphere.
     reflected, transmitted = 0.3, 0.6
     got = estimate(lambert(reflected, transmitted), Sphere(), lamps, bounces=bounces)
     inside = transmitted * mean_irradiance(lamps) * sum(reflected**k for k in range(bounces))
-    expected = (reflected * irradiance(normals_in_pixels(Sphere()), lamps) + transmitted * inside) / np.pi
-    assert_agrees(got, expected)
+    outside = reflected * irradiance(normals_in_pixels(Sphere()), lamps)
+    assert_agrees(got, (outside + transmitted * inside) / np.pi)
 
 
 def test_light_goes_straight_through_what_is_absent(lamps):
@@ -152,16 +119,17 @@ def test_a_card_shows_the_light_of_both_sides(reflected, transmitted, pose, lamp
 def test_an_opaque_card_lit_from_behind_is_black():
     radiance = np.zeros((16, 32, 3))
     radiance[:, 2:14] = 1.0  # u below 1/2 is +y; two texels of margin on either side for the interpolation
-    behind, pose = dome(radiance), Pose(0.0, 0.0)
-    assert (estimate(lambert(0.8, 0.0), Plane(), behind, pose=pose).value == 0.0).all()
-    assert (estimate(lambert(0.0, 0.8), Plane(), behind, pose=pose).value > 0.1).all()
+    opaque, leaf = (
+        estimate(bsdf, Plane(), dome(radiance), pose=Pose(0.0, 0.0)) for bsdf in (lambert(0.8), lambert(0.0, 0.8))
+    )
+    assert (opaque.value == 0.0).all()
+    assert (leaf.value > 0.1).all()
 
 
 @pytest.mark.parametrize("shape", [Plane(), Sphere()])
 def test_a_card_that_is_partly_there_is_that_much_of_one(shape, lamps):
     # Without bounces, before a black background; the very same directions.
-    whole = estimate(lambert(0.3, 0.5), shape, lamps)
-    part = estimate(lambert(0.3, 0.5, presence=0.25), shape, lamps)
+    whole, part = (estimate(lambert(0.3, 0.5, presence), shape, lamps) for presence in (1.0, 0.25))
     np.testing.assert_allclose(part.value, 0.25 * whole.value, rtol=1e-12)
 
 
@@ -184,7 +152,7 @@ def test_light_may_differ_from_place_to_place():
             return np.full(len(direction), np.inf)
 
     white_sky = dome(np.ones((1, 1, 3)))
-    got = estimate(lambert(0.5, 0.0), Sphere(), Glow())
+    got = estimate(lambert(0.5), Sphere(), Glow())
     # The sphere's normals are its places; what turns with the light is where it is bright.
     turned = rotate_z(normals_in_pixels(Sphere()), POSE.element - POSE.lighting)
     assert_agrees(got, 0.5 * (2.0 + turned[..., :1].mean(axis=1)))
@@ -194,7 +162,7 @@ def test_pixels_count_by_what_they_cover(white):
     # A white disc of known size: the sphere's silhouette, the camera's axis through its middle.
     camera = Camera(40.0, 0.0, (0.3, 0.0, 0.1), 4.0)
     pixels = np.stack(np.meshgrid(np.arange(6), np.arange(6)), axis=-1).reshape(-1, 2)
-    got = estimate(lambert(1.0, 0.0), Sphere(camera.target, 0.9), white, camera=camera, size=(6, 6), pixels=pixels)
+    got = estimate(lambert(1.0), Sphere(camera.target, 0.9), white, camera=camera, size=(6, 6), pixels=pixels)
     disc = np.pi * np.tan(np.arcsin(0.9 / camera.distance)) ** 2 / (2.0 * np.tan(np.radians(20.0))) ** 2
     assert (got.value[[0, 5, 30, 35]] == 0.0).all()
     error = np.sqrt((got.error**2).sum(axis=0)) / len(pixels)
@@ -203,41 +171,43 @@ def test_pixels_count_by_what_they_cover(white):
 
 
 def test_the_same_seed_gives_the_same_picture_and_another_seed_another(lamps):
-    first, again, other = (estimate(lambert(0.5, 0.4), Sphere(), lamps, bounces=1, seed=seed) for seed in (3, 3, 4))
+    bsdf = lambert(0.5, 0.4)
+    first, again, other = (estimate(bsdf, Sphere(), lamps, samples=32, bounces=1, seed=seed) for seed in (3, 3, 4))
     # Sums are rounded by how arrays lie in memory.
     np.testing.assert_allclose(first.value, again.value, rtol=1e-12)
     assert (first.value != other.value).all()
 
 
-DISNEY = {"baseColor": (0.8, 0.3, 0.1), "roughness": 0.5, "anisotropic": 0.7}
-PIXAR = {"surfaceColor": (0.8, 0.3, 0.1), "roughness": 0.6, "metallic": 0.3}
-LEAF = {"surfaceColor": (0.4, 0.8, 0.1), "roughness": 0.7, "clear": 0.5, "back": 0.4, "ior": 1.3}
+MODEL_CASES = {
+    "disney": ({"baseColor": (0.8, 0.3, 0.1), "roughness": 0.5, "anisotropic": 0.7}, Sphere()),
+    "pixar": ({"surfaceColor": (0.8, 0.3, 0.1), "roughness": 0.6, "metallic": 0.3}, Sphere()),
+    "pixar leaf": (
+        {"surfaceColor": (0.4, 0.8, 0.1), "roughness": 0.7, "clear": 0.5, "back": 0.4, "ior": 1.3},
+        Plane(),
+    ),
+}
 
 
-@pytest.mark.parametrize(
-    ("model", "parameters", "shape"),
-    [("disney", DISNEY, Sphere()), ("pixar", PIXAR, Sphere()), ("pixar", LEAF, Plane())],
-    ids=["disney", "pixar", "leaf"],
-)
-def test_a_model_is_its_quadrature(model, parameters, shape, lamps):
+@pytest.mark.parametrize("name", MODEL_CASES)
+def test_a_model_is_its_quadrature(name, lamps):
+    (parameters, shape), model = MODEL_CASES[name], name.split()[0]
     bsdf = MODELS[model].bsdf(complete_parameters(model, parameters))
-    got = estimate(bsdf, shape, lamps, bounces=2)
+    got = estimate(bsdf, shape, lamps, bounces=2, samples=512)
     direction, radiance, solid = sky(lamps, POSE)
     for pixel, value, error in zip(INSIDE, got.value, got.error, strict=True):
         _, frames, rays = in_pixel(shape, pixel, POSE)
         wo = np.einsum("nij,nj->ni", frames, -rays)
         f = [evaluate_cosine(bsdf, w, direction @ frame.T) for frame, w in zip(frames, wo, strict=True)]
         expected = (np.mean(f, axis=0) * radiance * solid).sum(axis=0)
-        # Nine points a pixel and the midpoint rule are good to 1e-3.
+        # Nine points a pixel and the midpoint rule are good to 4e-4.
         assert (np.abs(value - expected) < SIGMAS * error + 1e-3 * expected).all()
         assert (error < NOISE * value).all()
 
 
-@pytest.mark.parametrize("bounces", [0, 2, 12])
+@pytest.mark.parametrize("bounces", [0, 5])
 def test_pixars_lossless_leaf_is_white(bounces, white):
     # Roughness 1 leaves the diffuse lobes only, and back 0.5 sends half of what is scattered to the other side.
-    leaf = MODELS["pixar"].bsdf(
-        complete_parameters("pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5})
-    )
+    leaf = complete_parameters("pixar", {"surfaceColor": (1.0,) * 3, "roughness": 1.0, "back": 0.5})
+    leaf = MODELS["pixar"].bsdf(leaf)
     assert_agrees(estimate(leaf, Plane(), white, bounces=bounces), 1.0)
     assert_agrees(estimate(leaf, Sphere(), white, bounces=bounces), 1.0 - 0.5 ** (bounces + 1))
