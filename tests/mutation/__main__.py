@@ -2,6 +2,7 @@
 
     python tests/mutation draw --seed 1      # make the list anew, tests/mutation/mutants.jsonl, and forget all results
     python tests/mutation reach              # record which functions each test reaches; Python 3.12 or later
+    python tests/mutation check              # run all tests without a fault, as they run with one: none may fail
     python tests/mutation run [ROOM ...]     # run what has no result yet against the default tier; goes on after Ctrl-C
     python tests/mutation run --survivors    # run what survived once more, after tests were added
     python tests/mutation run --proof        # run what survived the default tier against `proof`
@@ -45,11 +46,12 @@ def main() -> None:
     which.add_argument("--proof", action="store_true")
     show = commands.add_parser("show", help="print survivors")
     show.add_argument("rooms", nargs="*")
+    commands.add_parser("check", help="run the tests without a fault")
     commands.add_parser("report", help="write docs/testing.md")
     options = vars(parser.parse_args())
-    {"draw": draw_list, "reach": record_reach, "run": run_list, "show": show_survivors, "report": write_report}[
-        options.pop("command")
-    ](**options)
+    command = options.pop("command")
+    functions = {"draw": draw_list, "reach": record_reach, "check": check_tests, "run": run_list}
+    (functions | {"show": show_survivors, "report": write_report})[command](**options)
 
 
 def draw_list(seed: int) -> None:
@@ -69,6 +71,14 @@ def record_reach(arguments: list[str]) -> None:
     environment = os.environ | {"PYTHONPATH": paths, FOLDER: str(folder)}
     command = [sys.executable, "-m", "pytest", "-q", "-p", "reach", *(arguments or ["-n", "2"])]
     sys.exit(subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode)
+
+
+def check_tests() -> None:
+    from run import Reached, failing_without_a_fault
+
+    failing = failing_without_a_fault(Reached(DATA / "reach"))
+    print(*(failing or ["none fails"]), sep="\n")
+    sys.exit(1 if failing else 0)
 
 
 def run_list(rooms: list[str], jobs: int, limit: int | None, survivors: bool, proof: bool) -> None:

@@ -20,6 +20,7 @@ from queue import SimpleQueue
 from mutant import ROOT, Mutant, mutated_source
 from reach import reach_map
 
+MARKERS = {"default": "not proof and not bench and not chaos", "proof": "proof"}
 HANGS = "a test that does not end"
 FACTOR, LEAST = 10.0, 60.0  # a mutant that takes this many times as long as its tests, and a minute, hangs
 
@@ -29,6 +30,11 @@ class Reached:
 
     def __init__(self, folder: Path) -> None:
         self._tests = list(reach_map(folder))
+
+    @property
+    def tests(self) -> list[tuple[str, float]]:
+        """All tests, by files."""
+        return sorted((test, seconds) for test, seconds, _ in self._tests)
 
     def tests_of(self, function: str) -> list[tuple[str, float]]:
         """Return the tests that reach a function, or where none does, its module; the fastest first.
@@ -47,8 +53,10 @@ class Copy:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        tracked = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True).stdout
-        for name in filter(None, tracked.split("\0")):
+        names = subprocess.run(
+            ["git", "ls-files", "-coz", "--exclude-standard"], cwd=ROOT, capture_output=True, check=True, text=True
+        ).stdout
+        for name in filter(None, names.split("\0")):
             target = folder / "tree" / name
             target.parent.mkdir(parents=True, exist_ok=True)
             if (ROOT / name).exists():
@@ -73,8 +81,8 @@ class Copy:
         path.write_text(text)
         os.utime(path, (self._stamp, self._stamp))
 
-    def test(self, tests: Sequence[tuple[str, float]], marker: str) -> str:
-        """Run tests in this order until one fails; return its name, or nothing."""
+    def test(self, tests: Sequence[tuple[str, float]], marker: str, failures: int = 1) -> list[str]:
+        """Run tests in this order until so many fail; return their names."""
         order = self.folder / "order"
         order.write_text("\n".join(test for test, _ in tests))
         files = sorted({test.partition("::")[0] for test, _ in tests})
@@ -86,7 +94,19 @@ class Copy:
             "TMPDIR": str(scratch),
             "LOOKDEV_TEST_ORDER": str(order),
         }
-        options = ("-q", "-x", "-n", "0", "-p", "order", "-p", "no:cacheprovider", "-m", marker, "--tb=no")
+        options = (
+            "-q",
+            f"--maxfail={failures}",
+            "-n",
+            "0",
+            "-p",
+            "order",
+            "-p",
+            "no:cacheprovider",
+            "-m",
+            marker,
+            "--tb=no",
+        )
         limit = max(LEAST, FACTOR * sum(seconds for _, seconds in tests))
         process = subprocess.Popen(
             [sys.executable, "-m", "pytest", *options, *files],
@@ -100,14 +120,14 @@ class Copy:
         try:
             output, _ = process.communicate(timeout=limit)
         except subprocess.TimeoutExpired:
-            return HANGS
+            return [HANGS]
         finally:
             end_all(process, self.folder)
             shutil.rmtree(scratch, ignore_errors=True)
         if process.returncode in (0, 5):
-            return ""
+            return []
         failed = [line.split(" ")[1] for line in output.splitlines() if line.startswith(("FAILED ", "ERROR "))]
-        return failed[0] if failed else "the tests' collection"
+        return failed or [f"the tests' collection: {output[-500:]}"]
 
 
 def end_all(process: subprocess.Popen[str], folder: Path) -> None:
@@ -127,7 +147,6 @@ def end_all(process: subprocess.Popen[str], folder: Path) -> None:
 
 def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: int) -> Iterator[Mutant]:
     """Yield mutants with what killed them, as results come."""
-    marker = {"default": "not proof and not bench and not chaos", "proof": "proof"}[tier]
     folder = Path(tempfile.mkdtemp(prefix="mutants-"))
     copies: SimpleQueue[Copy] = SimpleQueue()
     for job in range(jobs):
@@ -137,10 +156,10 @@ def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: in
         tests, copy = reached.tests_of(mutant.function), copies.get()
         try:
             with copy.planted(mutant):
-                killed_by = copy.test(tests, marker) if tests else ""
+                failed = copy.test(tests, MARKERS[tier]) if tests else []
         finally:
             copies.put(copy)
-        return replace(mutant, killed_by=killed_by, tier=tier)
+        return replace(mutant, killed_by="".join(failed[:1]), tier=tier)
 
     try:
         with ThreadPoolExecutor(jobs) as pool:
@@ -148,3 +167,9 @@ def run_mutants(mutants: Sequence[Mutant], reached: Reached, tier: str, jobs: in
                 yield future.result()
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def failing_without_a_fault(reached: Reached) -> list[str]:
+    """Return the tests that fail in a copy without a mutant: they would seem to find every fault."""
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+        return Copy(Path(folder)).test(reached.tests, MARKERS["default"], failures=1000)
